@@ -163,8 +163,8 @@ pub struct Snapshot {
     /// The step of the program whose turn it is; absent where no step is left.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step: Option<Step>,
-    /// Whether the machine takes instructions: every condition of `status` is met, and the program is in its step that waits for
-    /// remote commands.
+    /// Whether the machine takes instructions: every condition of `status` is met, and the program is in its
+    /// step that waits for remote commands.
     pub ready: bool,
     /// What keeps it from taking instructions, in the order in which to deal with it.
     pub not_ready: Vec<String>,

@@ -1,8 +1,8 @@
-//! How fast `r6` is beside others: ratios, both sides measured in turns in one run on one core.
+//! Compares the speed of `r6` with others: ratios, with both sides measured in turns, in one run on one core.
 //!
 //! ```text
-//! make bench                     all rows; the table also goes to docs/BENCHMARKS.md, and what the README quotes of it to the README
-//! make bench ARGS="round-trip"   the rows with this in their name; the file stays as it is
+//! make bench                     all rows; writes docs/BENCHMARKS.md and the quoted figures of README.md
+//! make bench ARGS="round-trip"   the rows with this in their name; writes no file
 //! ```
 
 mod measure;
@@ -16,10 +16,10 @@ use std::process::ExitCode;
 const USAGE: &str = "usage: r6-bench [ROW...]    rows with one of these words in their name; without any, all of them, in some four minutes, which writes
                            docs/BENCHMARKS.md and the figures of README.md. The machine has to be quiet.";
 
-/// Where the table of all rows goes.
+/// The page with the table of all rows.
 const PAGE: &str = "docs/BENCHMARKS.md";
 
-/// The page that quotes some of them.
+/// The page that quotes some rows.
 const README: &str = "README.md";
 
 fn main() -> ExitCode {
@@ -58,7 +58,7 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Writes the page, and what is quoted of it.
+/// Writes the page, and the figures quoted from it.
 fn write(table: &[report::Row]) -> Result<(), (&'static str, std::io::Error)> {
     let before = std::fs::read_to_string(PAGE).unwrap_or_default();
     std::fs::write(PAGE, report::page(table, &before)).map_err(|error| (PAGE, error))?;

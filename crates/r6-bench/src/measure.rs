@@ -1,4 +1,4 @@
-//! Measuring on a machine that does other things too: in turns, in short slices, as ratios.
+//! Measures on a machine that also does other work: in turns, in short slices, as ratios.
 
 use std::hint::black_box;
 use std::io;
@@ -7,17 +7,17 @@ use std::time::{Duration, Instant};
 
 use rustix::time::{ClockId, clock_gettime};
 
-/// Rounds of each comparison. In each, every contender has one slice.
+/// Rounds of each comparison. In each round, every contender has one slice.
 pub const ROUNDS: usize = 15;
 
 /// One slice of one contender.
 pub const SLICE: Duration = Duration::from_millis(200);
 
-/// A contender's slice before anything counts.
+/// The warm-up slice of a contender, which does not count.
 const WARM_UP: Duration = Duration::from_millis(200);
 
-/// Keeps this thread, and every thread and process that it will start, on one core: a wake-up of another core costs more than
-/// what is measured here.
+/// Pins this thread, and all threads and processes that it starts, to one core. Waking another core costs
+/// more than what is measured here.
 pub fn pin() -> io::Result<()> {
     let allowed = rustix::thread::sched_getaffinity(None)?;
     let last = (0..rustix::thread::CpuSet::MAX_CPU).rev().find(|core| allowed.is_set(*core));
@@ -26,15 +26,15 @@ pub fn pin() -> io::Result<()> {
     Ok(rustix::thread::sched_setaffinity(None, &one)?)
 }
 
-/// Rounds that have to count: fewer, and the machine was too busy to say anything.
+/// The minimum number of rounds that count. With fewer, the machine was too busy for a result.
 pub const LEAST_ROUNDS: usize = 9;
 
-/// How long this process has had a processor, threads that have ended included.
+/// The processor time of this process, including threads that have ended.
 pub fn processor_time() -> Duration {
     told_by(ClockId::ProcessCPUTime)
 }
 
-/// The same for the thread that asks.
+/// The processor time of the calling thread.
 pub fn time_of_this_thread() -> Duration {
     told_by(ClockId::ThreadCPUTime)
 }
@@ -44,27 +44,27 @@ fn told_by(clock: ClockId) -> Duration {
     Duration::new(time.tv_sec.unsigned_abs(), u32::try_from(time.tv_nsec).expect("below a second"))
 }
 
-/// The same for another process on the same core: all its threads (Linux). What `/proc` tells of a thread that runs is as old as the
-/// last tick of the system; while the one that asks runs, none of these does.
+/// The processor time of another process on the same core: all its threads (Linux). For a running thread,
+/// `/proc` shows the value of the last system tick. While the caller runs, none of these threads runs.
 pub fn processor_time_of(process: u32) -> Duration {
     let main = Path::new("/proc").join(process.to_string());
     assert!(ran(&main).is_some(), "{}/schedstat does not tell how long the process ran", main.display());
     let tasks = std::fs::read_dir(main.join("task")).expect("Linux tells the threads of a process");
-    // A thread that has just ended has nothing to tell.
+    // A thread that has just ended has no value.
     tasks.flatten().filter_map(|task| ran(&task.path())).sum()
 }
 
-/// How long this thread has had a processor.
+/// The processor time of this thread.
 fn ran(thread: &Path) -> Option<Duration> {
     let text = std::fs::read_to_string(thread.join("schedstat")).ok()?;
     Some(Duration::from_nanos(text.split(' ').next()?.parse().ok()?))
 }
 
-/// The durations of one slice, in order.
+/// The durations of one slice, sorted.
 pub struct Slice(Vec<u32>);
 
 impl Slice {
-    /// Does something again and again for the time of a slice, and takes how long each took, nanoseconds.
+    /// Repeats `once` for the time of a slice, and measures each call in nanoseconds.
     pub fn of(mut once: impl FnMut()) -> Self {
         Self::timed(SLICE, &mut once)
     }
@@ -83,17 +83,18 @@ impl Slice {
         Self(durations)
     }
 
-    /// A duration that so many of a hundred are not longer than, nanoseconds.
+    /// The duration that `percent` percent of the calls do not exceed, in nanoseconds.
     pub fn percentile(&self, percent: usize) -> f64 {
         let at = self.0.len() * percent / 100;
         f64::from(self.0.get(at.min(self.0.len().saturating_sub(1))).copied().unwrap_or(u32::MAX))
     }
 }
 
-/// A contender: it runs for one slice and gives its figures, the smaller the better. All contenders give the same ones.
+/// A contender. It runs for one slice and returns its figures; smaller is better. All contenders return the
+/// same figures.
 pub type Contender<'c> = Box<dyn FnMut() -> Vec<f64> + 'c>;
 
-/// A contender that does one thing again and again; its figures are the percentiles 50 and 99.
+/// A contender that repeats one call. Its figures are the percentiles 50 and 99.
 pub fn repeated<'c>(mut once: impl FnMut() + 'c) -> Contender<'c> {
     Slice::timed(WARM_UP, &mut once);
     Box::new(move || {
@@ -102,17 +103,17 @@ pub fn repeated<'c>(mut once: impl FnMut() + 'c) -> Contender<'c> {
     })
 }
 
-/// How one compares with another: the ratio of each round, smallest first.
+/// A comparison with another contender: the ratio of each round, smallest first.
 #[derive(Clone, Debug)]
 pub struct Ratio(Vec<f64>);
 
 impl Ratio {
-    /// How many rounds it is of.
+    /// The number of rounds.
     pub fn rounds(&self) -> usize {
         self.0.len()
     }
 
-    /// How the other compares with the one.
+    /// The comparison in the other direction.
     pub fn inverse(&self) -> Self {
         Self(self.0.iter().rev().map(|ratio| 1.0 / ratio).collect())
     }
@@ -128,10 +129,11 @@ impl Ratio {
     }
 }
 
-/// Lets contenders take turns. The first is the floor: what comes back is, for each of the others, the ratio of each of
-/// its figures to the floor's in the same round.
+/// Runs contenders in turns. The first is the floor. Returns for each other contender the ratio of each of
+/// its figures to the floor's figure in the same round.
 ///
-/// Rounds in which the floor's first figure is more than 15 % off its own median are thrown away: something else ran.
+/// Rounds in which the floor's first figure differs by more than 15 % from its median are dropped, because
+/// something else was running.
 pub fn compare(contenders: &mut [Contender<'_>]) -> Vec<Vec<Ratio>> {
     judge(take_turns(contenders))
 }
@@ -142,7 +144,7 @@ fn take_turns(contenders: &mut [Contender<'_>]) -> Vec<Vec<Vec<f64>>> {
     for round in 0..ROUNDS {
         let mut figures = vec![Vec::new(); contenders.len()];
         for turn in 0..contenders.len() {
-            // Nobody always comes after the same one.
+            // Change the order, so that no contender always follows the same one.
             let at = (round + turn) % contenders.len();
             figures[at] = contenders[at]();
         }
@@ -151,7 +153,7 @@ fn take_turns(contenders: &mut [Contender<'_>]) -> Vec<Vec<Vec<f64>>> {
     rounds
 }
 
-/// Throws away the rounds in which the floor's first figure is more than 15 % off its own median.
+/// Drops the rounds in which the floor's first figure differs by more than 15 % from its median.
 fn keep_undisturbed(rounds: &mut Vec<Vec<Vec<f64>>>) {
     let mut floors: Vec<f64> = rounds.iter().map(|figures| figures[0][0]).collect();
     floors.sort_by(f64::total_cmp);
@@ -160,7 +162,8 @@ fn keep_undisturbed(rounds: &mut Vec<Vec<Vec<f64>>>) {
     eprintln!("  its yardstick took {median:.0} ns; {} of {} rounds count", rounds.len(), floors.len());
 }
 
-/// How a contender's figure compares with a fixed amount. So that a disturbed round is noticed, its floor is a copy of memory.
+/// Compares a contender's figure with a fixed amount. Its floor is a copy of memory, so that a disturbed
+/// round is noticed.
 pub fn beside(amount: f64, contender: Contender<'_>) -> Ratio {
     let (from, mut to) = (vec![1_u8; 1 << 16], vec![0_u8; 1 << 16]);
     let copy = repeated(move || {
@@ -174,7 +177,7 @@ pub fn beside(amount: f64, contender: Contender<'_>) -> Ratio {
     Ratio(ratios)
 }
 
-/// The ratios of rounds: in each, for each contender, its figures. The first contender is the floor.
+/// The ratios of rounds. Each round has the figures of each contender. The first contender is the floor.
 pub fn judge(mut rounds: Vec<Vec<Vec<f64>>>) -> Vec<Vec<Ratio>> {
     keep_undisturbed(&mut rounds);
     (1..rounds[0].len())

@@ -1,47 +1,49 @@
-//! The table.
+//! The table of results.
 
 use crate::measure::{LEAST_ROUNDS, ROUNDS, Ratio};
 use crate::rows::PYTHON;
 
-/// One row: what was measured against what, and how it came out.
+/// One row: what was measured, against what, and the result.
 pub struct Row {
-    /// What.
+    /// What was measured.
     pub what: String,
     /// Against what, in the same run.
     pub against: &'static str,
-    /// What it should be; `None` where it is only told.
+    /// The goal; `None` if the figure is only reported.
     pub goal: Option<Goal>,
-    /// What it was.
+    /// The result.
     pub figure: Figure,
-    /// What a profile of this row shows to be in the way of its goal, in one sentence; told where the goal is missed.
+    /// The reason, from a profile, why the row misses its goal, in one sentence. It is printed if the goal is
+    /// missed.
     pub in_the_way: &'static str,
 }
 
-/// How something came out.
+/// A result.
 pub enum Figure {
-    /// Beside another.
+    /// A ratio to another contender.
     Ratio(Ratio),
-    /// Counted or measured by itself, in this unit.
+    /// A counted or directly measured amount, in this unit.
     Amount(f64, &'static str),
-    /// It could not be measured here: why, and how it can.
+    /// Not measured here: the reason, and what is needed.
     NotMeasured(&'static str),
 }
 
-/// What a figure should be.
+/// The goal of a figure.
 #[derive(Clone, Copy)]
 pub enum Goal {
-    /// Not more than so much of the other's time.
+    /// At most this multiple of the other's time.
     AtMost(f64),
-    /// At least so many times as fast.
+    /// At least this many times as fast.
     AtLeastFast(f64),
-    /// None, but told as so many times as fast.
+    /// No goal; the figure is printed as a speed ratio.
     ToldFast,
-    /// Not more than this amount.
+    /// At most this amount.
     AmountAtMost(f64),
 }
 
 impl Row {
-    /// Whether it holds. A ratio fails only if the whole middle half of the rounds is beyond the goal.
+    /// Whether the goal is held. A ratio fails only if the whole middle half of the rounds is beyond the
+    /// goal.
     fn holds(&self) -> Option<bool> {
         if self.is_disturbed() {
             return None;
@@ -50,7 +52,7 @@ impl Row {
             (Figure::Ratio(ratio), Goal::AtMost(limit)) => Some(ratio.quartiles()[0] <= limit),
             (Figure::Ratio(ratio), Goal::AtLeastFast(times)) => Some(1.0 / ratio.quartiles()[0] >= times),
             (Figure::Amount(amount, _), Goal::AmountAtMost(limit)) => Some(*amount <= limit),
-            // The goal of the one says nothing of the other.
+            // This kind of goal does not apply to this kind of figure.
             (Figure::Ratio(_), Goal::AmountAtMost(_))
             | (Figure::Amount(..), Goal::AtMost(_) | Goal::AtLeastFast(_)) => None,
             (Figure::NotMeasured(_), _) | (_, Goal::ToldFast) => None,
@@ -99,10 +101,10 @@ fn inverse([low, median, high]: [f64; 3]) -> [f64; 3] {
     [1.0 / high, 1.0 / median, 1.0 / low]
 }
 
-/// What the heading of a kind of processor begins with.
+/// The beginning of the heading of a kind of processor.
 const ON: &str = "## On ";
 
-/// The page about all rows. Of the page as it was, the last run on each other kind of processor is kept.
+/// The page with all rows. It keeps the last run on each other kind of processor from the old page.
 pub fn page(rows: &[Row], before: &str) -> String {
     let [model, cores, kernel, rust] = machine();
     let heading = format!("{ON}{model}\n");
@@ -124,7 +126,7 @@ pub fn page(rows: &[Row], before: &str) -> String {
     )
 }
 
-/// The parts of a page, each from its heading on.
+/// The sections of a page, each with its heading.
 fn sections(page: &str) -> impl Iterator<Item = String> {
     let mut parts = vec![String::new()];
     for line in page.lines() {
@@ -139,14 +141,14 @@ fn sections(page: &str) -> impl Iterator<Item = String> {
     parts.into_iter()
 }
 
-/// How many goals are held, and how many missed.
+/// How many goals are held, and how many are missed.
 fn sum(rows: &[Row]) -> String {
     let [held, missed] =
         [true, false].map(|held| rows.iter().filter(|row| row.holds() == Some(held)).count());
     format!("Of {} goals {held} are held and {missed} are missed.", held + missed)
 }
 
-/// The commit that is measured, with its day, and a + where files have changed since.
+/// The measured commit, with its day, and a + if files have changed since.
 fn commit() -> String {
     let git = |arguments: &[&str]| {
         let output = std::process::Command::new("git").args(arguments).output().ok()?;
@@ -164,13 +166,13 @@ fn commit() -> String {
     }
 }
 
-/// What stands below the table whatever is in it.
+/// The fixed text below the table.
 const HOW_TO_READ: &str = include_str!("how_to_read.md");
 
-/// What holds on other machines, and what does not.
+/// What is valid on other machines, and what is not.
 const WHAT_TRAVELS: &str = include_str!("what_travels.md");
 
-/// Processor, how many cores of it, system and compiler.
+/// Processor, number of cores, system and compiler.
 fn machine() -> [String; 4] {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let processor = read("/proc/cpuinfo");
@@ -187,10 +189,10 @@ fn machine() -> [String; 4] {
     ]
 }
 
-/// The versions of what is compared with.
+/// The versions of the other programs and libraries.
 fn others() -> String {
     let mut versions = Vec::new();
-    // In Cargo.lock the version stands in the line behind the name.
+    // In Cargo.lock the version is in the line after the name.
     let mut lines = include_str!("../../../Cargo.lock").lines();
     while let Some(line) = lines.next() {
         let name = line.strip_prefix("name = \"").and_then(|name| name.strip_suffix('"'));
@@ -230,7 +232,8 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
-/// The README, its figures (rows `| what | against | ratio |` below `## How fast`) as they were measured now.
+/// The README with its figures (rows `| what | against | ratio |` below `## How fast`) replaced by the new
+/// ones.
 pub fn quoted(readme: &str, rows: &[Row]) -> String {
     let mut is_below = false;
     let line = |line: &str| {
@@ -248,7 +251,7 @@ pub fn quoted(readme: &str, rows: &[Row]) -> String {
     readme.lines().map(line).collect()
 }
 
-/// What is in the way of the goals that are missed, as Markdown; rows with the same reason together.
+/// The reasons of the missed goals, as Markdown. Rows with the same reason are grouped.
 pub fn reasons(rows: &[Row]) -> String {
     let mut reasons: Vec<(&str, Vec<String>)> = Vec::new();
     for row in rows.iter().filter(|row| row.holds() == Some(false)) {
@@ -270,7 +273,7 @@ pub fn reasons(rows: &[Row]) -> String {
     text + "\n"
 }
 
-/// A ratio with three figures.
+/// A ratio with three digits.
 fn shown(ratio: f64) -> String {
     match ratio {
         100.0.. => format!("{ratio:.0}"),

@@ -17,7 +17,7 @@ mod round_trip;
 pub use self::python::PYTHON;
 use crate::report::Row;
 
-/// A name to choose it by, and what measures it.
+/// A name to choose it by, and the function that measures it.
 type Measured = (&'static str, fn() -> Vec<Row>);
 
 /// All of them.

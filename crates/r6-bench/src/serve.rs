@@ -1,4 +1,5 @@
-//! Servers in processes of their own, so that what they cost can be told from what their clients cost: `r6-bench serve NAME`.
+//! Servers in separate processes, so that their cost can be separated from that of their clients:
+//! `r6-bench serve NAME`.
 
 use std::env;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -14,13 +15,13 @@ use crate::rows::{at_rest, echo};
 /// The servers.
 #[derive(Clone, Copy)]
 pub enum Server {
-    /// Sends canned replies as fast as queries of a known length come, and reads nothing of them.
+    /// Sends canned replies as fast as queries of a known length arrive, without reading them.
     Canned,
-    /// Answers every query with the same values and its own `packID`.
+    /// Answers every query with the same values and the query's `packID`.
     Echo,
-    /// A virtual controller, its arm at rest.
+    /// A virtual controller with its arm at rest.
     Controller,
-    /// A thousand of them.
+    /// A thousand virtual controllers at rest.
     AtRest,
 }
 
@@ -32,7 +33,7 @@ impl Server {
         ("at-rest", Self::AtRest),
     ];
 
-    /// Starts it in a process of its own.
+    /// Starts it in a separate process.
     pub fn start(self) -> Running {
         let name =
             Self::ALL.iter().find(|(_, server)| *server as u8 == self as u8).map_or("", |(name, _)| name);
@@ -51,17 +52,17 @@ impl Server {
     }
 }
 
-/// A server that runs; it ends with this.
+/// A running server. It ends when this value is dropped.
 pub struct Running {
-    /// Where it listens; the first, where there are several.
+    /// Its address; the first one, if there are several.
     pub address: SocketAddr,
-    /// All of them.
+    /// All its addresses.
     pub addresses: Vec<SocketAddr>,
     child: Child,
 }
 
 impl Running {
-    /// The number of its process.
+    /// The id of its process.
     pub fn process(&self) -> u32 {
         self.child.id()
     }
@@ -74,7 +75,7 @@ impl Drop for Running {
     }
 }
 
-/// Serves, if that is what this process was started for.
+/// Runs a server, if this process was started for that.
 pub fn asked() -> Option<ExitCode> {
     let mut words = env::args().skip(1);
     if words.next().as_deref() != Some("serve") {
@@ -91,7 +92,7 @@ pub fn asked() -> Option<ExitCode> {
     Some(ExitCode::SUCCESS)
 }
 
-/// Tells the addresses, and waits until whoever started this is gone.
+/// Prints the addresses, and waits until the parent process is gone.
 pub fn told(addresses: &str) {
     println!("{addresses}");
     std::io::stdin().read_to_end(&mut Vec::new()).ok();
@@ -108,7 +109,7 @@ fn serve(each: fn(TcpStream)) {
     told(&address.to_string());
 }
 
-/// One reply for each query, each sent by itself, as a controller does.
+/// Sends one reply for each query, each in a separate write, as a controller does.
 fn canned(mut stream: TcpStream) {
     let query = echo::query_bytes().len();
     let mut reply = Vec::new();

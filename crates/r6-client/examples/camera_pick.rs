@@ -1,8 +1,9 @@
-//! Is the camera of a cell: answers photo requests, and pushes the points of what it found, while a taught program picks.
+//! Acts as the camera of a cell: answers photo requests, and sends the points it found, while a taught
+//! program picks.
 //!
-//! `cargo run -p r6-client --example camera_pick -- 127.0.0.1:9760`; on the virtual controller `r6 sim --program pick-and-place` picks
-//! (it puts a part down once X010 says that the belt has room: `r6 panel input X010 on`). **Points move the arm**: read
-//! docs/SAFETY.md first.
+//! `cargo run -p r6-client --example camera_pick -- 127.0.0.1:9760`. On the virtual controller, `r6 sim
+//! --program pick-and-place` picks. It puts a part down once X010 signals that the belt has room: `r6 panel
+//! input X010 on`. **Points move the arm**: read docs/SAFETY.md first.
 
 mod ending;
 
@@ -28,14 +29,14 @@ async fn start() -> Result<(), Box<dyn Error>> {
     let robot = Robot::connect(&address, RobotSettings::default()).await?;
     tokio::select! {
         ended = run(&robot, parts()) => return Err(ended.into()),
-        // Without a camera the program waits; it finishes the part that it has.
+        // Without a camera the program finishes its present part, then waits.
         () = ending::told_to_end() => println!("the camera is switched off"),
     }
     robot.close().await;
     Ok(())
 }
 
-/// What the camera will see: the parts of each picture. A real one would look.
+/// The parts in each picture that the camera will see. A real camera would take pictures.
 pub fn parts() -> VecDeque<Vec<Point>> {
     let part = |x: f64, y: f64| Point {
         x,
@@ -49,10 +50,10 @@ pub fn parts() -> VecDeque<Vec<Point>> {
     [vec![part(360.0, -80.0), part(330.0, -40.0)], vec![], vec![part(380.0, 0.0)]].into()
 }
 
-/// Serves photos until that cannot go on.
+/// Serves photos until that is no longer possible.
 pub async fn run(robot: &Robot, mut pictures: VecDeque<Vec<Point>>) -> PhotosEnded {
     loop {
-        // Also after a lost connection: this looks at the machine, which lets points through again.
+        // This also runs after a lost connection: reading the state allows points to be sent again.
         match robot.status().await {
             Ok(status) => {
                 for unmet in status.unmet() {

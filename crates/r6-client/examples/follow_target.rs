@@ -1,11 +1,13 @@
-//! Follows a target that moves, 20 times a second; Ctrl-C or SIGTERM stops the arm.
+//! Follows a moving target, 20 times a second. Ctrl-C or SIGTERM stops the arm.
 //!
-//! `cargo run -p r6-client --example follow_target -- 127.0.0.1:9760`, and `--while-moving` behind it for closer following. **The arm
-//! moves**: J1 follows a target that sways by ±15° around where it is. Read docs/SAFETY.md first.
+//! `cargo run -p r6-client --example follow_target -- 127.0.0.1:9760`. Add `--while-moving` for closer
+//! following. **The arm moves**: J1 follows a target that sways by ±15° around its present position. Read
+//! docs/SAFETY.md first.
 //!
-//! The protocol cannot follow: replacing the list of an arm that moves raises an alarm, and small steps without a pause have
-//! overloaded the servos of a real arm (reported). So each step is at least 1° and at most 10°, slow, and by default sent only
-//! while the arm stands; the newest target counts, and those in between are skipped. What is left behind is printed.
+//! The protocol has no command for following: replacing the list of a moving arm raises an alarm, and small
+//! steps without a pause have overloaded the servos of a real arm (reported). So each step is slow, at least
+//! 1° and at most 10°, and by default it is sent only while the arm stands. The newest target counts; those
+//! in between are skipped. The example prints how far the arm is behind.
 
 mod ending;
 
@@ -49,15 +51,15 @@ async fn start() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Follows for so long, until the target has stood still for two seconds.
+/// Follows for this time, until the target has stood still for two seconds.
 pub async fn run(robot: &Robot, time: Duration, while_moving: bool) -> Result<Followed, Box<dyn Error>> {
     let first = AxisIndex::ALL[0];
     let status = robot.status().await?;
     let [Some(middle), ..] = status.axes else { return Err("J1 cannot be read".into()) };
     let (target, targets) = TargetSender::new();
 
-    // Where the target is: in a cell a camera or a conveyor tells. It goes on sending when nothing changes, because what is
-    // older than half a second is followed no more.
+    // The position of the target: in a cell, a camera or a conveyor reports it. The source keeps sending when
+    // nothing changes, because the client does not follow a target older than half a second.
     let source = async move {
         let begun = Instant::now();
         let mut tick = interval(Duration::from_secs(1) / RATE);
@@ -67,7 +69,7 @@ pub async fn run(robot: &Robot, time: Duration, while_moving: bool) -> Result<Fo
             let sway = 15.0 * (seconds * std::f64::consts::TAU / 10.0).sin();
             target.send(AxisPosition::degrees([middle + sway]));
         }
-        // The sender is dropped here: the arm makes its last step, and following ends.
+        // The sender is dropped here: the arm makes its last step, and the following ends.
     };
     let watching = async {
         let Ok(mut seen) = robot.subscribe(&[r6_client::Address::Axis(first)], Duration::from_millis(500))

@@ -1,7 +1,7 @@
-//! Moves the axes to a position and back, within an envelope; Ctrl-C or SIGTERM stops the arm.
+//! Moves the axes to a position and back, within an envelope. Ctrl-C or SIGTERM stops the arm.
 //!
-//! `cargo run -p r6-client --example move_axes -- 127.0.0.1:9760 20 0 -10 0 30 0`: where to, degrees. **The arm moves**, at 20 % of
-//! its speed times the global speed: read docs/SAFETY.md first.
+//! `cargo run -p r6-client --example move_axes -- 127.0.0.1:9760 20 0 -10 0 30 0`: the target, in degrees.
+//! **The arm moves**, at 20 % of its speed times the global speed: read docs/SAFETY.md first.
 
 mod ending;
 
@@ -32,18 +32,19 @@ async fn start() -> Result<(), Box<dyn Error>> {
     let robot = Robot::connect(&address, RobotSettings::default()).await?;
     tokio::select! {
         result = run(&robot, target) => { result?; }
-        // The motion ends with its future; the arm would finish what is in its list.
+        // The future of the motion is dropped here. Without the stop, the arm would finish what is in its
+        // list.
         () = ending::told_to_end() => println!("{}", robot.stop().await?),
     }
     robot.close().await;
     Ok(())
 }
 
-/// Goes there and back; returns where the arm stood at both ends.
+/// Moves to the target and back. Returns where the arm stood at both ends.
 pub async fn run(robot: &Robot, target: [f64; 6]) -> Result<[Done; 2], Box<dyn Error>> {
     let status = robot.status().await?;
     if !status.is_ready() {
-        // A person has to do these; a program that cleared alarms by itself would hide why they came.
+        // A person has to do these steps. A program that clears alarms by itself would hide why they came.
         let unmet: Vec<String> = status.unmet().iter().map(ToString::to_string).collect();
         return Err(format!("the robot is not READY:\n  {}", unmet.join("\n  ")).into());
     }
@@ -52,7 +53,7 @@ pub async fn run(robot: &Robot, target: [f64; 6]) -> Result<[Done; 2], Box<dyn E
         *slot = axis.ok_or("not all axes can be read")?;
     }
 
-    // Whatever is sent through this handle is held against the envelope first.
+    // Everything sent through this handle is checked against the envelope first.
     let envelope = Envelope::new().speed_cap(Percent::new(30.0)?).largest_axis_step(Degrees(90.0));
     let robot = robot.with_guard(envelope);
     let speed = Percent::new(20.0)?;

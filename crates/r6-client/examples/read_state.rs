@@ -1,4 +1,4 @@
-//! Reads the state of a robot, says what keeps it from moving, and then watches some values.
+//! Reads the state of a robot, prints what keeps it from moving, and then watches some values.
 //!
 //! `cargo run -p r6-client --example read_state -- 127.0.0.1:9760`; nothing moves.
 
@@ -27,7 +27,8 @@ async fn start() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Prints the state once, then `updates` changes of it; returns what was read first, and how many values were fresh.
+/// Prints the state once, then `updates` changes of it. Returns the state read first, and how many values
+/// were fresh.
 pub async fn run(robot: &Robot, updates: usize) -> Result<(Status, usize), Box<dyn Error>> {
     let status = robot.status().await?;
     println!("{} with {}", told(&status.machine_name), told(&status.firmware));
@@ -45,7 +46,7 @@ pub async fn run(robot: &Robot, updates: usize) -> Result<(Status, usize), Box<d
         println!("not ready: {unmet}");
     }
 
-    // One poller serves all subscriptions of a program; each value comes with its age.
+    // One poller serves all subscriptions of a program. Each value comes with its age.
     let axis = Address::Axis(AxisIndex::ALL[0]);
     let watched = [axis, Address::CurMode, Address::CurAlarm, Address::CurMold];
     let mut subscription = robot.subscribe(&watched, Duration::from_millis(50))?;
@@ -59,7 +60,7 @@ pub async fn run(robot: &Robot, updates: usize) -> Result<(Status, usize), Box<d
                     fresh += 1;
                     println!("{}: {reading:?}, {age} ms old", value.address);
                 }
-                // Stale values are shown by a screen and acted on by nobody.
+                // A screen may show stale values, but a program must not act on them.
                 (reading, quality) => println!("{}: {quality:?}, last {reading:?}", value.address),
             }
         }

@@ -1,8 +1,9 @@
-//! Writes registers, reads them back, and lets a taught program move there: the other way in which PCs move these arms.
+//! Writes registers, reads them back, and lets a taught program move to them: the other way in which PCs move
+//! these arms.
 //!
-//! `cargo run -p r6-client --example registers -- 127.0.0.1:9760`, with a program that moves to registers 800 to 805 in degrees × 1000
-//! at a pulse of M011, as `r6 sim --program register-move` runs it. **The arm moves**, as fast as that program says: read
-//! docs/SAFETY.md first.
+//! `cargo run -p r6-client --example registers -- 127.0.0.1:9760`. The controller needs a program that, on a
+//! pulse of M011, moves to registers 800 to 805 in degrees × 1000; `r6 sim --program register-move` runs one.
+//! **The arm moves**, as fast as that program says: read docs/SAFETY.md first.
 
 mod ending;
 
@@ -39,7 +40,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Has the program move there; returns the registers as they were read back.
+/// Makes the program move to the target. Returns the registers as they were read back.
 pub async fn run(robot: &Robot, target: [f64; 6]) -> Result<Vec<i64>, Box<dyn Error>> {
     let status = robot.status().await?;
     if !status.is_ready() {
@@ -48,7 +49,8 @@ pub async fn run(robot: &Robot, target: [f64; 6]) -> Result<Vec<i64>, Box<dyn Er
     }
     let first = RegisterIndex::new(800).ok_or("registers are 800 to 900")?;
     let values = target.iter().map(|degrees| to_thousandths(*degrees)).collect::<Result<Vec<_>, _>>()?;
-    // Ok is no proof: controllers took text with commas in it. Each value is read back and compared.
+    // An ok proves nothing: controllers accepted text with commas in it. So each value is read back and
+    // compared.
     robot.write_registers(first, &values, Keep::UntilPowerCut).await?;
     let read = robot.read_registers(first, values.len()).await?;
     for (number, value) in (first.number()..).zip(&read) {
@@ -59,7 +61,7 @@ pub async fn run(robot: &Robot, target: [f64; 6]) -> Result<Vec<i64>, Box<dyn Er
     for on in [true, false] {
         robot.set_output(start, on).await?;
     }
-    // The program moves on its own: what happened is read from the state, not from the ok.
+    // The program moves on its own. So the result is read from the state, not from the ok.
     let done = robot.wait_until_done(WaitOptions::default()).await?;
     for (axis, wanted) in AxisIndex::ALL.into_iter().zip(target) {
         let found = done.axes[axis.index()];

@@ -1,7 +1,8 @@
-//! Streams a path of 500 points without a pause between lists, and tells how far it is; Ctrl-C or SIGTERM stops the arm.
+//! Streams a path of 500 points without a pause between lists, and prints the progress. Ctrl-C or SIGTERM
+//! stops the arm.
 //!
-//! `cargo run -p r6-client --example stream_path -- 127.0.0.1:9760`. **The arm moves**: J1 sways by ±20°, J5 and J6 with it,
-//! from where they are: read docs/SAFETY.md first.
+//! `cargo run -p r6-client --example stream_path -- 127.0.0.1:9760`. **The arm moves**: J1 sways by ±20°
+//! around its present position, and J5 and J6 with it: read docs/SAFETY.md first.
 
 mod ending;
 
@@ -11,7 +12,7 @@ use std::process::ExitCode;
 use r6_client::units::{AxisPosition, Percent};
 use r6_client::{Done, Motion, Robot, RobotSettings, RunOptions};
 
-/// Points of the path. The controller takes eight at a time; the client sees to that.
+/// The number of points of the path. The controller takes eight at a time; the client splits the path.
 pub const POINTS: u32 = 500;
 
 #[tokio::main(flavor = "current_thread")]
@@ -36,7 +37,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The path, from a place: a wave that begins and ends there.
+/// The path from a start position: a wave that begins and ends there.
 pub fn path(from: [f64; 6]) -> Vec<[f64; 6]> {
     (1..=POINTS)
         .map(|n| {
@@ -50,7 +51,7 @@ pub fn path(from: [f64; 6]) -> Vec<[f64; 6]> {
         .collect()
 }
 
-/// Streams the path; returns where it should end, and where it ended.
+/// Streams the path. Returns where it should end, and where it ended.
 pub async fn run(robot: &Robot) -> Result<([f64; 6], Done), Box<dyn Error>> {
     let status = robot.status().await?;
     let mut from = [0.0; 6];
@@ -63,7 +64,8 @@ pub async fn run(robot: &Robot) -> Result<([f64; 6], Done), Box<dyn Error>> {
         .iter()
         .fold(Motion::new(), |motion, point| motion.axis_move(AxisPosition::degrees(*point), speed).blend(5));
 
-    // Checks every step and looks at the machine first. If it is not ready, the error says what to do.
+    // `run` checks every step and reads the state of the machine first. If it is not ready, the error says
+    // what to do.
     let handle = robot.run(&motion, RunOptions::default()).await?;
     let mut progress = handle.watch();
     let telling = async move {
@@ -77,7 +79,8 @@ pub async fn run(robot: &Robot) -> Result<([f64; 6], Done), Box<dyn Error>> {
         }
     };
     let (done, ()) = tokio::join!(handle.finished(), telling);
-    // What failed says which step it was at, what was sent and not seen to be done, and what became of the arm.
+    // The error says at which step the motion failed, what was sent and not seen done, and what happened to
+    // the arm.
     let done = done?;
     let end = points.last().copied().unwrap_or(from);
     let error = done.axes.iter().zip(end).filter_map(|(at, end)| Some((at.as_ref()? - end).abs()));

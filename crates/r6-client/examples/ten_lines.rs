@@ -1,4 +1,4 @@
-//! The ten lines of the README: they say what keeps the robot from moving, and move it.
+//! The ten lines of the README: they print what keeps the robot from moving, and move it.
 //!
 //! `cargo run -p r6-client --example ten_lines -- 127.0.0.1`. **The arm moves**: read docs/SAFETY.md first.
 

@@ -1,7 +1,9 @@
-//! Two robots of one cell: they move at the same time, and meet at the end of each move. If one fails, both are stopped.
+//! Two robots of one cell: they move at the same time and wait for each other after each move. If one fails,
+//! both are stopped.
 //!
-//! `cargo run -p r6-client --example two_robots -- 127.0.0.1:9760 127.0.0.1:9761`; `r6 sim --count 2` starts two virtual ones there.
-//! **Both arms move**: J1 by 15° and back, J5 by 10°. Nothing here keeps two arms out of each other's way: read docs/SAFETY.md first.
+//! `cargo run -p r6-client --example two_robots -- 127.0.0.1:9760 127.0.0.1:9761`; `r6 sim --count 2` starts
+//! two virtual controllers at these addresses. **Both arms move**: J1 by 15° and back, J5 by 10°. This
+//! example does not keep the two arms out of each other's way: read docs/SAFETY.md first.
 
 mod ending;
 
@@ -36,7 +38,7 @@ async fn start() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Three moves of both, each begun only when both stand.
+/// Makes three moves with both arms. Each move begins only when both arms stand.
 pub async fn run(left: &Robot, right: &Robot) -> Result<(), Box<dyn Error>> {
     for robot in [left, right] {
         let status = robot.status().await?;
@@ -47,7 +49,7 @@ pub async fn run(left: &Robot, right: &Robot) -> Result<(), Box<dyn Error>> {
     }
     let from = (standing(left).await?, standing(right).await?);
     for (j1, j5) in [(15.0, 10.0), (-15.0, 0.0), (0.0, 0.0)] {
-        // `try_join` gives up both as soon as one fails; the other arm would finish its list.
+        // `try_join` drops both futures as soon as one fails. The other arm would finish its list.
         let moves = tokio::try_join!(move_by(left, from.0, j1, j5), move_by(right, from.1, -j1, j5));
         if let Err(error) = moves {
             stop_both(left, right).await;
@@ -58,7 +60,7 @@ pub async fn run(left: &Robot, right: &Robot) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// J1 and J5 of an arm that stands.
+/// The position of J1 and J5 of a standing arm.
 async fn standing(robot: &Robot) -> Result<[f64; 2], Box<dyn Error>> {
     let axes = robot.status().await?.axes;
     match (axes[0], axes[4]) {

@@ -141,6 +141,6 @@ mod tests {
         let most = every * 3 / 8;
         assert!(waits.iter().all(|wait| *wait <= most), "{waits:?}");
         assert!(waits.iter().skip(3).all(|wait| *wait >= most / 2), "no flood of attempts: {waits:?}");
-        assert!(backoff.next_wait(None) > most, "who is watched by nobody can wait");
+        assert!(backoff.next_wait(None) > most, "without a caller the wait may be long");
     }
 }

@@ -601,7 +601,10 @@ mod tests {
         }
         assert!(connection.ordinary.len() <= SWEPT_FROM, "{}", connection.ordinary.len());
         assert!(connection.urgent.len() <= SWEPT_FROM, "{}", connection.urgent.len());
-        assert!(connection.ordinary.iter().any(|job| !job.is_given_up()), "whoever waits keeps its place");
+        assert!(
+            connection.ordinary.iter().any(|job| !job.is_given_up()),
+            "a caller that waits keeps its place"
+        );
         sweep(&mut connection.urgent);
         assert_eq!(connection.urgent.len(), 1, "one stop still leaves");
     }

@@ -56,7 +56,7 @@ pub struct Done {
     pub motion: Option<u64>,
     /// What proves the end.
     pub proof: EndProof,
-    /// `axis-0` to `axis-5`, degrees; `None` where not known.
+    /// `axis-0` to `axis-5`: J1 is `axes[0]`. Degrees, or mm if an axis slides; `None` where not known.
     pub axes: [Option<f64>; AXES],
     /// `world-0` to `world-5`, mm and degrees; `None` where not known.
     pub pose: [Option<f64>; AXES],

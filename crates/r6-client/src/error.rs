@@ -262,7 +262,7 @@ impl fmt::Display for NotSent {
                 f.write_str("the connection is lost; read the status, which connects anew, then decide whether to send it")
             }
             Self::StateNotRead => f.write_str(
-                "the connection was lost and made anew, and nobody has looked at the machine since, or nothing could be read \
+                "the connection was lost and made anew, and the state of the machine was not read since, or could not be read \
                  of who it is; read the status first, then decide whether to send it",
             ),
             Self::AnotherRobot { expected, found } => write!(

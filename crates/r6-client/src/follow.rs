@@ -123,7 +123,7 @@ impl FollowOptions {
 pub struct Followed {
     /// Steps that were made.
     pub steps: usize,
-    /// Where the arm stands.
+    /// Where the arm stands: J1 is `axes[0]`. Degrees, or mm if an axis slides; `None` where not known.
     pub axes: [Option<f64>; AXES],
     /// How far the farthest axis is from the last target sent, whether or not a step towards it was made.
     /// `None` if no target was sent, or if the position of one of its axes is unknown.

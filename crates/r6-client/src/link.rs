@@ -651,7 +651,7 @@ mod tests {
         link.written(link.output().len());
         assert!(
             !link.has_room(Lane::Ordinary),
-            "nobody knows yet whether this firmware says what it answers"
+            "it is not known yet whether this firmware says what it answers"
         );
         assert!(link.has_room(Lane::Urgent));
         link.received(br#"{"reqType":"query","packID":"1","queryData":["2"]}"#, at(0)).unwrap();

@@ -272,7 +272,7 @@ mod tests {
         assert_eq!(meter.state(begun, LIVENESS), LinkState::Suspect);
         assert_eq!(meter.state(begun + MS * 5001, LIVENESS), LinkState::Dead);
         meter.reconnected();
-        assert_eq!(meter.state(begun + MS * 5001, LIVENESS), LinkState::Dead, "nobody has answered yet");
+        assert_eq!(meter.state(begun + MS * 5001, LIVENESS), LinkState::Dead, "no answer came yet");
         meter.replied(begun + MS * 5010, MS, false);
         assert_eq!(meter.state(begun + MS * 5010, LIVENESS), LinkState::Alive);
     }

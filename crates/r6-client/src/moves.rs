@@ -47,7 +47,8 @@ pub const MAX_STEPS: usize = 100_000;
 /// assert_eq!(pick.instructions()?.len(), 6);
 ///
 /// let wrong = Motion::new().axis_move(AxisPosition::degrees([0.0]), fast).set_output(closed, true);
-/// assert_eq!(wrong.instructions().unwrap_err().to_string(), "step 2: `point` has to be an output: Y, M or EUY");
+/// let error = wrong.instructions().unwrap_err();
+/// assert_eq!(error.to_string(), "step 2: `point` has to be an output: Y, M or EUY");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -155,7 +156,8 @@ impl Motion {
         })
     }
 
-    /// Sets an output Y of the first board for a time, in steps of a millisecond, then sets it back (action 200, timed).
+    /// Sets an output Y of the first board for a time, in steps of a millisecond, then sets it back
+    /// (action 200, timed).
     #[must_use]
     pub fn pulse_output(self, point: IoPoint, on: bool, time: Duration) -> Self {
         let output = match OutputKind::of(point) {
@@ -262,8 +264,10 @@ impl Motion {
         }
     }
 
-    /// A part of the motion, its steps counted from 0: `motion.part(2..5)`. Each step keeps what it had: a path speed that was set
-    /// before the part is not in it. What is wrong with the motion is wrong with each part of it.
+    /// Returns a part of the motion as a motion of its own. Steps are counted from 0: `motion.part(2..5)`.
+    ///
+    /// A path speed that was set before the part is not in it. A motion with a mistake has it in each of its
+    /// parts.
     #[must_use]
     pub fn part(&self, steps: impl RangeBounds<usize>) -> Self {
         let end = match steps.end_bound() {

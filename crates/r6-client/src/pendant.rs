@@ -29,7 +29,8 @@ const NO_WORD: EncodeError = EncodeError {
 };
 
 impl Robot {
-    /// Presses start (`startButton`): the program runs, and the arm may move. The controller says ok before anything runs.
+    /// Presses start (`startButton`): the program runs, and the arm may move. The controller says ok before
+    /// anything runs.
     ///
     /// # Errors
     /// [`RequestError`]. The client never sends it twice.
@@ -37,8 +38,8 @@ impl Robot {
         self.command(Command::StartButton).await
     }
 
-    /// Sets an output by its name on the pendant (`modifyOutput`): Y on boards 0 to 3, M on boards 0 to 2, EUY. A cell may start a motion
-    /// by it.
+    /// Sets an output by its name on the pendant (`modifyOutput`): Y on boards 0 to 3, M on boards 0 to 2, and
+    /// EUY. A cell may start a motion by it.
     ///
     /// ```no_run
     /// # async fn set(robot: r6_client::Robot) -> Result<(), Box<dyn std::error::Error>> {
@@ -64,7 +65,8 @@ impl Robot {
         Ok(word.map(|word| word >> point.point & 1 == 1))
     }
 
-    /// The pose of the tool in use, in the work frame in use (`world-0` to `world-5`); `None` if the controller does not tell all of it.
+    /// Reads the pose of the tool in use, in the work frame in use (`world-0` to `world-5`). `None` if the
+    /// controller does not tell all six values.
     ///
     /// # Errors
     /// [`RequestError`].

@@ -371,13 +371,13 @@ mod tests {
         /// Checks a world where no step is left: no call that is not slow waits for a reply that was sent,
         /// and the errand has begun.
         fn assert_settled(&self) {
-            assert_ne!(self.errand, Errand::Given, "nobody begins an errand: {self:?}");
+            assert_ne!(self.errand, Errand::Given, "no driver begins an errand: {self:?}");
             for call in 0..CALLS {
                 let waits_for_the_controller = self.at[call] != At::Waits || self.unsent[call];
                 assert!(waits_for_the_controller, "a reply is there, and its call waits: {self:?}");
             }
             let slow_alone = self.at[..CALLS].contains(&At::Slow) && !self.at[..CALLS].contains(&At::Waits);
-            assert!(slow_alone || !self.unread.contains(&true), "nobody reads: {self:?}");
+            assert!(slow_alone || !self.unread.contains(&true), "no driver reads: {self:?}");
         }
     }
 

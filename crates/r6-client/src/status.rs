@@ -35,8 +35,8 @@ pub struct Status {
     pub moving: Option<bool>,
     /// `axisNum`.
     pub axis_count: Option<i64>,
-    /// `axis-0` to `axis-5`: degrees, or mm if an axis slides, which no address reports. The last two are
-    /// never asked for.
+    /// `axis-0` to `axis-5`: J1 is `axes[0]`. Degrees, or mm if an axis slides, which no address reports. The
+    /// last two are never asked for.
     pub axes: [Option<f64>; AXES],
     /// `world-0` to `world-5`: X, Y, Z in mm, U, V, W in degrees; the last two are never asked for.
     pub pose: [Option<f64>; AXES],

@@ -48,7 +48,8 @@ impl Robot {
     /// ```
     /// # #[tokio::main(flavor = "current_thread")]
     /// # async fn main() -> Result<(), Box<dyn std::error::Error>> {
-    /// # let controller = r6_sim::VirtualController::builder().clock(r6_sim::Clock::AsFastAsPossible).start().await?;
+    /// # let builder = r6_sim::VirtualController::builder();
+    /// # let controller = builder.clock(r6_sim::Clock::AsFastAsPossible).start().await?;
     /// # let address = controller.address().to_string();
     /// use r6_client::units::{AxisPosition, Percent};
     /// use r6_client::{Motion, Robot, RobotSettings, RunOptions};
@@ -56,7 +57,8 @@ impl Robot {
     /// let robot = Robot::connect(&address, RobotSettings::default()).await?;
     /// let fast = Percent::new(50.0)?;
     /// let motion = (0..100).fold(Motion::new(), |motion, n| {
-    ///     motion.axis_move(AxisPosition::degrees([f64::from(n) / 4.0, 0.0, 10.0, 0.0, 30.0, 0.0]), fast).blend(5)
+    ///     let target = AxisPosition::degrees([f64::from(n) / 4.0, 0.0, 10.0, 0.0, 30.0, 0.0]);
+    ///     motion.axis_move(target, fast).blend(5)
     /// });
     /// let handle = robot.run(&motion, RunOptions::default()).await?;
     /// let mut middle = handle.step(50).expect("there are a hundred");
@@ -100,7 +102,7 @@ impl Robot {
         }
         if status.list_length.is_none() && !motion.repeats() && ends_in_endless_wait(motion) {
             let wanted =
-                "limited: this firmware does not tell the length of its list, and nobody could see the end";
+                "limited: this firmware does not tell the length of its list, and the end could not be seen";
             return Err(wrong(steps.len(), "isUnlimit", wanted));
         }
         if let Some(envelope) = self.guard() {

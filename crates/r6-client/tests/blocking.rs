@@ -1,4 +1,4 @@
-//! The blocking twin: the same robot without a runtime of the caller's.
+//! The blocking client: the same robot without a runtime of the caller.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::sync::mpsc;
@@ -35,7 +35,7 @@ fn motion(degrees: impl IntoIterator<Item = f64>) -> Motion {
     })
 }
 
-/// Waits, without sleeping for long, until something holds.
+/// Waits until a condition holds, with short sleeps only.
 fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !holds() {
@@ -107,12 +107,12 @@ fn a_released_motion_goes_on_with_what_is_in_its_list_and_stops_are_waited_for()
     assert!(stops.are_gone() && stops.over().is_none());
 }
 
-/// A motion goes on while the caller does something else, without a runtime of the caller's.
+/// A motion continues while the caller does something else, without a runtime of the caller.
 #[test]
 fn a_motion_is_streamed_between_the_calls() {
     let controller = VirtualController::builder().clock(Clock::Times(20.0)).start_blocking().unwrap();
     let robot = connect(&controller, RobotSettings::default());
-    // More steps than the list has room for: somebody has to go on streaming.
+    // The motion has more steps than fit into the list, so it must be streamed while no call waits.
     let handle = robot.run(&motion((0..60).map(|n| f64::from(n % 2))), RunOptions::default()).unwrap();
     let mut middle = handle.step(40).unwrap();
     until("it is streamed to its 40th step", || {
@@ -148,7 +148,7 @@ fn subscribed_values_are_read_between_the_calls() {
     let (_controller, robot) = cell();
     let mut mode = robot.subscribe(&[Address::CurMode], Duration::from_millis(20)).unwrap();
     assert!(mode.next().unwrap().fresh(Address::CurMode).is_some());
-    // Nobody calls anything: the age of the value says that it is read all the same.
+    // No call waits here. The age of the value shows that it is read nevertheless.
     let (_nothing, comes) = mpsc::channel::<()>();
     comes.recv_timeout(Duration::from_millis(500)).unwrap_err();
     let latest = mode.latest();
@@ -158,7 +158,8 @@ fn subscribed_values_are_read_between_the_calls() {
     assert!(mode.next_within(Duration::ZERO).is_some());
 }
 
-/// A loop of calls that are ready at once is no silence and drives nothing: the engine goes on beside it.
+/// A loop of calls that are ready at once does not count as silence and drives nothing. The engine continues
+/// beside it.
 #[test]
 fn a_loop_that_waits_for_nothing_keeps_nothing_from_going_on() {
     let controller = VirtualController::builder().clock(Clock::Times(20.0)).start_blocking().unwrap();
@@ -168,14 +169,14 @@ fn a_loop_that_waits_for_nothing_keeps_nothing_from_going_on() {
     let begun = Instant::now();
     while handle.progress().done < 60 {
         assert!(begun.elapsed() < PATIENCE, "{:?}", handle.progress());
-        // Both have their answer without waiting.
+        // Both calls return without waiting.
         let _ended = handle.ended_within(Duration::ZERO);
         assert!(mode.next_within(Duration::ZERO).is_some());
     }
     handle.finished().unwrap();
 }
 
-/// The end of a scope, by an error, a panic or in good order: the arm is stopped first if that was asked for.
+/// The end of a scope, by an error, by a panic or in order: the arm is stopped first if that was requested.
 #[test]
 fn the_end_of_a_scope_stops_the_arm_where_that_was_asked_for() {
     let stop_on_drop = RunOptions { stop_on_drop: true, ..RunOptions::default() };
@@ -196,7 +197,7 @@ fn the_end_of_a_scope_stops_the_arm_where_that_was_asked_for() {
 
 #[test]
 fn heartbeats_leave_between_the_calls() {
-    // Ten times as fast, the watchdog waits for a second.
+    // At ten times the speed, the watchdog waits for one second.
     let controller = VirtualController::builder().clock(Clock::Times(10.0)).start_blocking().unwrap();
     let heartbeat = Heartbeat::Managed { every: Duration::from_millis(100) };
     let robot = connect(&controller, RobotSettings { heartbeat, ..RobotSettings::default() });
@@ -254,7 +255,7 @@ fn robots_share_an_engine() {
     }
 }
 
-/// A slow link keeps the stop of the other thread under way.
+/// A slow link makes the stop of the other thread take long.
 #[test]
 fn closing_waits_for_the_stop_of_another_thread() {
     let scenario = "[[fault]]\nfault = \"latency\"\nto_controller = 0.1\nto_client = 0.1\n";
@@ -303,7 +304,7 @@ fn the_stops_under_way_are_gone_with_the_connection() {
     until("the connection is gone", || stops.are_gone());
 }
 
-/// It can be dropped, not used, where a runtime runs.
+/// The handle may be dropped, but not used, inside a runtime.
 #[tokio::test]
 async fn a_handle_may_be_dropped_where_a_runtime_runs() {
     let controller = VirtualController::start().await.unwrap();

@@ -1,4 +1,4 @@
-//! Registers, photos, a target that moves and a controller that dials, without async.
+//! Registers, photos, a moving target and a controller that dials, without async.
 
 use std::time::Duration;
 
@@ -40,7 +40,7 @@ fn photos_are_served_until_the_handle_is_closed() {
             })
         }
     });
-    // The thread may not listen yet: the program asks again, as programs do.
+    // The thread may not listen yet, so the program repeats its request, as real programs do.
     let cam_id = loop {
         controller.handle().request_photo(2);
         if let Ok(cam_id) = seen.recv_timeout(Duration::from_millis(50)) {
@@ -53,7 +53,7 @@ fn photos_are_served_until_the_handle_is_closed() {
     assert!(matches!(ended, PhotosEnded::Closed | PhotosEnded::Request { cam_id: 2, .. }), "{ended}");
 }
 
-/// A picture may take long: what others want of the robot does not wait for it.
+/// Looking at a picture may take long. Other calls to the robot do not wait for it.
 #[test]
 fn a_stop_does_not_wait_for_a_picture() {
     let (controller, robot) = cell();
@@ -93,7 +93,7 @@ fn a_target_is_followed_until_its_sender_is_gone() {
         done.send(()).unwrap();
         followed.map_err(Box::new)
     });
-    // Sends the same again and again, as a source does.
+    // Sends the same target repeatedly, as a real source does.
     while controller.handle().snapshot().axes[0] < 24.9 {
         target.send(AxisPosition::degrees([25.0]));
         let ended = follows.recv_timeout(Duration::from_millis(20));

@@ -1,8 +1,9 @@
-//! The two worlds of motion, each for a hundred cycles over TCP: a PC that writes registers and lets a taught program move
-//! there, and a PC that sends lists. Completion is judged by state, never by "ok".
+//! The two ways to move an arm, each for a hundred cycles over TCP: a PC that writes registers and lets a
+//! taught program move to them, and a PC that sends lists. The tests judge completion by the state, never by
+//! "ok".
 //!
-//! Each on a controller whose time goes a thousand times as fast as the world's, where client and machine race as they do in
-//! a cell, and on one that goes as fast as it can.
+//! Each runs on a controller with a clock a thousand times as fast as real time, where client and machine
+//! race as in a real cell, and on a controller that runs as fast as it can.
 
 use std::time::Duration;
 
@@ -48,7 +49,7 @@ impl Cell {
         &self.simulation.controllers()[0]
     }
 
-    /// The next target: degrees in thousandths, within the soft limits of every axis.
+    /// The next target: thousandths of a degree, within the soft limits of every axis.
     fn next_target(&mut self) -> [i64; 6] {
         let limits = self.handle().snapshot().axis_limits;
         std::array::from_fn(|axis| {
@@ -69,14 +70,14 @@ impl Cell {
         self.command(Command::RewriteDataList { first, savable: false, values: target.to_vec() }).await;
     }
 
-    /// M011 on and off again.
+    /// Sets M011 and resets it again.
     async fn pulse(&self) {
         for on in [true, false] {
             self.command(Command::ModifyOutput { board: 4, point: 1, on }).await;
         }
     }
 
-    /// The arm rests without an alarm, and stands there.
+    /// Checks that the arm rests at the target without an alarm.
     async fn assert_at(&self, target: [i64; 6], cycle: i64) {
         let asked = [Address::IsMoving, Address::CurAlarm].into_iter().chain(axes());
         let read = self.robot.query(&asked.collect::<Vec<_>>()).await.unwrap();
@@ -103,13 +104,13 @@ fn axes() -> impl Iterator<Item = Address> {
     AxisIndex::ALL.into_iter().take(6).map(Address::Axis)
 }
 
-/// The one photo request that a cycle pushes.
+/// The only photo request that a cycle sends.
 async fn photo(pushed: &mut Receiver<Pushed>, cycle: i64) {
     let event = tokio::time::timeout(PATIENCE, pushed.recv()).await.expect("a photo is asked for").unwrap();
     assert!(matches!(event, Pushed::Photo { cam_id: 0 }), "cycle {cycle}: {event:?}");
 }
 
-/// Nothing else was pushed: whatever was sent before the reply to an earlier request has arrived.
+/// Checks that nothing else was pushed. Everything sent before the reply to an earlier request has arrived.
 fn assert_no_more(pushed: &mut Receiver<Pushed>, cycle: i64) {
     let more = pushed.try_recv();
     assert!(matches!(more, Err(TryRecvError::Empty)), "cycle {cycle}: {more:?}");
@@ -121,7 +122,7 @@ enum Trigger {
     SingleCycle,
 }
 
-/// Writes registers 800 to 805, triggers the program, waits for the photo and answers it; a hundred times.
+/// A hundred times: writes registers 800 to 805, triggers the program, waits for the photo and answers it.
 async fn drive_by_registers(profile: Profile, clock: Clock, trigger: Trigger) {
     let mut cell = Cell::with(profile, clock, "remote").await;
     cell.command(Command::SwitchMold { mold: "register-move".into() }).await;
@@ -153,7 +154,7 @@ fn axis_move(target: [i64; 6]) -> Instruction {
     }
 }
 
-/// Replaces the list by two moves and reads the state until the last one has ended; a hundred times.
+/// A hundred times: replaces the list by two moves, and reads the state until the last move has ended.
 async fn drive_by_lists(profile: Profile, clock: Clock) {
     let tells_length = profile.answers(Address::RemoteCmdLen);
     let mut cell = Cell::with(profile, clock, "counts-lists").await;
@@ -171,7 +172,8 @@ async fn drive_by_lists(profile: Profile, clock: Clock) {
                 let left = read.integer(Address::RemoteCmdLen);
                 assert_eq!(left.is_some(), tells_length);
                 let rests = read.flag(Address::IsMoving) == Some(false) && left.unwrap_or(0) == 0;
-                // Old firmware does not tell how many are left: an arm may rest between two moves. Its place tells.
+                // Old firmware does not report how many steps are left, and an arm may rest between two
+                // moves. So its position decides.
                 let there = axes().zip(target).all(|(address, wanted)| {
                     read.decimal(address).is_some_and(|found| (found - wanted as f64 / 1000.0).abs() < 1e-6)
                 });
@@ -186,11 +188,12 @@ async fn drive_by_lists(profile: Profile, clock: Clock) {
     }
     cell.robot.clear_list().await.unwrap();
     cell.robot.query(&[Address::CurMode]).await.unwrap();
-    assert_eq!(cell.counted().await, CYCLES, "an empty list is none");
+    assert_eq!(cell.counted().await, CYCLES, "an empty list is no cycle");
     assert_no_more(&mut pushed, CYCLES);
 }
 
-/// The hand panel's port of 2020 cannot set M points (manual 4.2.1 #8); the mainboard's of the same firmware could.
+/// On the 2020 firmware, the hand panel's port cannot set M points (manual 4.2.1 #8); the mainboard's port
+/// could.
 fn legacy_with_m_points() -> Profile {
     Profile::from_toml("base = \"legacy\"\nm_output_writable = true").unwrap()
 }
@@ -241,7 +244,7 @@ async fn a_hundred_lists_on_old_firmware() {
     }
 }
 
-/// Why old firmware's port for the pendant is driven by single cycles.
+/// Shows why old firmware's port for the pendant is driven by single cycles.
 #[tokio::test]
 async fn the_pendants_port_of_old_firmware_takes_no_pulse() {
     let cell = Cell::with(legacy(), Clock::AsFastAsPossible, "register-move").await;

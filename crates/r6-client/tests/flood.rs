@@ -1,4 +1,4 @@
-//! A peer that always has something to say: what is due leaves and ends in time all the same.
+//! A peer that never stops sending: requests are still sent and end in time.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::fmt;
@@ -17,8 +17,8 @@ use tokio::time::timeout;
 /// Long enough for a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Connections that can be read at any time, and what was written to them. The time of the test is real: a clock that only goes
-/// while nobody has anything to do would never go here.
+/// Connections that can be read at any time, and the bytes written to them. The time of the test is real,
+/// because a paused clock moves only while nothing is ready to run, which never happens here.
 #[derive(Clone, Default)]
 struct Flood {
     written: Arc<Mutex<Vec<u8>>>,
@@ -50,7 +50,7 @@ impl AsyncRead for Flood {
         cx: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        // As sockets do: now and then the others have their turn.
+        // Yields now and then, as sockets do, so that other tasks can run.
         let turn = ready!(poll_proceed(cx));
         buffer.put_slice(br#"{"reqType":"nobody knows"}"#);
         turn.made_progress();
@@ -82,7 +82,7 @@ fn a_flood_of_input_holds_up_no_heartbeat_and_no_time_out() {
     let settings = RobotSettings { heartbeat, reply_timeout, ..RobotSettings::default() };
     runtime.block_on(async {
         let robot = Robot::connect_with(flood.clone(), settings).await.unwrap();
-        // Each of them ends, one after the other: no earlier deadline stands in the way of a later one.
+        // Each of them ends, one after the other: an earlier deadline does not block a later one.
         for _ in 0..2 {
             let asked = timeout(PATIENCE, robot.query(&[Address::CurMode])).await.expect("it ends");
             let error = asked.unwrap_err();
@@ -97,6 +97,6 @@ fn a_flood_of_input_holds_up_no_heartbeat_and_no_time_out() {
             tokio::task::yield_now().await;
         }
     });
-    // What floods for ever is not waited for.
+    // The flood never ends, so the test does not wait for it.
     runtime.shutdown_background();
 }

@@ -1,4 +1,4 @@
-//! Following a moving target: never more than is safe, never twice, and never towards what is old.
+//! Following a moving target: never more than is safe, no step twice, and never towards an old target.
 
 use std::time::Duration;
 
@@ -12,7 +12,8 @@ use r6_sim::{Builder, VirtualController};
 
 use tokio::time::{sleep, timeout};
 
-/// Whatever has not happened after this long never will. The clock of these tests jumps to what is next.
+/// An event that has not happened after this time never will. The clock of these tests jumps to the next
+/// event.
 const PATIENCE: Duration = Duration::from_secs(600);
 
 const TICK: Duration = Duration::from_millis(50);
@@ -28,7 +29,7 @@ fn j1(degrees: f64) -> AxisPosition {
     AxisPosition::degrees([degrees])
 }
 
-/// Follows what the source sends until it ends.
+/// Follows the targets of the source until it ends.
 async fn follow(
     robot: &Robot,
     options: FollowOptions,
@@ -39,7 +40,7 @@ async fn follow(
     timeout(PATIENCE, async { tokio::join!(following, source(target)).0 }).await.expect("it never ends")
 }
 
-/// The same target, 20 times a second, for so long.
+/// Sends the same target, 20 times a second, for this time.
 async fn hold(target: &TargetSender, at: AxisPosition, time: Duration) {
     for _ in 0..time.as_millis() / TICK.as_millis() {
         target.send(at);
@@ -61,7 +62,7 @@ async fn the_newest_target_wins_and_those_in_between_are_skipped() {
     let mut log = controller.handle().log();
     let followed = follow(&robot, FollowOptions::default(), async |target| {
         for n in 0..40 {
-            // There and back: where it was in between is nowhere to go any more.
+            // Back and forth: the positions in between are never the target.
             target.send(j1(if n % 2 == 0 { 60.0 } else { -60.0 }));
         }
         hold(&target, j1(5.0), Duration::from_secs(3)).await;
@@ -77,7 +78,7 @@ async fn a_target_that_is_no_longer_sent_is_not_gone_to() {
     let (controller, robot) = cell(VirtualController::builder()).await;
     let followed = follow(&robot, FollowOptions::default(), async |target| {
         target.send(j1(100.0));
-        // The source hangs, and has not ended.
+        // The source hangs but has not ended.
         sleep(Duration::from_secs(60)).await;
         drop(target);
     })
@@ -88,7 +89,7 @@ async fn a_target_that_is_no_longer_sent_is_not_gone_to() {
     assert_eq!(followed.behind, Some(Degrees(100.0 - at)));
 }
 
-/// A target of which nothing was heard again is nowhere to go: it is no reason to end with an error either.
+/// A target that was not repeated in time is not followed. It also does not cause an error.
 #[tokio::test(start_paused = true)]
 async fn a_target_that_grew_old_while_the_arm_was_on_its_way_is_not_checked() {
     let (controller, robot) = cell(VirtualController::builder()).await;
@@ -96,7 +97,7 @@ async fn a_target_that_grew_old_while_the_arm_was_on_its_way_is_not_checked() {
     let slowly = FollowOptions { speed: Percent::new(2.0).unwrap(), ..FollowOptions::default() };
     let followed = follow(&robot.with_guard(guard), slowly, async |target| {
         hold(&target, j1(10.0), Duration::from_millis(200)).await;
-        // Beyond the limits, told once, and old before the arm has come to the end of its step.
+        // A target beyond the limits, sent once, and old before the arm has finished its step.
         target.send(j1(50.0));
         sleep(Duration::from_secs(60)).await;
         drop(target);
@@ -151,7 +152,7 @@ async fn a_step_whose_outcome_is_unknown_is_not_sent_again_and_the_arm_is_stoppe
     assert!(matches!(error.cause, Cause::OutcomeUnknown(OutcomeUnknown::TimedOut { .. })), "{error}");
     assert_eq!((error.progress.left, error.progress.accepted), (1, 0));
     assert!(error.stop.as_ref().unwrap().is_ok(), "{error}");
-    // The second list of the log clears what is left, if anything is.
+    // The second list in the log, if there is one, clears the rest.
     assert!((1..=2).contains(&lists(&mut log)));
     assert_eq!(controller.handle().snapshot().axes[0], 10.0);
 }
@@ -254,7 +255,7 @@ async fn options_that_cannot_be_followed_are_refused_before_anything_is_asked() 
         ("fresh_within", FollowOptions { fresh_within: Duration::ZERO, ..usual }),
     ];
     let (_controller, robot) = cell(VirtualController::builder()).await;
-    // Whoever asks anything of this handle is told that it is closed.
+    // All requests on this handle now fail because it is closed.
     robot.clone().close().await;
     for (wrong, options) in cases {
         let error = follow(&robot, options, async |_| {}).await.unwrap_err();

@@ -1,4 +1,4 @@
-//! The client over a link that is broken on purpose: it knows what it does not know, and it finds its way back.
+//! The client over a link with injected faults: it reports unknown outcomes as unknown, and it reconnects.
 
 #[allow(dead_code, unused_imports, unused_macros, reason = "it has more than these tests need")]
 #[path = "hands/hands.rs"]
@@ -66,8 +66,8 @@ async fn told(controller: &VirtualController, faults: &[LinkFault], what: ShellE
     timeout(PATIENCE, told).await.expect("it is told");
 }
 
-/// Asks until there is an answer; each failure is one after which asking again is safe. Nothing is changed on the new connection before
-/// the state was read.
+/// Sends queries until one is answered; each failure is one after which a query may safely be repeated. On
+/// the new connection, nothing changes anything before the state was read.
 async fn assert_finds_its_way_back(robot: &Robot) {
     let answered = async {
         while let Err(error) = robot.query(&[Address::CurMode]).await {
@@ -112,7 +112,7 @@ async fn a_refusal_is_told_and_ends() {
     told(&controller, &[LinkFault::Refuse], ShellEvent::Refuses).await;
     let other = hands::connect(&controller.address().to_string(), settings()).await.unwrap_err();
     assert!(matches!(other, RequestError::NotSent(NotSent::Unreachable { .. })), "{other}");
-    // Who is connected does not notice, until the connection is lost, too.
+    // A connected client does not notice until its connection is lost too.
     write(&robot, 1).await.unwrap();
     set(&controller, &[LinkFault::Refuse, LinkFault::CloseBeforeReply]);
     write(&robot, 1).await.unwrap_err();
@@ -160,7 +160,8 @@ async fn late_cut_and_gathered_replies_are_still_replies() {
     write(&robot, 6).await.unwrap();
 }
 
-/// A time-out says what came in place of the reply: a broken cable and a firmware that answers nonsense are not the same.
+/// A timeout error contains what came in place of the reply, because a broken cable and a firmware that
+/// answers nonsense are not the same.
 async fn a_time_out_tells_what_came() {
     for (fault, heard) in [
         ("task-dead\"", None),

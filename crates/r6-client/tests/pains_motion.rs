@@ -1,4 +1,5 @@
-//! The pains of people who move these arms, each by its number in docs/PAINS.md, and what answers it: tried on a virtual controller.
+//! Problems of people who move these arms, each with its number in docs/PAINS.md, and the solution: tested on
+//! a virtual controller.
 
 #[allow(dead_code, unused_imports, unused_macros, reason = "it has more than these tests need")]
 #[path = "hands/hands.rs"]
@@ -29,7 +30,8 @@ on_every_hand! {
     pain_14_no_watchdog_is_armed_unless_it_is_fed,
 }
 
-/// Whatever has not happened after this long never will. The clock of these tests jumps to what is next.
+/// An event that has not happened after this time never will. The clock of these tests jumps to the next
+/// event.
 const PATIENCE: Duration = Duration::from_secs(600);
 
 async fn cell(builder: Builder) -> (VirtualController, Robot) {
@@ -115,7 +117,7 @@ async fn pain_01_it_does_not_move_and_says_why() {
 }
 
 async fn pain_04_ok_is_no_proof_and_state_is() {
-    // Ok, and not executed.
+    // The controller answers ok, but does not execute the list.
     let scenario = Scenario::read("[[fault]]\nfault = \"not-executed\"\nfrom = 0\nfor = 600").unwrap();
     let (controller, robot) = cell(VirtualController::builder().scenario(scenario)).await;
     let instructions = to([10.0; 6]).instructions().unwrap().to_vec();
@@ -123,7 +125,7 @@ async fn pain_04_ok_is_no_proof_and_state_is() {
     let found = cause(&robot, &to([10.0; 6])).await;
     assert!(matches!(found, Cause::Elsewhere(missed) if missed.found == Some(0.0)), "{found}");
     assert_eq!(controller.handle().snapshot().axes[0], 0.0);
-    // Three dialects of yes and no mean the same to a caller: ["ok"], [word, "ok"], cmdEcho.
+    // Three dialects of acceptance and refusal are the same for a caller: ["ok"], [word, "ok"], cmdEcho.
     for name in ["hc1", "r6-pendant", "legacy"] {
         let (_controller, robot) = cell(profile(&format!("base = \"{name}\""))).await;
         robot.command(Command::ModifyGspd { percent: 50.0 }).await.unwrap();
@@ -141,7 +143,7 @@ async fn pain_05_a_stop_is_seen_and_nothing_is_left_to_start_again() {
         let report = handle.stop().await.unwrap();
         assert!(report.confirmed && report.moving == Some(false), "{report}");
         assert_eq!(report.list_length, Some(0));
-        // Armed again by hand, as after any stop: the rest of the list does not run.
+        // The program is started again by hand, as after any stop: the rest of the list does not run.
         let stopped_at = controller.handle().snapshot().axes;
         assert!(stopped_at[0] > 1.0 && stopped_at[0] < 149.0);
         let handle = controller.handle();
@@ -160,7 +162,7 @@ async fn pain_07_a_long_path_is_cut_into_lists_that_are_answered() {
     let path = (1..=60).fold(Motion::new(), |path, n| {
         path.axis_move(AxisPosition::degrees([f64::from(n) / 4.0; 6]), percent(30.0)).blend(5)
     });
-    // In one list it would get no reply, or a reset; it does not leave.
+    // As one list it would get no reply, or a reset. So it is not sent.
     let one = path.instructions().unwrap().to_vec();
     assert!(robot.add_rcc(true, one).await.unwrap_err().to_string().contains("nothing was sent"));
     moves(&robot, &path).await;
@@ -175,7 +177,7 @@ async fn pain_07_a_long_path_is_cut_into_lists_that_are_answered() {
 
 async fn pain_08_a_speed_has_its_unit_and_its_scale() {
     let (controller, robot) = cell(VirtualController::builder()).await;
-    // 5 percent is "50" on the wire: the caller never sees that.
+    // 5 percent is "50" on the wire. The caller does not need to know that.
     robot.command(Command::ModifyGspd { percent: 5.0 }).await.unwrap();
     assert_eq!(controller.handle().snapshot().global_speed_percent, 5.0);
     let place = [400.0, 0.0, 400.0].map(Millimetres);
@@ -187,7 +189,7 @@ async fn pain_08_a_speed_has_its_unit_and_its_scale() {
     let frame = String::from_utf8(frames.concat()).unwrap();
     assert!(frame.contains("\"action\":\"51\"") && frame.contains("\"speed\":\"250\""), "{frame}");
     assert!(frame.contains("\"speed\":\"12.5"), "{frame}");
-    // A fraction of a mm/s raises alarm 219 on a real arm; here it cannot be written down, and 0 cannot either.
+    // A fraction of a mm/s raises alarm 219 on a real arm. Here the type can hold neither a fraction nor 0.
     assert!(MillimetresPerSecond::new(0).is_err() && Percent::new(120.0).is_err());
 }
 
@@ -197,7 +199,7 @@ async fn pain_10_an_angle_is_told_as_the_near_one() {
     let before = controller.handle().snapshot();
     let [x, y, z, u, v, w] = before.world;
     let place = [x, y, z + 5.0].map(Millimetres);
-    // The same orientation, told a full turn away.
+    // The same orientation, a full turn away.
     let far = Pose::new(place, [Degrees(u), Degrees(v), Degrees(w + 360.0)]);
     let present = [u, v, w].map(Degrees);
     let near = far.nearest_to(present);
@@ -206,7 +208,7 @@ async fn pain_10_an_angle_is_told_as_the_near_one() {
     let after = controller.handle().snapshot();
     let most = before.axes.iter().zip(after.axes).map(|(from, to)| (from - to).abs()).fold(0.0, f64::max);
     assert!(most < 5.0, "the wrist did not turn: {most}");
-    // As it was told at first, the wrist of this firmware wants to go all the way round, which J6 cannot.
+    // In the first form, the wrist of this firmware has to make a full turn, which J6 cannot.
     let alarm = cause(&robot, &Motion::new().linear_move(far, percent(5.0))).await;
     assert!(matches!(alarm, Cause::AlarmRaised { .. }), "{alarm}");
 }
@@ -229,5 +231,5 @@ async fn pain_14_no_watchdog_is_armed_unless_it_is_fed() {
     pause(Duration::from_secs(9)).await;
     assert_eq!(controller.handle().snapshot().alarm, 0);
     pause(Duration::from_secs(4)).await;
-    assert_eq!(controller.handle().snapshot().alarm, 9, "whoever armed it and left is noticed");
+    assert_eq!(controller.handle().snapshot().alarm, 9, "a client that armed it and left is noticed");
 }

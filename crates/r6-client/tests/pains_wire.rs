@@ -1,4 +1,4 @@
-//! The pains of people who speak with these controllers, each by its number in docs/PAINS.md, and what answers it.
+//! Problems of people who program these controllers, each with its number in docs/PAINS.md, and the solution.
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 
 #[allow(dead_code, reason = "it has more than these tests need")]
@@ -40,7 +40,7 @@ async fn cell(builder: Builder) -> (VirtualController, Robot) {
     (controller, robot)
 }
 
-/// A robot at a controller that the test plays, and the controller's end of its connection.
+/// A robot on a controller that the test plays, and the controller's end of its connection.
 async fn with_robot() -> (Controller, Robot, Peer) {
     let controller = Controller::listen().await;
     let robot = hands::connect(&controller.address(), settings()).await.unwrap();
@@ -48,7 +48,7 @@ async fn with_robot() -> (Controller, Robot, Peer) {
     (controller, robot, peer)
 }
 
-/// What a bare socket gets: the bytes of one reply, and whatever comes with it.
+/// Reads what a bare socket gets: the bytes of one reply, and any bytes that come with it.
 async fn raw(controller: &VirtualController, request: &str) -> String {
     let mut socket = TcpStream::connect(controller.address()).await.unwrap();
     socket.write_all(request.as_bytes()).await.unwrap();
@@ -79,7 +79,7 @@ async fn pain_02_frames_in_pieces_and_frames_between_replies() {
     }
     let event = soon(pushed.recv()).await.unwrap();
     assert!(matches!(event, Pushed::Photo { cam_id: 3 }), "{event:?}");
-    // Two replies and a photo in one segment, and a brace within a text.
+    // Two replies and a photo in one segment, and a brace within a string.
     let (_controller, robot, mut peer) = with_robot().await;
     let (mode, name) = (robot.query(&[Address::CurMode]), robot.query(&[Address::MachineName]));
     let (mode, name, ()) = tokio::join!(mode, name, async {
@@ -97,7 +97,7 @@ async fn pain_02_frames_in_pieces_and_frames_between_replies() {
 
 async fn pain_03_a_short_reply_is_not_taken_for_another() {
     let (controller, robot) = cell(VirtualController::builder()).await;
-    // A script that zips the two lists takes the place of J1 for the program's name, and the mode for J1.
+    // A script that zips the two lists takes the position of J1 for the program's name, and the mode for J1.
     let request = r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","queryAddr":["curMold","axis-0","counter-3","curMode"]}"#;
     let reply = raw(&controller, request).await;
     assert!(reply.contains(r#""queryData":["0.000000","7"]"#), "{reply}");
@@ -123,7 +123,7 @@ async fn pain_06_one_connection_is_shared_and_closed() {
         assert_eq!(soon(task).await.unwrap().integer(Address::CurMode), Some(7));
     }
     assert_eq!(controller.handle().snapshot().connections, 1, "64 tasks, one connection");
-    // A controller has no room for a second one; closed in order, the first makes room.
+    // The controller has no room for a second connection. Closing the first one in order makes room.
     let impatient = RobotSettings { reply_timeout: Duration::from_millis(200), ..RobotSettings::default() };
     let address = controller.address().to_string();
     let second = hands::connect(&address, impatient.clone()).await;
@@ -162,7 +162,8 @@ async fn pain_09_an_alarm_is_told_in_words_with_its_axis() {
 
 async fn pain_11_the_simulator_answers_as_captured() {
     let controller = VirtualController::start().await.unwrap();
-    // Asked and answered by a real controller (unit C) but for the version: keys in its order, and not a byte after the brace.
+    // Captured from a real controller (unit C), except for the version: keys in its order, and no byte after
+    // the brace.
     let request = r#"{"dsID": "www.hc-system.com.RemoteMonitor", "reqType": "query", "packID": "0", "queryAddr": ["version","curMold"]}"#;
     let wanted = r#"{"dsID":"www.hc-system.com.RemoteMonitor","packID":"0","queryAddr":["version","curMold"],"queryData":["HC-QC-RX-7.8.07-master-F5.2.1"],"reqType":"query"}"#;
     assert_eq!(raw(&controller, request).await, wanted);
@@ -170,7 +171,7 @@ async fn pain_11_the_simulator_answers_as_captured() {
 
 async fn pain_12_a_register_is_written_and_read_back() {
     let (controller, robot) = cell(VirtualController::builder()).await;
-    // Captured: text with commas is answered with ok, whatever it then does.
+    // Captured: text with commas is answered with ok, without regard to its effect.
     let request = r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"command","packID":"1000","cmdData":["rewriteData","800","-456,754,826,179,0,-89","0"]}"#;
     assert!(raw(&controller, request).await.contains(r#""cmdReply":["rewriteData","ok"]"#));
     let first = RegisterIndex::new(800).unwrap();
@@ -183,7 +184,7 @@ async fn pain_12_a_register_is_written_and_read_back() {
     assert!(robot.write_registers(last, &values, Keep::UntilPowerCut).await.is_err(), "beyond the last");
 }
 
-/// On tokio alone: the other hands neither look for controllers nor listen for them.
+/// On tokio only, because the other drivers neither discover controllers nor listen for them.
 #[tokio::test]
 async fn pain_15_any_port_found_by_asking_and_either_side_dials() {
     let (one, other) = (VirtualController::start().await.unwrap(), VirtualController::start().await.unwrap());
@@ -212,7 +213,8 @@ async fn pain_15_any_port_found_by_asking_and_either_side_dials() {
 
 async fn pain_16_any_text_is_read_and_only_clean_text_is_sent() {
     let (_controller, robot, mut peer) = with_robot().await;
-    // GBK text, numbers where texts are documented, and a counter as old firmware has it.
+    // GBK text, numbers for addresses that are documented as texts, and a counter in the form of old
+    // firmware.
     let addresses = ["machineName", "curMode", "counter-0"].map(|name| name.parse().unwrap());
     let (read, ()) = tokio::join!(robot.query(&addresses), gbk(&mut peer));
     let read = read.unwrap();
@@ -220,7 +222,7 @@ async fn pain_16_any_text_is_read_and_only_clean_text_is_sent() {
     assert_eq!(read.integer(Address::CurMode), Some(7));
     let counter = read.reading(Address::Counter(0));
     assert!(matches!(counter, Some(Reading::Counter(counter)) if counter.current == 12), "{counter:?}");
-    // What is sent is JSON of texts, each number with a point and never a comma.
+    // The client sends JSON strings. Each number has a decimal point and never a comma.
     let (result, ()) = tokio::join!(robot.command(Command::ModifyGspd { percent: 12.5 }), async {
         let request = peer.frame().await;
         assert_eq!(request["cmdData"], json!(["modifyGSPD", "125"]));
@@ -229,7 +231,7 @@ async fn pain_16_any_text_is_read_and_only_clean_text_is_sent() {
     result.unwrap();
 }
 
-/// Answers a query for name, mode and counter as a firmware that writes GBK does.
+/// Answers a query for name, mode and counter like a firmware that writes GBK.
 async fn gbk(peer: &mut Peer) {
     let request = peer.frame().await;
     let reply = values(&request, json!(["NAME", 7, "COUNTER"]));

@@ -109,7 +109,7 @@ async fn stop_stops_and_clears_the_list() {
     assert!(matches!(report.list, ListAfterStop::Cleared), "{report}");
     let snapshot = controller.handle().snapshot();
     assert!(!snapshot.moving && snapshot.list_length == 0 && snapshot.axes[0] < 100.0);
-    // It moves again only on a new explicit command, once the program is armed again.
+    // It moves again only on a new explicit command, after the program was started again.
     robot.command(Command::StartButton).await.unwrap();
     let done = robot
         .wait_until_done(WaitOptions { start_within: Duration::from_millis(200), ..WaitOptions::default() });
@@ -191,7 +191,7 @@ async fn discovering_arms_no_watchdog() {
     let settings = RobotSettings { heartbeat, ..RobotSettings::default() };
     let found = r6_client::discover(&[&controller.address().to_string()], &settings).await;
     assert!(found[0].who.is_ok(), "{found:?}");
-    // One heartbreak would have armed the watchdog, which bites long before that.
+    // A single heartbreak would have started the watchdog, which raises its alarm long before that.
     tokio::time::sleep(Duration::from_secs(30)).await;
     assert_eq!(controller.handle().snapshot().alarm, 0);
 }

@@ -1,4 +1,4 @@
-//! Watching a virtual controller, over real sockets, and what its arm does when nobody watches any more.
+//! Watches a virtual controller over real sockets. Also tests what its arm does when the program dies.
 
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ async fn next(subscription: &mut Subscription) -> Snapshot {
     tokio::time::timeout(PATIENCE, subscription.next()).await.expect("an update").expect("an open handle")
 }
 
-/// J1 to 30 degrees and back to 10, at a speed at which that takes a second or two.
+/// J1 to 30 degrees and back to 10, at a speed that takes a second or two.
 fn list() -> Vec<Instruction> {
     let manner = Manner { mask: Some(AxisMask::SIX), speed: Some(40.0), ..Manner::default() };
     let to = |degrees| Instruction {

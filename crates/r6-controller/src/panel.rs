@@ -237,7 +237,7 @@ impl fmt::Display for Refused {
             }
             Self::ProgramRuns { name } => write!(
                 f,
-                "program `{name}` runs, or the one that runs may call it: stop it first, or load the text under another name"
+                "program `{name}` runs, or the running program may call it: stop it first, or load the text under another name"
             ),
             Self::Program { reason }
             | Self::BadProgram { reason }

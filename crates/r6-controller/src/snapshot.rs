@@ -39,13 +39,13 @@ pub struct ControllerSnapshot {
     pub step: Option<ProgramStep>,
     /// What keeps the machine from taking instructions, as a client judges it; empty where it takes them.
     pub unmet: Vec<Unmet>,
-    /// Whether the program is in its step that waits for remote commands. Only somebody at the machine sees this.
+    /// Whether the program is in its step that waits for remote commands. No query address tells this.
     pub takes_remote: bool,
     /// The cameras whose points no program has used yet: camera, how many.
     pub points: Vec<(i64, usize)>,
     /// How many instructions are left in the list.
     pub list_length: usize,
-    /// Axis positions in degrees, or mm on a linear axis.
+    /// Axis positions in degrees, or mm on a linear axis: J1 is `axes[0]`.
     pub axes: [f64; AXES],
     /// Soft limits of the arm's axes, in the same units: lowest, highest.
     pub axis_limits: Vec<(f64, f64)>,
@@ -79,7 +79,8 @@ pub struct ProgramStep {
 }
 
 impl ControllerSnapshot {
-    /// Whether the machine takes instructions now: nothing is unmet, and the program waits for remote commands.
+    /// Whether the machine takes instructions now: every condition is met, and the program waits for remote
+    /// commands.
     #[must_use]
     pub fn is_ready(&self) -> bool {
         self.unmet.is_empty() && self.takes_remote

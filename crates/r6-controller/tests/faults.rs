@@ -190,7 +190,7 @@ fn holds(name: &str) {
         let world = run(name, seed);
         assert!(
             felt(&world),
-            "{name}, seed {seed}: nobody felt it: {:?} {:?} {:?}",
+            "{name}, seed {seed}: the fault had no effect: {:?} {:?} {:?}",
             world.client.seen,
             world.client.motions,
             world.all_read()

@@ -189,7 +189,7 @@ fn a_program_that_is_given_at_the_start_counts_and_the_loaded_one_is_kept() {
     };
     let mut other = Cell::restored(given(COUNT_TENS), &saved);
     let _ = other.query(&["curMode"]);
-    assert!(other.log().contains("program `cell` is the one that was given at the start"));
+    assert!(other.log().contains("program `cell` was given at the start"));
     other.ok(&["switchMold", "cell"]);
     other.ok(&["startButton"]);
     assert_eq!(count(&mut other), 10);

@@ -49,7 +49,7 @@ fn cameras_that_connect_are_told_apart_by_what_they_spoke_as() {
     let mut cell = Cell::new();
     let second = cell.controller.connect(cell.now);
     let both = [cell.id, second];
-    assert_eq!(takers(&mut cell, 1, &both), [0, 1], "nobody has said who the camera is");
+    assert_eq!(takers(&mut cell, 1, &both), [0, 1], "no connection has said that it is the camera");
     answer(&mut cell, both[0], 1, 1);
     add_points(&mut cell, second, &[(2, vec![point(0, 0.0)])]);
     assert_eq!(takers(&mut cell, 1, &both), [0]);
@@ -59,7 +59,7 @@ fn cameras_that_connect_are_told_apart_by_what_they_spoke_as() {
     add_points(&mut cell, second, &[(1, vec![])]);
     assert_eq!(takers(&mut cell, 1, &both), [1]);
     cell.controller.disconnect(second);
-    assert_eq!(takers(&mut cell, 1, &both), [0], "nobody is known any more");
+    assert_eq!(takers(&mut cell, 1, &both), [0], "the camera is not known any more");
     answer(&mut cell, both[0], 1, 1);
     assert_eq!(takers(&mut cell, 2, &both), [0]);
 }

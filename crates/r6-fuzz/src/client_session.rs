@@ -1,8 +1,9 @@
-//! The client session: each reply belongs to at most one request, a late one to none, nothing grows without bound, and no motion
-//! leaves twice.
+//! Fuzzes the client session. Each reply belongs to at most one request, a late reply to none. Nothing grows
+//! without bound, and no motion is sent twice.
 //!
-//! An input is a byte for the settings and then operations, each a byte and what it needs: requests that are sent, bytes that leave,
-//! replies of a peer that answers well, badly, twice or late, and time that passes.
+//! An input is a byte for the settings, then operations: a byte each, with the bytes that it needs.
+//! Operations send requests, transmit bytes, deliver replies (right, wrong, repeated or late), and let time
+//! pass.
 
 mod ledger;
 
@@ -20,20 +21,20 @@ use r6_proto::{Address, Command, Request, RequestType};
 use crate::input::Input;
 use crate::messages::look_at_everything;
 
-/// An input has no more operations: so each is tried in microseconds.
+/// The maximum number of operations of an input, so that each input takes microseconds.
 const MOST_OPERATIONS: usize = 200;
 
-/// Queries that can be told apart.
+/// Queries that can be distinguished.
 const QUERIES: [&[Address]; 4] =
     [&[Address::CurMode], &[Address::CurAlarm], &[Address::CurMode, Address::CurAlarm], &[]];
 
-/// Tries one input.
+/// Runs one input.
 pub fn run(bytes: &[u8]) {
     let mut input = Input::new(bytes);
     let settings = input.byte();
     let settings = ClientSettings {
         max_in_flight: [64, 1, 4, 0][usize::from(settings & 3)],
-        // The longest let a full window fill the output.
+        // With the longest limit, a full window can fill the output.
         max_frame_bytes: [2048, 120, 65_536, 120][usize::from(settings >> 2 & 1 | settings >> 6 & 2)],
         type_key: if settings & 8 == 0 { TypeKey::ReqType } else { TypeKey::CmdType },
         first_pack_id: [1, 0, 1 << 40, 9][usize::from(settings >> 4 & 3)],
@@ -59,7 +60,7 @@ pub fn run(bytes: &[u8]) {
     assert_eq!(peer.session.poll_timeout().filter(|due| *due <= peer.now), None);
 }
 
-/// A session, and who is at the other end.
+/// A session and its peer.
 struct Peer {
     session: ClientSession,
     ledger: Ledger,
@@ -128,7 +129,7 @@ impl Peer {
                 assert!(!error.to_string().is_empty());
                 let after = self.session.poll_transmit().map_or(0, <[u8]>::len);
                 assert_eq!(before, after, "what was not sent left bytes behind: {error}");
-                // What has left is forgotten once it is the half.
+                // The output drops transmitted bytes once they are half of it.
                 let full = matches!(error, SendError::OutputFull { .. });
                 assert!(!full || before > MAX_OUTPUT_BYTES / 2, "full, with {before} bytes that wait");
             }
@@ -196,7 +197,7 @@ impl Peer {
         }
     }
 
-    /// What holds between any two operations.
+    /// Checks what must hold between any two operations.
     fn hold(&self) {
         let output = self.session.poll_transmit().map_or(0, <[u8]>::len);
         assert!(output <= MAX_OUTPUT_BYTES + self.max_frame_bytes, "{output} bytes wait to leave");

@@ -1,7 +1,8 @@
-//! The virtual controller: whatever is sent to it, done at its panel and however much time passes, it keeps to a small model of
-//! what a controller may do, and does the same again.
+//! Fuzzes the virtual controller. Whatever it receives, whatever is done at its panel and however much time
+//! passes, it follows a small model of a controller. The same input gives the same bytes again.
 //!
-//! An input is three bytes for firmware, arm and how it stands, and then operations, each a byte and what it needs.
+//! An input is three bytes for firmware, arm and state, then operations: a byte each, with the bytes that it
+//! needs.
 
 pub mod cell;
 mod duty;
@@ -17,13 +18,13 @@ use duty::Duties;
 use model::Model;
 use operation::{MOST_OPERATIONS, Operation};
 
-/// Tries one input.
+/// Runs one input.
 pub fn run(bytes: &[u8]) {
     let first = transcript(bytes);
     assert!(first == transcript(bytes), "the same input gave other bytes");
 }
 
-/// Carries an input out, holds the controller to the model, and gives all that it sent.
+/// Runs an input, checks the controller against the model, and returns everything that it sent.
 fn transcript(bytes: &[u8]) -> Vec<u8> {
     let mut input = Input::new(bytes);
     let settings = settings(&mut input);

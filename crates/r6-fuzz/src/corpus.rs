@@ -1,4 +1,5 @@
-//! The inputs that are kept: `fuzz/corpus/<target>` to begin from, `fuzz/regressions/<target>` what once broke a promise.
+//! The stored inputs: `fuzz/corpus/<target>` to begin with, and `fuzz/regressions/<target>` with those that
+//! once broke a promise.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,7 +10,8 @@ pub fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz")
 }
 
-/// The files of `corpus` or `regressions` for a target, in the order of their names; none where there is no such folder.
+/// The files of `corpus` or `regressions` for a target, in the order of their names; empty if the folder does
+/// not exist.
 #[must_use]
 pub fn files(kind: &str, target: &str) -> Vec<PathBuf> {
     let Ok(entries) = fs::read_dir(folder().join(kind).join(target)) else { return Vec::new() };

@@ -1,7 +1,8 @@
-//! The files that users write: any text is taken or refused with a reason and a place; what is taken runs for a while without a
-//! panic and within the limits of the arm; what is written again is read the same.
+//! Fuzzes the files that users write. Any text is accepted, or refused with a reason and a place. An accepted
+//! file runs for a while without a panic and within the limits of the arm. A file that is written again reads
+//! the same.
 //!
-//! An input is a byte for the kind of file and its text.
+//! An input is a byte for the kind of file, and its text.
 
 use r6_client::{Motion, RobotSettings, RunOptions};
 use r6_controller::{Controller, ControllerSettings, Library, Profile, Program, RobotModel, Scenario};
@@ -24,16 +25,17 @@ pub const KINDS: [(u8, &str); 6] = [
     (b'F', "a profile"),
 ];
 
-/// Longer texts only cost time: the limits of each kind are tested by themselves.
+/// The maximum length of a text. Longer texts only cost time, and the limits of each kind have their own
+/// tests.
 const MOST_BYTES: usize = 32 * 1024;
 
-/// How long what was read runs, s of the controller's time.
+/// How long an accepted file runs, in s of the controller's time.
 const RUNS: f64 = 4.0;
 
-/// How often the arm is looked at while time passes.
+/// How often the arm is checked while time passes.
 const LOOKS: u32 = 10;
 
-/// Tries one input.
+/// Runs one input.
 pub fn run(bytes: &[u8]) {
     let mut input = Input::new(bytes);
     let kind = input.byte();
@@ -56,7 +58,7 @@ fn settings() -> ControllerSettings {
     ControllerSettings::new(Profile::hc1(), RobotModel::default())
 }
 
-/// Lets a controller run, asks it everything and sends it work.
+/// Runs a controller, queries all its values and sends it work.
 fn runs(settings: ControllerSettings) {
     let model = Model::new(&settings);
     let mut cell = Cell::around(Controller::new(settings, Instant::ORIGIN), Instant::ORIGIN);
@@ -68,7 +70,7 @@ fn runs(settings: ControllerSettings) {
     passes(&mut cell, &model, RUNS / 2.0);
 }
 
-/// Lets time pass, and looks at the arm on the way.
+/// Lets time pass, and checks the arm in between.
 fn passes(cell: &mut Cell, model: &Model, seconds: f64) {
     for _ in 0..LOOKS {
         cell.pass(seconds / f64::from(LOOKS));
@@ -87,7 +89,7 @@ fn program(text: &str) {
     runs(ControllerSettings { library, mold: "tried".to_owned(), ..settings() });
 }
 
-/// What is told is at places of the text.
+/// Checks that every mistake is at a place of the text.
 fn are_of(text: &str, mistakes: &Mistakes) {
     let lines = text.split('\n').count();
     for mistake in mistakes.iter() {
@@ -109,7 +111,7 @@ fn program_file(text: &str, read: Result<MotionProgram, Mistakes>) {
     for list in file.lists {
         let options = RunOptions { append: !list.replace, room: usize::MAX, ..RunOptions::default() };
         let (motion, settings) = (Motion::of_list(list.instructions), RobotSettings::default());
-        // What the wire cannot carry is refused before anything is sent.
+        // Values that the wire cannot carry are refused before anything is sent.
         let Ok(lists) = motion.lists(&settings, options) else { continue };
         let steps = motion.instructions().expect("it was cut");
         let parts: Vec<_> = lists.iter().map(|list| &steps[list.clone()]).collect();

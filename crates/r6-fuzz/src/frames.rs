@@ -1,5 +1,5 @@
-//! Frame boundaries: however a stream is cut, the same frames and the same errors, those that a plain scanner finds; also where it
-//! is read as a recording.
+//! Fuzzes frame boundaries. However a stream is split, it gives the same frames and errors, and these are the
+//! ones that a plain scanner finds. The same holds when the stream is read as a recording.
 //!
 //! An input is a byte for the limits, a byte for the pieces, and the stream.
 
@@ -10,7 +10,7 @@ use r6_proto::frame::{FrameBuffer, FrameError, Limits, READ_ROOM};
 
 use crate::input::Input;
 
-/// What a buffer told.
+/// An event of a buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum FoundFrame {
     Frame { offset: u64, bytes: Vec<u8> },
@@ -20,7 +20,7 @@ enum FoundFrame {
 const FRAME_BYTES: [usize; 6] = [65_536, 2, 16, 40, 200, 4096];
 const DEPTHS: [usize; 5] = [32, 1, 2, 3, 64];
 
-/// Tries one input.
+/// Runs one input.
 pub fn run(bytes: &[u8]) {
     let mut input = Input::new(bytes);
     let limits = Limits { max_frame_bytes: input.pick(&FRAME_BYTES), max_depth: input.pick(&DEPTHS) };
@@ -43,20 +43,20 @@ pub fn run(bytes: &[u8]) {
             assert!(bytes.len() <= limits.max_frame_bytes && bytes[0] == b'{' && bytes.ends_with(b"}"));
         }
     }
-    // A string whose bytes are GBK may hold a quote or a backslash as the second byte of a character: that reading is
-    // beyond a plain scanner.
+    // In GBK, a quote or a backslash may be the second byte of a character. The plain scanner does not
+    // support this.
     if std::str::from_utf8(stream).is_ok() {
         let found: Vec<_> = whole.iter().map(plain).collect();
         assert_eq!(found, scanner::scan(stream, limits), "the plain scanner disagrees");
     }
 
     recording::check_log(stream);
-    // Recordings are read within the limits of a connection.
+    // Recordings are read with the limits of a connection.
     let told = told(stream, Limits::default(), &mut |left| left);
     recording::check_transcript(stream, usize::from(pieces) + 1, &told);
 }
 
-/// What the plain scanner tells too: where frames and faults begin, and which fault it is.
+/// The part that the plain scanner also reports: where frames and faults begin, and the kind of fault.
 fn plain(told: &FoundFrame) -> scanner::Found {
     match told {
         FoundFrame::Frame { offset, bytes } => scanner::Found::Frame { at: *offset, length: bytes.len() },
@@ -64,7 +64,8 @@ fn plain(told: &FoundFrame) -> scanner::Found {
     }
 }
 
-/// Pushes the stream in pieces and gathers what the buffer tells; holds the buffer to its bounds meanwhile.
+/// Pushes the stream in pieces and collects the buffer's events. It checks the limits of the buffer in
+/// between.
 fn told(stream: &[u8], limits: Limits, piece: &mut dyn FnMut(usize) -> usize) -> Vec<FoundFrame> {
     let mut buffer = FrameBuffer::new(limits);
     let mut told = Vec::new();
@@ -76,7 +77,7 @@ fn told(stream: &[u8], limits: Limits, piece: &mut dyn FnMut(usize) -> usize) ->
         let come = stream.len() - rest.len();
         assert!(buffer.pending() <= come, "more is pending than ever came");
     }
-    // A byte is looked at once, and moved at most twice.
+    // A byte is examined once, and moved at most twice.
     let most = 4 * stream.len() as u64 + READ_ROOM as u64;
     assert!(buffer.examined() <= most, "{} looks at {} bytes", buffer.examined(), stream.len());
     let pending = buffer.pending();

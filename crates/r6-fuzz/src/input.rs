@@ -1,6 +1,6 @@
-//! Reads what a target does next out of the bytes that a fuzzer made up.
+//! Reads the next values of a target from the fuzzer's bytes.
 
-/// A place in the bytes; behind their end everything is 0 and empty, so that any bytes are an input.
+/// A position in the bytes. After their end every value is 0 or empty, so any bytes are a valid input.
 #[derive(Clone, Debug)]
 pub struct Input<'b> {
     rest: &'b [u8],
@@ -36,7 +36,7 @@ impl<'b> Input<'b> {
         }
     }
 
-    /// The next bit of a byte of its own.
+    /// The lowest bit of the next byte.
     pub fn flag(&mut self) -> bool {
         self.byte() & 1 == 1
     }
@@ -46,30 +46,30 @@ impl<'b> Input<'b> {
         u16::from_le_bytes([self.byte(), self.byte()])
     }
 
-    /// A number below `end`, which is not 0, out of one byte.
+    /// A number below `end` from one byte; `end` must not be 0.
     pub fn below(&mut self, end: usize) -> usize {
         usize::from(self.byte()) % end
     }
 
-    /// One of several.
+    /// Picks one of several values.
     pub fn pick<T: Copy>(&mut self, of: &[T]) -> T {
         of[self.below(of.len())]
     }
 
-    /// The next so many bytes, or what there is of them.
+    /// The next `count` bytes, or as many as are left.
     pub fn bytes(&mut self, count: usize) -> &'b [u8] {
         let (taken, rest) = self.rest.split_at(count.min(self.rest.len()));
         self.rest = rest;
         taken
     }
 
-    /// Bytes with their number, one byte, before them.
+    /// Bytes with their length in one byte before them.
     pub fn piece(&mut self) -> &'b [u8] {
         let count = usize::from(self.byte());
         self.bytes(count)
     }
 
-    /// The bytes up to the next end of a line, and not that.
+    /// The bytes up to the next end of line, without it.
     pub fn line(&mut self) -> &'b [u8] {
         let end = self.rest.iter().position(|byte| *byte == b'\n');
         let line = self.bytes(end.unwrap_or(self.rest.len()));
@@ -77,7 +77,7 @@ impl<'b> Input<'b> {
         line
     }
 
-    /// A number from `-limit` to `limit` in steps of a thousandth of it, often one of its ends or 0.
+    /// A number from `-limit` to `limit`, in steps of a thousandth of `limit`.
     pub fn decimal(&mut self, limit: f64) -> f64 {
         let number = i16::from_le_bytes([self.byte(), self.byte()]);
         f64::from(number % 1001) / 1000.0 * limit

@@ -1,4 +1,5 @@
-//! How long each target has been tried, and at which commit last: `fuzz/ledger.tsv`, shown by `docs/RELIABILITY.md`.
+//! How long each target has been fuzzed, and at which commit last: `fuzz/ledger.tsv`, shown in
+//! `docs/RELIABILITY.md`.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -6,26 +7,26 @@ use std::path::PathBuf;
 
 use crate::{TARGETS, corpus};
 
-/// What was done for one target, all runs together.
+/// The sums of all runs of one target.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Row {
     /// The target.
     pub target: String,
-    /// Time of processors, s.
+    /// Processor time, s.
     pub seconds: u64,
-    /// Inputs that were tried.
+    /// Executed inputs.
     pub executions: u64,
-    /// Edges of the program that were reached, the most in one run.
+    /// Edges of the program that were reached; the maximum of all runs.
     pub coverage: u64,
     /// Runs that ended with a finding.
     pub findings: u64,
-    /// The commit whose code the last run tried, with a `+` where files of it were changed.
+    /// The commit of the last run, with a `+` if files were changed.
     pub code: String,
-    /// The day of that commit, as 2026-11-22.
+    /// The day of that commit, such as 2026-11-22.
     pub day: String,
 }
 
-/// Where the figures stand.
+/// The file with the figures.
 #[must_use]
 pub fn file() -> PathBuf {
     corpus::folder().join("ledger.tsv")
@@ -40,7 +41,7 @@ pub fn page() -> PathBuf {
 const BEGIN: &str = "<!-- ledger: written by `make fuzz RECORD=1` -->\n";
 const END: &str = "<!-- end of the ledger -->\n";
 
-/// The rows that are there.
+/// The stored rows.
 #[must_use]
 pub fn rows() -> Vec<Row> {
     let text = fs::read_to_string(file()).unwrap_or_default();
@@ -64,7 +65,7 @@ fn row(line: &str) -> Option<Row> {
     })
 }
 
-/// Adds a run to what is there.
+/// Adds a run to the stored rows.
 pub fn record(run: Row) {
     let mut rows: Vec<Row> = rows().into_iter().filter(|row| row.target != run.target).collect();
     let before = self::rows().into_iter().find(|row| row.target == run.target).unwrap_or_default();
@@ -91,7 +92,7 @@ pub fn show() {
     fs::write(page(), shown).unwrap_or_else(|error| panic!("{}: {error}", page().display()));
 }
 
-/// The page with the present table; `None` where it has no place for it.
+/// The page with the current table; `None` if it has no place for the table.
 #[must_use]
 pub fn shown(page: &str) -> Option<String> {
     let (before, rest) = page.split_once(BEGIN)?;

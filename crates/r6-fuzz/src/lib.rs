@@ -1,8 +1,9 @@
-//! What is tried with random input: each promise of the product as one function over bytes, which panics where it is broken.
+//! Fuzz targets: each promise of the product is one function over bytes, which panics if the promise is
+//! broken.
 //!
-//! The functions are ordinary Rust. `make test` runs them over the files in `fuzz/corpus` and `fuzz/regressions` and over random
-//! changes of these; `make fuzz` has libFuzzer look for inputs that reach further (`fuzz/`, `docs/RELIABILITY.md`).
-//! `cargo run -p r6-fuzz -- TARGET FILE` runs one file.
+//! The functions are ordinary Rust. `make test` runs them on the files in `fuzz/corpus` and
+//! `fuzz/regressions`, and on random changes of these. `make fuzz` lets libFuzzer search for inputs that
+//! reach further (`fuzz/`, `docs/RELIABILITY.md`). `cargo run -p r6-fuzz -- TARGET FILE` runs one file.
 #![allow(clippy::missing_panics_doc, reason = "to panic is what every function here is for")]
 
 pub mod client_session;
@@ -21,7 +22,7 @@ pub mod server_session;
 pub mod words;
 mod written;
 
-/// A target: its name, and what it does with the bytes of one input.
+/// A target: its name, and the function that runs one input.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets, in the order of `docs/RELIABILITY.md`.

@@ -1,4 +1,4 @@
-//! Runs single inputs through a target, and writes what `fuzz/` begins from.
+//! Runs single inputs through a target, and writes the seeds for `fuzz/`.
 
 use std::path::Path;
 use std::process::ExitCode;

@@ -1,8 +1,8 @@
-//! Messages: what is decoded says what serde_json reads in the same text, nothing of it is lost, the fast way and the careful
-//! one agree, and what is encoded again says the same.
+//! Fuzzes messages. A decoded message agrees with what serde_json reads from the same text, and nothing is
+//! lost. The fast path and the slow path agree. A message that is encoded again has the same content.
 //!
-//! An input is a frame; or two lines, of which the first was read just before the second: a repeated reply is read by what it has in
-//! common with the one before.
+//! An input is one frame, or two lines. With two lines, the first is read directly before the second, because
+//! a repeated reply is read by its difference from the one before.
 
 mod again;
 #[path = "../../r6-proto/tests/common/look.rs"]
@@ -19,9 +19,9 @@ pub use look::look_at_everything;
 
 use r6_proto::Decoder;
 
-/// Tries one input.
+/// Runs one input.
 pub fn run(bytes: &[u8]) {
-    // Offsets are 32 bits wide and frames far shorter; longer inputs only cost time.
+    // Offsets are 32 bits wide, and frames are far shorter. Longer inputs only cost time.
     if bytes.len() > 65_536 {
         return;
     }

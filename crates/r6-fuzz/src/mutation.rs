@@ -1,10 +1,12 @@
-//! Small changes of an input: those of a target that spoils what it sends, and those of the test that tries the corpus.
+//! Small changes of an input, for a target that corrupts what it sends, and for the test that runs the
+//! corpus.
 
 use r6_traffic::random::Random;
 
 use crate::input::Input;
 
-/// The bytes with one change that the input tells: a byte replaced, put in or taken out, a stretch repeated, the end cut off.
+/// The bytes with one change, chosen by the input: a byte replaced, inserted or removed, a part repeated, or
+/// the end cut off.
 #[must_use]
 pub fn change(bytes: &[u8], input: &mut Input<'_>) -> Vec<u8> {
     let (kind, at, with) = (input.byte(), usize::from(input.number()), input.byte());
@@ -20,12 +22,13 @@ pub fn change(bytes: &[u8], input: &mut Input<'_>) -> Vec<u8> {
     }
 }
 
-/// A number below `end`, which is not 0. Not as even as [`Random::below`], but what the committed corpus was drawn with.
+/// A number below `end`; `end` must not be 0. It is less uniform than [`Random::below`], but the committed
+/// corpus was drawn with it.
 pub fn below(random: &mut Random, end: usize) -> usize {
     usize::try_from(random.next_number() % u64::try_from(end).unwrap()).unwrap()
 }
 
-/// An input that somebody has changed in a few places: with single bytes, words of the protocol, and pieces of `other`.
+/// The input with a few changes: single bytes, words of the protocol, and pieces of `other`.
 #[must_use]
 pub fn mutate(bytes: &[u8], other: &[u8], words: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
     let mut mutated = bytes.to_vec();

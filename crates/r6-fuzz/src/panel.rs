@@ -1,8 +1,8 @@
-//! The panel over HTTP: whatever a request says, it is answered with JSON in the documented form, pages of a browser get nothing
-//! through, and what was refused has changed nothing.
+//! Fuzzes the panel over HTTP. Every request gets JSON in the documented form. Pages of other sites have no
+//! access, and a refused request changes nothing.
 //!
-//! An input is up to four requests, each of lines: method, path, then header lines up to an empty one, and a body with its length in
-//! the two bytes before it.
+//! An input is up to four requests of lines: method, path, header lines up to an empty line, and a body with
+//! its length in the two bytes before it.
 
 use std::cell::RefCell;
 use std::net::IpAddr;
@@ -21,21 +21,21 @@ use tokio::runtime::{Builder, Runtime};
 
 use crate::input::Input;
 
-/// An input has no more requests.
+/// The maximum number of requests of an input.
 const MOST_REQUESTS: usize = 4;
 
-/// Where the panel believes that it listens.
+/// The address on which the panel believes to listen.
 const ADDRESS: &str = "127.0.0.1:9770";
 
-/// Every status that the description names, and the two of any HTTP server.
+/// Every status in the description, and the two of any HTTP server.
 const STATUSES: [u16; 11] = [200, 204, 400, 403, 404, 405, 408, 409, 413, 415, 422];
 
 thread_local! {
-    /// One runtime for all inputs of a thread: making one takes longer than trying one.
+    /// One runtime for all inputs of a thread, because creating one takes longer than running one input.
     static RUNTIME: RefCell<Option<Runtime>> = const { RefCell::new(None) };
 }
 
-/// Tries one input.
+/// Runs one input.
 pub fn run(bytes: &[u8]) {
     RUNTIME.with_borrow_mut(|runtime| {
         let made = || {
@@ -93,7 +93,7 @@ fn check_body(status: StatusCode, body: &[u8], told: &str) {
     }
 }
 
-/// The next request, and whether a page from elsewhere must have sent it; `None` for what HTTP itself refuses.
+/// Reads the next request, and whether the panel must treat it as foreign; `None` if HTTP itself refuses it.
 fn request(input: &mut Input<'_>) -> Option<(Request<Body>, bool)> {
     let method = Method::from_bytes(input.line());
     let uri = Uri::try_from(input.line());
@@ -120,8 +120,8 @@ fn request(input: &mut Input<'_>) -> Option<(Request<Body>, bool)> {
     Some((request, foreign))
 }
 
-/// Whether a request has to be refused: it names no host or several, a host that is not this machine, or it is a browser's and comes
-/// from a page of anybody else.
+/// Whether the panel must refuse a request: it names no host or several, or a host that is not this machine,
+/// or it comes from a browser page of another site.
 fn is_foreign(request: &Request<Body>) -> bool {
     let told =
         |name: &str| request.headers().get_all(name).iter().map(HeaderValue::as_bytes).collect::<Vec<_>>();
@@ -133,7 +133,8 @@ fn is_foreign(request: &Request<Body>) -> bool {
         || told("sec-fetch-site").iter().any(|site| *site != b"none" && *site != b"same-origin")
 }
 
-/// Whether a host, with a port or without, is `localhost` or an address of loopback: any other name may be made to point here.
+/// Whether a host, with or without a port, is `localhost` or a loopback address. Any other name may be made
+/// to point here.
 fn is_this_machine(host: &[u8]) -> bool {
     let Ok(host) = std::str::from_utf8(host) else { return false };
     let (name, port) = match host.strip_prefix('[').and_then(|host| host.split_once(']')) {

@@ -1,5 +1,5 @@
-//! What a power cut leaves: any text is a saved state or is refused with a reason; what is taken is written and read again the same,
-//! and nothing moves by itself after it.
+//! Fuzzes the state that a power cut leaves. Any text is a saved state, or is refused with a reason. An
+//! accepted state is written and read again without a change, and nothing moves by itself after it.
 //!
 //! An input is the text of a state file.
 
@@ -11,10 +11,10 @@ use serde_json::Value;
 
 use crate::controller::cell::Cell;
 
-/// How long the machine is watched, s.
+/// How long the machine is observed, s.
 const WATCHED: f64 = 2.0;
 
-/// Tries one input.
+/// Runs one input.
 pub fn run(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let saved = match SavedState::from_json(text) {
@@ -30,7 +30,7 @@ pub fn run(bytes: &[u8]) {
     let settings = settings();
     let mut controller = Controller::restored(settings.clone(), &saved, Instant::ORIGIN);
     assert_eq!(saved.to_json(), written);
-    // What is saved of it is a state again, and settles: restored once more nothing changes any more.
+    // The state that the controller saves is valid again and stable: restoring it once more changes nothing.
     let again = controller.machine().saved();
     let text = again.to_json();
     assert_eq!(SavedState::from_json(&text).as_ref(), Ok(&again), "what it saves, it does not read");
@@ -51,7 +51,8 @@ pub fn run(bytes: &[u8]) {
     cell.work();
 }
 
-/// What was written comes back: all of it, but for a program in use that is not there, and what that one brings along.
+/// Checks that everything written comes back, except a program in use that does not exist, and what that
+/// program defines.
 fn nothing_is_lost(written: &str, again: &str) {
     let [written, again] =
         [written, again].map(|text| serde_json::from_str::<Value>(text).expect("it was read before"));
@@ -69,7 +70,7 @@ fn nothing_is_lost(written: &str, again: &str) {
     }
 }
 
-/// A controller that would run at once if no state were kept.
+/// Settings of a controller that would run at once without a saved state.
 pub(crate) fn settings() -> ControllerSettings {
     let model = RobotModel::default();
     ControllerSettings { start: StartState::Waiting, ..ControllerSettings::new(Profile::hc1(), model) }

@@ -1,4 +1,4 @@
-//! Inputs to begin from, made of the golden vectors, transcripts, examples, programs, models and scenarios.
+//! Seeds made from the golden vectors, transcripts, examples, programs, models and scenarios.
 
 mod every;
 
@@ -13,13 +13,13 @@ use crate::mutation;
 /// A file of a corpus: its name and its bytes.
 pub type Seed = (String, Vec<u8>);
 
-/// No corpus has more files than this.
+/// The maximum number of files of a corpus.
 pub const MOST_FILES: usize = 60;
 
-/// No corpus is larger than this, bytes: it is read by every test run.
+/// The maximum size of a corpus in bytes, because every test run reads it.
 pub const MOST_BYTES: usize = 300_000;
 
-/// The seeds of a target; a target that nobody knows has none.
+/// The seeds of a target; empty for an unknown target.
 #[must_use]
 pub fn of(target: &str) -> Vec<Seed> {
     match target {
@@ -68,7 +68,7 @@ fn vectors() -> Vec<Seed> {
         .collect()
 }
 
-/// Of many seeds so many, evenly.
+/// Selects at most `count` seeds, evenly spaced.
 fn some(seeds: Vec<Seed>, count: usize) -> Vec<Seed> {
     let every = seeds.len().div_ceil(count).max(1);
     seeds.into_iter().step_by(every).collect()
@@ -95,7 +95,8 @@ fn frames() -> Vec<Seed> {
     seeds
 }
 
-/// Random operations; requests that are lost, whole, in part and not at all; and so many that the output is full.
+/// Random operations; requests that are lost completely, in part and not at all; and enough requests to fill
+/// the output.
 fn client_session() -> Vec<Seed> {
     const WINDOW: u8 = 64;
     let mut seeds = made_up(b"client", 40, 400);
@@ -131,7 +132,7 @@ fn server_session() -> Vec<Seed> {
     seeds
 }
 
-/// Random operations: whatever bytes are there, they are an input.
+/// Random operations. Any bytes are a valid input.
 fn made_up(name: &[u8], count: usize, most: usize) -> Vec<Seed> {
     let mut random = Random::new(name.iter().fold(7, |sum, byte| sum * 31 + u64::from(*byte)));
     let name = String::from_utf8_lossy(name);
@@ -144,7 +145,7 @@ fn made_up(name: &[u8], count: usize, most: usize) -> Vec<Seed> {
         .collect()
 }
 
-/// A move is under way, and something stops it, on each firmware; and random operations.
+/// Random operations, and moves that something stops, on each firmware.
 fn controller() -> Vec<Seed> {
     let mut seeds = made_up(b"control", 25, 500);
     // One-shot axis moves at 20 %, to a tenth and a fifth of the way to the limits.
@@ -186,14 +187,14 @@ fn controller() -> Vec<Seed> {
         ];
         seeds.push((format!("then-{name}"), bytes.concat()));
     }
-    // Moves that arrive, at several speeds, and what is set, on each firmware.
+    // Moves that arrive at several speeds, and commands with an effect, on each firmware.
     for firmware in 0..4 {
         let arrives = [&list(1, [100, -200])[..], &later.repeat(10)].concat();
         let sets = [command(8), command(25), command(23), command(24), command(14), command(15)].concat();
         let bytes = [&[firmware, 0, 0], &arrives[..], &sets, &list(0, [50, 20]), &later.repeat(12)].concat();
         seeds.push((format!("arrives-{firmware}"), bytes));
     }
-    // By hand, with the key in manual.
+    // Moves by hand, with the key in manual.
     let jog = panel(11, &[0, 0x2C, 1, 200, 0]);
     let by_hand = [&[0, 0, 2][..], &jog, &soon, &panel(3, &[1]), &later, &jog, &soon, &panel(6, &[]), &later];
     seeds.push(("by-hand".to_owned(), by_hand.concat()));

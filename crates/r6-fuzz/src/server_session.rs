@@ -1,7 +1,7 @@
-//! The server session: whatever a peer sends, in whatever pieces and with whatever pauses, gives the same messages; replies leave
-//! whole, once, in the order of their times, and none is lost.
+//! Fuzzes the server session. Whatever a peer sends, in any pieces and with any pauses, the messages are the
+//! same. Replies are sent complete, once, in the order of their times, and none is lost.
 //!
-//! An input is a byte for the limits and then operations, each a byte and what it needs.
+//! An input is a byte for the limits, then operations: a byte each, with the bytes that it needs.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -14,10 +14,10 @@ use r6_proto::{Decoder, Message};
 use crate::input::Input;
 use crate::messages::look_at_everything;
 
-/// An input has no more operations: so each is tried in microseconds.
+/// The maximum number of operations of an input, so that each input takes microseconds.
 const MOST_OPERATIONS: usize = 300;
 
-/// Tries one input.
+/// Runs one input.
 pub fn run(bytes: &[u8]) {
     let mut input = Input::new(bytes);
     let max_frame_bytes = input.pick(&[65_536, 2, 64, 2048]);
@@ -38,21 +38,21 @@ pub fn run(bytes: &[u8]) {
     pair.take_out(&mut input);
 }
 
-/// A session, and what it should do.
+/// A session and its expected behaviour.
 struct Pair {
     session: ServerSession,
-    /// The bytes that came, by themselves.
+    /// The received bytes in a separate buffer.
     plain: FrameBuffer,
     last_byte: Instant,
     out: Queue,
     now: Instant,
 }
 
-/// Replies as they should leave.
+/// The replies in their expected order.
 #[derive(Default)]
 struct Queue {
     ready: VecDeque<Vec<u8>>,
-    /// In order; those of the same time in the order in which they were sent.
+    /// In order of time. Replies with the same time keep the order in which they were sent.
     delayed: Vec<(Instant, Vec<u8>)>,
     in_turn: Instant,
 }
@@ -108,7 +108,7 @@ impl Pair {
                 self.out.release(self.now);
             }
             _ => {
-                // Time is jumped over: nobody counts it against the peer.
+                // Skipped time does not count against the peer.
                 let by = Duration::from_millis(u64::from(input.number()));
                 self.session.postpone(by);
                 self.last_byte += by;
@@ -158,7 +158,7 @@ impl Pair {
         self.out.release(self.now);
         let (_, outbox) = self.session.split();
         loop {
-            // A reply without bytes is none.
+            // A reply without bytes is not sent.
             let due = std::iter::from_fn(|| self.out.ready.pop_front()).find(|frame| !frame.is_empty());
             assert_eq!(outbox.poll_transmit(self.now), due.as_deref());
             if due.is_none() {
@@ -183,7 +183,7 @@ impl Pair {
     }
 }
 
-/// A reply: made of two bytes, so that long ones cost no input.
+/// A reply from two bytes of input, so that long replies cost no input.
 fn frame(input: &mut Input<'_>) -> Vec<u8> {
     let length = [0, 1, 20, 300, 5_000, 300_000][input.below(6)];
     vec![input.byte(); length]
@@ -197,7 +197,7 @@ fn told(message: &Result<Message<'_>, InputError>) -> Option<String> {
     })
 }
 
-/// The next frame or fault of the same bytes, given one by one.
+/// The next frame or fault of the same bytes, pushed one by one.
 fn next_plain(buffer: &mut FrameBuffer, bytes: &mut &[u8]) -> Option<String> {
     loop {
         if let Some(next) = buffer.next() {

@@ -1,4 +1,4 @@
-//! The words of the protocol and of the files, for a fuzzer's dictionary (`fuzz/words.dict`).
+//! The words of the protocol and of the files, for the fuzzer's dictionary (`fuzz/words.dict`).
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use r6_proto::message::command::COMMANDS;
 use r6_proto::{ADDRESSES, RequestType};
 
-/// Words that stand in no table of the code: keys, values, and what JSON, TOML and HTTP are made of.
+/// Words that are in no table of the code: keys, values, and the syntax of JSON, TOML and HTTP.
 const MORE: &str = "dsID cmdType reqType packID queryAddr queryData cmdData cmdReply camID ret emptyList instructions dsData \
     data oneshot action m0 m1 m2 m3 m4 m5 m6 m7 m0_p m5_p ckStatus 0x3F 0x07 speed delay smooth tool coord isUse ioNumber \
     io_status type point limit isUnlimit cnt_id xpos ypos zpos upos vpos wpos ModelID X Y Z U V Angel Angle Rel Similarity \
@@ -32,7 +32,7 @@ pub fn all() -> Vec<Vec<u8>> {
     words.into_iter().map(String::into_bytes).collect()
 }
 
-/// The dictionary as libFuzzer reads it.
+/// The dictionary in libFuzzer's format.
 #[must_use]
 pub fn dictionary() -> String {
     let mut text = "# Written by `cargo run -p r6-fuzz -- words`; a test says when it is old.\n".to_owned();

@@ -1,21 +1,21 @@
-//! What was written and read again against what it was written from: the same in every field, and numbers within half a step of the
-//! last decimal that is written of them.
+//! Compares data that was written and read again with the original: every field must be equal, and numbers
+//! must agree within half a step of their last written decimal.
 
 use r6_proto::message::instruction::{Action, Coordinates, Instruction, Manner};
 use r6_proto::message::{Command, Point};
 use r6_proto::{AxisIndex, AxisMask};
 
-/// A position is written with six decimals at most.
+/// The step of positions, which have at most six decimals.
 const POSITION: f64 = 1e-6;
 
-/// Everything else with three,
+/// The step of all other numbers, which have three decimals,
 const FEW: f64 = 1e-3;
 
-/// but for the global speed: tenths of a percent.
+/// except the global speed: tenths of a percent.
 const PERCENT: f64 = 0.1;
 
-/// The numbers that are rounded when they are written, each with its last decimal. They leave zeros in their places, so that all that
-/// remains is compared as it is.
+/// The numbers that are rounded when written, each with its last decimal. Zeros take their places, so that
+/// the rest can be compared for equality.
 #[derive(Default)]
 struct Rounded(Vec<(f64, f64)>);
 
@@ -38,7 +38,8 @@ impl Rounded {
     }
 
     fn manner(&mut self, manner: &mut Manner, given: AxisMask) {
-        // Without a mask all move that are given; where others are left out, that is written.
+        // Without a mask, all axes with a coordinate move. If some coordinates are absent, the mask is
+        // written.
         manner.mask.get_or_insert(given);
         self.take_all(manner.speed.iter_mut().chain(&mut manner.delay), FEW);
     }
@@ -76,13 +77,13 @@ impl Rounded {
                 self.take_all([acceleration, deceleration], FEW);
             }
             Command::ModifyTool { offset, .. } => self.take_all(offset, FEW),
-            // The others have no number with a fraction.
+            // The other commands have no fractions.
             _ => {}
         }
     }
 
     fn is_near(&self, again: &Self) -> bool {
-        // Scaling rounds once, and what is read of the digits once more.
+        // Scaling rounds once, and reading the digits rounds once more.
         let near = |(number, step): (f64, f64), again: f64| {
             (number - again).abs() <= step / 2.0 + number.abs() * 4.0 * f64::EPSILON
         };
@@ -91,17 +92,17 @@ impl Rounded {
     }
 }
 
-/// Holds two lists of instructions against each other.
+/// Compares two lists of instructions.
 pub fn same_instructions(first: &[Instruction], again: &[Instruction]) {
     same("instruction", first, again, Rounded::instruction);
 }
 
-/// Holds two lists of points against each other.
+/// Compares two lists of points.
 pub fn same_points(first: &[Point], again: &[Point]) {
     same("point", first, again, Rounded::point);
 }
 
-/// Holds two commands against each other.
+/// Compares two commands.
 pub fn same_command<'c>(first: &Command<'c>, again: &Command<'c>) {
     same("command", std::slice::from_ref(first), std::slice::from_ref(again), Rounded::command);
 }

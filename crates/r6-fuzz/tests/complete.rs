@@ -1,4 +1,4 @@
-//! Every target has all that belongs to it: a corpus, a program for libFuzzer, a test, a row in the documentation.
+//! Tests that every target has a corpus, a program for libFuzzer, a test, and a row in the documentation.
 
 use std::fs;
 

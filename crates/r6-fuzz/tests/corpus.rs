@@ -1,4 +1,4 @@
-//! The corpus, what once broke a promise, and random changes of both, through every target.
+//! Runs the corpus, the regressions and random changes of both through every target.
 
 use std::sync::LazyLock;
 
@@ -6,8 +6,8 @@ use r6_fuzz::mutation::{below, mutate};
 use r6_fuzz::{corpus, seeds, target, words};
 use r6_traffic::random::Random;
 
-/// So many changed inputs each target tries, on every machine the same: what it gets through in a few seconds on a quiet one. The
-/// rest is what `make fuzz` is for.
+/// How many changed inputs each target runs, the same on every machine: as many as take a few seconds on a
+/// quiet one. `make fuzz` does more.
 const CHANGES: [(&str, usize); 8] = [
     ("frames", 20_000),
     ("messages", 20_000),
@@ -21,7 +21,7 @@ const CHANGES: [(&str, usize); 8] = [
 
 static WORDS: LazyLock<Vec<Vec<u8>>> = LazyLock::new(words::all);
 
-/// Runs all files of the target, and so many changes of them; an input that breaks a promise is printed.
+/// Runs all files of the target, and its number of changed inputs. It prints an input that breaks a promise.
 fn replay(name: &str) {
     let (_, run) = target(name).unwrap_or_else(|| panic!("there is no target {name}"));
     let files: Vec<_> =

@@ -1,7 +1,7 @@
 //! The form of a document in TOML, or in JSON with the same keys: tables and values with their places.
 //!
-//! [`parse`] makes a [`Table`] and an empty list of what is [`Found`] wrong. [`Fields`] asks a table for its values. It notes every value that
-//! is of the wrong kind or beyond its range, and every key that it was not asked for.
+//! [`parse`] returns a [`Table`] and the mistakes [`Found`] so far. [`Fields`] reads the values of a table.
+//! It notes every value of the wrong kind or out of range, and every key that was not asked for.
 
 mod fields;
 mod json;
@@ -16,11 +16,13 @@ pub use fields::Fields;
 use crate::lines;
 use crate::mistakes::{MAX_MISTAKES, Mistake, Mistakes};
 
-/// How deep tables and lists may be nested: no file of ours needs more than four levels, and the reader recurses.
+/// The maximum nesting of tables and lists. No file of ours needs more than four levels, and the reader is
+/// recursive.
 const MAX_DEPTH: usize = 16;
 
-/// The longest text in which the reader goes on behind a place that is no TOML, bytes. Each such place takes memory, and a text of many megabytes
-/// can consist of them alone: of a longer text only the first one is told.
+/// The longest text, in bytes, in which the reader continues after invalid TOML. Each invalid place takes
+/// memory, and a text of many megabytes can consist only of such places. In a longer text only the first one
+/// is reported.
 const MAX_RECOVERED_BYTES: usize = 256 * 1024;
 
 /// The keys and values of a table, in the order of the file.
@@ -64,7 +66,7 @@ enum Value {
     TooDeep,
 }
 
-/// A number: what it is as a whole number and as any number, and how it is written.
+/// A number as a whole number, as any number, and as written.
 #[derive(Clone, Debug, PartialEq)]
 struct Number {
     whole: Option<i64>,
@@ -79,7 +81,7 @@ impl Node {
         if let Value::Text(text) = &self.value { Some(text) } else { None }
     }
 
-    /// The value as a number, whole or not; not infinite, and not `nan`.
+    /// The value as a number, whole or not; infinity and `nan` are excluded.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         let Value::Number(number) = &self.value else { return None };
@@ -111,10 +113,10 @@ impl Node {
     }
 }
 
-/// A value in words; numbers and texts are quoted.
+/// Displays a value in words; texts are quoted and cut.
 impl fmt::Display for Node {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        /// What is quoted of a text, characters.
+        /// Maximum length of a quote, in characters.
         const LONGEST_QUOTE: usize = 40;
         let quoted = |text: &str| text.chars().take(LONGEST_QUOTE).collect::<String>();
         match &self.value {
@@ -131,26 +133,26 @@ impl fmt::Display for Node {
     }
 }
 
-/// Something wrong at a place of a document, while the document is read.
+/// A mistake at a place of a document, while the document is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wrong {
-    /// The byte; `None` for the table that is being read.
+    /// Byte offset; `None` stands for the table that is being read.
     at: Option<usize>,
     what: String,
     advice: Option<String>,
-    /// The key that is missing, if that is what is wrong.
+    /// The missing key, if the mistake is a missing key.
     missing: Option<&'static str>,
 }
 
 impl Wrong {
-    /// The same with what to do about it.
+    /// Adds advice.
     #[must_use]
     pub fn advise(mut self, advice: impl Into<String>) -> Self {
         self.advice = Some(advice.into());
         self
     }
 
-    /// The key is not there; `what` is due.
+    /// A mistake for a missing key. `due` says what the key needs.
     #[must_use]
     pub fn missing(key: &'static str, due: &str) -> Self {
         let what =
@@ -165,15 +167,15 @@ impl<T: Into<String>> From<T> for Wrong {
     }
 }
 
-/// What is found wrong with a document so far, and what its reader should know.
+/// The mistakes of a document so far, and hints for its author.
 #[derive(Debug)]
 pub struct Found<'t> {
     text: &'t str,
     wrong: Vec<Wrong>,
     more: usize,
-    /// Spellings that are still read, and those of today: the byte, and what to write.
+    /// Old spellings that are still read: the byte offset, and what to write instead.
     hints: Vec<(usize, String)>,
-    /// The lines that are no TOML: what else is wrong there follows from that.
+    /// The lines with invalid TOML. Other mistakes there are only consequences.
     broken: Vec<usize>,
 }
 
@@ -187,7 +189,7 @@ impl Found<'_> {
         }
     }
 
-    /// A hint at the older spellings of the document: the first one, and how many there are.
+    /// A hint about old spellings in the document: the first one, and how many more there are.
     #[must_use]
     pub fn hint(&self) -> Option<String> {
         let (at, today) = self.hints.iter().min_by_key(|(at, _)| *at)?;
@@ -200,7 +202,7 @@ impl Found<'_> {
         Some(format!("{line}:{column}: an older spelling, which is still read: {today}{others}"))
     }
 
-    /// What was read, if nothing is wrong.
+    /// Returns the result if there is no mistake.
     ///
     /// # Errors
     /// All mistakes that were noted.
@@ -217,7 +219,7 @@ impl Found<'_> {
         }
     }
 
-    /// Whether no more mistakes are listed: what is found besides is only counted.
+    /// Whether the list of mistakes is full. Further mistakes are only counted.
     fn is_full(&self) -> bool {
         self.wrong.len() >= MAX_MISTAKES
     }
@@ -227,8 +229,8 @@ impl Found<'_> {
     }
 }
 
-/// Reads a document; one that begins with `{` is JSON. What is no TOML is noted, and the rest is read all the same; of what is no JSON, nothing
-/// is read.
+/// Reads a document. A document that begins with `{` is JSON. The reader notes invalid TOML and reads the
+/// rest. It reads nothing of invalid JSON.
 #[must_use]
 pub fn parse(text: &str) -> (Table, Found<'_>) {
     let mut found = Found { text, wrong: Vec::new(), more: 0, hints: Vec::new(), broken: Vec::new() };
@@ -255,7 +257,7 @@ pub fn parse(text: &str) -> (Table, Found<'_>) {
         }
         let at = error.span().map_or(0, |span| span.start);
         let line = lines::position(text, at).0;
-        // One mistake often gives the parser several reasons.
+        // The parser often reports one mistake several times.
         if found.broken.last() == Some(&line) {
             continue;
         }

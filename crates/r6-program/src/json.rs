@@ -1,4 +1,4 @@
-//! Programs in JSON: AddRCC frames as the manual prints them.
+//! Programs in JSON: AddRCC frames in the form that the manual prints.
 
 use r6_proto::error::{JsonError, JsonFault};
 use r6_proto::message::{Action, AddRcc, ExtraKind, Message, Place, action};
@@ -8,7 +8,8 @@ use crate::lines;
 use crate::mistakes::{MAX_MISTAKES, Mistake, Mistakes};
 use crate::run::{MotionList, MotionProgram};
 
-/// Reads one or more frames, one behind the other, with `//` comments. What is no JSON ends the reading; what is wrong with a frame does not.
+/// Reads one or more consecutive frames, with `//` comments. Invalid JSON ends the reading; a wrong frame
+/// does not.
 pub fn read(text: &str) -> Result<MotionProgram, Mistakes> {
     let text = text.trim_start_matches('\u{feff}');
     let stripped = lines::without_comments(text);
@@ -49,7 +50,7 @@ pub fn read(text: &str) -> Result<MotionProgram, Mistakes> {
     }
 }
 
-/// What is wrong so far.
+/// The mistakes so far.
 #[derive(Default)]
 struct Wrong {
     listed: Vec<Mistake>,
@@ -66,7 +67,7 @@ impl Wrong {
     }
 }
 
-/// How long the first frame is: all of the text, or up to where the decoder wants nothing more.
+/// The length of the first frame: the whole text, or up to the point where the decoder expects nothing more.
 fn frame_length(decoder: &mut Decoder, text: &str) -> Result<usize, JsonError> {
     match decoder.decode(text.as_bytes()) {
         Ok(_) => Ok(text.len()),
@@ -110,7 +111,7 @@ fn at_fault(text: &str, frame: usize, error: &JsonError) -> Mistake {
     Mistake { at: Some(lines::position(text, offset)), what, advice }
 }
 
-/// Adds what a frame says to the program, or notes all that is wrong with it.
+/// Adds the instructions of a frame to the program, or notes all mistakes of the frame.
 fn take(program: &mut MotionProgram, message: &Message<'_>, start: (usize, usize), wrong: &mut Wrong) {
     let mistake = |what: String, advice: Option<String>| Mistake { at: Some(start), what, advice };
     let list = match &message.body {
@@ -186,7 +187,7 @@ mod tests {
         )
     }
 
-    /// The one mistake of a text.
+    /// The only mistake of a text.
     fn first(text: &str) -> Mistake {
         let mistakes = read(text).unwrap_err();
         assert_eq!((mistakes.iter().count(), mistakes.more()), (1, 0));

@@ -1,8 +1,8 @@
-//! Reads motion programs, and gives every other file of the product its strict reader.
+//! Reads motion programs, and provides the strict reader for all other files of the product.
 //!
-//! [`form`] reads a TOML document with the place of every key and value. It reports all mistakes of the document, not the first one.
-//! [`MotionProgram`] is what `r6 run` and `r6 plot` take: steps in TOML, or the AddRCC frames of the manual. The crate does no I/O: texts come in
-//! as arguments.
+//! [`form`] reads a TOML document with the place of every key and value. It reports all mistakes of the
+//! document, not only the first. [`MotionProgram`] is the input of `r6 run` and `r6 plot`: steps in TOML, or
+//! the AddRCC frames of the manual. The crate does no I/O: texts come in as arguments.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)

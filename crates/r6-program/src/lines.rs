@@ -9,13 +9,14 @@ pub fn position(text: &str, offset: usize) -> (usize, usize) {
     (line, column)
 }
 
-/// The byte offset of a line and a column, both counted from 1, columns in bytes: as `serde_json` tells a place.
+/// The byte offset of a line and a column, both counted from 1. Columns count bytes, as in errors of
+/// `serde_json`.
 pub fn offset(text: &str, line: usize, column: usize) -> usize {
     let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
     (start + column.saturating_sub(1)).min(text.len())
 }
 
-/// The text with every `//` comment outside a string turned to blanks, so that all offsets stay.
+/// The text with every `//` comment outside strings replaced by blanks, so that all offsets stay the same.
 pub fn without_comments(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for line in text.split_inclusive('\n') {
@@ -32,7 +33,7 @@ pub fn without_comments(text: &str) -> String {
     out
 }
 
-/// Where the comment of a line begins. A JSON string never goes over the end of a line, so each line stands alone.
+/// Where the comment of a line begins. A JSON string never spans lines, so each line can be read alone.
 fn comment_start(line: &str) -> Option<usize> {
     let mut in_string = false;
     let mut escaped = false;

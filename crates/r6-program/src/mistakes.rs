@@ -1,23 +1,24 @@
-//! What is wrong with a file, and where.
+//! The mistakes of a file, and their places.
 
 use std::fmt;
 
-/// How many mistakes of one file are listed: more than this do not fit on a screen, and a file of many megabytes must not make as many lines.
+/// The maximum number of listed mistakes of one file. More do not fit on a screen, and a file of many
+/// megabytes must not produce as many lines.
 pub const MAX_MISTAKES: usize = 20;
 
 /// One mistake of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mistake {
-    /// Line and column, both counted from 1, columns in characters; `None` if the whole file is meant.
+    /// Line and column, both counted from 1, columns in characters; `None` for the whole file.
     pub at: Option<(usize, usize)>,
-    /// What is wrong there.
+    /// The mistake.
     pub what: String,
-    /// What to do about it.
+    /// How to correct it.
     pub advice: Option<String>,
 }
 
 impl Mistake {
-    /// A mistake of the file as a whole.
+    /// A mistake of the whole file.
     #[must_use]
     pub fn of_the_file(what: impl Into<String>, advice: Option<&str>) -> Self {
         Self { at: None, what: what.into(), advice: advice.map(str::to_owned) }
@@ -50,7 +51,7 @@ pub struct Mistakes {
 }
 
 impl Mistakes {
-    /// The mistakes of a list, and how many there are besides; `None` if the list is empty.
+    /// The mistakes of a list, and how many more there are; `None` if the list is empty.
     #[must_use]
     pub(crate) fn new(mut all: Vec<Mistake>, more: usize) -> Option<Self> {
         all.sort_by_key(|mistake| mistake.at);
@@ -64,12 +65,12 @@ impl Mistakes {
         &self.first
     }
 
-    /// All that are listed: [`MAX_MISTAKES`] at most.
+    /// All listed mistakes, at most [`MAX_MISTAKES`].
     pub fn iter(&self) -> impl Iterator<Item = &Mistake> {
         std::iter::once(&self.first).chain(&self.others)
     }
 
-    /// How many there are besides.
+    /// How many mistakes are not listed.
     #[must_use]
     pub fn more(&self) -> usize {
         self.more
@@ -77,7 +78,8 @@ impl Mistakes {
 }
 
 impl Mistakes {
-    /// A line `FILE:LINE:COLUMN: what` for each that is listed, which editors read; below it, indented, what to do about it.
+    /// A line `FILE:LINE:COLUMN: what` for each listed mistake, a form that editors can read. Advice follows
+    /// on an indented line.
     pub fn lines(&self, file: &str) -> impl Iterator<Item = String> {
         let more = (self.more > 0).then(|| format!("and {} more mistakes in {file}", self.more));
         let lines = self.iter().flat_map(move |mistake| {

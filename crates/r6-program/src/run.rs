@@ -1,4 +1,4 @@
-//! Motion programs: what can be sent to an arm as an instruction list.
+//! Motion programs: instruction lists that can be sent to an arm.
 
 use r6_proto::message::Instruction;
 
@@ -6,46 +6,47 @@ use crate::form::{self, Fields, Found, Table};
 use crate::step::{self, ProgramKind};
 use crate::{Mistake, Mistakes, json};
 
-/// The largest program file that is read, bytes: far more than any list of instructions, and little enough for memory.
+/// The largest program file that is read, in bytes. It is far more than any list of instructions needs, and
+/// fits in memory.
 pub const MAX_FILE_BYTES: usize = 16 * 1024 * 1024;
 
-/// The keys of the file itself.
+/// The keys at the top of the file.
 const FILE_KEYS: [&str; 3] = ["repeat", "append", INSTRUCTION];
 
-/// The tables that a program consists of.
+/// The tables of a program.
 const INSTRUCTION: &str = "instruction";
 
-/// Instructions that replace the instruction list of a controller, or are appended to it.
+/// Instructions that replace a controller's instruction list or are appended to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionList {
-    /// Whether they replace the list; else they are appended.
+    /// Whether they replace the list; otherwise they are appended.
     pub replace: bool,
     /// The instructions.
     pub instructions: Vec<Instruction>,
 }
 
-/// What a file of `r6 run` says.
+/// The content of a file for `r6 run`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionProgram {
     /// Its lists; at least one.
     pub lists: Vec<MotionList>,
-    /// What the reader of the file should know: odd spellings, unknown keys.
+    /// Hints for the reader of the file: unusual spellings, unknown keys.
     pub remarks: Vec<String>,
 }
 
 impl MotionProgram {
-    /// Reads AddRCC frames, one behind the other, with `//` comments.
+    /// Reads consecutive AddRCC frames, with `//` comments.
     ///
     /// # Errors
-    /// [`Mistakes`]: all frames that are wrong, and what is due there.
+    /// [`Mistakes`]: all wrong frames, and what is valid there.
     pub fn from_json(text: &str) -> Result<Self, Mistakes> {
         json::read(text)
     }
 
-    /// Reads either form: a text that begins with a frame, or with a `//` comment before one, is JSON.
+    /// Reads either form. A text that begins with a frame, or with a `//` comment before one, is JSON.
     ///
     /// # Errors
-    /// [`Mistakes`]: all places where the text is wrong, and what is due there.
+    /// [`Mistakes`]: all wrong places of the text, and what is valid there.
     pub fn read(text: &str) -> Result<Self, Mistakes> {
         let beginning = text.trim_start_matches('\u{feff}').trim_start();
         if beginning.starts_with('{') || beginning.starts_with("//") {
@@ -57,12 +58,12 @@ impl MotionProgram {
     /// Reads a list of `[[instruction]]` tables.
     ///
     /// # Errors
-    /// [`Mistakes`]: all places where the text is wrong, and what is due there.
+    /// [`Mistakes`]: all wrong places of the text, and what is valid there.
     pub fn from_toml(text: &str) -> Result<Self, Mistakes> {
         read(text)
     }
 
-    /// Lets a list that repeats run only once.
+    /// Makes a repeating list run only once.
     pub fn run_once(&mut self) {
         let steps = self.lists.iter_mut().flat_map(|list| &mut list.instructions);
         steps.for_each(|step| step.oneshot = true);
@@ -100,14 +101,14 @@ fn instructions(steps: &[&Table], oneshot: bool, found: &mut Found<'_>) -> Vec<I
     instructions
 }
 
-/// Where a key belongs that a file does not have.
+/// Advice for an unknown key of a file: where it belongs.
 fn elsewhere(key: &str) -> Option<String> {
     match key {
         "step" | "stack" | "counter" => Some(
             "a taught program runs on the controller: `r6 sim --program FILE`, `r6 panel load FILE`, or `r6 plot FILE` (docs/PROGRAMS.md)"
                 .to_owned(),
         ),
-        // It may be the key of an instruction, above the first of them.
+        // It may be the key of an instruction, written above the first instruction.
         _ => step::KEYS.contains(&key).then(|| "it belongs below a line [[instruction]]".to_owned()),
     }
 }
@@ -145,7 +146,7 @@ mod tests {
         assert!(!program.lists[0].instructions[0].oneshot);
     }
 
-    /// Line, column and words of each mistake.
+    /// Line, column, text and advice of each mistake.
     fn mistakes(text: &str) -> Vec<String> {
         let mistakes = read(text).unwrap_err();
         mistakes

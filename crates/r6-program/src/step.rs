@@ -1,4 +1,5 @@
-//! One step of a program: what may stand in it, and the action it means. Programs that are sent and taught programs have these steps in common.
+//! One step of a program: its keys, and the action that it means. Sent programs and taught programs share
+//! these steps.
 
 mod signals;
 
@@ -13,12 +14,12 @@ use crate::form::{Fields, Node, Wrong};
 
 pub use signals::{A_WATCHED_POINT, WATCHED, further_output, watched};
 
-/// Where the steps of a program are carried out, which says how exact its numbers may be and which points there are.
+/// Where the steps of a program run. This decides how exact its numbers may be and which points exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProgramKind {
-    /// A PC sends them: numbers are as the wire can carry them.
+    /// A PC sends them, so numbers must fit the wire.
     Sent,
-    /// They stand in a program of the controller itself.
+    /// They are part of a program on the controller itself.
     Taught,
 }
 
@@ -65,19 +66,19 @@ pub const KEYS: [&str; 23] = [
     "limit", "kind", "on", "pulse", "set", "clear", "watch", "mm_per_s", "number",
 ];
 
-/// What a step does, by its `do`.
+/// The kind of a step, from its `do`.
 ///
 /// # Errors
-/// It is missing, or names nothing that can be sent.
+/// `do` is missing, or names nothing that can be sent.
 pub fn kind(fields: &Fields<'_>) -> Result<Kind, Wrong> {
     let missing = || Wrong::missing("do", "what it does").advise("such as do = \"axis-move\"");
     fields.word("do", &KINDS).ok_or_else(missing)
 }
 
-/// The action that a step means.
+/// The action of a step.
 ///
 /// # Errors
-/// What ended the reading. The fields have noted what else is wrong.
+/// The mistake that ended the reading. The fields have noted all other mistakes.
 pub fn action(kind: Kind, fields: &Fields<'_>, program: ProgramKind) -> Result<Action, Wrong> {
     match kind {
         Kind::AxisMove => {
@@ -128,7 +129,8 @@ fn stop_on_signal(fields: &Fields<'_>, program: ProgramKind) -> Result<Action, W
     Ok(Action::StopOnSignal(StopOnSignal { in_use: watch.unwrap_or(true), input, on: on.unwrap_or(true) }))
 }
 
-/// The number of a tool or workbench. A controller of another make may have any number of them, a virtual one has 32.
+/// The number of a tool or workbench. A controller of another make may have any number of them; a virtual
+/// controller has 32.
 pub fn frame(fields: &Fields<'_>, key: &'static str, program: ProgramKind) -> Option<u32> {
     match program {
         ProgramKind::Sent => fields.whole(key, u32::MAX),
@@ -136,7 +138,8 @@ pub fn frame(fields: &Fields<'_>, key: &'static str, program: ProgramKind) -> Op
     }
 }
 
-/// How a move goes, with the mask of its axes; `given` is what the mask may pick from, if that could be read.
+/// The manner of a move, with the mask of its axes. `given` are the coordinates that the mask can select
+/// from, if they could be read.
 fn masked_manner(
     fields: &Fields<'_>,
     given: Result<&Vec<f64>, &Wrong>,
@@ -167,10 +170,10 @@ fn masked_manner(
     Ok(Manner { mask: Some(mask?), ..manner? })
 }
 
-/// How a move goes.
+/// The manner of a move: speed, blend level, delay, tool and work frame.
 ///
 /// # Errors
-/// Its speed is missing, or a value that was given cannot be.
+/// The speed is missing, or a value is invalid.
 pub fn manner(fields: &Fields<'_>, program: ProgramKind) -> Result<Manner, Wrong> {
     let speed = fields.number("speed");
     let blend = fields.whole("blend", 9_u8).unwrap_or(0);
@@ -191,10 +194,10 @@ fn counted(count: usize) -> String {
     if count == 1 { "1 number".to_owned() } else { format!("{count} numbers") }
 }
 
-/// So many numbers as one of `counts` says.
+/// Reads coordinates. Their number must be one of `counts`.
 ///
 /// # Errors
-/// They are missing, or too many or too few, or no coordinates.
+/// The coordinates are missing, their number is wrong, or a value is out of range.
 pub fn coordinates(fields: &Fields<'_>, key: &'static str, counts: &[usize]) -> Result<Vec<f64>, Wrong> {
     let values = fields.required(key, fields.numbers(key))?;
     if !counts.contains(&values.len()) {
@@ -208,14 +211,14 @@ pub fn coordinates(fields: &Fields<'_>, key: &'static str, counts: &[usize]) -> 
     Ok(values)
 }
 
-/// The mask of the first axes, from J1 (or X): of as many as `count` says.
+/// The mask of the first `count` axes, from J1 (or X).
 #[must_use]
 pub fn first_axes(count: usize) -> AxisMask {
     AxisIndex::ALL.into_iter().take(count).fold(AxisMask::NONE, AxisMask::with)
 }
 
-/// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),
-/// and the mask keeps the others where they are.
+/// All eight coordinates, 0 for absent ones. One controller was reported to require all eight (unit A), and
+/// the mask keeps the other axes where they are.
 #[must_use]
 pub fn eight(given: &[f64]) -> Coordinates {
     let mut values = [0.0; AXES];
@@ -239,10 +242,10 @@ pub fn axis_mask(text: &str) -> Result<AxisMask, String> {
     })
 }
 
-/// Seconds from 0 to a day, if they are given, as the wire can carry them.
+/// Reads optional seconds from 0 to one day. In a sent program they must fit the wire.
 ///
 /// # Errors
-/// The value is beyond that.
+/// The value is out of range or does not fit the wire.
 pub fn seconds(
     fields: &Fields<'_>,
     key: &'static str,
@@ -256,7 +259,7 @@ pub fn seconds(
     on_grid(fields, key, value, grid, program).map(Some)
 }
 
-/// The value, where the wire can carry it or does not have to.
+/// Returns the value if it fits the wire, or if the program is not sent.
 fn on_grid(
     fields: &Fields<'_>,
     key: &'static str,
@@ -283,7 +286,7 @@ mod tests {
 
     use super::*;
 
-    /// The action of a step, or the first mistake of it.
+    /// The action of a step, or its first mistake.
     fn action(toml: &str) -> Result<Action, String> {
         let program = crate::MotionProgram::from_toml(&format!("[[instruction]]\n{toml}"));
         program.map(|program| program.lists[0].instructions[0].action).map_err(|mistakes| {
@@ -307,7 +310,7 @@ mod tests {
             "mask 0x3F names J4, for which there is no number"
         );
         assert_eq!(action(&format!("{text}\"0x05\"")).map(|action| action.number()), Ok(4));
-        // A move of no axis is none.
+        // A move of no axis is not a move.
         assert_eq!(
             action(&format!("{text}0")).unwrap_err(),
             "`mask` is 0, but has to be a mask such as 0x3F or \"0x3F\""

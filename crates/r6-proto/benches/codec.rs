@@ -1,8 +1,9 @@
-//! Decoding to typed values and encoding from them, beside serde_json and sonic-rs with typed structs in the same run.
+//! Decoding to typed values and encoding from them, compared with serde_json and sonic-rs with typed structs
+//! in the same run.
 //!
-//! Ratios to the other two are what counts; times differ from machine to machine. Every case goes through 1 024
-//! different frames, and all three have to agree on each of them before the first is timed. `r6-bench codec` measures the same
-//! in turns, as ratios.
+//! Compare the ratios, because times differ between machines. Every case uses 1 024 different frames, and all
+//! three must agree on each frame before the timing starts. `r6-bench codec` measures the same in turns, as
+//! ratios.
 
 use std::hint::black_box;
 
@@ -18,10 +19,10 @@ mod samples;
 use cases::Case;
 use samples::FRAMES;
 
-/// In the order in which a case has them.
+/// In the same order as in a case.
 const CONTENDERS: [&str; 3] = ["r6", "serde_json", "sonic-rs"];
 
-/// The numbers of the frames, again and again.
+/// The numbers of the frames, repeated without end.
 fn turns() -> impl FnMut() -> usize {
     let mut turn = 0;
     move || {

@@ -1,6 +1,7 @@
-//! Finding frames in a stream, in pieces of several sizes, beside the least that a loop over the bytes could do.
+//! Finding frames in a stream, in pieces of several sizes, compared with the simplest possible loop over the
+//! bytes.
 //!
-//! Ratios to the floor of the same run are what counts; times differ from machine to machine.
+//! Compare the ratios to this floor in the same run, because times differ between machines.
 
 use std::hint::black_box;
 

@@ -12,19 +12,19 @@ mod table;
 
 pub use table::{ADDRESSES, Address};
 
-/// Which network port of the cabinet a thing exists on (manual 4.1.1, 4.2.1).
+/// Which network port of the cabinet offers a query address or a command (manual 4.1.1, 4.2.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ports {
-    /// On the mainboard's port and on the hand panel's.
+    /// The mainboard's port and the hand panel's port.
     Both,
-    /// Only on the mainboard's port.
+    /// Only the mainboard's port.
     Mainboard,
-    /// Only on the hand panel's (pendant's) port.
+    /// Only the hand panel's (pendant's) port.
     Pendant,
 }
 
 impl Ports {
-    /// Whether the given port has it.
+    /// Whether `port` offers it.
     #[must_use]
     pub fn has(self, port: Port) -> bool {
         match self {
@@ -44,14 +44,14 @@ pub enum Port {
     Pendant,
 }
 
-/// What a value is, whatever the wire quotes.
+/// The type of a value, whether or not the wire puts it in quotes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ValueType {
     /// Text.
     Text,
     /// A whole number.
     Integer,
-    /// A decimal number, six decimals as captured.
+    /// A decimal number; captured controllers send six decimals.
     Decimal,
     /// 32 points as the bits of one unsigned number; bit 0 is the first point.
     Word,
@@ -84,29 +84,29 @@ pub struct AddressInfo {
     pub name: &'static str,
     /// The lowest and highest index, or `None` for an address without one.
     pub indices: Option<(u32, u32)>,
-    /// What the value is.
+    /// The type of the value.
     pub value: ValueType,
-    /// The unit, empty where there is none.
+    /// The unit; empty if the value has no unit.
     pub unit: &'static str,
-    /// What it tells.
+    /// What the value means.
     pub meaning: &'static str,
-    /// Which port has it.
+    /// Which port offers it.
     pub ports: Ports,
     /// The first manual or firmware that knows it.
     pub since: &'static str,
-    /// Where it is written: the number in the manual's table 4.1.1, or the evidence for a later one.
+    /// The source: the number in the manual's table 4.1.1, or the evidence for a later address.
     pub source: &'static str,
 }
 
 impl AddressInfo {
-    /// Whether the oldest manual has it, V6.0, and so every firmware.
+    /// Whether the oldest manual (V6.0) lists the address, so that every firmware knows it.
     #[must_use]
     pub fn is_in_first_manual(&self) -> bool {
         self.source.starts_with("4.1.1 #")
     }
 }
 
-/// Spellings that are accepted besides the table's: (spelling, the table's).
+/// Spellings that are accepted besides those of the table: (accepted spelling, spelling in the table).
 pub const ACCEPTED_SPELLINGS: [(&str, &str); 2] = [("boardIONum", "boardIOnum"), ("Version", "version")];
 
 /// A register that the PC may read and write: 800 to 900.
@@ -133,7 +133,8 @@ impl RegisterIndex {
 }
 
 impl Address {
-    /// The address with exactly this name, or `None`: no accepted misspellings, no leading zeros.
+    /// Returns the address with exactly this name, or `None`. Misspellings and leading zeros are not
+    /// accepted.
     #[must_use]
     pub fn exact(name: &[u8]) -> Option<Self> {
         let stem = name.iter().position(|byte| *byte == b'-').map_or(name.len(), |dash| dash + 1);
@@ -141,10 +142,10 @@ impl Address {
         Self::of(stem, |(first, last)| index(digits, last).filter(|number| *number >= first))
     }
 
-    /// The address a peer meant by this name: exact, or one of [`ACCEPTED_SPELLINGS`].
+    /// Returns the address that a peer meant by this name: an exact name, or one of [`ACCEPTED_SPELLINGS`].
     ///
     /// # Errors
-    /// [`UnknownAddress`] with the nearest name of the table, or the index that is out of range.
+    /// [`UnknownAddress`] with the nearest name of the table, or with the index that is out of range.
     pub fn parse(name: &str) -> Result<Self, UnknownAddress> {
         let canonical =
             ACCEPTED_SPELLINGS.iter().find(|(spelling, _)| *spelling == name).map_or(name, |(_, name)| name);
@@ -158,7 +159,7 @@ impl Address {
         &ADDRESSES[self.row()]
     }
 
-    /// The name without its index, up to and with the dash.
+    /// The name up to and including the dash, without its index.
     fn stem(self) -> &'static [u8] {
         let name = self.info().name.as_bytes();
         match self.index() {
@@ -167,7 +168,7 @@ impl Address {
         }
     }
 
-    /// Appends the name as it stands on the wire.
+    /// Appends the name as the wire spells it.
     pub fn write_name(self, out: &mut Vec<u8>) {
         out.extend_from_slice(self.stem());
         match self.index() {
@@ -177,7 +178,7 @@ impl Address {
         }
     }
 
-    /// How long the name is that [`Self::write_name`] appends, bytes.
+    /// Length in bytes of the name that [`Self::write_name`] appends.
     #[must_use]
     pub fn name_len(self) -> usize {
         let digits =
@@ -204,10 +205,10 @@ impl std::str::FromStr for Address {
     }
 }
 
-/// Decimal digits without a leading zero, at most `last`.
+/// Reads decimal digits without a leading zero; `None` above `last`.
 fn index(digits: &[u8], last: u32) -> Option<u32> {
     let canonical = matches!(digits, [b'0'] | [b'1'..=b'9', ..]);
-    // No index has more digits than a counter's nine, which 32 bits hold.
+    // A counter id has at most nine digits, which fit in 32 bits. No other index has more.
     if !canonical || digits.len() > 9 || !digits.iter().all(u8::is_ascii_digit) {
         return None;
     }
@@ -215,7 +216,7 @@ fn index(digits: &[u8], last: u32) -> Option<u32> {
     (value <= last).then_some(value)
 }
 
-/// A name that is no query address.
+/// A name that is not a query address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownAddress {
     /// The name, cut at 64 characters.
@@ -227,8 +228,8 @@ impl UnknownAddress {
         Self { name: name.chars().take(64).collect() }
     }
 
-    /// The row of the table that comes nearest. It is looked for when it is asked for: a hostile peer can send
-    /// thousands of unknown names in one frame.
+    /// Finds the nearest row of the table. The search runs only when the caller asks for it, because a
+    /// hostile peer can send thousands of unknown names in one frame.
     #[must_use]
     pub fn nearest(&self) -> Option<&'static AddressInfo> {
         let stem = self.name.trim_end_matches(|c: char| c.is_ascii_digit());

@@ -1,13 +1,14 @@
 //! Alarm codes: what they mean, which axis they name, and what to do.
 //!
-//! The table is the pendant's own (no manual prints it). Codes marked as seen live were raised by real controllers.
+//! The table is the pendant's own (no manual prints it). Codes marked as seen live were raised by real
+//! controllers.
 
 use std::fmt;
 
 use crate::axis::AxisIndex;
 use crate::io_point::{IoPoint, PointKind};
 
-/// The number of an alarm, as `curAlarm` tells it; 0 is no alarm.
+/// The number of an alarm, as `curAlarm` reports it; 0 means no alarm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct AlarmCode(pub u32);
 
@@ -16,9 +17,9 @@ pub struct AlarmCode(pub u32);
 pub struct Alarm {
     /// The code.
     pub code: AlarmCode,
-    /// What it means, in a few words.
+    /// Its meaning, in a few words.
     pub text: String,
-    /// The axis that it names.
+    /// The axis that the alarm names.
     pub axis: Option<AxisIndex>,
     /// What to do about it.
     pub remedy: &'static str,
@@ -28,14 +29,14 @@ pub struct Alarm {
     pub known: bool,
 }
 
-/// How a row's codes are counted.
+/// How many codes a row covers, and what they count.
 #[derive(Clone, Copy)]
 enum Span {
     /// One code.
     One,
-    /// One code for each of the eight axes, the first for J1.
+    /// One code for each of the eight axes; the first is J1.
     Axes,
-    /// Codes up to this one, which number something else.
+    /// All codes up to this one. They count something other than axes.
     To(u32),
 }
 
@@ -154,26 +155,26 @@ impl Row {
     }
 }
 
-/// The codes of waits that ran out.
+/// The codes of waits that timed out.
 const IO_WAIT: std::ops::RangeInclusive<u32> = 2048..=4095;
 
 impl AlarmCode {
     /// The emergency stop is pressed.
     pub const EMERGENCY_STOP: Self = Self(7);
 
-    /// Nobody answers a photo, or nobody feeds the watchdog.
+    /// No host answers a photo request, or no host feeds the watchdog.
     pub const NO_HOST: Self = Self(9);
 
-    /// The program, or an instruction, cannot be carried out.
+    /// The controller cannot execute the program or an instruction.
     pub const PROGRAM: Self = Self(10);
 
     /// The user coordinate system (workbench) is wrong.
     pub const FRAME: Self = Self(27);
 
-    /// The list was replaced while the arm moved.
+    /// A new list replaced the old one while the arm was moving.
     pub const LIST_REPLACED: Self = Self(200);
 
-    /// A move has no speed, or a path speed cannot be set.
+    /// A move has no speed, or the controller cannot set a path speed.
     pub const PATH_SPEED: Self = Self(219);
 
     /// What the code means.
@@ -213,8 +214,8 @@ impl AlarmCode {
         }
     }
 
-    /// A wait that ran out: class in bits 8–10, board in bits 5–7, point in bits 0–4. Which class is which kind of
-    /// point is nowhere written; 0 X, 1 M and 2 EU is our reading.
+    /// Decodes a wait that timed out: class in bits 8–10, board in bits 5–7, point in bits 0–4. No document
+    /// says which class is which kind of point; 0 = X, 1 = M and 2 = EU is our reading.
     fn io_wait(self) -> Alarm {
         let bits = |shift: u32, mask: u32| u8::try_from(self.0 >> shift & mask).unwrap_or(0);
         let (class, board, point) = (bits(8, 7), bits(5, 7), bits(0, 31));

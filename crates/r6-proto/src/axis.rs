@@ -2,17 +2,17 @@
 
 use std::fmt;
 
-/// How many axes the protocol can address (`axis-0` … `axis-7`, `m0` … `m7`): manual 4.1.1, 6.1.1.
+/// The number of axes that the protocol can address (`axis-0` … `axis-7`, `m0` … `m7`): manual 4.1.1, 6.1.1.
 pub const AXES: usize = 8;
 
-/// One axis, counted from 0 as on the wire; written J1 … J8 for people.
+/// One axis, counted from 0 as on the wire, and displayed as J1 … J8.
 ///
 /// In `world-n` the same index counts X, Y, Z, U, V, W, M7, M8 (manual 4.1.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct AxisIndex(u8);
 
 impl AxisIndex {
-    /// All eight, in order.
+    /// All eight axes, in order.
     pub const ALL: [Self; AXES] = [Self(0), Self(1), Self(2), Self(3), Self(4), Self(5), Self(6), Self(7)];
 
     /// The axis with this number, 0 to 7; `None` beyond.
@@ -33,7 +33,7 @@ impl AxisIndex {
         self.0 as usize
     }
 
-    /// What `world-n` calls this component: X, Y, Z, U, V, W, M7 or M8.
+    /// The name of this component in `world-n`: X, Y, Z, U, V, W, M7 or M8.
     #[must_use]
     pub fn world_name(self) -> &'static str {
         ["X", "Y", "Z", "U", "V", "W", "M7", "M8"].get(self.index()).copied().unwrap_or("?")
@@ -57,7 +57,7 @@ impl AxisMask {
     pub const SIX: Self = Self(0x3F);
     /// X, Y and Z of a pose, `0x07`: the orientation is kept.
     pub const POSITION: Self = Self(0x07);
-    /// All eight, `0xFF`.
+    /// All eight axes, `0xFF`.
     pub const ALL: Self = Self(0xFF);
 
     /// The mask with exactly these bits.
@@ -84,7 +84,7 @@ impl AxisMask {
         Self(self.0 | (1 << axis.0))
     }
 
-    /// The axes in both.
+    /// The axes that are in both masks.
     #[must_use]
     pub const fn and(self, other: Self) -> Self {
         Self(self.0 & other.0)

@@ -1,18 +1,18 @@
-//! Sixteen bytes at once: what a name or a number of the protocol fits into.
+//! Reads sixteen bytes at once, enough for a name or a number of the protocol.
 //!
-//! Names have up to twelve letters and numbers up to fifteen digits, so one look at sixteen bytes finds where nearly any
-//! text ends. The processors of x86-64 all have instructions for that, which are safe to use; elsewhere two ordinary words
-//! of eight bytes do. The tests hold one against the other.
+//! Names have up to twelve letters and numbers up to fifteen digits, so one test of sixteen bytes finds the
+//! end of almost every text. All x86-64 processors have instructions for this, and they are safe to use.
+//! Other processors use two ordinary words of eight bytes. The tests compare the two versions.
 
-/// How many bytes a chunk has.
+/// Number of bytes in a chunk.
 pub(crate) const CHUNK: usize = 16;
 
-/// Sixteen bytes, the first of them lowest.
+/// Sixteen bytes; the first byte is the lowest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Chunk(u128);
 
 impl Chunk {
-    /// The chunk that begins at this offset; behind the end of the bytes there are zeros.
+    /// The chunk that begins at this offset, padded with zeros after the end of `bytes`.
     #[inline(always)]
     pub fn at(bytes: &[u8], at: usize) -> Self {
         if let Some(chunk) = bytes.get(at..).and_then(|rest| rest.first_chunk::<CHUNK>()) {
@@ -33,50 +33,51 @@ impl Chunk {
         Self(u128::from_le_bytes(chunk))
     }
 
-    /// The chunk that ends before this offset; `None` where fewer than sixteen bytes come before it.
+    /// The chunk that ends before this offset; `None` if fewer than sixteen bytes come before it.
     #[inline(always)]
     pub fn before(bytes: &[u8], end: usize) -> Option<Self> {
         let chunk = bytes.get(..end)?.last_chunk::<CHUNK>()?;
         Some(Self(u128::from_le_bytes(*chunk)))
     }
 
-    /// The chunk with these bytes, the first lowest.
+    /// The chunk with these bytes; the first byte is the lowest.
     #[inline(always)]
     pub fn of(bits: u128) -> Self {
         Self(bits)
     }
 
-    /// All sixteen as one number.
+    /// All sixteen bytes as one number.
     #[inline(always)]
     pub fn bits(self) -> u128 {
         self.0
     }
 
-    /// How many bytes come before the first that is a quote, a `\`, a control byte or beyond ASCII; 16 where none is.
+    /// Number of bytes before the first quote, `\`, control byte or non-ASCII byte; 16 if there is no such
+    /// byte.
     #[inline(always)]
     pub fn plain(self) -> usize {
         (self.specials() | 1 << CHUNK).trailing_zeros() as usize
     }
 
-    /// How many digits there are from byte number `from` on, which is at most 16.
+    /// Number of consecutive digits from byte `from` on; `from` is at most 16.
     #[inline(always)]
     pub fn digits_from(self, from: usize) -> usize {
         ((self.no_digits() | 1 << CHUNK) >> from).trailing_zeros() as usize
     }
 
-    /// The number of the first byte that is this one; 16 where none is.
+    /// Position of the first byte equal to `byte`; 16 if no byte is equal.
     #[inline(always)]
     pub fn place_of(self, byte: u8) -> usize {
         (self.equals(byte) | 1 << CHUNK).trailing_zeros() as usize
     }
 
-    /// The byte with this number, below 16.
+    /// The byte at this position, below 16.
     #[inline(always)]
     pub fn byte(self, at: usize) -> u8 {
         (self.0 >> (8 * (at % CHUNK))).to_le_bytes()[0]
     }
 
-    /// One bit for each byte: not plain.
+    /// One bit for each byte, set if the byte is not plain.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     #[allow(
@@ -84,11 +85,11 @@ impl Chunk {
         reason = "half the time of the portable way, in which every text of every frame is looked at"
     )]
     fn specials(self) -> u32 {
-        // SAFETY: every processor of x86-64 has SSE2. Nothing else is asked of the caller.
+        // SAFETY: every x86-64 processor has SSE2. The function has no other requirement.
         unsafe { sse2::specials(self.words()) }
     }
 
-    /// One bit for each byte: no digit.
+    /// One bit for each byte, set if the byte is not a digit.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     #[allow(unsafe_code, reason = "as above, for every number")]
@@ -107,7 +108,7 @@ impl Chunk {
         self.portable_no_digits()
     }
 
-    /// One bit for each byte: this one.
+    /// One bit for each byte, set if the byte equals `byte`.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     #[allow(unsafe_code, reason = "as above, for the point of every number")]
@@ -136,7 +137,7 @@ impl Chunk {
         self.gathered(|word| below(word, b'0') | !below(word, b'9' + 1) | word)
     }
 
-    /// The top bits of what `mark` makes of both words, side by side.
+    /// Applies `mark` to both words and gathers the top bit of each byte.
     #[cfg(any(test, not(target_arch = "x86_64")))]
     fn gathered(self, mark: impl Fn(u64) -> u64) -> u32 {
         let [low, high] = self.words().map(|word| {
@@ -146,7 +147,7 @@ impl Chunk {
         low | high << 8
     }
 
-    /// The first eight bytes and the others.
+    /// The first eight bytes and the last eight bytes.
     #[inline(always)]
     pub fn words(self) -> [u64; 2] {
         let [a, b, c, d, e, f, g, h, rest @ ..] = self.0.to_le_bytes();
@@ -154,7 +155,7 @@ impl Chunk {
     }
 }
 
-/// Comparing sixteen bytes with one instruction each.
+/// Compares sixteen bytes with one instruction for each comparison.
 #[cfg(target_arch = "x86_64")]
 mod sse2 {
     use std::arch::x86_64::{
@@ -172,7 +173,7 @@ mod sse2 {
     #[target_feature(enable = "sse2")]
     pub fn specials([low, high]: [u64; 2]) -> u32 {
         let chunk = _mm_set_epi64x(high.cast_signed(), low.cast_signed());
-        // Bytes beyond ASCII are negative here, and below the blank too.
+        // As signed numbers, non-ASCII bytes are negative, so they are below the blank too.
         let low = _mm_cmplt_epi8(chunk, all(0x20));
         let signs = _mm_or_si128(_mm_cmpeq_epi8(chunk, all(b'"')), _mm_cmpeq_epi8(chunk, all(b'\\')));
         _mm_movemask_epi8(_mm_or_si128(low, signs)).cast_unsigned()
@@ -199,14 +200,14 @@ const ONES: u64 = 0x0101_0101_0101_0101;
 #[cfg(any(test, not(target_arch = "x86_64")))]
 const TOPS: u64 = ONES << 7;
 
-/// Sets the top bit of each byte that is this one. No byte touches another.
+/// Sets the top bit of each byte that equals `byte`. Bytes do not affect each other.
 #[cfg(any(test, not(target_arch = "x86_64")))]
 fn equal(word: u64, byte: u8) -> u64 {
     let other = word ^ (ONES * u64::from(byte));
     !(((other & !TOPS) + !TOPS) | other) & TOPS
 }
 
-/// Sets the top bit of each byte that is ASCII and below this one, and clears it for others.
+/// Sets the top bit of each ASCII byte below `limit`, and clears it in all other bytes.
 #[cfg(any(test, not(target_arch = "x86_64")))]
 fn below(word: u64, limit: u8) -> u64 {
     !((word & !TOPS) + ONES * (0x80 - u64::from(limit))) & !word & TOPS

@@ -1,9 +1,10 @@
-//! The PC's end of one connection, without I/O: requests in, frames out; bytes in, events out.
+//! The PC's side of one connection, without I/O: requests in, frames out; bytes in, events out.
 //!
-//! A reply is matched by its `packID` where the firmware echoes it. Where it does not, by kind, by the command it
-//! names and by order; then a request that timed out may still be answered later, and no reply can be trusted to
-//! belong to the next request: the session says so ([`Event::OutOfStep`]) and the connection has to be made anew. So it is where
-//! such a reply has more values than were asked for, for it answers an earlier request.
+//! If the firmware echoes the `packID`, the session matches a reply to its request by `packID`. Otherwise it
+//! matches by kind, by the command that the reply names, and by order. Without `packID`, a late reply to a
+//! timed-out request looks like the reply to the next request. The session then reports [`Event::OutOfStep`],
+//! and the caller must reconnect. A reply with more values than the query asked for has the same effect,
+//! because it answers an earlier request.
 
 mod matcher;
 mod repeated;
@@ -22,21 +23,22 @@ use crate::request::{LONGEST_ADD_RCC, Request};
 use crate::server::PARTIAL_FRAME_TIMEOUT;
 use crate::time::Instant;
 
-/// How a client session behaves.
+/// Settings of a client session.
 #[derive(Clone, Copy, Debug)]
 pub struct ClientSettings {
-    /// How long a reply may take. Replies take up to 26 ms on real controllers; the default of 2 s leaves room
-    /// for a busy network and is shorter than a person's patience.
+    /// How long the session waits for a reply. Real controllers reply within 26 ms. The default of 2 s leaves
+    /// room for a busy network and is shorter than a person's patience.
     pub reply_timeout: Duration,
-    /// The longest frame that is sent. Controllers neither answer nor execute an AddRCC over 2 048 bytes.
+    /// The longest frame that the session sends. Controllers neither answer nor execute an AddRCC over 2 048
+    /// bytes.
     pub max_frame_bytes: usize,
-    /// How many requests may wait for a reply at once.
+    /// How many requests may wait for a reply at the same time.
     pub max_in_flight: usize,
-    /// The key of the type: `cmdType` for the oldest firmware.
+    /// The key that carries the request type: `cmdType` for the oldest firmware.
     pub type_key: TypeKey,
     /// The form of `dsID`.
     pub ds_id: DsIdForm,
-    /// The number that the first request's `packID` has; a shell that reconnects counts on.
+    /// The `packID` of the first request. After a reconnect, the shell continues the count from here.
     pub first_pack_id: u64,
 }
 
@@ -53,35 +55,35 @@ impl Default for ClientSettings {
     }
 }
 
-/// How much may wait to be written: several times the frames of a full window, so that it only fills where the
-/// connection takes nothing.
+/// How many bytes may wait to be written. This is several times the frames of a full window, so the output
+/// fills up only when the connection accepts no bytes.
 pub const MAX_OUTPUT_BYTES: usize = 1 << 20;
 
-/// Names one request of a session; its number is the request's `packID`.
+/// Identifies one request of a session; its number is the request's `packID`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(u64);
 
 impl Ticket {
-    /// The number that stands in `packID`.
+    /// The number sent as `packID`.
     #[must_use]
     pub fn number(self) -> u64 {
         self.0
     }
 }
 
-/// Why a request was not sent: nothing has reached the controller.
+/// Why a request was not sent. Nothing has reached the controller.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SendError {
     /// A value that the wire cannot carry.
     Encode(EncodeError),
-    /// The frame is longer than the controller takes.
+    /// The frame is longer than the controller accepts.
     TooLong {
-        /// Its length.
+        /// Length of the frame in bytes.
         bytes: usize,
-        /// The limit.
+        /// The limit in bytes.
         limit: usize,
     },
-    /// The connection takes nothing: so much waits to be written already.
+    /// The connection accepts no bytes, and too many bytes already wait to be written.
     OutputFull {
         /// The limit in bytes.
         limit: usize,
@@ -112,64 +114,68 @@ impl std::fmt::Display for SendError {
 
 impl std::error::Error for SendError {}
 
-/// What a client session tells.
+/// An event of a client session.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// The reply to a request.
     Reply {
         /// The request.
         ticket: Ticket,
-        /// The reply: a [`QueryReply`](crate::Body::QueryReply), a [`CommandReply`](crate::Body::CommandReply) or, if
-        /// it cannot be understood, a [`Rejected`](crate::Body::Rejected).
+        /// The reply: a [`QueryReply`](crate::Body::QueryReply), a
+        /// [`CommandReply`](crate::Body::CommandReply) or, if the session cannot read it, a
+        /// [`Rejected`](crate::Body::Rejected).
         message: Message<'a>,
-        /// How long it took.
+        /// Time from the request to the reply.
         after: Duration,
     },
-    /// The controller asks for a photo: it was not asked for anything.
+    /// The controller asks for a photo. This frame is not a reply.
     Photo {
         /// The camera.
         cam_id: i64,
         /// The frame.
         message: Message<'a>,
     },
-    /// A frame that answers nothing that waits: late, repeated, contradictory, or of another kind.
+    /// A frame that answers no waiting request: it is late, repeated, contradictory, or of another kind.
     Stray {
         /// Why.
         reason: StrayReason,
         /// The frame.
         message: Message<'a>,
     },
-    /// Bytes that are no frame; what follows them is understood again.
+    /// Bytes that are not a frame. The session can read the bytes that follow.
     BadFrame(FrameError),
-    /// A frame that is no JSON.
+    /// A frame that is not JSON.
     NotJson(JsonError),
-    /// No reply came in time: the controller may have acted.
+    /// No reply came in time. The controller may have acted.
     TimedOut(Ticket),
     /// The connection ended before the reply.
     Lost {
         /// The request.
         ticket: Ticket,
-        /// Whether any byte of it was given to the connection: if not, sending it again is safe.
+        /// Whether any byte of the request was given to the connection. If not, it is safe to send the
+        /// request again.
         left: bool,
     },
-    /// Replies can no longer be matched with certainty: close the connection and make a new one.
+    /// The session can no longer match replies with certainty: close the connection and open a new one.
     OutOfStep,
 }
 
-/// Why a frame was matched to no request.
+/// Why a frame matched no request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StrayReason {
-    /// Nothing that waits has this `packID`: late, repeated, or another client's.
+    /// No waiting request has this `packID`: the reply is late, repeated, or meant for another client.
     UnknownPackId,
-    /// The `packID` fits, but the reply is of another kind, names another command or echoes other addresses.
+    /// The `packID` matches, but the reply is of another kind, names another command or echoes other
+    /// addresses.
     Contradiction,
-    /// Nothing of this kind waits.
+    /// No request of this kind is waiting.
     NothingWaits,
     /// An echo of a request.
     Echo,
-    /// Without `packID`, after a time-out or with more values than were asked for: it may answer an earlier request.
+    /// The reply has no `packID`, and it came after a timeout or has more values than the query asked for. It
+    /// may answer an earlier request.
     OutOfStep,
-    /// It is no reply at all.
+    /// The frame is not a reply.
     NoReply,
 }
 
@@ -186,7 +192,7 @@ impl std::fmt::Display for StrayReason {
     }
 }
 
-/// What the replies so far tell about the firmware's dialect; `None` where nothing told yet.
+/// What the replies have shown so far about the firmware's dialect; `None` if no reply has shown it yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LearnedDialect {
     /// Replies carry the request's `packID`.
@@ -203,21 +209,21 @@ pub struct LearnedDialect {
 struct InFlight {
     ticket: Ticket,
     request: RequestType,
-    /// The command's word, or AddPoints or AddRCC.
+    /// The command's word, or `AddPoints` or `AddRCC`.
     word: &'static str,
-    /// A query's addresses, hashed: an echo must be theirs.
+    /// Hash of a query's addresses. An echo must have the same hash.
     addresses: u64,
-    /// How many there are.
+    /// Number of addresses.
     count: usize,
     sent_at: Instant,
     deadline: Instant,
-    /// Where its first byte stands in the output, counted from the session's start.
+    /// Position of the first byte of its frame in the output, counted from the start of the session.
     starts_at: u64,
-    /// How long its frame is.
+    /// Length of its frame in bytes.
     bytes: usize,
 }
 
-/// The PC's end of one connection.
+/// The PC's side of one connection.
 #[derive(Debug)]
 pub struct ClientSession {
     settings: ClientSettings,
@@ -225,11 +231,11 @@ pub struct ClientSession {
     decoder: Decoder,
     last_byte: Instant,
     output: Vec<u8>,
-    /// How much of `output` was transmitted, and how much before it.
+    /// How many bytes of `output` were transmitted, and how many bytes before it.
     transmitted: usize,
     transmitted_before: u64,
     next_ticket: u64,
-    /// A `packID`, while a request is being written.
+    /// The digits of a `packID`, while a request is being written.
     digits: Vec<u8>,
     last_query: LastQuery,
     in_flight: VecDeque<InFlight>,
@@ -240,20 +246,20 @@ pub struct ClientSession {
     out_of_step: OutOfStep,
 }
 
-/// Whether replies without `packID` can still be matched.
+/// Whether the session can still match replies without `packID`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum OutOfStep {
     No,
-    /// A request timed out before it was known whether the firmware echoes `packID`.
+    /// A request timed out before the session knew whether the firmware echoes `packID`.
     IfNotEchoed,
-    /// They cannot; the event is due.
+    /// It cannot; the event is not reported yet.
     Due,
-    /// They cannot; it was said.
+    /// It cannot; the event was reported.
     Said,
 }
 
 impl ClientSession {
-    /// A session on a fresh connection.
+    /// Creates a session for a new connection.
     #[must_use]
     pub fn new(settings: ClientSettings) -> Self {
         Self {
@@ -276,10 +282,10 @@ impl ClientSession {
         }
     }
 
-    /// Puts a request into the output.
+    /// Appends a request to the output.
     ///
     /// # Errors
-    /// [`SendError`]: nothing was put there.
+    /// [`SendError`]: nothing was appended.
     pub fn send(&mut self, now: Instant, request: &Request<'_>) -> Result<Ticket, SendError> {
         let waits = request.expects_reply();
         if waits && self.in_flight.len() >= self.settings.max_in_flight {
@@ -335,7 +341,7 @@ impl ClientSession {
         Ok(ticket)
     }
 
-    /// Appends the frame of a request whose `packID` is in `digits`; the number of a query's addresses.
+    /// Appends the frame of a request whose `packID` is in `digits`. Returns the hash of a query's addresses.
     fn encode(&mut self, request: &Request<'_>) -> Result<u64, SendError> {
         let before = self.output.len();
         let digits = std::str::from_utf8(&self.digits).unwrap_or_default();
@@ -354,7 +360,8 @@ impl ClientSession {
         Ok(number)
     }
 
-    /// Forgets what was transmitted, once it is at least half of the output: each byte is moved at most once.
+    /// Drops the transmitted bytes once they are at least half of the output, so that each byte moves at most
+    /// once.
     fn compact(&mut self) {
         if self.transmitted > 0 && self.transmitted * 2 >= self.output.len() {
             self.transmitted_before += u64::try_from(self.transmitted).unwrap_or(u64::MAX);
@@ -369,12 +376,13 @@ impl ClientSession {
         self.output.get(self.transmitted..).filter(|rest| !rest.is_empty())
     }
 
-    /// Tells that the first `bytes` of [`Self::poll_transmit`] were given to the connection.
+    /// Records that the first `bytes` of [`Self::poll_transmit`] were given to the connection.
     pub fn transmitted(&mut self, bytes: usize) {
         self.transmitted = (self.transmitted + bytes).min(self.output.len());
     }
 
-    /// Takes a request back of which no byte was transmitted; `false` if it left, at least in part, or waits no more.
+    /// Withdraws a request before any byte of it is transmitted. Returns `false` if a part of it was
+    /// transmitted, or if it no longer waits.
     pub fn withdraw(&mut self, ticket: Ticket) -> bool {
         let transmitted = self.transmitted_before + u64::try_from(self.transmitted).unwrap_or(u64::MAX);
         let found = self.in_flight.iter().position(|waiting| waiting.ticket == ticket);
@@ -395,18 +403,19 @@ impl ClientSession {
         true
     }
 
-    /// Takes bytes from the controller and tells how many there was room for; [`Self::poll_event`] tells what they
-    /// mean. Give it the others once that has returned `None`.
+    /// Takes bytes from the controller and returns how many fit; [`Self::poll_event`] returns what they mean.
+    /// Pass the rest again after `poll_event` has returned `None`.
     #[must_use = "bytes that were not taken have to be given again"]
     pub fn handle_input(&mut self, now: Instant, bytes: &[u8]) -> usize {
-        // A read of nothing is no sign of life.
+        // A read of zero bytes is not a sign of life.
         if !bytes.is_empty() {
             self.last_byte = now;
         }
         self.frames.push(bytes)
     }
 
-    /// Tells the session what time it is: overdue requests time out, an incomplete frame is given up.
+    /// Tells the session the current time. Overdue requests time out, and the session gives up an overdue
+    /// incomplete frame.
     pub fn handle_timeout(&mut self, now: Instant) {
         while let Some(at) = self.in_flight.iter().position(|waiting| waiting.deadline <= now) {
             if let Some(waiting) = self.in_flight.remove(at) {
@@ -429,7 +438,7 @@ impl ClientSession {
         };
     }
 
-    /// Tells the session that the connection ended: every request that waits is lost.
+    /// Tells the session that the connection ended. Every waiting request is lost.
     pub fn handle_disconnect(&mut self) {
         let transmitted = self.transmitted_before + u64::try_from(self.transmitted).unwrap_or(u64::MAX);
         for waiting in self.in_flight.drain(..) {
@@ -441,7 +450,7 @@ impl ClientSession {
     /// When [`Self::handle_timeout`] has to be called next.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Instant> {
-        // They wait in the order in which they were sent, each as long as any other.
+        // The requests wait in the order in which they were sent, all with the same timeout.
         let reply = self.in_flight.front().map(|waiting| waiting.deadline);
         match (reply, self.partial_deadline()) {
             (Some(reply), Some(partial)) => Some(reply.min(partial)),
@@ -453,19 +462,20 @@ impl ClientSession {
         (self.frames.pending() > 0).then(|| self.last_byte + PARTIAL_FRAME_TIMEOUT)
     }
 
-    /// What the replies so far tell about the firmware.
+    /// What the replies have shown so far about the firmware.
     #[must_use]
     pub fn learned(&self) -> LearnedDialect {
         self.learned
     }
 
-    /// The number that the next request's `packID` would have: where a new session counts on.
+    /// The `packID` of the next request. A new session continues from here.
     #[must_use]
     pub fn next_pack_id(&self) -> u64 {
         self.next_ticket
     }
 
-    /// The next event; `None` once more bytes or time are needed. `now` measures how long a reply took.
+    /// Returns the next event, or `None` if the session needs more bytes or time. `now` is used to measure
+    /// how long a reply took.
     pub fn poll_event(&mut self, now: Instant) -> Option<Event<'_>> {
         if let Some(ticket) = self.timed_out.pop_front() {
             return Some(Event::TimedOut(ticket));

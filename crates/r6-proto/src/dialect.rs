@@ -1,60 +1,62 @@
-//! What differs on the wire between firmwares.
+//! Differences between firmwares on the wire.
 
 use crate::message::{RequestType, TypeKey};
 
-/// How one firmware writes its replies. What it reads is the same for all: everything, tolerantly.
+/// How one firmware writes its replies. All dialects read the same: every known form, tolerantly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dialect {
-    /// In which order a reply's keys stand.
+    /// The order of the keys in a reply.
     pub key_order: KeyOrder,
-    /// What a reply says its type is.
+    /// The type that a reply states.
     pub reply_type: ReplyType,
-    /// What `cmdReply` holds.
+    /// The form of `cmdReply`.
     pub command_reply: CommandReplyForm,
-    /// Whether a request's `packID` comes back.
+    /// Whether replies echo the request's `packID`.
     pub echo_pack_id: bool,
-    /// Whether a query's `queryAddr` comes back.
+    /// Whether replies echo a query's `queryAddr`.
     pub echo_query_addr: bool,
-    /// How a counter is written.
+    /// The form of a counter.
     pub counter: CounterForm,
-    /// Whether a reply ends with `"virtual":true`. No real controller says so; clients that read JSON step over it.
+    /// Whether a reply ends with `"virtual":true`. No real controller sends this. Clients that read JSON
+    /// ignore it.
     pub says_virtual: bool,
 }
 
-/// In which order a reply's keys stand.
+/// The order of the keys in a reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum KeyOrder {
-    /// Alphabetical, as every captured controller of unit C and D sends them.
+    /// Alphabetical, as in all captures of units C and D.
     Alphabetical,
     /// `dsID`, the type, then the payload, as the manual prints them.
     Manual,
 }
 
-/// What a reply says its type is.
+/// The type that a reply states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReplyType {
-    /// The request's (manual 2.1, note 3; captured).
+    /// The type of the request (manual 2.1, note 3; captured).
     AsSent,
-    /// The request's for queries and commands; `command` for AddPoints and AddRCC, as the templates of manual 5.2 and 6 print.
+    /// The type of the request for queries and commands; `command` for AddPoints and AddRCC, as in the
+    /// templates of manual 5.2 and 6.
     Templates,
-    /// `queryEcho` and `cmdEcho` (manual 8.2; captured, unit E), `command` for the rest.
+    /// `queryEcho` and `cmdEcho` (manual 8.2; captured, unit E); `command` for all other requests.
     Echo,
 }
 
-/// What `cmdReply` holds (manual 4.2).
+/// The form of `cmdReply` (manual 4.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CommandReplyForm {
-    /// `["ok"]` or `[""]`: before 2.0.2.1 / 1.6.4.
+    /// `["ok"]` or `[""]`, before 2.0.2.1 / 1.6.4.
     Verdict,
-    /// `[command, "ok"]` or `[command, "err", message]`: since.
+    /// `[command, "ok"]` or `[command, "err", message]`, since 2.0.2.1 / 1.6.4.
     NameAndVerdict,
 }
 
 impl CommandReplyForm {
-    /// Both.
+    /// Both forms.
     pub const ALL: [Self; 2] = [Self::Verdict, Self::NameAndVerdict];
 
-    /// The firmware that answers so (manual 4.2).
+    /// The firmware that uses this form (manual 4.2).
     #[must_use]
     pub const fn firmware(self) -> &'static str {
         match self {
@@ -64,7 +66,7 @@ impl CommandReplyForm {
     }
 }
 
-/// How `counter-n` is written.
+/// The form of `counter-n`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CounterForm {
     /// `[4,0,373266]` (captured, unit C).
@@ -76,7 +78,7 @@ pub enum CounterForm {
 }
 
 impl Dialect {
-    /// What captured controllers do: the default everywhere.
+    /// The behaviour of captured controllers; the default everywhere.
     pub const HC1: Self = Self {
         key_order: KeyOrder::Alphabetical,
         reply_type: ReplyType::AsSent,
@@ -98,8 +100,9 @@ impl Dialect {
         says_virtual: false,
     };
 
-    /// Before 2.0.2.1 / 1.6.4, as captured from unit E: `cmdEcho` with the command's name. Manual 4.2 prints `command` with the bare
-    /// verdict for that time ([`ReplyType::AsSent`], [`CommandReplyForm::Verdict`]); `cmdEcho` with the bare verdict was never seen.
+    /// Firmware before 2.0.2.1 / 1.6.4, as captured from unit E: `cmdEcho` with the command's name. For this
+    /// firmware, manual 4.2 prints `command` with the bare verdict ([`ReplyType::AsSent`],
+    /// [`CommandReplyForm::Verdict`]). No capture shows `cmdEcho` with the bare verdict.
     pub const LEGACY: Self = Self {
         key_order: KeyOrder::Manual,
         reply_type: ReplyType::Echo,
@@ -110,7 +113,7 @@ impl Dialect {
         says_virtual: false,
     };
 
-    /// The word that a reply to this request has as its type, or `None` to repeat the word that was sent.
+    /// The type word of a reply to this request, or `None` to repeat the word that was sent.
     pub(crate) fn type_word(&self, request: RequestType) -> Option<&'static str> {
         match (self.reply_type, request) {
             (ReplyType::AsSent, _)
@@ -130,7 +133,7 @@ impl Dialect {
 /// The `dsID` of a request (manual 2.1 note 1, 3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DsIdForm {
-    /// `www.hc-system.com.RemoteMonitor` and its like.
+    /// `www.hc-system.com.RemoteMonitor` and similar.
     #[default]
     Long,
     /// `HCRemoteMonitor`, `HCRemoteCommand`: the older form, still accepted.
@@ -157,14 +160,14 @@ impl DsIdForm {
     }
 }
 
-/// How a request is addressed.
+/// The addressing fields of a request.
 #[derive(Clone, Copy, Debug)]
 pub struct Addressing<'a> {
     /// The form of `dsID`.
     pub ds_id: DsIdForm,
-    /// The key of the type; `Absent` sends none, and such a request gets no reply.
+    /// The key of the type. `Absent` sends no type; such a request gets no reply.
     pub type_key: TypeKey,
-    /// `packID`, if any: comes back in the reply where the firmware does that.
+    /// `packID`, if any. Some firmware echoes it in the reply.
     pub pack_id: Option<&'a str>,
 }
 

@@ -1,4 +1,4 @@
-//! Numbers and words as the wire wants them, appended to the caller's buffer.
+//! Appends numbers and words, in the form that the wire requires, to the caller's buffer.
 
 use crate::error::EncodeError;
 use crate::text;
@@ -8,7 +8,8 @@ mod short;
 pub(crate) use short::Short;
 use short::{append_closed_few, append_fixed};
 
-/// Beyond this no coordinate, speed or time of a robot lies, and six decimals still fit a 64-bit integer.
+/// The largest magnitude that can be sent. No coordinate, speed or time of a robot is larger, and with six
+/// decimals it still fits a 64-bit integer.
 const LARGEST: f64 = 1e9;
 
 /// Appends a whole number.
@@ -34,7 +35,7 @@ pub(crate) fn write_integer(out: &mut Vec<u8>, value: i64) {
     out.extend_from_slice(digits.get(digits.len() - used..).unwrap_or_default());
 }
 
-/// Appends a whole number and a quote behind it.
+/// Appends a whole number and a closing quote.
 #[inline]
 pub(crate) fn write_closed_integer(out: &mut Vec<u8>, value: i64) {
     match u32::try_from(value) {
@@ -52,8 +53,8 @@ pub(crate) fn write_quoted_integer(out: &mut Vec<u8>, value: i64) {
     write_closed_integer(out, value);
 }
 
-/// How many decimals a number gets: at least `least` (zeros are written), at most `most`, which is 3 or 6 (the rest is rounded:
-/// [`crate::grid`] refuses before what must not be).
+/// How many decimals a number gets: at least `least` (padded with zeros) and at most `most`, which is 3 or 6.
+/// More decimals are rounded; [`crate::grid`] has already rejected values that must not be rounded.
 #[derive(Clone, Copy)]
 pub(crate) struct Decimals {
     pub least: usize,
@@ -61,20 +62,20 @@ pub(crate) struct Decimals {
 }
 
 impl Decimals {
-    /// A position: 3 as the manual prints, up to 6 as controllers answer.
+    /// A position: 3 decimals as in the manual, up to 6 as controllers answer.
     pub const POSITION: Self = Self { least: 3, most: 6 };
-    /// A speed in percent or a time in seconds: 1 as the manual prints; up to 3.
+    /// A speed in percent or a time in seconds: 1 decimal as in the manual, up to 3.
     pub const TENTHS: Self = Self { least: 1, most: 3 };
-    /// As few as needed, up to 3.
+    /// As few decimals as needed, up to 3.
     pub const FEW: Self = Self { least: 0, most: 3 };
-    /// Exactly six, as captured controllers answer.
+    /// Exactly six decimals, as captured controllers answer.
     pub const SIX: Self = Self { least: 6, most: 6 };
 }
 
 /// Appends a decimal number, rounded half away from zero; `-0` is written as 0.
 ///
 /// # Errors
-/// Nothing is written and `field` is named if the value is not finite or beyond ±1e9.
+/// If the value is not finite or is beyond ±1e9, nothing is written and the error names `field`.
 pub(crate) fn write_fixed(
     out: &mut Vec<u8>,
     field: &'static str,
@@ -94,8 +95,8 @@ pub(crate) fn write_quoted_fixed(
     write_fixed_behind(out, const { Short::EMPTY.with(b'"') }, field, value, decimals, true)
 }
 
-/// The same behind a text, and with a quote behind it if it is to be `closed`. Where the caller knows the decimals, half of it
-/// falls away.
+/// The same after the text `before`, and with a closing quote if `closed` is set. It is inlined, so that the
+/// compiler drops the unused half when the caller's `decimals` are constant.
 #[inline(always)]
 fn write_fixed_behind(
     out: &mut Vec<u8>,
@@ -116,10 +117,10 @@ fn write_fixed_behind(
     Ok(())
 }
 
-/// The value in steps of its last decimal.
+/// The value in units of its last decimal.
 #[inline(always)]
 fn scaled(field: &'static str, value: f64, decimals: Decimals) -> Result<i64, EncodeError> {
-    // Not a number is not within either.
+    // NaN fails this test too.
     if value.abs() <= LARGEST {
         Ok(rounded(value * if decimals.most == 3 { 1e3 } else { 1e6 }))
     } else {
@@ -127,7 +128,7 @@ fn scaled(field: &'static str, value: f64, decimals: Decimals) -> Result<i64, En
     }
 }
 
-/// A number that is too long for [`append_fixed`], digit by digit.
+/// Writes a number that is too long for [`append_fixed`], digit by digit.
 #[cold]
 fn write_long_fixed(out: &mut Vec<u8>, scaled: i64, decimals: Decimals) {
     let magnitude = scaled.unsigned_abs();
@@ -158,7 +159,8 @@ fn write_long_fixed(out: &mut Vec<u8>, scaled: i64, decimals: Decimals) {
     }
 }
 
-/// The nearest whole number, halves away from zero, of a number within ±1e15: `round` is a call on most processors.
+/// Rounds a number within ±1e15 to the nearest whole number, halves away from zero. It replaces `round`,
+/// which is a function call on most processors.
 #[inline]
 fn rounded(number: f64) -> i64 {
     #[expect(clippy::cast_possible_truncation, reason = "at most 1e15, well within 64 bits")]
@@ -168,7 +170,7 @@ fn rounded(number: f64) -> i64 {
     whole + i64::from(rest >= 0.5) - i64::from(rest <= -0.5)
 }
 
-/// The key of a member, ready to be written with all that stands around it.
+/// The key of a member, stored with the punctuation around it.
 #[derive(Clone, Copy)]
 pub(crate) struct Key {
     name: &'static str,
@@ -179,7 +181,8 @@ pub(crate) struct Key {
 }
 
 impl Key {
-    /// A key of at most 11 letters, or 12 if its value has no quotes. To be called in constants: there a longer one is an error.
+    /// A key of at most 11 letters, or 12 if its value has no quotes. Call this only in constants, where a
+    /// longer key is a compile error.
     pub const fn of(name: &'static str) -> Self {
         let bare = Short::EMPTY.with(b',').with(b'"').and(name.as_bytes()).with(b'"').with(b':');
         let quoted = if bare.len() < Short::MOST { bare.with(b'"') } else { bare };
@@ -192,7 +195,7 @@ impl Key {
     }
 }
 
-/// The [`Key`] of this name, made by the compiler.
+/// Builds the [`Key`] of this name at compile time.
 macro_rules! key {
     ($name:literal) => {
         const { &$crate::encode::Key::of($name) }
@@ -212,7 +215,7 @@ impl<'o> ObjectWriter<'o> {
         Self { out, first: true }
     }
 
-    /// Goes on with an object that has members already.
+    /// Continues an object that already has members.
     pub fn go_on(out: &'o mut Vec<u8>) -> Self {
         Self { out, first: false }
     }
@@ -237,17 +240,17 @@ impl<'o> ObjectWriter<'o> {
         text::write_escaped(self.key(key), value);
     }
 
-    /// A whole number in quotes.
+    /// Writes a whole number in quotes.
     pub fn quoted_integer(&mut self, key: &Key, value: i64) {
         write_closed_integer(self.quoted(key), value);
     }
 
-    /// A flag in quotes: "1" or "0".
+    /// Writes a flag in quotes: "1" or "0".
     pub fn quoted_flag(&mut self, key: &Key, value: bool) {
         self.quoted(key).extend_from_slice(if value { b"1\"" } else { b"0\"" });
     }
 
-    /// A decimal number in quotes.
+    /// Writes a decimal number in quotes.
     #[inline]
     pub fn quoted_fixed(&mut self, key: &Key, value: f64, decimals: Decimals) -> Result<(), EncodeError> {
         let before = key.quoted.behind_comma(self.first);
@@ -255,7 +258,7 @@ impl<'o> ObjectWriter<'o> {
         write_fixed_behind(self.out, before, key.name, value, decimals, true)
     }
 
-    /// A decimal number without quotes.
+    /// Writes a decimal number without quotes.
     pub fn bare_fixed(&mut self, key: &Key, value: f64, decimals: Decimals) -> Result<(), EncodeError> {
         let before = key.bare.behind_comma(self.first);
         self.first = false;

@@ -1,14 +1,15 @@
-//! What was wrong with bytes that a peer sent: where, what was found, what was due, and the nearest right word.
+//! Errors in bytes that a peer sent: the place, what was found, what was expected, and the nearest valid
+//! word.
 
 use std::fmt;
 
 use crate::grid::Nearest;
 use crate::printable::printable;
 
-/// A frame that is no JSON object.
+/// A frame that is not a JSON object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JsonError {
-    /// Where, in bytes from the start of the frame.
+    /// Position of the error, in bytes from the start of the frame.
     pub at: usize,
     /// The byte found there; `None` at the end of the frame.
     pub found: Option<u8>,
@@ -16,12 +17,12 @@ pub struct JsonError {
     pub fault: JsonFault,
 }
 
-/// How bytes fail to be JSON.
+/// Why the bytes are not JSON.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum JsonFault {
-    /// Something else was due.
+    /// The reader expected something else here.
     Expected(&'static str),
-    /// A key is not followed by `:` and a value; the key, cut at 32 characters.
+    /// A key is not followed by `:` and a value. Contains the key, cut at 32 characters.
     KeyWithoutValue(String),
     /// A string has no closing quote.
     StringNotClosed,
@@ -29,7 +30,7 @@ pub enum JsonFault {
     ControlByteInString,
     /// An escape that JSON does not have.
     BadEscape,
-    /// A number that a double cannot hold.
+    /// A number that does not fit in a double.
     NumberOutOfRange,
     /// More nested levels than [`crate::MAX_DEPTH`].
     TooDeep,
@@ -63,16 +64,16 @@ impl fmt::Display for JsonError {
 
 impl std::error::Error for JsonError {}
 
-/// A field of a well-formed frame that cannot be what it has to be.
+/// A field of a well-formed frame has an invalid value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldError {
     /// The field, as a path from the top of the frame, for example `instructions[2].m3`.
     pub path: String,
-    /// What stands there as on the wire, cut at 48 characters; `None` where the field is missing.
+    /// The value as on the wire, cut at 48 characters; `None` if the field is missing.
     pub found: Option<String>,
-    /// What has to stand there.
+    /// What a valid value is.
     pub wanted: &'static str,
-    /// The nearest word that would have been right.
+    /// The nearest valid word.
     pub nearest: Option<&'static str>,
 }
 
@@ -94,19 +95,19 @@ impl fmt::Display for FieldError {
 
 impl std::error::Error for FieldError {}
 
-/// A value that the wire cannot carry: nothing was encoded.
+/// A value that the wire cannot carry. Nothing was encoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EncodeError {
     /// The field.
     pub field: &'static str,
-    /// What it has to be.
+    /// What a valid value is.
     pub wanted: &'static str,
-    /// The values that can be sent, where it lies between two of them.
+    /// The values that can be sent, if the value lies between two of them.
     pub nearest: Option<Nearest>,
 }
 
 impl EncodeError {
-    /// A value that has no nearest ones.
+    /// An error without nearest values.
     pub(crate) const fn new(field: &'static str, wanted: &'static str) -> Self {
         Self { field, wanted, nearest: None }
     }

@@ -1,10 +1,10 @@
-//! Where frames begin and end on a byte stream: JSON objects one after the other, with nothing between them that could
-//! be relied upon (manual 3).
+//! Finds where frames begin and end in a byte stream. Frames are JSON objects one after the other, with no
+//! reliable separator between them (manual 3).
 //!
-//! The reader counts brackets and steps over strings; it does not check the JSON inside, which is the decoder's
-//! part. Broken input costs the frame that is broken and at most the one right behind it, and one [`FrameError`].
-//! After it the next `{` begins a frame, unless it may belong to what was broken: an object inside another stands
-//! behind `:`, `[` or `,`, where no frame begins.
+//! The reader counts brackets and skips strings. The JSON inside is checked by the decoder. Broken input
+//! costs the broken frame, at most the frame directly after it, and one [`FrameError`]. After an error the
+//! next `{` begins a frame, unless it may belong to the broken frame: a nested object follows `:`, `[` or
+//! `,`, and no frame begins after those.
 
 mod fault;
 mod inside;
@@ -13,86 +13,88 @@ use fault::HEAD_BYTES;
 pub use fault::{FrameError, FrameFault};
 use inside::{Inside, Walk};
 
-/// How large a frame may be, in bytes and in levels.
+/// Limits on the size of a frame, in bytes and in levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// The longest frame in bytes, from its first to its last brace.
+    /// The longest frame in bytes, from its first brace to its last.
     pub max_frame_bytes: usize,
-    /// How many objects and lists may be open at once, the frame itself counted; at most [`Limits::DEEPEST`].
+    /// How many objects and lists may be open at the same time, including the frame itself; at most
+    /// [`Limits::DEEPEST`].
     pub max_depth: usize,
 }
 
 impl Limits {
-    /// More levels than this are never followed: their kinds are kept in the bits of one word.
+    /// The highest possible `max_depth`, because the kinds of the levels are the bits of one word.
     pub const DEEPEST: usize = 64;
 }
 
 impl Default for Limits {
     /// 65 536 bytes and 32 levels.
     fn default() -> Self {
-        // 64 KiB hold an AddRCC of some 280 motions or an AddPoints of some 450 points, where controllers take
-        // 10 and cameras see dozens; and it is what a hostile peer can make us keep. The manual's deepest frame
-        // nests five levels.
+        // 64 KiB hold an AddRCC of about 280 motions or an AddPoints of about 450 points. Controllers accept
+        // 10 motions, and cameras see dozens of points. It is also the memory that a hostile peer can make us
+        // keep. The deepest frame in the manual has five levels.
         Self { max_frame_bytes: 65_536, max_depth: 32 }
     }
 }
 
-/// One complete frame: a JSON object from its first to its last brace, balanced, but not otherwise checked.
+/// One complete frame: a JSON object from its first brace to its last. Its brackets are balanced; nothing
+/// else is checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame<'b> {
     /// The bytes, braces included.
     pub bytes: &'b [u8],
-    /// Where the first brace stood, in bytes from the beginning of the stream.
+    /// Position of the first brace, in bytes from the beginning of the stream.
     pub stream_offset: u64,
 }
 
 /// Finds the frames in a stream of bytes that arrive in pieces of any size.
 ///
-/// Put bytes in with [`push`](Self::push) (or read them into [`spare_mut`](Self::spare_mut) and
-/// [`commit`](Self::commit)), then take frames out with [`next`](Self::next) until there is none. Every byte is looked
-/// at once, however the stream is cut. Memory is bounded by [`Limits::max_frame_bytes`] and [`READ_ROOM`]; it grows
-/// from nothing with the frames that come and is then reused.
+/// Put bytes in with [`push`](Self::push), or read them into [`spare_mut`](Self::spare_mut) and call
+/// [`commit`](Self::commit). Then call [`next`](Self::next) until it returns `None`. The buffer examines
+/// every byte once, in whatever pieces the stream arrives. Memory is bounded by [`Limits::max_frame_bytes`]
+/// and [`READ_ROOM`]. It starts at zero, grows with the frames that arrive, and is reused.
 #[derive(Debug)]
 pub struct FrameBuffer {
     limits: Limits,
-    /// The bytes in use are those from `begin` to `filled`; the rest is room.
+    /// The bytes from `begin` to `filled` are in use; the rest is free.
     storage: Vec<u8>,
-    /// The first byte of what is being read, or the next byte where nothing has to be kept.
+    /// The first byte of what is being read, or the next byte if nothing has to be kept.
     begin: usize,
-    /// The next byte to look at.
+    /// The next byte to examine.
     at: usize,
     filled: usize,
     /// Stream offset of the first byte of `storage`.
     base: u64,
     mode: Mode,
-    /// Stream offset where the present mode's bytes begin.
+    /// Stream offset where the bytes of the current mode begin.
     began: u64,
-    /// How far the frame was read, in the modes `Frame` and `Discarding`.
+    /// The position inside the frame, in the modes `Frame` and `Discarding`.
     inside: Inside,
     examined: u64,
 }
 
-/// Room that there is at least for new bytes once all frames are taken out: a usual read of a socket.
+/// Minimum room for new bytes after all frames were taken out: a usual read of a socket.
 pub const READ_ROOM: usize = 4096;
 
-/// What the bytes at hand belong to.
+/// What the current bytes belong to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
-    /// Nothing: the next byte that is no blank decides.
+    /// Nothing. The next byte that is not a blank decides.
     Between,
-    /// A byte order mark, of which so many bytes were seen.
+    /// A byte order mark, of which `seen` bytes have arrived.
     Mark { seen: usize },
-    /// Garbage that was not reported yet; its first bytes are kept.
+    /// Garbage that is not reported yet. Its first bytes are kept for the report.
     Garbage { trail: Trail },
     /// A frame.
     Frame,
-    /// A frame that was reported as broken, up to its last brace.
+    /// A frame that was reported as broken; its bytes are discarded up to its last brace.
     Discarding,
-    /// What may still come of reported garbage or of a broken frame, for so many bytes more.
+    /// The rest of reported garbage or of a broken frame, for at most `left` more bytes.
     Skipping { left: usize, trail: Trail },
 }
 
-/// What one look at the bytes in one mode came to.
+/// Result of examining the bytes in one mode.
 enum Step {
     /// More bytes are needed.
     Wait,
@@ -106,10 +108,10 @@ enum Step {
 
 const BYTE_ORDER_MARK: [u8; 3] = [0xEF, 0xBB, 0xBF];
 
-/// Takes the place of the previous byte where a frame may begin in any case.
+/// Used as the previous byte at places where a frame may always begin.
 const NOTHING: u8 = 0;
 
-/// Whether an object can be inside another behind this byte.
+/// Whether a nested object may follow this byte.
 fn can_hold_object(previous: u8) -> bool {
     matches!(previous, b':' | b'[' | b',')
 }
@@ -118,18 +120,18 @@ fn is_blank(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\r' | b'\n')
 }
 
-/// The way through bytes that belong to no frame.
+/// The state while reading bytes that belong to no frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Trail {
-    /// The last byte that is no blank.
+    /// The last byte that is not a blank.
     previous: u8,
-    /// The bytes look like the inside of a frame: they began with punctuation of JSON, or held a quote. Objects
-    /// may then be nested in it, which must not be taken for frames.
+    /// The bytes look like the inside of a frame: they began with JSON punctuation or contained a quote. They
+    /// may then contain nested objects, which must not be read as frames.
     inner: bool,
 }
 
 impl Trail {
-    /// Takes the next byte, unless it is the first of a frame.
+    /// Takes the next byte. Returns `true`, and does not take it, if the byte begins a frame.
     fn ends_before(&mut self, byte: u8) -> bool {
         if byte == b'{' && !(self.inner && can_hold_object(self.previous)) {
             return true;
@@ -144,7 +146,7 @@ impl Trail {
 }
 
 impl FrameBuffer {
-    /// A buffer at the beginning of a stream; it allocates when bytes come.
+    /// Creates a buffer at the beginning of a stream. It allocates when the first bytes arrive.
     #[must_use]
     pub fn new(limits: Limits) -> Self {
         let limits = Limits {
@@ -166,8 +168,8 @@ impl FrameBuffer {
         }
     }
 
-    /// Appends bytes of the stream and tells how many there was room for: at least [`READ_ROOM`], or all, once
-    /// [`next`](Self::next) has returned `None`. Push the others again after that.
+    /// Appends bytes of the stream and returns how many fit. After [`next`](Self::next) has returned `None`,
+    /// at least [`READ_ROOM`] bytes fit, or all. Push the rest again after the next `None`.
     #[must_use = "bytes that were not taken have to be pushed again"]
     pub fn push(&mut self, bytes: &[u8]) -> usize {
         let room = self.room(bytes.len());
@@ -179,18 +181,19 @@ impl FrameBuffer {
         taken
     }
 
-    /// Room to read new bytes of the stream into; not empty once [`next`](Self::next) has returned `None`.
+    /// Free room for new bytes of the stream. It is not empty after [`next`](Self::next) has returned `None`.
     #[must_use]
     pub fn spare_mut(&mut self) -> &mut [u8] {
         self.room(READ_ROOM)
     }
 
-    /// Declares the first `count` bytes of [`spare_mut`](Self::spare_mut) to be the next bytes of the stream.
+    /// Declares that the first `count` bytes of [`spare_mut`](Self::spare_mut) are the next bytes of the
+    /// stream.
     pub fn commit(&mut self, count: usize) {
         self.filled = self.filled.saturating_add(count).min(self.storage.len());
     }
 
-    /// The next frame or fault; `None` when more bytes are needed.
+    /// Returns the next frame or fault, or `None` if more bytes are needed.
     #[expect(
         clippy::should_implement_trait,
         reason = "a frame borrows the buffer, which an iterator cannot say"
@@ -218,13 +221,14 @@ impl FrameBuffer {
         }
     }
 
-    /// The bytes that wait where a frame may begin, as many as a frame may have; none within a frame or within what is skipped.
+    /// The waiting bytes at a place where a frame may begin, at most as many as a frame may have. Empty
+    /// within a frame or within skipped bytes.
     #[inline]
     pub(crate) fn waiting(&self) -> &[u8] {
         if self.mode == Mode::Between { self.unread(self.limits.max_frame_bytes) } else { &[] }
     }
 
-    /// Takes so many bytes of [`Self::waiting`], which are known to be a frame.
+    /// Takes `length` bytes of [`Self::waiting`] that the caller knows to be a frame.
     #[inline]
     pub(crate) fn take_frame(&mut self, length: usize) -> &[u8] {
         let from = self.at;
@@ -233,11 +237,11 @@ impl FrameBuffer {
         self.storage.get(from..self.at).unwrap_or_default()
     }
 
-    /// How many bytes came since the beginning of what is not complete: a frame, garbage, or the rest of either that
-    /// is being skipped.
+    /// Number of bytes that arrived since the beginning of an incomplete frame or garbage, or of its skipped
+    /// rest.
     ///
-    /// 0 between frames, once [`next`](Self::next) has returned `None`. While it stays above 0 and nothing
-    /// comes, the peer has stalled.
+    /// It is 0 between frames, after [`next`](Self::next) has returned `None`. If it stays above 0 and no
+    /// bytes arrive, the peer has stalled.
     #[must_use]
     pub fn pending(&self) -> usize {
         if self.mode == Mode::Between {
@@ -246,10 +250,11 @@ impl FrameBuffer {
         usize::try_from(self.offset(self.filled) - self.began).unwrap_or(usize::MAX)
     }
 
-    /// Gives up what is not complete, because the peer closed the stream or has stalled; what still comes of it is
-    /// skipped. Returns the error for it, or `None` where there is nothing or it was reported before.
+    /// Gives up an incomplete frame or garbage, because the peer closed the stream or has stalled. The rest
+    /// of it is skipped when it arrives. Returns the error, or `None` if there is nothing to give up or it
+    /// was already reported.
     ///
-    /// To be called when [`next`](Self::next) has returned `None`.
+    /// Call this after [`next`](Self::next) has returned `None`.
     pub fn abandon_partial(&mut self) -> Option<FrameError> {
         let fault = match self.mode {
             Mode::Between => return None,
@@ -262,22 +267,23 @@ impl FrameBuffer {
         error
     }
 
-    /// Forgets everything but the memory: the beginning of a new stream, at offset 0.
+    /// Starts a new stream at offset 0. Keeps only the memory.
     pub fn reset(&mut self) {
         *self = Self { storage: std::mem::take(&mut self.storage), ..Self::new(self.limits) };
     }
 
-    /// How many bytes were looked at or moved since the beginning of the stream, a byte twice counting twice: what
-    /// the work is proportional to.
+    /// Number of bytes examined or moved since the beginning of the stream. The work is proportional to this
+    /// number. A byte that is examined twice counts twice.
     #[must_use]
     pub fn examined(&self) -> u64 {
         self.examined
     }
 
-    /// Room behind the bytes in use: `wanted` bytes unless the limit or untaken frames forbid it.
+    /// Room after the bytes in use: `wanted` bytes, unless the limit or frames not yet taken prevent it.
     fn room(&mut self, wanted: usize) -> &mut [u8] {
         let kept = self.filled - self.begin;
-        // Moving must be paid for by bytes that have left since the last time, or the whole would not be linear.
+        // Move bytes only after enough other bytes have left since the last move. Otherwise the total work
+        // would not be linear.
         let paid = kept <= self.begin || (self.begin > 0 && self.at == self.filled);
         let short = self.storage.len() - self.filled < wanted;
         if kept == 0 || (short && paid) {
@@ -301,18 +307,18 @@ impl FrameBuffer {
         self.base + index as u64
     }
 
-    /// The bytes not looked at yet, at most `most`.
+    /// The bytes not yet examined, at most `most`.
     fn unread(&self, most: usize) -> &[u8] {
         self.storage.get(self.at..self.filled.min(self.at.saturating_add(most))).unwrap_or_default()
     }
 
-    /// Marks the next `count` bytes as looked at.
+    /// Marks the next `count` bytes as examined.
     fn advance(&mut self, count: usize) {
         self.at += count;
         self.examined += count as u64;
     }
 
-    /// Goes into a mode whose bytes begin here.
+    /// Enters a mode whose bytes begin at the current position.
     fn enter(&mut self, mode: Mode) {
         self.begin = self.at;
         self.began = self.offset(self.at);
@@ -363,7 +369,7 @@ impl FrameBuffer {
         Step::Again
     }
 
-    /// Reads garbage until there is enough of it for a report, or until it ends.
+    /// Reads garbage until there is enough for a report, or until it ends.
     #[cold]
     fn read_garbage(&mut self, mut trail: Trail) -> Step {
         let ended = self.follow(&mut trail, HEAD_BYTES - (self.at - self.begin));
@@ -377,7 +383,7 @@ impl FrameBuffer {
         Step::Error(error)
     }
 
-    /// Skips what was reported, up to the next frame.
+    /// Skips reported bytes up to the next frame.
     #[cold]
     fn skip(&mut self, left: usize, mut trail: Trail) -> Step {
         let from = self.at;
@@ -392,7 +398,7 @@ impl FrameBuffer {
         Step::Wait
     }
 
-    /// Follows a trail through at most `most` bytes; tells whether it ended at the next frame.
+    /// Follows a trail through at most `most` bytes. Returns whether it ended at the next frame.
     fn follow(&mut self, trail: &mut Trail, most: usize) -> bool {
         let rest = self.unread(most);
         let found = rest.iter().position(|byte| trail.ends_before(*byte));
@@ -431,7 +437,7 @@ impl FrameBuffer {
         Step::Again
     }
 
-    /// Walks on through the frame, not beyond the index `end`.
+    /// Continues to walk through the frame, but not beyond the index `end`.
     fn walk(&mut self, end: usize, max_depth: Option<usize>) -> Walk {
         let end = end.min(self.filled);
         let known = self.storage.get(..end).unwrap_or(&self.storage);
@@ -440,7 +446,7 @@ impl FrameBuffer {
         walk
     }
 
-    /// Decides where reading goes on after a fault in a frame.
+    /// Decides where reading continues after a fault in a frame.
     fn recover(&mut self, fault: FrameFault) {
         self.begin = self.at;
         match fault {
@@ -450,14 +456,14 @@ impl FrameBuffer {
                 self.skip_rest(self.inside.previous());
             }
             FrameFault::ObjectWhereNoneCanStand => self.enter(Mode::Between),
-            // The control byte ends what was cut off: the next byte may begin a frame.
+            // The control byte ends the cut-off frame, so the next byte may begin a frame.
             FrameFault::ControlByteInString { .. } | FrameFault::Garbage | FrameFault::Incomplete { .. } => {
                 self.skip_rest(NOTHING);
             }
         }
     }
 
-    /// Skips what may still come of a broken frame, whose last byte that is no blank was `previous`.
+    /// Skips the rest of a broken frame. `previous` is its last byte that is not a blank.
     fn skip_rest(&mut self, previous: u8) {
         let trail = Trail { previous, inner: true };
         self.enter(Mode::Skipping { left: self.limits.max_frame_bytes, trail });

@@ -1,43 +1,48 @@
 //! The steps in which the wire carries settings, speeds and times.
 //!
-//! A value between two steps is refused with the nearest two that can be sent, because a rounded setting is another one than was
-//! meant. Positions are not held to a grid: they are computed, and rounded to their last decimal on the wire (a millionth of a
-//! millimetre or degree), which is far below what an arm can repeat.
+//! A value between two steps is refused, and the error names the two nearest values that can be sent. It is
+//! not rounded, because a rounded setting is not the setting that the caller meant. Positions have no grid.
+//! They are computed, and the wire rounds them to their last decimal (a millionth of a millimetre or degree).
+//! This is far below the repeatability of an arm.
 
 use std::fmt;
 
 use crate::error::EncodeError;
 
-/// How far from a step a value may lie, in steps. This lets the noise of floating point pass (0.1 + 0.2), also of numbers with nine
-/// digits, and is far below a difference that anybody means.
+/// How far a value may lie from a step, in steps. This accepts floating-point noise (0.1 + 0.2), also for
+/// numbers with nine digits. It is far below any difference that a caller means.
 pub const ON_GRID_WITHIN: f64 = 1e-6;
 
-/// Beyond this a value is not looked up on a grid: no setting of a robot lies there, and doubles still tell steps apart.
+/// Values beyond this are not looked up on a grid. No setting of a robot is that large, and doubles still
+/// distinguish steps there.
 const LARGEST: f64 = 1e9;
 
-/// Equal steps from 0 on, so many in a unit.
+/// Equal steps from 0 on, `per_unit` of them in one unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
     per_unit: u32,
-    /// What a value on it is.
+    /// What a value on the grid is, for error messages.
     wanted: &'static str,
 }
 
 impl Grid {
-    /// `speed` of a move and `modifyGSPD`: steps of 0.1 % (manual 6.1.1, "precision 0.1%"; × 10 on the wire of `modifyGSPD`).
+    /// `speed` of a move and `modifyGSPD`: steps of 0.1 % (manual 6.1.1, "precision 0.1%"; × 10 on the wire
+    /// of `modifyGSPD`).
     pub const PERCENT: Self = Self { per_unit: 10, wanted: "in steps of 0.1 percent" };
     /// `delay` of a move and `limit` of a wait: steps of 0.1 s (manual 6.1.1, 6.1.3).
     pub const TENTHS_OF_A_SECOND: Self = Self { per_unit: 10, wanted: "in steps of 0.1 seconds" };
-    /// `modifyAccDec` (seconds × 1000 on the wire, manual 4.2.1), and `delay` of an output, whose steps no manual names.
+    /// `modifyAccDec` (seconds × 1000 on the wire, manual 4.2.1), and `delay` of an output, whose steps no
+    /// manual names.
     pub const MILLISECONDS: Self = Self { per_unit: 1000, wanted: "in steps of 0.001 seconds" };
-    /// `modifyTool` (× 1000 on the wire, manual 4.2.1), and the spacing of a stack, whose steps no manual names.
+    /// `modifyTool` (× 1000 on the wire, manual 4.2.1), and the spacing of a stack, whose steps no manual
+    /// names.
     pub const THOUSANDTHS: Self = Self { per_unit: 1000, wanted: "in steps of 0.001" };
 
-    /// The step that a value is, counted from 0.
+    /// Returns the step of a value, counted from 0.
     ///
     /// # Errors
-    /// The nearest two values, if it lies further than [`ON_GRID_WITHIN`] from each; `None` for what is no number, or is beyond
-    /// ±1e9.
+    /// The two nearest values, if the value lies further than [`ON_GRID_WITHIN`] from each. `None` if it is
+    /// NaN or beyond ±1e9.
     pub const fn step(self, value: f64) -> Result<i64, Option<Nearest>> {
         let steps = value * self.per_unit as f64;
         if steps.is_nan() || steps.abs() > LARGEST * 1e3 {
@@ -53,7 +58,7 @@ impl Grid {
         Err(Some(Nearest { below, per_unit: self.per_unit }))
     }
 
-    /// What a value on it is: `in steps of …`.
+    /// What a value on the grid is: `in steps of …`.
     #[must_use]
     pub const fn wanted(self) -> &'static str {
         self.wanted
@@ -64,7 +69,7 @@ impl Grid {
         f64::from(self.per_unit)
     }
 
-    /// The step of a value that is to be sent.
+    /// Returns the step of a value that is about to be sent.
     pub(crate) fn sendable(self, field: &'static str, value: f64) -> Result<i64, EncodeError> {
         self.step(value).map_err(|nearest| match nearest {
             Some(_) => EncodeError { field, wanted: self.wanted, nearest },
@@ -73,7 +78,7 @@ impl Grid {
     }
 }
 
-/// The two values on a grid between which another one lies.
+/// The two values on a grid that enclose another value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Nearest {
     /// The step below.
@@ -82,7 +87,7 @@ pub struct Nearest {
 }
 
 impl Nearest {
-    /// The nearest value below, in the unit of the value that was refused.
+    /// The nearest value below, in the unit of the refused value.
     #[must_use]
     pub fn below(self) -> f64 {
         self.of_step(self.below)

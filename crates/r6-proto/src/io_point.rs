@@ -9,10 +9,10 @@ use crate::printable::printable;
 /// How many boards an address can name (`input-0` … `input-7`).
 const BOARDS: u8 = 8;
 
-/// A name that is none is quoted, but not without end.
+/// How many characters of a wrong name an error message quotes.
 const LONGEST_QUOTED: usize = 40;
 
-/// Which kind of point.
+/// The kind of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointKind {
     /// Input, `X`.
@@ -28,7 +28,7 @@ pub enum PointKind {
 }
 
 impl PointKind {
-    /// The letters that its names begin with.
+    /// The letters at the beginning of its names.
     #[must_use]
     pub fn letters(self) -> &'static str {
         match self {
@@ -41,9 +41,9 @@ impl PointKind {
     }
 }
 
-/// One point of one board: written as its kind and octal(point + 8), `X010` to `X047`.
+/// One point of one board. It is written as its kind and octal(point + 8): `X010` to `X047`.
 ///
-/// Points of further boards have the board in front: `Y1.010`.
+/// Points of further boards have the board before the number: `Y1.010`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IoPoint {
     /// Its kind.
@@ -55,7 +55,8 @@ pub struct IoPoint {
 }
 
 impl IoPoint {
-    /// The point that `modifyOutput` names: board 0 to 3 Y, 4 to 6 M, 7 EUY (manual 4.2.1 #8); `None` for another board or point.
+    /// The point for the numbers in `modifyOutput`: boards 0 to 3 are Y, 4 to 6 M, 7 EUY (manual 4.2.1 #8).
+    /// `None` for another board or point.
     #[must_use]
     pub const fn of_command(board: u8, point: u8) -> Option<Self> {
         let (kind, board) = match board {
@@ -67,7 +68,8 @@ impl IoPoint {
         if point > 31 { None } else { Some(Self { kind, board, point }) }
     }
 
-    /// Board and point of `modifyOutput` for this point; `None` for an input, and for a board that the command does not reach.
+    /// The board and point numbers in `modifyOutput` for this point. `None` for an input, and for a board
+    /// that the command does not reach.
     #[must_use]
     pub const fn for_command(self) -> Option<(u8, u8)> {
         match (self.kind, self.board) {
@@ -78,7 +80,7 @@ impl IoPoint {
         }
     }
 
-    /// The query address of the word that this point is a bit of; `None` for EU points, which no address tells.
+    /// The query address of the word that contains this point. `None` for EU points, which have no address.
     #[must_use]
     pub const fn address(self) -> Option<Address> {
         match self.kind {
@@ -100,7 +102,7 @@ impl fmt::Display for IoPoint {
     }
 }
 
-/// Why a text is no name of a point.
+/// A text that is not the name of a point.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BadPoint {
     text: String,
@@ -122,7 +124,7 @@ impl std::error::Error for BadPoint {}
 impl FromStr for IoPoint {
     type Err = BadPoint;
 
-    /// Reads a name as it is written; the case of the letters does not count. Boards 0 to 7; the EU board has no number.
+    /// Reads a name as it is written, in upper or lower case. Boards 0 to 7; the EU board has no number.
     fn from_str(text: &str) -> Result<Self, BadPoint> {
         read(text).ok_or_else(|| BadPoint { text: text.chars().take(LONGEST_QUOTED).collect() })
     }
@@ -130,7 +132,7 @@ impl FromStr for IoPoint {
 
 fn read(text: &str) -> Option<IoPoint> {
     let upper = text.to_ascii_uppercase();
-    // The longer letters first: EUX ends in X, but begins with neither X nor Y.
+    // The order does not matter, because the letters of no kind begin with those of another.
     let kinds = [PointKind::Eux, PointKind::Euy, PointKind::X, PointKind::Y, PointKind::M];
     let (kind, rest) =
         kinds.into_iter().find_map(|kind| Some((kind, upper.strip_prefix(kind.letters())?)))?;
@@ -142,14 +144,15 @@ fn read(text: &str) -> Option<IoPoint> {
     Some(IoPoint { kind, board, point })
 }
 
-/// The text if it is digits and nothing else: no sign.
+/// Returns the text if it consists of digits only, without a sign.
 fn digit(text: &str) -> Option<&str> {
     text.bytes().all(|byte| byte.is_ascii_digit()).then_some(text)
 }
 
-/// Two bits for each of 16 points, the lowest bits for the lowest point: 01 off, 10 on, 00 untouched (action 204).
+/// Two bits for each of 16 points, with the lowest bits for the lowest point: 01 off, 10 on, 00 unchanged
+/// (action 204).
 ///
-/// The fourth pair, 11, has no meaning in any manual; such a point is left untouched.
+/// No manual gives the fourth pair, 11, a meaning. A point with 11 is left unchanged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PairMask(u32);
 
@@ -166,7 +169,7 @@ impl PairMask {
         self.0
     }
 
-    /// The mask that also sets this point, 0 to 15; a point beyond changes nothing.
+    /// The mask that also sets this point, 0 to 15. A higher point changes nothing.
     #[must_use]
     pub const fn with(self, point: u8, on: bool) -> Self {
         if point > 15 {

@@ -1,14 +1,14 @@
-//! A JSON reader over one frame: it checks the grammar and remembers positions; nothing is copied.
+//! A JSON reader over one frame. It checks the grammar and stores positions; it copies nothing.
 
 use crate::error::{JsonError, JsonFault};
 use crate::text::{self, StringFaultKind};
 use crate::value::{Kind, Node, Span};
 
-/// The deepest nesting that is read. The deepest frame of the manual nests five levels (AddPoints); a
-/// greater depth serves nobody but an attacker, and an explicit limit keeps the reader's own state fixed.
+/// The deepest nesting that is read. The deepest frame of the manual has five levels (AddPoints). Only an
+/// attacker needs more depth, and a fixed limit keeps the reader's own state fixed.
 pub const MAX_DEPTH: usize = 32;
 
-/// A position in a frame, and the steps of the JSON grammar from there.
+/// A position in a frame, with the steps of the JSON grammar from there.
 pub(crate) struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -23,12 +23,12 @@ impl<'a> Cursor<'a> {
         self.at
     }
 
-    /// Goes on to this offset.
+    /// Moves to this offset.
     pub fn go_to(&mut self, at: usize) {
         self.at = at;
     }
 
-    /// Whether the cursor stands at this byte.
+    /// Whether the next byte is this one.
     pub fn stands_at(&self, byte: u8) -> bool {
         self.peek() == Some(byte)
     }
@@ -59,21 +59,22 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Enters an object: past its `{`.
+    /// Enters an object by reading its `{`.
     pub fn open_object(&mut self) -> Result<(), JsonError> {
         self.skip_blank();
         self.expect(b'{', "an object, beginning with `{`")
     }
 
-    /// Enters a list: past its `[`.
+    /// Enters a list by reading its `[`.
     pub fn open_list(&mut self) -> Result<(), JsonError> {
         self.skip_blank();
         self.expect(b'[', "a list, beginning with `[`")
     }
 
-    /// The next key of an object entered before, with the cursor left at its value; `None` past the `}`.
+    /// Reads the next key of an open object and stops at its value. Reads the `}` and returns `None` at the
+    /// end.
     ///
-    /// `first` tells whether no member was read yet.
+    /// `first` says that no member was read yet.
     pub fn next_key(&mut self, first: bool) -> Result<Option<Node>, JsonError> {
         self.skip_blank();
         if self.peek() == Some(b'}') {
@@ -98,7 +99,8 @@ impl<'a> Cursor<'a> {
         Ok(Some(key))
     }
 
-    /// Whether a list entered before has another item, with the cursor left at it; `false` past the `]`.
+    /// Whether an open list has another item; stops at that item. Reads the `]` and returns `false` at the
+    /// end.
     pub fn next_element(&mut self, first: bool) -> Result<bool, JsonError> {
         self.skip_blank();
         if self.peek() == Some(b']') {
@@ -112,7 +114,7 @@ impl<'a> Cursor<'a> {
         Ok(true)
     }
 
-    /// The next item of a list that was checked before, wherever in it the cursor stands.
+    /// Returns the next item of a list that was checked before, wherever in the list the cursor stands.
     pub fn next_item(&mut self) -> Result<Option<Node>, JsonError> {
         self.skip_blank();
         if self.peek() == Some(b',') {
@@ -125,7 +127,7 @@ impl<'a> Cursor<'a> {
         self.value().map(Some)
     }
 
-    /// Nothing but blanks may follow.
+    /// Checks that only blanks follow.
     pub fn end(&mut self) -> Result<(), JsonError> {
         self.skip_blank();
         if self.at == self.bytes.len() {
@@ -135,7 +137,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Reads one value of any kind, checks it wholly and stands behind it.
+    /// Reads one value of any kind, checks it completely and stops after it.
     #[inline]
     pub fn value(&mut self) -> Result<Node, JsonError> {
         let start = self.at;
@@ -205,7 +207,8 @@ impl<'a> Cursor<'a> {
             }
             self.digits()?;
         }
-        // A number beyond a double is no number to any reader; without an exponent that takes over 300 digits.
+        // No reader accepts a number that does not fit in a double. Without an exponent such a number has
+        // over 300 digits.
         if has_exponent || self.at - start > 300 {
             let text = self.bytes.get(start..self.at).and_then(|text| std::str::from_utf8(text).ok());
             let finite = text.and_then(|text| text.parse::<f64>().ok()).is_some_and(f64::is_finite);
@@ -231,15 +234,15 @@ impl<'a> Cursor<'a> {
         Err(self.fault(JsonFault::Expected("a value")))
     }
 
-    /// Checks an object or a list and all within it, without recursion.
+    /// Checks an object or a list and everything in it, without recursion.
     fn skip_nested(&mut self) -> Result<(), JsonError> {
-        // One bit a level, set where the level is an object.
+        // One bit for each level; a set bit means an object.
         let mut objects: u64 = 0;
         let mut depth = 0_usize;
-        // Whether the level that the cursor stands in has given no member yet.
+        // Whether no member of the current level was read yet.
         let mut first;
         loop {
-            // Here the cursor stands at a value.
+            // At this point the cursor stands at a value.
             match self.peek() {
                 Some(open @ (b'{' | b'[')) => {
                     depth += 1;
@@ -255,7 +258,7 @@ impl<'a> Cursor<'a> {
                     first = false;
                 }
             }
-            // Close every level that ends here, then stand at the next value.
+            // Closes every level that ends here, then stops at the next value.
             loop {
                 let more = if objects & 1 == 1 {
                     self.next_key(first)?.is_some()

@@ -1,4 +1,4 @@
-//! In which language people are told what happens.
+//! The language of texts for people.
 
 /// The language of a text for people.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -6,6 +6,7 @@ pub enum Language {
     /// English.
     #[default]
     English,
-    /// Simplified Chinese. What a peer said, and why something could not be read or done, stays as it is.
+    /// Simplified Chinese. A peer's own words, and the reason why something could not be read or done, are
+    /// not translated.
     Chinese,
 }

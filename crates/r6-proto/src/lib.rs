@@ -1,12 +1,12 @@
 //! The remote communication protocol of Huacheng R6 / HC1 robot controllers: JSON objects over TCP.
 //!
-//! Bytes become frames ([`frame`]), frames become messages ([`message`]); requests ([`request`]) and replies
-//! ([`reply`]) become bytes again. A [`client`] and a [`server`] session put this together for the two ends of a
-//! connection. There is no I/O, no clock and no task in this crate: bytes and points in time come in, bytes, events
-//! and deadlines go out.
+//! [`frame`] turns bytes into frames, and [`message`] turns frames into messages. [`request`] and [`reply`]
+//! turn requests and replies into bytes. A [`client`] and a [`server`] session combine these for the two ends
+//! of a connection. This crate has no I/O, no clock and no task: bytes and points in time come in; bytes,
+//! events and deadlines go out.
 //!
-//! Decoding is tolerant (every form that clients and controllers are known to send), encoding is strict (one
-//! compact form). `docs/PROTOCOL.md` describes the protocol field by field.
+//! Decoding is tolerant: it reads every form that clients and controllers are known to send. Encoding is
+//! strict: it writes one compact form. `docs/PROTOCOL.md` describes the protocol field by field.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)

@@ -1,8 +1,8 @@
-//! Messages: what a frame says, both ways, decoded tolerantly.
+//! Messages in both directions, decoded tolerantly from frames.
 //!
-//! A [`Message`] is a view of the frame's bytes and of the [`Decoder`]'s reused buffers. What follows from
-//! a frame that is JSON but not well formed as a message is in the message too ([`Body::Rejected`]), because
-//! the header is still needed to answer it.
+//! A [`Message`] is a view of the frame's bytes and of the [`Decoder`]'s reused buffers. A frame that is
+//! valid JSON but not a valid message also becomes a message ([`Body::Rejected`]), because its header is
+//! still needed for the answer.
 
 pub mod action;
 pub mod command;
@@ -66,7 +66,7 @@ impl RequestType {
         }
     }
 
-    /// The type a word means: one of the six, the reply types of older firmware, or the misprint `AddrCC`.
+    /// The type that a word means: one of the six, a reply type of older firmware, or the misprint `AddrCC`.
     pub(crate) fn from_word(word: &[u8]) -> Option<Self> {
         Some(match word {
             b"query" | b"queryEcho" => Self::Query,
@@ -86,19 +86,19 @@ impl fmt::Display for RequestType {
     }
 }
 
-/// Under which key a frame says its type.
+/// The key under which a frame states its type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TypeKey {
     /// `reqType`, since manual V2.0.
     ReqType,
     /// `cmdType`, before; still accepted (manual 2.1, note 2).
     CmdType,
-    /// Under none: such a frame gets no reply (manual 5.2, 6).
+    /// No key. Such a frame gets no reply (manual 5.2, 6).
     Absent,
 }
 
 impl TypeKey {
-    /// The key for writing.
+    /// The key to write.
     pub(crate) fn key(self) -> &'static Key {
         match self {
             Self::ReqType | Self::Absent => key!("reqType"),
@@ -106,7 +106,7 @@ impl TypeKey {
         }
     }
 
-    /// The key on the wire, `reqType` where there was none.
+    /// The key on the wire; `reqType` if the frame had no key.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -121,7 +121,7 @@ impl TypeKey {
 pub struct Header<'a> {
     /// `dsID`, as sent: long or short form.
     pub ds_id: Option<Value<'a>>,
-    /// Under which key the type stands.
+    /// The key that carries the type.
     pub type_key: TypeKey,
     /// The type, as sent.
     pub type_word: Option<Value<'a>>,
@@ -134,7 +134,7 @@ pub struct Header<'a> {
 pub struct Message<'a> {
     /// The fields that every frame can have.
     pub header: Header<'a>,
-    /// What it says.
+    /// The content.
     pub body: Body<'a>,
     bytes: &'a [u8],
     extras: &'a [extra::ExtraNode],
@@ -159,7 +159,7 @@ impl<'a> Message<'a> {
     }
 }
 
-/// What a frame says.
+/// The content of a frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Body<'a> {
     /// PC → controller: read these addresses.
@@ -168,21 +168,21 @@ pub enum Body<'a> {
     QueryReply(QueryReply<'a>),
     /// PC → controller: act.
     Command(CommandWords<'a>),
-    /// Controller → PC: the answer to a command, AddPoints or AddRCC.
+    /// Controller → PC: the reply to a command, AddPoints or AddRCC.
     CommandReply(CommandReply<'a>),
     /// PC → controller: the PC is alive.
     Heartbreak,
     /// Controller → camera: take a photo.
     Photo(Photo),
-    /// Camera → controller: the photo was taken, or not.
+    /// Camera → controller: whether the photo was taken.
     PhotoAnswer(PhotoAnswer),
     /// Camera → controller: points.
     AddPoints(AddPoints<'a>),
     /// PC → controller: instructions.
     AddRcc(AddRcc<'a>),
-    /// A type that nobody knows, or none at all with nothing to tell it by.
+    /// An unknown type, or no type and no member that shows it.
     Unknown(UnknownType<'a>),
-    /// A known type with a field that cannot be right.
+    /// A known type with an invalid field.
     Rejected(Rejection<'a>),
 }
 
@@ -198,7 +198,7 @@ pub struct Photo {
 pub struct PhotoAnswer {
     /// `camID`.
     pub cam_id: i64,
-    /// `ret`: 1 once the photo was taken.
+    /// `ret`: 1 if the photo was taken.
     pub ret: i64,
 }
 
@@ -210,13 +210,13 @@ pub struct AddPoints<'a> {
 }
 
 impl<'a> AddPoints<'a> {
-    /// Each camera with its points, in the frame's order.
+    /// Returns each camera with its points, in the frame's order.
     pub fn sets(&self) -> impl ExactSizeIterator<Item = (i64, &'a [Point])> + use<'a> {
         let points = self.points;
         self.sets.iter().map(move |set| (set.cam_id, points.get(set.first..set.end).unwrap_or_default()))
     }
 
-    /// How many points there are in all.
+    /// Total number of points.
     #[must_use]
     pub fn len(&self) -> usize {
         self.points.len()
@@ -232,14 +232,14 @@ impl<'a> AddPoints<'a> {
 /// Instructions for the instruction list (manual 6).
 #[derive(Clone, Copy, Debug)]
 pub struct AddRcc<'a> {
-    /// `emptyList`: `true` replaces the list, `false` appends to it; `None` where it was left out.
+    /// `emptyList`: `true` replaces the list, `false` appends to it; `None` if the frame has no such member.
     pub empty_list: Option<bool>,
     /// The instructions, in order.
     pub instructions: &'a [Instruction],
     /// Whether the frame had the shape of 2020 (`dsData`, `xpos` …).
     pub shape_2020: bool,
-    /// Which instructions have no `oneshot`, counted from 0, in order: they are read as with `oneshot` 0. Those of unknown actions
-    /// are not among them.
+    /// Which instructions have no `oneshot`, counted from 0, in order. They are read as with `oneshot` 0.
+    /// Instructions with unknown actions are not listed.
     pub without_oneshot: &'a [u32],
     bytes: &'a [u8],
     fields: &'a [(Node, Node)],
@@ -260,21 +260,21 @@ impl<'a> AddRcc<'a> {
     }
 }
 
-/// A frame whose type nobody knows.
+/// A frame of an unknown type.
 #[derive(Clone, Copy, Debug)]
 pub struct UnknownType<'a> {
-    /// The type, as sent; `None` where the frame has no type and nothing to tell it by.
+    /// The type, as sent; `None` if the frame has no type and no member that shows it.
     pub word: Option<Value<'a>>,
 }
 
 impl UnknownType<'_> {
-    /// The type, to be kept beyond the frame.
+    /// Copies the type, so that it outlives the frame.
     #[must_use]
     pub fn to_word(&self) -> UnknownTypeWord {
         UnknownTypeWord { word: self.word.map(|word| word.text().into_owned()) }
     }
 
-    /// As [`UnknownTypeWord::nearest`].
+    /// See [`UnknownTypeWord::nearest`].
     #[must_use]
     pub fn nearest(&self) -> Option<&'static str> {
         self.to_word().nearest()
@@ -290,18 +290,18 @@ impl fmt::Display for UnknownType<'_> {
 /// The type of an [`UnknownType`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownTypeWord {
-    /// The type, as long as the frame has it; `None` where the frame has no type and nothing to tell it by.
+    /// The complete type as in the frame; `None` if the frame has no type and no member that shows it.
     pub word: Option<String>,
 }
 
 impl UnknownTypeWord {
-    /// The type that comes nearest.
+    /// The nearest known type.
     #[must_use]
     pub fn nearest(&self) -> Option<&'static str> {
         crate::spelling::nearest(self.word.as_ref()?, RequestType::ALL.map(RequestType::word))
     }
 
-    /// The command of this name: its sender took a command for a type.
+    /// The command of this name, if the sender used a command's name as the type.
     #[must_use]
     pub fn command(&self) -> Option<CommandName> {
         CommandName::exact(self.word.as_ref()?.as_bytes())
@@ -324,12 +324,12 @@ impl fmt::Display for UnknownTypeWord {
     }
 }
 
-/// A frame of a known type that cannot be understood: the first field that is wrong.
+/// A frame of a known type that cannot be read, with the first wrong field.
 #[derive(Clone, Copy, Debug)]
 pub struct Rejection<'a> {
-    /// What the frame wanted to be.
+    /// The type of the frame.
     pub request: RequestType,
-    /// What is wrong.
+    /// The error.
     pub error: &'a FieldError,
 }
 

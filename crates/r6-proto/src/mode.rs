@@ -5,21 +5,21 @@ use std::fmt;
 /// The operation mode of a controller (`curMode`, manual 4.1.1 #5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OperationMode {
-    /// 0: none.
+    /// 0: no mode.
     None,
-    /// 1: manual, the pendant has the arm.
+    /// 1: manual; the pendant controls the arm.
     Manual,
     /// 2: auto, not running.
     Auto,
     /// 3: stop.
     Stop,
-    /// 7: the program runs. Instructions are taken while it sits in its wait step.
+    /// 7: the program runs. The controller accepts instructions while the program is in its wait step.
     Running,
     /// 8: single step.
     SingleStep,
     /// 9: single cycle.
     SingleCycle,
-    /// A number that the manual does not have.
+    /// A number that is not in the manual.
     Unknown(i64),
 }
 
@@ -54,7 +54,8 @@ impl OperationMode {
         }
     }
 
-    /// Whether a program can be running in this mode. A mode that nobody knows counts: the state tells the rest.
+    /// Whether a program can be running in this mode. This is also true for an unknown mode, because other
+    /// values then decide.
     #[must_use]
     pub fn may_run(self) -> bool {
         match self {

@@ -1,20 +1,20 @@
-//! Texts of peers, made safe for a terminal and for a log.
+//! Makes texts of peers safe for terminals and logs.
 
 use std::fmt::{self, Write};
 
-/// Shows a text of a peer on one line: escapes every character that could begin a line or steer a terminal.
+/// Shows a peer's text on one line. It escapes every character that could begin a line or control a terminal.
 ///
-/// A carriage return becomes `\r`, a line feed `\n`, a tab `\t`, and an escape character `\u{1b}`. All other characters stay as they
-/// are, the backslash included, so that showing a text twice changes nothing more.
+/// A carriage return becomes `\r`, a line feed `\n`, a tab `\t`, and an escape character `\u{1b}`. All other
+/// characters stay, including the backslash, so escaping a text twice changes nothing more.
 ///
-/// Escape a peer's text where it reaches a person: a refusal's reason, a name, a firmware version, a quoted word. Do not escape
-/// it where a program reads it.
+/// Escape a peer's text where it reaches a person: a refusal's reason, a name, a firmware version, a quoted
+/// word. Do not escape it where a program reads it.
 #[must_use]
 pub fn printable(text: &str) -> Printable<'_> {
     Printable(text)
 }
 
-/// A text that [`printable`] makes safe when it is shown.
+/// A text that is escaped when it is displayed; see [`printable`].
 #[derive(Clone, Copy, Debug)]
 pub struct Printable<'a>(&'a str);
 
@@ -31,10 +31,11 @@ impl fmt::Display for Printable<'_> {
     }
 }
 
-/// Whether a character only shows itself: it is no control character, ends no line, and does not change the direction of a text.
+/// Whether a character only shows itself: it is not a control character, does not end a line, and does not
+/// change the direction of a text.
 fn is_safe(character: char) -> bool {
     let ends_line = matches!(character, '\u{2028}' | '\u{2029}');
-    // With these, text that follows can be shown before text that stands in front of it (Unicode TR 36, 3.2).
+    // These characters can display later text before earlier text (Unicode TR 36, 3.2).
     let turns = matches!(
         character,
         '\u{061C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}'

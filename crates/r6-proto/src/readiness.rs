@@ -1,4 +1,4 @@
-//! Whether a machine takes instructions: the conditions, and what its values tell of them.
+//! Whether a machine accepts instructions: the conditions, and what its values show about them.
 
 use std::fmt;
 
@@ -6,15 +6,15 @@ use crate::address::Address;
 use crate::alarm::AlarmCode;
 use crate::mode::OperationMode;
 
-/// The values that tell whether a machine takes instructions. `None` where the controller has no such value or sent one that cannot
-/// be read.
+/// The values that show whether a machine accepts instructions. `None` if the controller has no such value,
+/// or if the value cannot be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReadinessFacts<'s> {
-    /// `curMold`: the program; only the pendant's port tells.
+    /// `curMold`: the program. Only the pendant's port reports it.
     pub program: Option<&'s str>,
     /// `curMode`.
     pub mode: Option<OperationMode>,
-    /// `curAlarm`: 0 for none.
+    /// `curAlarm`: 0 means no alarm.
     pub alarm: Option<i64>,
     /// `origin`.
     pub homed: Option<bool>,
@@ -24,12 +24,12 @@ pub struct ReadinessFacts<'s> {
     pub list_length: Option<i64>,
 }
 
-/// A condition that has to hold before instructions are sent, and does not.
+/// A condition for sending instructions that does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unmet {
     /// The mode is not 7.
     Mode {
-        /// The mode it has.
+        /// The current mode.
         found: OperationMode,
     },
     /// There is an alarm.
@@ -37,48 +37,49 @@ pub enum Unmet {
         /// Its number.
         code: i64,
     },
-    /// The machine does not know its origin.
+    /// The machine is not homed.
     NotHomed,
     /// The machine moves.
     Moving,
-    /// Instructions are left from before.
+    /// Old instructions are left in the list.
     LeftoverList {
         /// How many.
         length: i64,
     },
-    /// A value that has to be known is not.
+    /// A required value is not known.
     Unknown {
         /// Its address.
         address: Address,
     },
 }
 
-/// A condition that has to hold before instructions are sent, and of which no value tells whether it does.
+/// A condition for sending instructions that no value proves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unproved {
-    /// Whether the program sits in its step that waits for remote commands (action 1004). No address tells the step, on any firmware:
-    /// mode 7 says that some program runs, and an empty list, an arm that stands and an answer `ok` go with every step.
+    /// Whether the program is in the step that waits for remote commands (action 1004). No firmware has an
+    /// address for the step. Mode 7 only shows that some program runs. An empty list, a standing arm and the
+    /// answer `ok` occur in every step.
     RemoteStep,
-    /// How many instructions are left in the list: `RemoteCmdLen` cannot be read (before 207beta25).
+    /// How many instructions are left in the list. `RemoteCmdLen` cannot be read (before 207beta25).
     ListLength,
 }
 
-/// Whether a machine takes instructions, as far as its values prove it.
+/// Whether a machine accepts instructions, as far as its values prove it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Readiness {
-    /// Every condition is met, and a value proves each.
+    /// Every condition holds, and a value proves each of them.
     Ready,
     /// These conditions are not met.
     NotReady(Vec<Unmet>),
-    /// Every condition that can be read is met. Of these no value tells.
+    /// Every readable condition holds. No value proves these conditions.
     Unknown(Vec<Unproved>),
 }
 
 impl ReadinessFacts<'_> {
-    /// What keeps the machine from taking instructions, in the order in which they are to be dealt with; empty if nothing does.
+    /// The conditions that do not hold, in the order in which to deal with them; empty if all hold.
     ///
-    /// A value that is not known counts against it, the length of the list apart: older firmware cannot tell it.
-    /// Empty does not mean ready: see [`Self::readiness`].
+    /// An unknown value counts as not holding, except the length of the list, because older firmware cannot
+    /// report it. Empty does not mean ready: see [`Self::readiness`].
     #[must_use]
     pub fn unmet(&self) -> Vec<Unmet> {
         let unknown = |address| Some(Unmet::Unknown { address });
@@ -104,14 +105,15 @@ impl ReadinessFacts<'_> {
         };
         let list =
             self.list_length.filter(|length| *length != 0).map(|length| Unmet::LeftoverList { length });
-        // In the order in which they are to be dealt with: a list that is left over starts with the next start.
+        // The order in which to deal with them: a leftover list would run at the next start.
         [moving, list, alarm, homed, mode].into_iter().flatten().collect()
     }
 
-    /// The conditions of which no value tells, whatever else is unmet.
+    /// The conditions that no value proves, independent of [`Self::unmet`].
     ///
-    /// `remote_program` names a program of which the caller knows that it does nothing but wait for remote commands. Where the
-    /// controller tells its program (`curMold`, on the pendant's port), mode 7 and this name together prove the step.
+    /// `remote_program` is the name of a program that only waits for remote commands, as the caller knows. If
+    /// the controller reports its program (`curMold`, on the pendant's port), mode 7 and this name together
+    /// prove the step.
     #[must_use]
     pub fn unproved(&self, remote_program: Option<&str>) -> Vec<Unproved> {
         let waits = remote_program.is_some() && self.program == remote_program;
@@ -120,7 +122,8 @@ impl ReadinessFacts<'_> {
         step.into_iter().chain(list).collect()
     }
 
-    /// Whether the machine takes instructions, as far as its values prove it; `remote_program` as for [`Self::unproved`].
+    /// Whether the machine accepts instructions, as far as its values prove it. For `remote_program` see
+    /// [`Self::unproved`].
     #[must_use]
     pub fn readiness(&self, remote_program: Option<&str>) -> Readiness {
         let (unmet, unproved) = (self.unmet(), self.unproved(remote_program));
@@ -138,7 +141,7 @@ impl fmt::Display for Unmet {
             Self::Mode { found: found @ OperationMode::Auto } => write!(
                 f,
                 "the operation mode is {found}, not running (7): in Auto turn Cycle on at the pendant and press Start, or, with \
-                 nobody near the arm, send the command startButton; the program must wait in its \"wait for remote commands\" step"
+                 no person near the arm, send the command startButton; the program must wait in its \"wait for remote commands\" step"
             ),
             Self::Mode { found } => write!(
                 f,
@@ -172,7 +175,7 @@ impl fmt::Display for Unproved {
     }
 }
 
-/// An alarm's number with what it means and what to do about it.
+/// Displays an alarm's number with its meaning and remedy.
 #[derive(Clone, Copy, Debug)]
 pub struct AlarmAdvice(pub i64);
 

@@ -1,4 +1,4 @@
-//! What a controller sends: replies in a firmware's dialect, and the photo request that it pushes.
+//! What a controller sends: replies in a firmware's dialect, and photo requests.
 
 use crate::dialect::{CommandReplyForm, CounterForm, Dialect, DsIdForm, KeyOrder};
 use crate::encode::{Decimals, ObjectWriter, key, write_integer, write_quoted_fixed, write_quoted_integer};
@@ -7,16 +7,16 @@ use crate::message::{Header, RequestType, TypeKey};
 use crate::request::ListWriter;
 use crate::value::Values;
 
-/// How a command, AddPoints or AddRCC ended.
+/// The outcome of a command, AddPoints or AddRCC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict<'a> {
     /// Accepted.
     Ok,
     /// Refused, with the reason.
     Err(&'a str),
-    /// Refused without a word: AddRCC has no room for a reason (manual 6).
+    /// Refused without a reason: the reply to AddRCC has no place for one (manual 6).
     BareErr,
-    /// AddPoints: how many points were taken.
+    /// AddPoints: how many points the controller took.
     Points(usize),
 }
 
@@ -29,7 +29,7 @@ pub struct ReplyWriter<'a> {
 }
 
 impl<'a> ReplyWriter<'a> {
-    /// A writer for the reply to a request with this header and type.
+    /// Creates a writer for the reply to a request with this header and type.
     #[must_use]
     pub fn new(dialect: Dialect, header: Header<'a>, request: RequestType) -> Self {
         Self { dialect, header, request }
@@ -61,13 +61,13 @@ impl<'a> ReplyWriter<'a> {
         );
     }
 
-    /// Appends the reply to a command, AddPoints or AddRCC, which it names by `word`.
+    /// Appends the reply to a command, AddPoints or AddRCC. `word` is its name in the reply.
     pub fn verdict(&self, word: &str, verdict: Verdict<'_>, out: &mut Vec<u8>) {
         let reply = |frame: &mut ObjectWriter<'_>| {
             let mut list = ListWriter::begin(frame.key(key!("cmdReply")));
             let named = match self.dialect.command_reply {
                 CommandReplyForm::NameAndVerdict => true,
-                // The templates of AddPoints and AddRCC name them in every manual.
+                // In every manual, the templates of AddPoints and AddRCC contain their names.
                 CommandReplyForm::Verdict => self.request != RequestType::Command,
             };
             if named {
@@ -93,8 +93,8 @@ impl<'a> ReplyWriter<'a> {
         }
     }
 
-    /// The whole frame. `early` holds the keys that come before `cmdType` in the alphabet, `late` those that
-    /// come between `packID` and `reqType`; in the manual's order only `late` is used.
+    /// Writes the whole frame. `early` writes the keys that come before `cmdType` in the alphabet, `late`
+    /// those between `packID` and `reqType`. In the manual's order only `late` is used.
     fn frame(
         &self,
         out: &mut Vec<u8>,
@@ -122,7 +122,7 @@ impl<'a> ReplyWriter<'a> {
                 late(&mut frame);
             }
         }
-        // The last of all keys, in either order.
+        // The last key in either order.
         if self.dialect.says_virtual {
             frame.key(key!("virtual")).extend_from_slice(b"true");
         }
@@ -152,24 +152,25 @@ impl<'a> ReplyWriter<'a> {
     }
 }
 
-/// Writes the values of a query reply, each in the form that controllers give it.
+/// Writes the values of a query reply, each in the form that controllers use.
 pub struct DataWriter<'l, 'o> {
     list: &'l mut ListWriter<'o>,
     counter: CounterForm,
 }
 
 impl DataWriter<'_, '_> {
-    /// A text.
+    /// Writes a text.
     pub fn text(&mut self, value: &str) {
         self.list.text(value);
     }
 
-    /// A whole number, in quotes.
+    /// Writes a whole number in quotes.
     pub fn integer(&mut self, value: i64) {
         write_quoted_integer(self.list.item(), value);
     }
 
-    /// A decimal number with six decimals, in quotes. What is no finite number within ±1e9 is written as 0.
+    /// Writes a decimal number with six decimals, in quotes. A value that is not finite or is beyond ±1e9 is
+    /// written as 0.
     pub fn decimal(&mut self, value: f64) {
         let out = self.list.item();
         if write_quoted_fixed(out, "value", value, Decimals::SIX).is_err() {
@@ -177,12 +178,12 @@ impl DataWriter<'_, '_> {
         }
     }
 
-    /// A flag: "1" or "0".
+    /// Writes a flag: "1" or "0".
     pub fn flag(&mut self, value: bool) {
         self.integer(i64::from(value));
     }
 
-    /// A list of texts.
+    /// Writes a list of texts.
     pub fn texts<'t>(&mut self, values: impl IntoIterator<Item = &'t str>) {
         let mut list = ListWriter::begin(self.list.item());
         for value in values {
@@ -191,7 +192,7 @@ impl DataWriter<'_, '_> {
         list.end();
     }
 
-    /// Whether the dialect's form of a counter has its name in it.
+    /// Whether the dialect's form of a counter contains its name.
     #[must_use]
     pub fn names_counters(&self) -> bool {
         match self.counter {
@@ -200,7 +201,7 @@ impl DataWriter<'_, '_> {
         }
     }
 
-    /// A counter, in the dialect's form.
+    /// Writes a counter in the dialect's form.
     pub fn counter(&mut self, counter: &Counter) {
         let numbers = [counter.id, counter.target, counter.current];
         match self.counter {
@@ -227,7 +228,7 @@ impl DataWriter<'_, '_> {
     }
 }
 
-/// Appends the photo request that a controller pushes (manual 5.1; captured, unit D, in this key order).
+/// Appends a controller's photo request (manual 5.1; captured, unit D, in this key order).
 pub fn encode_photo(cam_id: i64, pack_id: Option<&str>, out: &mut Vec<u8>) {
     let mut frame = ObjectWriter::begin(out);
     frame.text(key!("dsID"), DsIdForm::Long.ds_id(RequestType::Photo));

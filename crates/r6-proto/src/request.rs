@@ -1,4 +1,4 @@
-//! Requests, encoded strictly: one compact form, every number within its range.
+//! Requests, encoded strictly: one compact form, with every number in its range.
 
 use crate::address::Address;
 use crate::dialect::Addressing;
@@ -9,7 +9,8 @@ use crate::text;
 
 mod head;
 
-/// The longest AddRCC that controllers answer and carry out, bytes (inferred from the thresholds reported of unit A).
+/// The longest AddRCC that controllers answer and execute, in bytes (inferred from the thresholds reported of
+/// unit A).
 pub const LONGEST_ADD_RCC: usize = 2048;
 
 /// What a PC or a camera sends to a controller.
@@ -23,14 +24,14 @@ pub enum Request<'a> {
     AddRcc {
         /// `true` replaces the list, `false` appends.
         empty_list: bool,
-        /// The instructions; none, with `empty_list`, clears the list.
+        /// The instructions. An empty slice with `empty_list` clears the list.
         instructions: &'a [Instruction],
     },
-    /// Sends points, for each camera its own (manual 5.2).
+    /// Sends the points of each camera (manual 5.2).
     AddPoints(&'a [CameraPoints<'a>]),
-    /// Feeds the controller's watchdog, and arms it the first time (manual 7). It is not answered.
+    /// Feeds the controller's watchdog; the first one arms it (manual 7). The controller does not answer.
     Heartbreak,
-    /// Answers a photo request (manual 5.1). It is not answered.
+    /// Answers a photo request (manual 5.1). The controller does not answer.
     PhotoAnswer(PhotoAnswer),
 }
 
@@ -57,7 +58,7 @@ impl Request<'_> {
         }
     }
 
-    /// Whether a controller answers it.
+    /// Whether a controller answers this request.
     #[must_use]
     pub fn expects_reply(&self) -> bool {
         match self {
@@ -69,7 +70,7 @@ impl Request<'_> {
     /// Appends the frame to `out`.
     ///
     /// # Errors
-    /// [`EncodeError`] names the field that the wire cannot carry; `out` is then as before.
+    /// [`EncodeError`] names the field that the wire cannot carry; `out` is unchanged then.
     pub fn encode(&self, addressing: &Addressing<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let before = out.len();
         let encoded = self.encode_members(addressing, out);

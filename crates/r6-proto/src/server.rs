@@ -1,4 +1,4 @@
-//! The controller's end of one connection, without I/O: bytes in, messages out; replies in, frames out.
+//! The controller's side of one connection, without I/O: bytes in, messages out; replies in, frames out.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -8,25 +8,27 @@ use crate::frame::{FrameBuffer, FrameError, Limits};
 use crate::message::{Decoder, Message};
 use crate::time::Instant;
 
-/// A frame that stays incomplete this long after its last byte is given up, so that what follows is understood again.
+/// The session gives up a frame that stays incomplete this long after its last byte, so that it can read what
+/// follows.
 ///
-/// Long enough for a peer that sends one byte a second; short enough that a cut-off frame does not eat
-/// the next attempt of a person who watches.
+/// This is long enough for a peer that sends one byte a second. It is short enough that a cut-off frame does
+/// not swallow the next attempt of a person at the keyboard.
 pub const PARTIAL_FRAME_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Replies that a peer does not read pile up to this many bytes; then the connection is given up.
+/// Unread replies of a peer accumulate up to this many bytes; then the connection is given up.
 ///
-/// A reply is below 4 KiB and clients keep a handful of requests in flight: a peer this far behind reads nothing.
+/// A reply is below 4 KiB, and clients keep a handful of requests in flight. A peer this far behind is not
+/// reading.
 pub const MAX_UNSENT_BYTES: usize = 1 << 20;
 
-/// The controller's end of one connection.
+/// The controller's side of one connection.
 #[derive(Debug)]
 pub struct ServerSession {
     inbox: Inbox,
     outbox: Outbox,
 }
 
-/// Bytes in, messages out.
+/// The receiving half: bytes in, messages out.
 #[derive(Debug)]
 pub struct Inbox {
     frames: FrameBuffer,
@@ -37,7 +39,7 @@ pub struct Inbox {
 /// Why bytes did not become a message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum InputError {
-    /// The bytes hold no complete JSON object where one should stand.
+    /// The bytes are not a complete JSON object where one should be.
     Frame(FrameError),
     /// The object is not well-formed JSON.
     Json(JsonError),
@@ -55,7 +57,7 @@ impl std::fmt::Display for InputError {
 impl std::error::Error for InputError {}
 
 impl ServerSession {
-    /// A session on a fresh connection.
+    /// Creates a session for a new connection.
     #[must_use]
     pub fn new(limits: Limits) -> Self {
         Self {
@@ -68,7 +70,7 @@ impl ServerSession {
         }
     }
 
-    /// Both halves, so that a reply can be written while its request is still being looked at.
+    /// Returns both halves, so that a reply can be written while its request is still borrowed.
     pub fn split(&mut self) -> (&mut Inbox, &mut Outbox) {
         (&mut self.inbox, &mut self.outbox)
     }
@@ -79,12 +81,13 @@ impl ServerSession {
         self.inbox.poll_timeout()
     }
 
-    /// Time was jumped over in which the peer could send nothing: it does not count against an incomplete frame.
+    /// Moves the deadline of an incomplete frame, because time was skipped in which the peer could send
+    /// nothing.
     pub fn postpone(&mut self, by: Duration) {
         self.inbox.last_byte += by;
     }
 
-    /// When the next frame that is held back may leave.
+    /// When the next delayed frame may leave.
     #[must_use]
     pub fn next_transmit(&self) -> Option<Instant> {
         self.outbox.delayed.front().map(|(due, _)| *due)
@@ -92,18 +95,18 @@ impl ServerSession {
 }
 
 impl Inbox {
-    /// Takes bytes from the peer and tells how many there was room for; push the others again once
-    /// [`Self::next_message`] has returned `None`.
+    /// Takes bytes from the peer and returns how many fit. Push the rest again after [`Self::next_message`]
+    /// has returned `None`.
     #[must_use = "bytes that were not taken have to be pushed again"]
     pub fn push(&mut self, now: Instant, bytes: &[u8]) -> usize {
-        // A read of nothing is no sign of life.
+        // A read of zero bytes is not a sign of life.
         if !bytes.is_empty() {
             self.last_byte = now;
         }
         self.frames.push(bytes)
     }
 
-    /// The next message or the next error; `None` once more bytes are needed.
+    /// Returns the next message or error, or `None` if more bytes are needed.
     pub fn next_message(&mut self) -> Option<Result<Message<'_>, InputError>> {
         Some(match self.frames.next()? {
             Err(error) => Err(InputError::Frame(error)),
@@ -121,26 +124,26 @@ impl Inbox {
     }
 }
 
-/// Frames on their way to the peer: at once, or at a later point in time.
+/// The sending half: frames that leave at once or at a later time.
 #[derive(Debug, Default)]
 pub struct Outbox {
-    /// Frames that may leave now, one behind the other.
+    /// Frames that may leave now, one after the other.
     ready: Vec<u8>,
-    /// How far `ready` was taken.
+    /// How many bytes of `ready` were taken.
     taken: usize,
     /// Where each frame in `ready` ends.
     ends: VecDeque<usize>,
-    /// Frames that leave later, the earliest first.
+    /// Frames that leave later, earliest first.
     delayed: VecDeque<(Instant, Vec<u8>)>,
     delayed_bytes: usize,
-    /// When the last frame leaves that was sent in turn.
+    /// When the last frame of [`Self::send_in_turn`] leaves.
     last_in_turn: Instant,
 }
 
 impl Outbox {
-    /// Lets `write` append one frame that leaves at once.
+    /// Appends one frame with `write`; it leaves at once.
     pub fn send(&mut self, write: impl FnOnce(&mut Vec<u8>)) {
-        // Forget what was taken, once it is at least half: each byte is moved at most once.
+        // Drop the taken bytes once they are at least half of `ready`, so that each byte moves at most once.
         if self.taken > 0 && self.taken * 2 >= self.ready.len() {
             self.ready.drain(..self.taken);
             self.ends.iter_mut().for_each(|end| *end -= self.taken);
@@ -153,7 +156,8 @@ impl Outbox {
         }
     }
 
-    /// Lets `write` make one frame that leaves at `due`. Frames due at the same time leave in the order of the calls.
+    /// Creates one frame with `write`; it leaves at `due`. Frames due at the same time leave in the order of
+    /// the calls.
     pub fn send_at(&mut self, due: Instant, write: impl FnOnce(&mut Vec<u8>)) {
         let mut frame = Vec::new();
         write(&mut frame);
@@ -162,14 +166,14 @@ impl Outbox {
         self.delayed.insert(at, (due, frame));
     }
 
-    /// Like [`Self::send_at`], but not before the last frame that was sent this way: replies to one kind of request leave in
-    /// the order of the requests.
+    /// Like [`Self::send_at`], but not before the last frame sent this way, so that replies to one kind of
+    /// request leave in the order of the requests.
     pub fn send_in_turn(&mut self, due: Instant, write: impl FnOnce(&mut Vec<u8>)) {
         self.last_in_turn = self.last_in_turn.max(due);
         self.send_at(self.last_in_turn, write);
     }
 
-    /// Lets what is due leave before whatever is sent later.
+    /// Releases all due frames, so that they leave before any frame sent later.
     pub fn release(&mut self, now: Instant) {
         while self.delayed.front().is_some_and(|(due, _)| *due <= now) {
             if let Some((_, frame)) = self.delayed.pop_front() {
@@ -179,7 +183,7 @@ impl Outbox {
         }
     }
 
-    /// The next frame to write to the peer, whole; it counts as taken.
+    /// Returns the next whole frame to write to the peer, and marks it as taken.
     pub fn poll_transmit(&mut self, now: Instant) -> Option<&[u8]> {
         self.release(now);
         let end = self.ends.pop_front()?;
@@ -187,7 +191,7 @@ impl Outbox {
         self.ready.get(start..end)
     }
 
-    /// Every frame that was not taken, in order, with the time at which it may leave where that is not at once.
+    /// Returns every frame not yet taken, in order, with the time at which a delayed frame may leave.
     #[must_use]
     pub fn into_frames(mut self) -> Vec<(Option<Instant>, Vec<u8>)> {
         let mut frames = Vec::with_capacity(self.ends.len() + self.delayed.len());
@@ -200,7 +204,7 @@ impl Outbox {
         frames
     }
 
-    /// Whether the peer is so far behind that the connection has to be given up ([`MAX_UNSENT_BYTES`]).
+    /// Whether the peer is so far behind that the connection must be given up ([`MAX_UNSENT_BYTES`]).
     #[must_use]
     pub fn is_overfull(&self) -> bool {
         self.ready.len() - self.taken + self.delayed_bytes > MAX_UNSENT_BYTES

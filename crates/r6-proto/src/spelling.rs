@@ -1,12 +1,13 @@
-//! The nearest known word to one that nobody knows, for error messages.
+//! Finds the known word nearest to an unknown one, for error messages.
 
-/// Words longer than this are not compared: no word of the protocol comes near them, and the comparison is quadratic.
+/// Longer words are not compared, because no word of the protocol is near them and the comparison is
+/// quadratic.
 const LONGEST_COMPARED: usize = 64;
 
-/// The word of `known` that `word` most probably meant, or `None` where nothing is near.
+/// Returns the word of `known` that `word` most probably means, or `None` if no word is near.
 ///
-/// Case and separators (`-`, `_`, space) do not count; beyond that about one wrong letter in three is forgiven, and a
-/// word that was cut short counts as one wrong letter.
+/// Case and separators (`-`, `_`, space) do not count. Otherwise about one wrong letter in three is allowed.
+/// A word that was cut short counts as one wrong letter.
 pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     if word.is_empty() || word.len() > LONGEST_COMPARED {
         return None;
@@ -14,7 +15,7 @@ pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Opti
     let folded = fold(word);
     known
         .into_iter()
-        // Those of a file can be of any length.
+        // Words from a file can have any length.
         .filter(|candidate| candidate.len() <= LONGEST_COMPARED)
         .map(|candidate| (distance(&folded, &fold(candidate)), candidate))
         .min_by_key(|(distance, candidate)| (*distance, candidate.len().abs_diff(word.len())))
@@ -23,7 +24,7 @@ pub fn nearest<'k>(word: &str, known: impl IntoIterator<Item = &'k str>) -> Opti
 }
 
 fn distance(word: &str, candidate: &str) -> usize {
-    // Three letters begin too many words to tell which one was meant.
+    // Too many words begin with the same three letters to know which was meant.
     let cut_short = word.len() > 3 && candidate.starts_with(word) && candidate.len() > word.len();
     if cut_short { 1 } else { strsim::damerau_levenshtein(word, candidate) }
 }

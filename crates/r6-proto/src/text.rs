@@ -1,11 +1,11 @@
-//! Strings inside a frame: where one ends, and what it says, in UTF-8 or in GBK.
+//! Strings inside a frame: where a string ends, and its text, in UTF-8 or in GBK.
 //!
-//! Old firmware sends names in GBK, whose two-byte characters may have `\` (0x5C), `[`, `]`, `{` or `}` as their
-//! second byte. Nothing announces the encoding, so one rule decides it for each string: its bytes are UTF-8 as long
-//! as they are valid UTF-8; at the first byte that is not, the whole string turns out to be GBK, and what was taken
-//! for an escape is read anew in that light. A quote that was passed before that byte stays inside the string: in a
-//! GBK frame nothing but ASCII can stand between a closing quote and the next opening one, so such a quote cannot
-//! have closed it. That keeps every search within one pass, whatever the bytes are.
+//! Old firmware sends names in GBK. The second byte of a GBK character may be `\` (0x5C), `[`, `]`, `{` or
+//! `}`. Nothing announces the encoding, so one rule decides it for each string. The bytes are UTF-8 as long
+//! as they are valid UTF-8. At the first invalid byte the whole string becomes GBK, and its escapes are read
+//! again as GBK. A quote before that byte stays inside the string: in a GBK frame only ASCII can stand
+//! between a closing quote and the next opening quote, so such a quote cannot have closed the string. With
+//! this rule every search takes one pass, whatever the bytes are.
 
 use std::borrow::Cow;
 
@@ -18,45 +18,46 @@ mod state;
 pub use state::{Progress, StringState};
 use state::{is_gbk_lead, is_gbk_trail};
 
-/// What is known of a string once its closing quote is found.
+/// What is known about a string after its closing quote was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StringEnd {
-    /// Offset of the closing quote in the bytes that were scanned.
+    /// Offset of the closing quote in the scanned bytes.
     pub end: usize,
-    /// Whether there is any escape to resolve.
+    /// Whether the string contains an escape.
     pub has_escape: bool,
     /// Whether every byte is ASCII.
     pub ascii: bool,
-    /// Whether the bytes are UTF-8; GBK if not.
+    /// Whether the bytes are UTF-8; otherwise they are GBK.
     pub utf8: bool,
 }
 
-/// Why bytes are no JSON string.
+/// Why bytes are not a JSON string.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StringFault {
-    /// Offset of the offending byte in the bytes that were scanned; their length where the closing quote is missing.
+    /// Offset of the wrong byte in the scanned bytes; their length if the closing quote is missing.
     pub at: usize,
     /// What is wrong there.
     pub kind: StringFaultKind,
 }
 
-/// What can be wrong inside a string.
+/// The faults inside a string.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StringFaultKind {
     /// The bytes end before the closing quote.
     Unterminated,
     /// A raw byte below 0x20, which JSON allows only escaped.
     ControlByte(u8),
-    /// A `\` that begins no JSON escape, or half of a surrogate pair.
+    /// A `\` that does not begin a JSON escape, or half of a surrogate pair.
     BadEscape,
 }
 
-/// Finds the end of the string whose first byte after the opening quote is at `start`, and checks its escapes.
+/// Finds the end of the string whose first byte after the opening quote is at `start`, and checks its
+/// escapes.
 ///
 /// For UTF-8 it accepts exactly what `serde_json` accepts.
 ///
 /// # Errors
-/// The first thing that is wrong with the string, in the encoding that it turns out to have.
+/// The first fault of the string, in the encoding that the rule gives it.
 #[inline]
 pub fn scan_string(bytes: &[u8], start: usize) -> Result<StringEnd, StringFault> {
     let mut at = start;
@@ -76,7 +77,7 @@ pub fn scan_string(bytes: &[u8], start: usize) -> Result<StringEnd, StringFault>
     }
 }
 
-/// The same for a string that has a byte beyond ASCII: first its end and with it the encoding, then the escapes.
+/// The same for a string with a non-ASCII byte: first the end and the encoding, then the escapes.
 fn scan_beyond_ascii(bytes: &[u8], start: usize) -> Result<StringEnd, StringFault> {
     let mut state = StringState::default();
     let end = match state.advance(bytes, start) {
@@ -97,10 +98,11 @@ fn scan_beyond_ascii(bytes: &[u8], start: usize) -> Result<StringEnd, StringFaul
     Ok(StringEnd { end, has_escape, ascii: false, utf8 })
 }
 
-/// The text of a string: `body` is what stands between its quotes, `end` what [`scan_string`] said of it.
+/// Returns the text of a string. `body` is the part between its quotes; `end` is the result of
+/// [`scan_string`].
 ///
-/// It never fails: what is no character becomes U+FFFD. Nothing is copied for plain UTF-8. Of `end` only the
-/// encoding and the presence of escapes are used.
+/// It never fails: bytes that are not a character become U+FFFD. Plain UTF-8 is not copied. Of `end`, only
+/// the encoding and the presence of escapes are used.
 #[must_use]
 pub fn unescape<'a>(body: &'a [u8], end: &StringEnd) -> Cow<'a, str> {
     if !end.has_escape {
@@ -118,13 +120,13 @@ pub fn unescape<'a>(body: &'a [u8], end: &StringEnd) -> Cow<'a, str> {
     Cow::Owned(text)
 }
 
-/// Appends the text as a compact JSON string in quotes, UTF-8, with no more escapes than JSON demands.
+/// Appends the text as a compact JSON string in quotes, in UTF-8, with only the escapes that JSON requires.
 pub fn write_escaped(out: &mut Vec<u8>, text: &str) {
     out.push(b'"');
     let mut rest = text.as_bytes();
     let first = Chunk::at(rest, 0);
     if first.plain() == rest.len() {
-        // Numbers of frames and most words: one copy of known length.
+        // Numbers of frames and most words take this path: one copy of known length.
         let end = out.len() + rest.len();
         out.extend_from_slice(&first.bits().to_le_bytes());
         out.truncate(end);
@@ -160,12 +162,13 @@ pub fn write_escaped(out: &mut Vec<u8>, text: &str) {
     out.push(b'"');
 }
 
-/// The offset of the first byte from `from` on that is not plain: a quote, a `\`, a control byte or beyond ASCII.
+/// The offset of the first byte from `from` on that is not plain: a quote, a `\`, a control byte or a
+/// non-ASCII byte.
 #[inline]
 pub(crate) fn plain_end(bytes: &[u8], from: usize) -> usize {
     let mut at = from;
     while at < bytes.len() {
-        // Behind the end there are zeros, which are not plain.
+        // The bytes after the end read as zeros, which are not plain.
         let plain = Chunk::at(bytes, at).plain();
         at += plain;
         if plain < CHUNK {
@@ -175,7 +178,7 @@ pub(crate) fn plain_end(bytes: &[u8], from: usize) -> usize {
     at
 }
 
-/// The next `\` from `from` on that begins an escape; in GBK one that is no second byte.
+/// The next `\` from `from` on that begins an escape. In GBK, a `\` that is a second byte does not count.
 fn next_escape(body: &[u8], from: usize, utf8: bool) -> Option<usize> {
     let mut lead = false;
     body.iter().enumerate().skip(from).find_map(|(at, &byte)| {
@@ -185,7 +188,7 @@ fn next_escape(body: &[u8], from: usize, utf8: bool) -> Option<usize> {
     })
 }
 
-/// How many bytes the escape at `at` has, two for a surrogate pair's halves together.
+/// Length in bytes of the escape at `at`. A surrogate pair counts as one escape.
 fn escape_length(bytes: &[u8], at: usize) -> Result<usize, StringFault> {
     match escape_at(bytes, at) {
         Some((_, length)) => Ok(length),
@@ -196,7 +199,7 @@ fn escape_length(bytes: &[u8], at: usize) -> Result<usize, StringFault> {
     }
 }
 
-/// The character that the escape at `at` stands for, and how many bytes the escape has.
+/// The character of the escape at `at`, and the length of the escape in bytes.
 fn escape_at(bytes: &[u8], at: usize) -> Option<(char, usize)> {
     let character = match bytes.get(at + 1)? {
         b'"' => '"',
@@ -240,13 +243,14 @@ mod tests {
 
     use super::*;
 
-    /// The text of the string literal that the bytes begin with, behind its opening quote.
+    /// The text of the string literal at the beginning of the bytes.
     fn text_of(literal: &[u8]) -> Result<String, StringFault> {
         let end = scan_string(literal, 1)?;
         Ok(unescape(&literal[1..end.end], &end).into_owned())
     }
 
-    /// The module's rule word by word: the encoding from the library's own UTF-8 check, then one walk.
+    /// Implements the module's rule literally: the encoding by the standard library's UTF-8 check, then one
+    /// walk.
     fn end_by_the_rule(body: &[u8]) -> Option<(usize, bool)> {
         let end = |gbk: bool, not_before: usize| {
             let mut at = 0;
@@ -290,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_gbk_character_may_end_in_a_backslash_or_a_brace() {
-        // 乗 is 81 5C; 亄 is 81 7B; 亇 is 81 7D is not, so the pairs are named by their bytes.
+        // 乗 is 81 5C and 亄 is 81 7B, but 亇 is not 81 7D, so the pairs are given as bytes.
         for (trail, known) in [(0x5C, Some('乗')), (0x5B, None), (0x5D, None), (0x7B, None), (0x7D, None)] {
             let literal = [b'"', b'a', 0x81, trail, b'"', b',', b'"'];
             let end = scan_string(&literal, 1).unwrap();
@@ -316,14 +320,14 @@ mod tests {
 
     #[test]
     fn a_lone_lead_byte_stands_alone() {
-        // 0xFF leads nothing, 0x81 takes no quote.
+        // 0xFF is not a lead byte, and 0x81 does not take a quote as its second byte.
         assert_eq!(text_of(b"\"\xFF\\n\"").unwrap(), "\u{FFFD}\n");
         assert_eq!(text_of(b"\"\x81\"").unwrap(), "\u{FFFD}");
     }
 
     #[test]
     fn a_quote_passed_before_the_first_byte_of_gbk_stays_inside() {
-        // Up to 0xFF this is UTF-8, and its quotes are escaped; as GBK the `\\` are second bytes.
+        // Up to 0xFF this is UTF-8 with escaped quotes. In GBK the `\\` are second bytes.
         let literal = "\"中\\\"中\\\"".as_bytes();
         let literal = [literal, b"\xFF\""].concat();
         assert_eq!(scan_string(&literal, 1).unwrap().end, literal.len() - 1);
@@ -370,7 +374,7 @@ mod tests {
         }
     }
 
-    /// Bytes that are often significant to a string.
+    /// Bytes that often matter inside a string.
     fn hostile() -> impl Strategy<Value = Vec<u8>> {
         const TEXTS: [&str; 10] = [
             "中",
@@ -384,7 +388,7 @@ mod tests {
             r#"\""#,
             "plain text",
         ];
-        // Each ends or spoils a sequence at a border of what UTF-8 allows.
+        // Each of these ends or breaks a sequence at a border of valid UTF-8.
         const SPOILED: [&[u8]; 8] =
             [b"\xC1", b"\xE0\x9F", b"\xED\xA0", b"\xF0\x8F", b"\xF4\x90", b"\xF5", b"\xE4\xB8", b"\x81\x5C"];
         let piece = prop_oneof![

@@ -1,13 +1,14 @@
-//! Points in time as the pure crates see them: nanoseconds since an origin that the shell chooses.
+//! Points in time for the pure crates: nanoseconds since an origin that the shell chooses.
 
 use std::fmt;
 use std::ops::{Add, AddAssign, Sub};
 use std::time::Duration;
 
-/// A point in time, in nanoseconds since an origin that the caller chose.
+/// A point in time, in nanoseconds since an origin that the caller chooses.
 ///
-/// A shell maps its clock onto it; a test counts it up by hand. Nothing in a pure crate can make
-/// one out of thin air except [`Instant::ORIGIN`]. Range: 584 years from the origin; arithmetic saturates.
+/// A shell maps its clock onto it; a test advances it by hand. A pure crate cannot read a clock, so it
+/// creates points in time only from [`Instant::ORIGIN`] and from other points. Range: 584 years from the
+/// origin; arithmetic saturates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Instant(u64);
 
@@ -27,7 +28,7 @@ impl Instant {
         self.0
     }
 
-    /// Seconds since the origin, as a float: exact to a nanosecond for the first hundred days.
+    /// Seconds since the origin, as a float. It is exact to a nanosecond for the first hundred days.
     #[must_use]
     pub fn as_secs_f64(self) -> f64 {
         Duration::from_nanos(self.0).as_secs_f64()
@@ -65,7 +66,7 @@ impl Sub<Duration> for Instant {
 impl Sub for Instant {
     type Output = Duration;
 
-    /// As [`Self::since`].
+    /// See [`Self::since`].
     fn sub(self, earlier: Self) -> Duration {
         self.since(earlier)
     }

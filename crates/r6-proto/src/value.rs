@@ -1,4 +1,4 @@
-//! Views of JSON values inside a frame: nothing is copied until it is asked for.
+//! Views of JSON values inside a frame. Nothing is copied before a caller asks for it.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -28,7 +28,7 @@ impl Span {
         bytes.get(self.start as usize..self.end as usize).unwrap_or_default()
     }
 
-    /// As far behind `to` as this is behind `from`.
+    /// The same stretch with its distance behind `from` turned into its distance behind `to`.
     #[inline]
     pub fn moved(self, from: usize, to: usize) -> Self {
         let moved = |place: u32| (place as usize + to).saturating_sub(from);
@@ -40,7 +40,7 @@ fn clamp(offset: usize) -> u32 {
     u32::try_from(offset).unwrap_or(u32::MAX)
 }
 
-/// What stands at a span.
+/// The kind of the value at a span.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// A string; the span is its body without the quotes.
@@ -66,14 +66,14 @@ pub(crate) struct Node {
 }
 
 impl Node {
-    /// Nothing, at the beginning of a frame.
+    /// A null value at the beginning of a frame.
     pub const NULL: Self = Self { span: Span { start: 0, end: 0 }, kind: Kind::Null };
 }
 
 /// One JSON value of a frame, borrowed from the frame's bytes.
 ///
-/// Numbers and texts are told apart, but every reading method accepts both: controllers quote what
-/// clients do not, and the reverse.
+/// Numbers and texts are distinct kinds, but every reading method accepts both, because controllers quote
+/// values that clients do not quote, and the reverse.
 #[derive(Clone, Copy)]
 pub struct Value<'a> {
     pub(crate) bytes: &'a [u8],
@@ -89,7 +89,8 @@ impl<'a> Value<'a> {
         self.node.span.of(self.bytes)
     }
 
-    /// The value as text: a string unescaped (GBK decoded where it is not UTF-8), anything else as it is written.
+    /// The value as text. A string is unescaped, and decoded from GBK if it is not UTF-8. Any other value is
+    /// returned as written.
     #[must_use]
     pub fn text(&self) -> Cow<'a, str> {
         match self.node.kind {
@@ -103,7 +104,8 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// The bytes of a string with its escapes resolved, or of a number; what the words of the protocol are compared by.
+    /// The bytes of a string with its escapes resolved, or of a number. Words of the protocol are compared by
+    /// these bytes.
     pub(crate) fn word(&self) -> Cow<'a, [u8]> {
         match self.node.kind {
             Kind::Text { has_escape: true, .. } => Cow::Owned(self.text().into_owned().into_bytes()),
@@ -117,7 +119,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// The address that a plain text is the exact name of.
+    /// The address with exactly this name, for a text without escapes.
     #[inline]
     pub(crate) fn address(&self) -> Option<Address> {
         match self.node.kind {
@@ -150,13 +152,14 @@ impl<'a> Value<'a> {
         self.node.kind == Kind::List
     }
 
-    /// The text or number as a plain decimal, which nearly every one is.
+    /// The text or number as a plain decimal. Nearly every number is one.
     #[inline]
     fn decimal(&self) -> Option<Decimal> {
         Decimal::read(self.bytes, self.node.span.start as usize, self.node.span.end as usize)
     }
 
-    /// A finite decimal number, quoted or not; `None` for anything else (`NaN`, `1,5`, an empty text, a list).
+    /// A finite decimal number, quoted or not; `None` for anything else (`NaN`, `1,5`, an empty text, a
+    /// list).
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self.node.kind {
@@ -195,14 +198,14 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// The members of a list; nothing for any other value.
+    /// The members of a list; empty for any other value.
     #[must_use]
     pub fn items(&self) -> Items<'a> {
         let at = if self.is_list() { self.node.span.start as usize + 1 } else { usize::MAX };
         Items { bytes: self.bytes, at }
     }
 
-    /// The value exactly as it stands on the wire, quotes included.
+    /// The value exactly as on the wire, including quotes.
     #[must_use]
     pub fn wire(&self) -> &'a [u8] {
         match self.node.kind {
@@ -214,7 +217,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// Where the value begins, in bytes from the start of its frame.
+    /// Position of the value, in bytes from the start of its frame.
     #[must_use]
     pub fn offset(&self) -> usize {
         self.node.span.start as usize
@@ -227,7 +230,7 @@ impl fmt::Debug for Value<'_> {
     }
 }
 
-/// The longest number text that is read: longer ones are no measurement, and parsing them costs time.
+/// The longest number text that is read. A longer text is not a measurement, and parsing it costs time.
 const LONGEST_NUMBER: usize = 64;
 
 fn parse_number(body: &[u8]) -> Option<f64> {
@@ -243,9 +246,11 @@ fn parse_number(body: &[u8]) -> Option<f64> {
     text.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
-/// At most 15 digits with at most one point, as controllers and clients write them; `None` where it takes a closer look.
+/// Reads at most 15 digits with at most one point, the form that controllers and clients write; `None` for
+/// anything else.
 ///
-/// Exact: such digits and their power of ten are whole numbers that a double holds, and one division rounds once.
+/// The result is exact: such digits and their power of ten are whole numbers that fit in a double, and one
+/// division rounds once.
 fn parse_plain_decimal(body: &[u8]) -> Option<f64> {
     const POWERS: [f64; 16] =
         [1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
@@ -275,7 +280,7 @@ fn parse_integer(body: &[u8]) -> Option<i64> {
     if let Some(integer) = std::str::from_utf8(body).ok().and_then(|text| text.parse().ok()) {
         return Some(integer);
     }
-    // The largest float below which every whole number is exact.
+    // 2^53. Up to here a double represents every whole number exactly.
     const EXACT: f64 = 9_007_199_254_740_992.0;
     let number = parse_number(body)?;
     #[expect(clippy::cast_possible_truncation, reason = "whole and within ±2^53: the cast is exact")]
@@ -301,7 +306,8 @@ impl<'a> Iterator for Items<'a> {
     }
 }
 
-/// Several values in a row, kept by position in the decoder: a query's addresses, a command's words, a reply's data.
+/// Several consecutive values, stored by position in the decoder: a query's addresses, a command's words, a
+/// reply's data.
 #[derive(Clone, Copy)]
 pub struct Values<'a> {
     pub(crate) bytes: &'a [u8],
@@ -318,7 +324,7 @@ impl<'a> Values<'a> {
         self.nodes.len()
     }
 
-    /// Whether there is none.
+    /// Whether it is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
@@ -336,14 +342,14 @@ impl<'a> Values<'a> {
         self.nodes.iter().map(move |node| Value::new(bytes, *node))
     }
 
-    /// What stands on the wire from the beginning of the first to the end of the last; without the quotes at both ends where they
-    /// are texts.
+    /// The bytes on the wire from the beginning of the first value to the end of the last, without the outer
+    /// quotes if these values are texts.
     pub(crate) fn span(&self) -> &'a [u8] {
         let (Some(first), Some(last)) = (self.nodes.first(), self.nodes.last()) else { return &[] };
         self.bytes.get(first.span.start as usize..last.span.end as usize).unwrap_or_default()
     }
 
-    /// All but the first `n`.
+    /// All values except the first `n`.
     #[must_use]
     pub fn skip(&self, n: usize) -> Self {
         Self { bytes: self.bytes, nodes: self.nodes.get(n..).unwrap_or_default() }

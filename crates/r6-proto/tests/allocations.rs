@@ -1,4 +1,4 @@
-//! In the steady state no frame costs an allocation: not when it is decoded and read, not when it is encoded.
+//! Tests that decoding, reading and encoding a frame allocate nothing in the steady state.
 
 use r6_proto::axis::AxisMask;
 use r6_proto::client::{ClientSession, ClientSettings, Event};
@@ -58,7 +58,7 @@ fn encoded(request: &Request<'_>) -> Vec<u8> {
     out
 }
 
-/// Encodes and counts; the buffer has held a frame of this length before.
+/// Counts the allocations of one encoding. The buffer has already held a frame of this length.
 fn allocations_encoding(request: &Request<'_>) -> u64 {
     let mut out = encoded(request);
     let addressing = Addressing { pack_id: Some("1048576"), ..Addressing::default() };
@@ -71,7 +71,7 @@ fn allocations_encoding(request: &Request<'_>) -> u64 {
     count
 }
 
-/// Reads every value of the message as its number or address, as whoever works with it does.
+/// Reads every value of the message as its number or address, as a user of the message does.
 fn read(message: &Message<'_>) -> usize {
     match message.body {
         Body::Query(query) => query.resolved().filter(|(_, address)| address.is_ok()).count(),
@@ -84,7 +84,7 @@ fn read(message: &Message<'_>) -> usize {
     }
 }
 
-/// Frames the bytes, decodes and reads them; the first pass is not counted.
+/// Counts the allocations of framing, decoding and reading the bytes. The first pass does not count.
 fn allocations_decoding(frame: &[u8], values: usize) -> u64 {
     let mut frames = FrameBuffer::new(Limits::default());
     let mut decoder = Decoder::new();
@@ -188,7 +188,7 @@ fn writing_replies_allocates_nothing() {
     }
 }
 
-/// A controller's end of a connection: a query is read and answered, and an AddRCC refused.
+/// The controller's side of a connection reads and answers a query, and refuses an AddRCC.
 #[test]
 fn a_server_session_allocates_nothing() {
     let addresses = addresses();
@@ -226,11 +226,11 @@ fn a_server_session_allocates_nothing() {
     assert_eq!(allocations_during(|| (0..20).for_each(|_| assert_eq!(pass(), sent))), 0);
 }
 
-/// A PC's end of a connection: a query is sent and its reply read.
+/// The PC's side of a connection sends a query and reads its reply.
 #[test]
 fn a_client_session_allocates_nothing() {
     let addresses = addresses();
-    // Every `packID` has six digits here, so that a reply can be made in place.
+    // Every `packID` here has six digits, so the reply can be changed in place.
     let settings = ClientSettings { first_pack_id: 100_000, ..ClientSettings::default() };
     let mut session = ClientSession::new(settings);
     let values: Vec<String> = addresses.iter().map(|_| "\"-137.563782\"".to_owned()).collect();

@@ -1,4 +1,5 @@
-//! The client session: which reply belongs to which request, and what is said where that cannot be known.
+//! Tests of the client session: which reply belongs to which request, and what the session reports if it
+//! cannot know.
 
 use std::time::Duration;
 
@@ -13,14 +14,14 @@ use r6_proto::time::Instant;
 use r6_proto::{Address, AxisIndex, AxisMask, Command, Decoder, Message, Request};
 use r6_testkit::transcript::{self, Side, Transcript};
 
-/// What a session told, owned.
+/// An event of a session, as an owned value.
 #[derive(Clone, Debug, PartialEq)]
 enum Seen {
-    /// A query reply: its values, and how long it took in ms.
+    /// A query reply: its values, and how long the reply took in ms.
     Values(Ticket, Vec<String>, u128),
-    /// The answer to a command, AddPoints or AddRCC.
+    /// The reply to a command, AddPoints or AddRCC.
     Outcome(Ticket, Outcome),
-    /// A reply that cannot be understood.
+    /// A reply that the session cannot read.
     Rejected(Ticket, String),
     Photo(i64),
     Stray(StrayReason),
@@ -63,7 +64,7 @@ fn session() -> ClientSession {
     ClientSession::new(ClientSettings::default())
 }
 
-/// Gives all bytes to the session and returns what it says.
+/// Gives all bytes to the session and returns its events.
 fn feed(session: &mut ClientSession, ms: u64, bytes: impl AsRef<[u8]>) -> Vec<Seen> {
     let mut rest = bytes.as_ref();
     let mut seen = Vec::new();
@@ -95,7 +96,7 @@ fn sent(session: &mut ClientSession, ms: u64, request: &Request<'_>) -> Ticket {
     session.send(at(ms), request).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Everything that waits to be written, taken as written.
+/// Returns all waiting bytes and marks them as written.
 fn written(session: &mut ClientSession) -> String {
     let bytes = session.poll_transmit().unwrap_or_default().to_vec();
     session.transmitted(bytes.len());
@@ -178,7 +179,7 @@ fn replies_without_pack_id_are_matched_by_kind_and_order() {
     let mode = sent(&mut session, 0, &query(MODE));
     let stop = sent(&mut session, 0, &Request::Command(&Command::ActionStop));
     let alarm = sent(&mut session, 0, &query(ALARM));
-    // The command's answer overtakes; the two queries are answered in their order.
+    // The reply to the command comes first; the replies to the two queries come in their order.
     let old_ok = r#"{"dsID":"HCRemoteMonitor","cmdType":"cmdEcho","cmdReply":["ok"]}"#;
     assert_eq!(feed(&mut session, 5, old_ok), [Seen::Outcome(stop, Outcome::Ok)]);
     assert_eq!(
@@ -198,7 +199,8 @@ fn replies_without_pack_id_are_matched_by_kind_and_order() {
 
 #[test]
 fn a_first_reply_that_names_nothing_answers_neither_of_two_queries() {
-    // The controller does not answer the first one: its value would be that of the second.
+    // The controller does not answer the first query. Its reply to the second could be taken for the first
+    // one's.
     let mut session = session();
     let mode = sent(&mut session, 0, &query(MODE));
     let alarm = sent(&mut session, 0, &query(ALARM));
@@ -222,7 +224,7 @@ fn a_request_of_which_nothing_left_can_be_taken_back() {
     assert!(!session.withdraw(motion), "it is gone");
     let output = String::from_utf8(session.poll_transmit().unwrap().to_vec()).unwrap();
     assert!(!output.contains("AddRCC") && output.contains("actionStop"), "{output}");
-    // What is left is still told apart by what has left: the query in part, the stop not at all.
+    // The session still knows how much of each request has left: a part of the query, nothing of the stop.
     session.handle_disconnect();
     let mut lost = Vec::new();
     while let Some(event) = session.poll_event(at(1)) {
@@ -241,7 +243,7 @@ fn an_unnamed_ok_answers_a_command_and_never_a_motion() {
     assert_eq!(feed(&mut session, 5, ok), [Seen::Outcome(stop, Outcome::Ok)]);
     let refused = r#"{"dsID":"HCRemoteCommand","reqType":"command","cmdReply":["AddRCC","err"]}"#;
     assert_eq!(feed(&mut session, 20, refused), [Seen::Outcome(motion, Outcome::Refused(None))]);
-    // What AddRCC says in every dialect has taught nothing about commands.
+    // The words of AddRCC are the same in every dialect, so they taught nothing about commands.
     assert_eq!(session.learned().names_command, Some(false));
     assert_eq!(session.learned().echo_types, Some(true));
 }
@@ -298,13 +300,13 @@ fn a_late_reply_is_never_matched_where_the_pack_id_comes_back() {
     assert_eq!(pass_time(&mut session, 1999), []);
     assert_eq!(pass_time(&mut session, 2000), [Seen::TimedOut(first)]);
     let second = sent(&mut session, 2001, &query(MODE));
-    // The same addresses, but the number of the first: not the second's answer.
+    // The same addresses with the first request's number do not answer the second request.
     assert_eq!(
         feed(&mut session, 2002, reply(first, "curMode", "1")),
         [Seen::Stray(StrayReason::UnknownPackId)]
     );
     assert_eq!(feed(&mut session, 2003, reply(second, "curMode", "2")), [Seen::Values(second, one("2"), 2)]);
-    // Once the firmware is known to echo, a reply without packID is nobody's.
+    // After the firmware is known to echo, a reply without packID answers no request.
     let third = sent(&mut session, 2004, &query(MODE));
     assert_eq!(feed(&mut session, 2005, bare_reply("1")), [Seen::Stray(StrayReason::UnknownPackId)]);
     assert_eq!(feed(&mut session, 2006, reply(third, "curMode", "3")), [Seen::Values(third, one("3"), 2)]);
@@ -317,21 +319,21 @@ fn a_late_reply_is_never_matched_where_nothing_comes_back() {
     assert_eq!(feed(&mut session, 5, bare_reply("1")), [Seen::Values(known, one("1"), 5)]);
     let first = sent(&mut session, 10, &query(MODE));
     assert_eq!(pass_time(&mut session, 2010), [Seen::TimedOut(first), Seen::OutOfStep]);
-    // Late or the next one's? Nobody knows.
+    // It is not known whether this is the late reply or the next one.
     let second = sent(&mut session, 2011, &query(MODE));
     assert_eq!(feed(&mut session, 2012, bare_reply("2")), [Seen::Stray(StrayReason::OutOfStep)]);
     assert_eq!(feed(&mut session, 2013, bare_reply("3")), [Seen::Stray(StrayReason::OutOfStep)]);
-    // It is said once, and the request ends like any other.
+    // The event is reported once, and the request ends like any other.
     assert_eq!(pass_time(&mut session, 4011), [Seen::TimedOut(second)]);
 }
 
-/// Found by `make sim SEED=1235`: a reply that nobody asked for was taken for an answer, and each reply after it for that to the request
-/// after its own. More values than were asked for show it.
+/// Found by `make sim SEED=1235`: the session took an unrequested reply for an answer, and each later reply
+/// for the answer to the next request. A reply with more values than the query asked for shows this.
 #[test]
 fn where_nothing_comes_back_a_reply_with_too_many_values_shows_that_replies_are_out_of_step() {
     let mut session = session();
     let two = sent(&mut session, 0, &query(&[Address::CurMode, Address::CurAlarm]));
-    // Nobody asked for this one.
+    // No query asked for this reply.
     assert_eq!(feed(&mut session, 1, bare_reply("7")), [Seen::Values(two, one("7"), 1)]);
     let next = sent(&mut session, 2, &query(MODE));
     let late = r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","queryData":["7","0"]}"#;
@@ -352,7 +354,7 @@ fn a_late_reply_is_never_matched_where_nothing_is_known_yet() {
     );
     assert_eq!(pass_time(&mut session, 4001), [Seen::TimedOut(second)]);
 
-    // The same beginning, but the next reply shows that this firmware echoes: nothing is lost.
+    // The beginning is the same, but the next reply shows that this firmware echoes, so nothing is lost.
     let mut session = self::session();
     sent(&mut session, 0, &query(MODE));
     session.handle_timeout(at(2000));
@@ -408,7 +410,7 @@ fn a_reply_to_another_client_is_stray() {
     let mode = sent(&mut session, 0, &query(MODE));
     let foreign = r#"{"packID":"900","queryAddr":["Addr-800"],"queryData":["0"],"reqType":"query"}"#;
     assert_eq!(feed(&mut session, 2, foreign), [Seen::Stray(StrayReason::UnknownPackId)]);
-    // By chance the same number, but not our addresses.
+    // The same number by chance, but other addresses.
     let foreign = foreign.replace("900", "1");
     assert_eq!(feed(&mut session, 3, foreign), [Seen::Stray(StrayReason::Contradiction)]);
     assert_eq!(feed(&mut session, 4, reply(mode, "curMode", "7")), [Seen::Values(mode, one("7"), 4)]);
@@ -470,7 +472,7 @@ fn a_query_overtakes_add_rcc() {
     let mode = sent(&mut session, 2, &query(MODE));
     assert_eq!(feed(&mut session, 6, reply(mode, "curMode", "7")), [Seen::Values(mode, one("7"), 4)]);
     assert_eq!(session.poll_timeout(), Some(at(2000)));
-    // As captured the type comes back; as manual 6 prints it, it is `command`.
+    // Captured controllers repeat the type; manual 6 prints `command`.
     for (ms, kind) in [(18, "AddRCC"), (40, "command")] {
         let add = if ms == 18 {
             add
@@ -491,7 +493,8 @@ fn a_photo_request_is_told_whatever_waits() {
     let mode = sent(&mut session, 1, &query(MODE));
     let answer = reply(mode, "curMode", "7");
     let between = [&answer[..30], photo].concat();
-    // Pushed whole between two whole frames; a photo in the middle of one would be no JSON.
+    // The controller sends the photo between two whole frames. A photo inside a frame would make it invalid
+    // JSON.
     assert_eq!(feed(&mut session, 2, [photo, &answer, photo].concat()).len(), 3);
     assert_ne!(feed(&mut session, 3, between), [Seen::Photo(3)]);
 }
@@ -532,7 +535,7 @@ fn lost_requests_say_whether_they_left() {
     let length = session.poll_transmit().map_or(0, <[u8]>::len);
     let cut = sent(&mut session, 2, &query(MODE));
     let kept = sent(&mut session, 2, &query(ALARM));
-    // The connection breaks in the first byte of the second of three frames.
+    // The connection breaks after the first byte of the second of three frames.
     session.transmitted(length + 1);
     session.handle_disconnect();
     assert_eq!(
@@ -540,7 +543,7 @@ fn lost_requests_say_whether_they_left() {
         [Seen::Lost(whole, true), Seen::Lost(cut, true), Seen::Lost(kept, false)]
     );
 
-    // Exactly between two frames.
+    // The connection breaks exactly between two frames.
     let mut session = self::session();
     let whole = sent(&mut session, 2, &query(MODE));
     let length = session.poll_transmit().map_or(0, <[u8]>::len);
@@ -556,7 +559,7 @@ fn what_was_received_before_the_end_still_counts() {
     let mode = sent(&mut session, 0, &query(MODE));
     let alarm = sent(&mut session, 0, &query(ALARM));
     written(&mut session);
-    // The shell drains the events before it tells of the end.
+    // The shell drains the events before it reports the end of the connection.
     let last_words = [reply(mode, "curMode", "7"), r#"{"packID":"2","#.to_owned()].concat();
     assert_eq!(feed(&mut session, 1, last_words), [Seen::Values(mode, one("7"), 1)]);
     session.handle_disconnect();
@@ -598,7 +601,7 @@ fn a_frame_that_is_too_long_is_not_sent() {
         (session.poll_transmit(), session.poll_timeout(), session.next_pack_id()),
         (None, None, before)
     );
-    // Behind a frame that waits, only the long one is taken back.
+    // If another frame waits, only the long frame is removed.
     sent(&mut session, 0, &query(MODE));
     let waiting = session.poll_transmit().map(<[u8]>::to_vec);
     assert!(session.send(at(0), &Request::AddRcc { empty_list: true, instructions: &list }).is_err());
@@ -626,7 +629,7 @@ fn only_so_many_requests_wait_at_once() {
     let first = sent(&mut session, 0, &query(MODE));
     sent(&mut session, 0, &query(MODE));
     assert_eq!(session.send(at(0), &query(MODE)), Err(SendError::TooManyInFlight { limit: 2 }));
-    // What waits for nothing is let through, or a busy session would starve the watchdog.
+    // A request without a reply is sent in any case. Otherwise a busy session would starve the watchdog.
     assert!(session.send(at(0), &Request::Heartbreak).is_ok());
     feed(&mut session, 1, reply(first, "curMode", "7"));
     assert!(session.send(at(1), &query(MODE)).is_ok());
@@ -662,7 +665,7 @@ fn the_output_is_written_in_pieces_of_any_size() {
         expected += &format!(
             r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"{number}","queryAddr":["curMode"]}}"#
         );
-        // Fewer bytes than a frame leave before the next one is sent.
+        // Fewer bytes than a frame leave before the next frame is sent.
         let some =
             session.poll_transmit().map(|bytes| bytes[..bytes.len().min(70)].to_vec()).unwrap_or_default();
         session.transmitted(some.len());
@@ -680,7 +683,7 @@ fn transcripts_are_understood_from_end_to_end() {
     }
 }
 
-/// Sends what the PC sent, byte for byte, and expects every request to be answered and nothing to be stray.
+/// Sends exactly the bytes that the PC sent. Every request must get its reply, and no frame may be stray.
 fn replay(transcript: &Transcript) {
     let mut session = session();
     let mut waiting: Vec<Ticket> = Vec::new();
@@ -693,7 +696,7 @@ fn replay(transcript: &Transcript) {
             let pack_id = message.header.pack_id.and_then(|pack_id| pack_id.integer());
             let pack_id = pack_id.and_then(|number| u64::try_from(number).ok());
             if let Some(first_pack_id) = pack_id.filter(|number| *number != session.next_pack_id()) {
-                // The recorded client numbers in its own way: a session of ours that begins there stands for it.
+                // The recorded client uses its own numbers, so a new session starts at that number.
                 assert_eq!(waiting, [], "{stem}");
                 session = ClientSession::new(ClientSettings { first_pack_id, ..ClientSettings::default() });
             }
@@ -725,7 +728,7 @@ fn replay(transcript: &Transcript) {
     assert_eq!(photos > 0, transcript.stem.contains("photo"), "{}", transcript.stem);
 }
 
-/// Sends the request that the message is; the ticket where a reply is due.
+/// Sends the message again as a request. Returns the ticket if it expects a reply.
 fn send_again(session: &mut ClientSession, ms: u64, message: &Message<'_>) -> Option<Ticket> {
     let mut send = |request: &Request<'_>| {
         let ticket = sent(session, ms, request);

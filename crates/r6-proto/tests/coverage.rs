@@ -1,4 +1,4 @@
-//! The coverage table of `docs/PROTOCOL.md` is complete, and every test that it names exists.
+//! Tests that the coverage table of `docs/PROTOCOL.md` is complete, and that every test named in it exists.
 
 use std::collections::BTreeSet;
 
@@ -33,7 +33,7 @@ fn every_request_type_has_a_row() {
     assert_eq!(items("request type"), set(RequestType::ALL.map(RequestType::word)));
 }
 
-/// The members of instructions, an action's own as `action.member`, each with where it is written.
+/// The members of instructions, each with its source. A member of one action is written `action.member`.
 fn instruction_members() -> Vec<(String, &'static str)> {
     let own = ACTIONS.iter().flat_map(|action| {
         action.members().map(|member| (format!("{}.{}", action.number, member.name), member.source))
@@ -121,7 +121,8 @@ fn the_pages_command_rows_agree_with_the_table_in_the_code() {
             assert_eq!(cells[0], number, "{}: its number in the manual", row.word);
             assert_eq!(cells[5], port_word(row.ports), "{}: its port", row.word);
             let told = if cells[2].is_empty() { 0 } else { cells[2].split(", ").count() };
-            // The page sums up "x, y, z" and "0 or 1" in its own words; none and some must agree.
+            // The page summarises "x, y, z" and "0 or 1" in its own words, so only the absence of arguments
+            // is compared.
             assert_eq!(told == 0, row.arguments.is_empty(), "{}: its arguments", row.word);
         }
     }
@@ -150,7 +151,7 @@ fn the_coverage_table_cites_the_manual_as_the_code_does() {
     }
 }
 
-/// The codes that a first cell of the page's table of alarms stands for: `7`, `5, 6`, `16 – 19`, `90+n` for the eight axes,
+/// The alarm codes in a first cell of the page's table: `7`, `5, 6`, `16 – 19`, `90+n` for the eight axes,
 /// and `700+n … 850+n` for every tenth of these.
 fn codes(cell: &str) -> Vec<u32> {
     let number = |text: &str| -> u32 { text.parse().unwrap_or_else(|_| panic!("no code: {text} in {cell}")) };
@@ -186,7 +187,7 @@ fn the_page_has_the_alarms_of_the_table_in_the_code() {
     let wrong = told.iter().chain(&known).find(|code| told.contains(code) != known.contains(code));
     assert_eq!(wrong, None, "an alarm of the page or of the table alone");
 
-    // Of a meaning that stands for several axes, one of them was seen.
+    // If a meaning has a code for each axis, it was seen for one of them.
     let meaning = |code: u32| AlarmCode(code).decode().text.rsplit(": ").next().unwrap().to_owned();
     let live = section.split("Seen live: ").nth(1).unwrap().split('.').next().unwrap();
     let live = live.split([',', '\n', ' ']).filter(|word| !word.is_empty());

@@ -1,9 +1,8 @@
-//! The fast paths give what the careful ways give: the same messages, extras and errors for the same frames, whatever
-//! is in them.
+//! Tests that the fast path and the slow path give the same messages, extras and errors for the same frames.
 //!
-//! Blanks between the tokens of JSON mean nothing, but no fast path goes through them. So every frame is read twice: as it
-//! is, and with a blank before every token, which the careful way reads from the first byte to the last. Both readings
-//! have to come out alike, but for where things stand.
+//! Blanks between the tokens of JSON have no meaning, but the fast path stops at them. So every frame is read
+//! twice: as it is, and with a blank before every token, which only the slow path reads. Both readings must
+//! agree, except for positions.
 
 use std::sync::LazyLock;
 
@@ -40,7 +39,7 @@ fn every_vector_is_read_alike_with_and_without_blanks() {
     }
 }
 
-/// `reqType` stands behind the values in what shipped controllers write, and values change their length all day.
+/// Shipped controllers write `reqType` after the values, and the values change their length all the time.
 #[test]
 fn the_same_reply_with_longer_and_shorter_values_is_read_alike() {
     let frame = |values: &str| {
@@ -155,7 +154,7 @@ proptest! {
     }
 }
 
-/// The frames and faults of a stream that comes in pieces of this size.
+/// The frames and faults of a stream that arrives in pieces of this size.
 fn found(stream: &[u8], piece: usize) -> Vec<String> {
     let mut buffer = FrameBuffer::new(Limits { max_frame_bytes: 4096, ..Limits::default() });
     let mut found = Vec::new();
@@ -174,7 +173,7 @@ fn found(stream: &[u8], piece: usize) -> Vec<String> {
     found
 }
 
-/// A reply to a query, with values that are read in one look and others that are not.
+/// A reply to a query. The fast path reads some of its values in one step, and others not.
 fn reply(pack_id: Option<&str>, values: &[&str]) -> String {
     let number = pack_id.map(|id| format!("\"packID\":\"{id}\",")).unwrap_or_default();
     let values: Vec<_> = values.iter().map(|value| format!("\"{value}\"")).collect();
@@ -232,7 +231,7 @@ fn what_follows_the_same_reply_is_another_frame() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 5_000, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever was changed in a reply that came before: it is read as by a decoder that knows nothing of it.
+    /// After any change to an earlier reply, the decoder reads it like a new decoder.
     #[test]
     fn a_changed_reply_is_read_as_if_it_were_the_first(mutations in json_text::mutations()) {
         let frame = reply(Some("17"), &["10.250", "7"]);

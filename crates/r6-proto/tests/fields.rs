@@ -1,5 +1,5 @@
-//! Every field of the protocol: the forms in which it is read, the form in which it is sent, and what is said of a
-//! value that it cannot have.
+//! Tests of every field of the protocol: the forms that are read, the form that is sent, and the error for an
+//! invalid value.
 
 use r6_proto::axis::{AxisIndex, AxisMask};
 use r6_proto::dialect::{Addressing, CommandReplyForm, Dialect, DsIdForm};
@@ -41,7 +41,7 @@ fn action(members: &str) -> Action {
     instruction(members).unwrap_or_else(|error| panic!("{members}: {error}")).action
 }
 
-/// How the instruction is sent, without the members that all have.
+/// The instruction as it is sent, without the members that all instructions have.
 fn sent(action: Action) -> String {
     let list = [Instruction { oneshot: false, action }];
     let frame = encoded(&Request::AddRcc { empty_list: true, instructions: &list });
@@ -57,7 +57,7 @@ fn encoded(request: &Request<'_>) -> String {
     String::from_utf8(out).unwrap()
 }
 
-/// The error names the field, what was found (`None`: nothing) and what is wanted, and its text does too.
+/// The error and its text must contain the field, what was found (`None`: nothing), and what is valid.
 #[track_caller]
 fn check_error(error: &FieldError, path: &str, found: Option<&str>, wanted: &str) {
     assert_eq!((error.path.as_str(), error.found.as_deref()), (path, found));
@@ -67,7 +67,7 @@ fn check_error(error: &FieldError, path: &str, found: Option<&str>, wanted: &str
     assert!(parts.iter().all(|part| text.contains(part)), "{text}");
 }
 
-/// An instruction with this member in place of a good one is refused.
+/// Checks that an instruction with this member in place of a valid one is refused.
 #[track_caller]
 fn refuses(good: &str, field: &str, values: &[&str], wanted: &str) {
     assert!(instruction(good).is_ok(), "{good}");
@@ -80,7 +80,7 @@ fn refuses(good: &str, field: &str, values: &[&str], wanted: &str) {
     }
 }
 
-/// An instruction without this member is refused.
+/// Checks that an instruction without this member is refused.
 #[track_caller]
 fn requires(good: &str, field: &str, wanted: &str) {
     let without = good.replace(&format!("\"{field}\":"), "\"other\":");
@@ -102,7 +102,7 @@ fn sent_manner(manner: Manner) -> String {
     members.rsplit_once(r#""m7":"0.000","#).unwrap().1.to_owned()
 }
 
-// Tolerance that concerns the whole frame.
+// Tolerance for the whole frame.
 
 #[test]
 fn ck_status_forms() {
@@ -137,7 +137,7 @@ fn empty_list_forms() {
     for form in [r#""0""#, "0", "false"] {
         assert_eq!(empty_list(&format!("\"emptyList\":{form},")), Ok(Some(false)), "{form}");
     }
-    // Left out is neither: whoever replaces a list must have said so.
+    // An absent member means neither, because a client must state that it replaces the list.
     assert_eq!(empty_list(""), Ok(None));
     for form in [r#""2""#, "-1", r#""""#, "null", r#"["1"]"#, r#""yes""#] {
         let error = empty_list(&format!("\"emptyList\":{form},")).unwrap_err();
@@ -160,7 +160,7 @@ fn short_and_long_ds_id() {
     }
     for ds_id in ["HCRemoteMonitor", "www.hc-system.com.RemoteMonitor"] {
         let request = format!(r#"{{"dsID":"{ds_id}","reqType":"query","queryAddr":["version"]}}"#);
-        // The reply repeats the form that was sent.
+        // The reply repeats the form of the request.
         assert_eq!(
             query_reply(Dialect::HC1, &request, |data| data.text("v1")),
             format!(r#"{{"dsID":"{ds_id}","queryAddr":["version"],"queryData":["v1"],"reqType":"query"}}"#)
@@ -176,12 +176,13 @@ fn cmd_type() {
         assert!(matches!(message.body, Body::Query(_)));
         assert_eq!(message.extras().len(), 0);
     });
-    // The reply names the type under the key of the request; in alphabetical order that moves it to the front.
+    // The reply puts the type under the key of the request. In alphabetical order, this key moves to the
+    // front.
     assert_eq!(
         query_reply(Dialect::HC1, request, |data| data.text("v1")),
         r#"{"cmdType":"query","dsID":"HCRemoteMonitor","queryAddr":["version"],"queryData":["v1"]}"#
     );
-    // With both keys the newer one counts, and the other is reported.
+    // With both keys, the newer one counts and the other is reported.
     look(r#"{"cmdType":"command","reqType":"query","queryAddr":[]}"#, |message| {
         assert_eq!(message.header.type_key, TypeKey::ReqType);
         assert!(matches!(message.body, Body::Query(_)));
@@ -222,7 +223,7 @@ fn duplicate_keys() {
             assert_eq!(earlier, expected.map(|(key, value)| (key.to_owned(), value.to_owned())));
         },
     );
-    // In an instruction too; and a list that comes twice is not joined.
+    // The same holds in an instruction. A repeated list replaces the first one.
     let moved = action(r#""action":"800","action":"4","m0":"1","m0":"2""#);
     let Action::AxisMove(moved) = moved else { panic!("{moved:?}") };
     assert_eq!(moved.target.at(AxisIndex::ALL[0]), Some(2.0));
@@ -258,7 +259,7 @@ fn unknown_keys() {
             ]
         );
     });
-    // A misspelt key is missing under its own name, and the extra says what it may have meant.
+    // A misspelt key counts as missing under its correct name, and the extra suggests that name.
     look(r#"{"reqType":"query","queryAddrr":["version"]}"#, |message| {
         let Body::Rejected(rejection) = message.body else { panic!("{message:?}") };
         check_error(rejection.error, "queryAddr", None, "a list of query addresses");
@@ -308,7 +309,7 @@ fn shape_2020() {
         assert_eq!(motion.manner.speed, Some(20.0));
         assert_eq!(message.extras().len(), 0);
     });
-    // In the present shape these names mean nothing.
+    // In the current shape these names have no meaning.
     look(r#"{"reqType":"AddRCC","instructions":[{"action":"4","xpos":"1"}]}"#, |message| {
         assert_eq!(extras(message), [("xpos".to_owned(), ExtraKind::OutOfPlace)]);
     });
@@ -342,7 +343,8 @@ fn what_the_wire_cannot_carry_is_not_sent() {
     assert_eq!(refused(beyond), "`value` cannot be sent: it has to be a whole number of 32 bits");
 }
 
-/// A setting between two steps of the wire is refused with both of them, and the noise of floating point is none.
+/// A setting between two steps of the wire is refused, and the error names both steps. Floating-point noise
+/// is accepted.
 #[test]
 fn what_lies_between_two_steps_of_the_wire_is_not_rounded() {
     use r6_proto::message::instruction::{Output, Wait};
@@ -387,13 +389,14 @@ fn what_lies_between_two_steps_of_the_wire_is_not_rounded() {
     }
     let noisy = Command::ModifyGspd { percent: (0.1 + 0.2) * 10.0 };
     assert!(encoded(&Request::Command(&noisy)).contains(r#"["modifyGSPD","30"]"#));
-    // A position is computed: its seventh decimal is rounded.
+    // A position is computed, so its seventh decimal is rounded.
     let position = r6_proto::message::instruction::Coordinates::from_slice(&[123.456_789_1; 6]);
     let line = r6_proto::message::instruction::Move { target: position, manner: Manner::default() };
     assert!(sent(Action::LinearMove(line)).contains(r#""m0":"123.456789""#));
 }
 
-/// An axis that moves has a coordinate. What a controller would take for one that is left out, nobody knows: 0 perhaps.
+/// Every axis that moves needs a coordinate, because it is not known what a controller uses for an absent
+/// one. It may use 0.
 #[test]
 fn a_mask_lets_nothing_through_that_has_no_coordinate() {
     use r6_proto::message::instruction::{Coordinates, CurveMove, Move};
@@ -438,7 +441,7 @@ fn items_are_called_by_their_number_whatever_is_wrong_with_the_others() {
 #[test]
 fn gbk_names() {
     let gbk = |text: &str| encoding_rs::GBK.encode(text).0.into_owned();
-    // Their second bytes are a backslash, brackets and braces.
+    // The second bytes of these characters are a backslash, brackets and braces.
     assert_eq!(["誠", "匽", "昜", "調", "晑"].map(|name| gbk(name)[1]), *b"\\][{}");
     for name in ["计数器", "誠", "匽誠\"", "A誠B", "晑調", "昜"] {
         let escaped = name.replace('"', "\\\"");
@@ -506,7 +509,7 @@ fn request_type_command() {
             check_error(rejection.error, path, found, "");
         });
     }
-    // What the arguments cannot be is the command's own affair.
+    // Invalid arguments are reported when the command is read, not when the frame is decoded.
     look(r#"{"reqType":"command","cmdData":["modifyGSPD","1001"]}"#, |message| {
         let Body::Command(words) = message.body else { panic!("{message:?}") };
         let error = words.read().unwrap_err().to_string();
@@ -530,7 +533,7 @@ fn request_type_heartbreak() {
     assert_eq!(frame, r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"heartbreak"}"#);
     assert!(!Request::Heartbreak.expects_reply());
     look(frame, |message| assert!(matches!(message.body, Body::Heartbreak)));
-    // The right word is the maker's misspelling; the other one must not feed a watchdog.
+    // The maker's misspelling is the valid word. The correct spelling must not feed a watchdog.
     look(r#"{"reqType":"heartbeat"}"#, |message| {
         let Body::Unknown(unknown) = message.body else { panic!("{message:?}") };
         assert_eq!(unknown.nearest(), Some("heartbreak"));
@@ -626,7 +629,7 @@ fn instruction_oneshot() {
         assert_eq!(oneshot(&format!(",\"oneshot\":{form}")), Ok(read), "{form}");
     }
     assert_eq!(oneshot(""), Ok(false));
-    // Which ones have none is told besides: a firmware may take it otherwise.
+    // The list also says which instructions have no oneshot, because a firmware may treat these differently.
     let steps = r#"{"action":"800","cnt_id":"0"},{"action":"800","cnt_id":"0","oneshot":"0"},{"action":"800","cnt_id":"0"}"#;
     for (steps, without) in [(steps, &[0, 2][..]), (r#"{"action":"800","cnt_id":"0","oneshot":"1"}"#, &[])] {
         look(format!(r#"{{"reqType":"AddRCC","instructions":[{steps}]}}"#), |message| {
@@ -655,7 +658,7 @@ fn instruction_action_unknown() {
         let Action::Unknown(second) = &list.instructions[1].action else { panic!("{list:?}") };
         assert_eq!((second.number(), list.unknown_fields(second).len()), (14, 0));
         assert_eq!(message.extras().len(), 0, "its fields are no unknown keys");
-        // It can be looked at, but not sent on: nobody knows what it means.
+        // It can be read but not sent on, because its meaning is unknown.
         let mut out = b"before".to_vec();
         let request = Request::AddRcc { empty_list: true, instructions: list.instructions };
         assert_eq!(request.encode(&Addressing::default(), &mut out).unwrap_err().field, "action");
@@ -672,7 +675,7 @@ fn instruction_4_m() {
     let read: Vec<_> = AxisIndex::ALL.into_iter().map(|axis| motion.target.at(axis)).collect();
     assert_eq!(read, [Some(0.0), None, None, Some(-10.5), None, None, None, Some(100.0)]);
     assert_eq!(motion.target.given(), AxisMask::from_bits(0b1000_1001));
-    // What is left out stays: the mask says so.
+    // An absent coordinate stays absent, and the mask is written.
     let members = r#""m0":"0.000","m3":"-10.500","m7":"100.000","ckStatus":"0x89""#;
     assert_eq!(sent(Action::AxisMove(motion)), members);
     let Action::LinearMove(line) = action(&good.replace("\"4\"", "\"10\"")) else { panic!("no linear move") };
@@ -680,7 +683,7 @@ fn instruction_4_m() {
     let bad = [r#""""#, r#""1,5""#, r#""NaN""#, r#""inf""#, "null", "true", r#""1e400""#, "[1]", r#""0x10""#];
     refuses(good, "m3", &bad, "a finite number of mm or degrees");
     refuses(good, "m7", &bad, "a finite number of mm or degrees");
-    // Six decimals leave; what is no number does not.
+    // Six decimals are sent; a number out of range is not.
     let mut sharp = motion;
     sharp.target.set(AxisIndex::ALL[0], -0.123_456_7);
     assert!(sent(Action::AxisMove(sharp)).starts_with(r#""m0":"-0.123457""#));
@@ -708,7 +711,7 @@ fn instruction_4_ck_status() {
         r#""0x1FFFFFFFFF""#,
     ];
     refuses(good, "ckStatus", &bad, "a mask from 0 to 0xFF");
-    // The misprint of manual 6.1.1: a key without a value is no JSON, and the error says which.
+    // The misprint of manual 6.1.1: a key without a value is not JSON, and the error names the key.
     let error =
         Decoder::new().decode(br#"{"instructions":[{"ckStatus","speed":"80.0"}]}"#).map(|_| ()).unwrap_err();
     assert_eq!(error.to_string(), "key `ckStatus` has no value: `:` was due at byte 28, found `,`");
@@ -722,7 +725,7 @@ fn instruction_4_speed() {
     assert_eq!(manner(r#""m0":1"#).speed, None);
     assert_eq!(sent_manner(Manner { speed: Some(80.0), ..Manner::default() }), r#""speed":"80.0""#);
     assert_eq!(sent_manner(Manner { speed: Some(0.1 + 0.2), ..Manner::default() }), r#""speed":"0.3""#);
-    // Not 12.3 and not 12.4: it is read as it is, and not sent.
+    // It is neither 12.3 nor 12.4, so it is read as it is and not sent.
     assert_eq!(manner(r#""speed":"12.345""#).speed, Some(12.345));
     let good = r#""action":"4","m0":"1","speed":"80.0""#;
     refuses(good, "speed", &[r#""fast""#, r#""""#, "null", "[80]"], "a finite number of percent");
@@ -764,7 +767,7 @@ fn instruction_4_tool() {
 fn instruction_4_coord() {
     assert_eq!(manner(r#""coord":"3""#).coord, Some(3));
     assert_eq!(manner(r#""m0":1"#).coord, None);
-    // tool and coord stand last, in this order.
+    // tool and coord come last, in this order.
     let both = Manner { coord: Some(3), tool: Some(1), smooth: BlendLevel::new(0), ..Manner::default() };
     assert_eq!(sent_manner(both), r#""smooth":"0","tool":"1","coord":"3""#);
     let good = r#""action":"4","m0":"1","coord":"0""#;
@@ -784,7 +787,7 @@ fn instruction_17_m_p() {
     );
     refuses(good, "m0_p", &[r#""x""#, "null", "{}"], "a finite number of mm or degrees");
     refuses(good, "m7_p", &[r#""--1""#], "a finite number of mm or degrees");
-    // A curve alone has an end: elsewhere the key means nothing and says so.
+    // Only a curve has an end. In other moves the key has no meaning and is reported.
     look(r#"{"reqType":"AddRCC","instructions":[{"action":"10","m0_p":"3"}]}"#, |message| {
         assert_eq!(extras(message), [("m0_p".to_owned(), ExtraKind::OutOfPlace)]);
     });
@@ -809,7 +812,7 @@ fn instruction_51_speed() {
     let Action::PathSpeed(speed) = action(PATH_SPEED) else { panic!("no path speed") };
     assert_eq!(speed.speed, Some(1234.0));
     assert_eq!(sent(Action::PathSpeed(speed)), r#""isUse":"1","speed":"1234""#);
-    // A controller refuses parts of a mm/s with alarm 219: that is its answer to give, not the decoder's.
+    // A controller refuses fractions of a mm/s with alarm 219. The decoder accepts them.
     let Action::PathSpeed(slow) = action(&PATH_SPEED.replace("1234", "0.05")) else {
         panic!("no path speed")
     };
@@ -894,7 +897,7 @@ fn instruction_100_type() {
     }
     refuses(WAIT, "type", &["9", "99", "101", "-1", r#""X""#, "256"], "100 (time)");
     requires(WAIT, "type", "0–4 (X), 5–7 (M), 8 (EU) or 100 (time)");
-    // Boards that have no number are not sent.
+    // Boards without a number are not sent.
     for source in [WaitSource::Input { board: 5, point: 0 }, WaitSource::M { board: 3, point: 0 }] {
         assert_eq!(
             refused_to_send(Action::Wait(r6_proto::message::instruction::Wait { source, ..wait("", "") })),
@@ -908,7 +911,7 @@ fn instruction_100_point() {
     assert_eq!(wait("\"7\"", "31").source, WaitSource::Input { board: 1, point: 31 });
     refuses(WAIT, "point", &["32", "-1", r#""X017""#, "263"], "a point from 0 to 31");
     requires(WAIT, "point", "a point from 0 to 31");
-    // A wait for time alone needs none.
+    // A wait for time needs no point.
     let Action::Wait(wait) = action(r#""action":"100","type":"100","limit":"1.5""#) else {
         panic!("no wait")
     };
@@ -1052,7 +1055,7 @@ fn instruction_204_point() {
 #[test]
 fn instruction_204_point2() {
     assert_eq!(board_output("", "").high.bits(), 0x0006_0006);
-    // Left out, points 16 to 31 stay as they are.
+    // If point2 is absent, points 16 to 31 stay as they are.
     let short = action(r#""action":"204","type":"0","point":"10""#);
     let Action::BoardOutput(short) = short else { panic!("{short:?}") };
     assert_eq!((short.low.bits(), short.high.bits()), (10, 0));
@@ -1076,7 +1079,7 @@ fn instruction_800_cnt_id() {
 
 const POINT: &str = r#""ModelID":"1","X":"1.5","Y":"2.5","Z":"3.5","U":"4.5","V":"5.5","Angel":"6.5","Similarity":"98.5","Color":"2","Rel":"1""#;
 
-/// Reads a point in which one member is replaced.
+/// Reads a point with one member replaced or removed.
 fn point(field: &str, value: Option<&str>) -> Result<Point, FieldError> {
     let members: Vec<String> = POINT
         .split(',')
@@ -1098,7 +1101,7 @@ fn point(field: &str, value: Option<&str>) -> Result<Point, FieldError> {
     })
 }
 
-/// A decimal number is read quoted or not and refused where it is none.
+/// A decimal number is read with or without quotes; anything else is refused.
 fn check_decimal(
     field: &str,
     read: impl Fn(&Point) -> Option<f64>,
@@ -1160,13 +1163,13 @@ fn add_points_y() {
 
 #[test]
 fn add_points_z() {
-    // Left out, it is not 0: the tool stays as high as it is.
+    // An absent Z is not 0: the tool keeps its height.
     check_decimal("Z", |point| point.z, Some(None), "a finite number of mm");
 }
 
 #[test]
 fn add_points_u() {
-    // A four-axis arm has none.
+    // A four-axis arm has no U.
     check_decimal("U", |point| point.u, Some(None), "a finite number of degrees");
 }
 
@@ -1177,7 +1180,7 @@ fn add_points_v() {
 
 #[test]
 fn add_points_angel() {
-    // Left out, it is not 0: the wrist stays turned as it is.
+    // An absent angle is not 0: the wrist keeps its angle.
     check_decimal("Angel", |point| point.angle, Some(None), "a finite number of degrees");
 }
 
@@ -1245,7 +1248,7 @@ fn photo_ret() {
     });
 }
 
-// Replies in their dialects.
+// Replies in every dialect.
 
 fn query_reply(dialect: Dialect, request: &str, fill: impl FnOnce(&mut DataWriter<'_, '_>)) -> String {
     let mut out = Vec::new();
@@ -1281,7 +1284,8 @@ const COMMAND: &str = r#"{"dsID":"d","reqType":"command","packID":"9","cmdData":
 
 #[test]
 fn reply_dialect_old() {
-    // As manual 4.2 prints it, with the type as it was sent; `cmdEcho` was captured with the command's name.
+    // The form that manual 4.2 prints, with the type of the request. Captures show `cmdEcho` with the
+    // command's name.
     let manual = Dialect {
         reply_type: Dialect::HC1.reply_type,
         command_reply: CommandReplyForm::Verdict,
@@ -1295,11 +1299,11 @@ fn reply_dialect_old() {
         assert_eq!(refused, r#"{"dsID":"d","reqType":"command","cmdReply":[""]}"#);
         assert_eq!(outcome(&refused), (None, Outcome::Refused(None)));
     }
-    // The manual's comment can be read as a bare text, too.
+    // The manual's comment can also be read as a bare text.
     assert_eq!(outcome(r#"{"reqType":"command","cmdReply":""}"#), (None, Outcome::Refused(None)));
     assert_eq!(outcome(r#"{"reqType":"command","cmdReply":"ok"}"#), (None, Outcome::Ok));
     assert_eq!(outcome(r#"{"reqType":"command","cmdReply":[]}"#), (None, Outcome::Refused(None)));
-    // AddRCC was always named.
+    // Replies to AddRCC always carry the name.
     let list = r#"{"dsID":"d","reqType":"AddRCC","instructions":[]}"#;
     for (dialect, word) in [(Dialect::LEGACY, "command"), (manual, "AddRCC")] {
         let ok = verdict(dialect, list, "AddRCC", Verdict::Ok);
@@ -1327,7 +1331,7 @@ fn reply_dialect_new() {
     let taken = verdict(Dialect::R6, points, "AddPoints", Verdict::Points(12));
     assert_eq!(taken, r#"{"dsID":"d","reqType":"command","cmdReply":["AddPoints","12"]}"#);
     assert_eq!(outcome(&taken), (Some("AddPoints".to_owned()), Outcome::Points(12)));
-    // A number is a count of points only where points were sent.
+    // A number counts points only in a reply to AddPoints.
     assert_eq!(
         outcome(r#"{"reqType":"command","cmdReply":["modifyGSPD","12"]}"#).1,
         Outcome::Unclear("12".to_owned())
@@ -1393,7 +1397,7 @@ fn cmd_echo() {
 
 #[test]
 fn header_ds_id() {
-    // Whatever stands there is repeated in the reply, byte for byte; it decides nothing.
+    // The reply repeats any dsID byte for byte. It has no other effect.
     for ds_id in [r#""www.hc-system.com.cam""#, r#""any\u0074hing""#, "7", "null", r#""""#] {
         let request = format!(r#"{{"dsID":{ds_id},"reqType":"query","queryAddr":[]}}"#);
         assert_eq!(
@@ -1401,7 +1405,7 @@ fn header_ds_id() {
             format!(r#"{{"dsID":{ds_id},"queryAddr":[],"queryData":[],"reqType":"query"}}"#)
         );
     }
-    // Where it was left out, the reply has the long form.
+    // If the request has no dsID, the reply has the long form.
     assert_eq!(
         query_reply(Dialect::HC1, r#"{"reqType":"query","queryAddr":[]}"#, |_| {}),
         r#"{"dsID":"www.hc-system.com.RemoteMonitor","queryAddr":[],"queryData":[],"reqType":"query"}"#
@@ -1429,7 +1433,7 @@ fn header_req_type() {
     );
     assert_eq!(told("{}"), "the frame has neither `reqType` nor anything to tell its type by");
     assert!(told(r#"{"reqType":7}"#).starts_with("`reqType` is `7`"));
-    // Without a type the payload tells it.
+    // Without a type, the payload decides.
     type IsRight = fn(&Body<'_>) -> bool;
     let absent: [(&str, IsRight); 5] = [
         (r#""queryAddr":["version"]"#, |body| matches!(body, Body::Query(_))),
@@ -1444,7 +1448,7 @@ fn header_req_type() {
             assert!(is_right(&message.body), "{payload}: {:?}", message.body);
         });
     }
-    // A word in escapes is the same word.
+    // A word with escapes is the same word.
     look(r#"{"req\u0054ype":"\u0071uery","queryAddr":["\u0076ersion"]}"#, |message| {
         let Body::Query(query) = message.body else { panic!("{message:?}") };
         assert_eq!(query.resolved().next().map(|(_, address)| address), Some(Ok(Address::Version)));
@@ -1465,7 +1469,7 @@ fn header_pack_id() {
             assert!(!query_reply(dialect, &request, |_| {}).contains("packID"));
         }
     }
-    // None sent, none answered (captured, unit D); there is a reply all the same.
+    // Without a packID in the request, the reply has none (captured, unit D).
     assert!(!query_reply(Dialect::HC1, r#"{"reqType":"query","queryAddr":[]}"#, |_| {}).contains("packID"));
     let addressing = Addressing { pack_id: Some("7\""), ..Addressing::default() };
     let mut out = Vec::new();

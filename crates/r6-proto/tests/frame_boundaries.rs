@@ -1,4 +1,5 @@
-//! Frames are found in any stream, however it is cut; what is broken costs one error and is never delivered.
+//! Tests that the reader finds the frames of any stream, in any pieces. Broken input costs one error and is
+//! never delivered.
 
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -15,12 +16,12 @@ enum Event {
     Fault(FrameError),
 }
 
-/// The text itself if it is one; else with the bytes that are none escaped.
+/// The bytes as text if they are UTF-8; otherwise with escapes.
 fn readable(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap_or_else(|_| bytes.escape_ascii().to_string())
 }
 
-/// Takes out all that is there.
+/// Takes out all frames and errors.
 fn drain(buffer: &mut FrameBuffer, events: &mut Vec<Event>) {
     while let Some(next) = buffer.next() {
         events.push(match next {
@@ -30,7 +31,7 @@ fn drain(buffer: &mut FrameBuffer, events: &mut Vec<Event>) {
     }
 }
 
-/// Pushes all the bytes, taking out frames whenever the buffer is full, and behind them.
+/// Pushes all bytes, and takes out frames whenever the buffer is full and at the end.
 fn feed(buffer: &mut FrameBuffer, mut bytes: &[u8], events: &mut Vec<Event>) {
     loop {
         let taken = buffer.push(bytes);
@@ -43,7 +44,7 @@ fn feed(buffer: &mut FrameBuffer, mut bytes: &[u8], events: &mut Vec<Event>) {
     }
 }
 
-/// What a stream comes to that arrives in pieces of these lengths, over and over.
+/// The events of a stream that arrives in pieces of these lengths, repeated in turn.
 fn read(stream: &[u8], limits: Limits, pieces: &[usize]) -> Vec<Event> {
     let mut buffer = FrameBuffer::new(limits);
     let mut events = Vec::new();
@@ -60,7 +61,7 @@ fn read(stream: &[u8], limits: Limits, pieces: &[usize]) -> Vec<Event> {
     events
 }
 
-/// The frames and the faults of a stream that comes whole, without the offsets.
+/// The frames and faults of a stream that arrives in one piece, without the offsets.
 fn outcome(stream: &[u8]) -> (Vec<String>, Vec<FrameFault>) {
     let events = read(stream, Limits::default(), &[stream.len().max(1)]);
     assert_eq!(events, read(stream, Limits::default(), &[1]), "{}", stream.escape_ascii());
@@ -113,7 +114,7 @@ fn blanks() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(blank, 0..3).prop_map(|blanks| blanks.concat())
 }
 
-/// A stream of frames, half frames and bytes that matter to a frame.
+/// A stream of frames, half frames and bytes that have a meaning in a frame.
 fn hostile() -> impl Strategy<Value = Vec<u8>> {
     const PIECES: [&[u8]; 16] = [
         b"{\"a\":1}",
@@ -253,7 +254,7 @@ const REALISTIC: [&str; 5] = [
     r#"{"dsID":"www.hc-system.com.cam","reqType":"AddPoints","dsData":[{"camID":0,"data":[{"ModelID":0,"X":888.001},{"ModelID":1,"X":-1.5}]}]}"#,
 ];
 
-/// The depth of a text whose brackets match, strings left out; `None` where they do not.
+/// The depth of a text with balanced brackets, ignoring strings; `None` if they are not balanced.
 fn deepest_if_balanced(text: &str) -> Option<usize> {
     let mut open = Vec::new();
     let mut deepest = 0;
@@ -283,7 +284,8 @@ fn a_broken_frame_costs_one_error_and_the_next_frame_is_found() {
         (b"GET / HTTP/1.1\r\nHost: ", FrameFault::Garbage),
         (b"}", FrameFault::Garbage),
         (b"\xEF\xBB", FrameFault::Garbage),
-        // A list is no frame, and the objects in it are none; nor are those of a frame that lost its beginning.
+        // A list is not a frame, and neither are the objects in it. The same holds for the objects of a frame
+        // whose beginning is missing.
         (br#"[{"x":1},{"y":2}]"#, FrameFault::Garbage),
         (br#""instructions":[{"x":1},{"y":2}]}"#, FrameFault::Garbage),
         (br#"{"a":[1}"#, FrameFault::MismatchedBracket { expected: ']', found: '}' }),
@@ -334,7 +336,7 @@ fn what_the_manual_misprints_is_left_to_the_decoder() {
 
 #[test]
 fn braces_quotes_and_backslashes_of_gbk_are_text() {
-    // 乗 is 81 5C: its second byte looks like an escape of the closing quote.
+    // 乗 is 81 5C: its second byte looks like a backslash that escapes the closing quote.
     for body in [
         &b"\x81\x5C"[..],
         b"\x81\x7B",
@@ -351,7 +353,8 @@ fn braces_quotes_and_backslashes_of_gbk_are_text() {
 
 #[test]
 fn utf8_is_told_from_gbk() {
-    // 中 is E4 B8 AD. As GBK its last byte would take the `\` along, and the quote would close the string.
+    // 中 is E4 B8 AD. Read as GBK, its last byte would form a pair with the `\`, and the quote would close the
+    // string.
     let frame = r#"{"a":"中\"}中\\"}"#;
     let (frames, faults) = outcome([frame, frame].concat().as_bytes());
     assert_eq!(faults, []);
@@ -382,7 +385,7 @@ fn the_limits_are_exact() {
 #[test]
 fn a_frame_of_any_depth_is_skipped_to_its_own_end() {
     let deep = format!("{}{}{}{}", "{\"a\":".repeat(40), "[".repeat(60), "]".repeat(60), "}".repeat(40));
-    // That the end was found shows in that the garbage behind it is reported by itself.
+    // The garbage after the frame is reported separately, so the end of the frame was found.
     let (frames, faults) = outcome(format!("{deep}oops{{\"b\":1}}").as_bytes());
     assert_eq!(faults, [FrameFault::TooDeep { limit: 32 }, FrameFault::Garbage]);
     assert_eq!(frames, [r#"{"b":1}"#]);
@@ -492,12 +495,12 @@ fn a_partial_frame_can_be_given_up() {
     assert_eq!(error.fault, FrameFault::Incomplete { received: 17 });
     assert_eq!((buffer.pending(), buffer.abandon_partial()), (0, None));
 
-    // The rest comes after all: what is nested in it is no frame, what follows it is.
+    // The rest arrives later. An object nested in it is not a frame, but the object after it is.
     feed(&mut buffer, b"null,{\"x\":1},{\"y\":2}]}{\"b\":1}", &mut events);
     assert_eq!(events.len(), 2);
     assert_eq!(events[1], Event::Frame(r#"{"b":1}"#.to_owned(), 49));
 
-    // A new frame may also come at once.
+    // A new frame may also follow at once.
     feed(&mut buffer, b"{\"c\"", &mut events);
     assert!(buffer.abandon_partial().is_some());
     feed(&mut buffer, b"{\"d\":1}", &mut events);

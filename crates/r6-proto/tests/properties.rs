@@ -1,4 +1,4 @@
-//! What holds for every request, every stream and every byte string, not only for the frames that we thought of.
+//! Properties of every request, every stream and every byte string, beyond the frames that we thought of.
 
 use std::sync::LazyLock;
 use std::time::Duration;
@@ -45,7 +45,7 @@ static WHOLE_FRAMES: LazyLock<Vec<Bytes>> = LazyLock::new(|| {
         .collect()
 });
 
-/// `PROPTEST_CASES` in the environment takes the place of this number of cases.
+/// `PROPTEST_CASES` in the environment overrides this number of cases.
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
@@ -171,7 +171,7 @@ fn check_body(message: &Message<'_>, request: &Owned, type_key: TypeKey) -> Resu
         }
         (Body::Heartbreak, Owned::Heartbreak) => {}
         (Body::PhotoAnswer(decoded), Owned::PhotoAnswer(answer)) => prop_assert_eq!(decoded, answer),
-        // Nothing but the type tells these two from others.
+        // Only the type identifies these two.
         (Body::Unknown(_), Owned::Heartbreak | Owned::PhotoAnswer(_)) if type_key == TypeKey::Absent => {}
         (_, _) => prop_assert!(false, "{}", render::message(message)),
     }
@@ -187,7 +187,7 @@ fn check_against_serde_json(bytes: &[u8]) {
     members::check(&decoded, bytes);
 }
 
-/// A stream of frames, some of them changed, with what stands between them.
+/// A stream of frames, some of them changed, with bytes between them.
 fn hostile_stream() -> impl Strategy<Value = Bytes> {
     let between = select(&["", "\n", "\r\n", "\0", " ", "x", "{", "}"]);
     let piece = prop_oneof![
@@ -202,7 +202,7 @@ fn hostile_stream() -> impl Strategy<Value = Bytes> {
     })
 }
 
-/// The stream cut into pieces at these places.
+/// Cuts the stream at these places.
 fn split<'s>(stream: &'s [u8], cuts: &[Index]) -> Vec<&'s [u8]> {
     let mut places: Vec<usize> = cuts.iter().map(|cut| cut.index(stream.len() + 1)).collect();
     places.sort_unstable();
@@ -216,7 +216,7 @@ fn at(ms: u64) -> Instant {
     Instant::ORIGIN + Duration::from_millis(ms)
 }
 
-/// What an inbox makes of a stream in these pieces: rendered messages, and errors by their text.
+/// The results of an inbox for a stream in these pieces: rendered messages, and the texts of errors.
 fn received(pieces: &[&[u8]], limits: Limits) -> Vec<Value> {
     let mut session = ServerSession::new(limits);
     let (inbox, _) = session.split();
@@ -307,12 +307,12 @@ proptest! {
         while let Some(event) = session.poll_event(now) {
             settled += usize::from(settles(&event));
         }
-        // Every request ends exactly once: answered, timed out or lost.
+        // Every request ends exactly once: with a reply, a timeout, or a loss.
         prop_assert_eq!(settled, waiting);
     }
 }
 
-/// Sends what can be sent; whether a reply is due.
+/// Sends the request if possible. Returns whether it expects a reply.
 fn send(session: &mut ClientSession, now: Instant, request: &Owned) -> bool {
     let sent = match request {
         Owned::Query(addresses) => session.send(now, &Request::Query(addresses)),
@@ -333,7 +333,7 @@ fn send(session: &mut ClientSession, now: Instant, request: &Owned) -> bool {
 
 const NO_REPLY: r6_proto::client::SendError = r6_proto::client::SendError::TooManyInFlight { limit: 0 };
 
-/// Whether the event ends a request; looks at all that it brings.
+/// Whether the event ends a request. Reads everything in the event.
 fn settles(event: &Event<'_>) -> bool {
     match event {
         Event::Reply { message, .. } => {

@@ -1,4 +1,5 @@
-//! The golden vectors, one test each: decoded, encoded again, and, for replies, written byte for byte as captured.
+//! The golden vectors, one test each. A test decodes the vector and encodes it again. Replies must have
+//! exactly the captured bytes.
 
 use std::collections::BTreeSet;
 
@@ -215,10 +216,10 @@ fn check(vector: &Vector) {
     }
 }
 
-/// Where a fault stands and what is said of it.
+/// The position of a fault and its text.
 type Fault = (u64, String);
 
-/// What a frame buffer makes of these bytes as a stream of their own, and how many it still holds.
+/// The results of a frame buffer for these bytes as a separate stream, and how many bytes it still holds.
 fn frames_of(bytes: &[u8]) -> (Vec<Result<Vec<u8>, Fault>>, usize) {
     let mut buffer = FrameBuffer::new(Limits::default());
     assert_eq!(buffer.push(bytes), bytes.len());
@@ -233,7 +234,7 @@ fn frames_of(bytes: &[u8]) -> (Vec<Result<Vec<u8>, Fault>>, usize) {
     (frames, pending)
 }
 
-/// The frame buffer or the decoder has to name the fault and its place.
+/// The frame buffer or the decoder must report the fault and its position.
 fn check_error(frame: &[u8], expected: &ExpectedError) {
     let decoded = match Decoder::new().decode(frame) {
         Ok(message) => panic!("decoded: {}", render::message(&message)),
@@ -250,7 +251,7 @@ fn check_error(frame: &[u8], expected: &ExpectedError) {
 
 /// Typed members with whole numbers as integers, so that `20` and `20.0` are the same speed.
 ///
-/// What stands as on the wire is left alone: there the two differ.
+/// Values in their wire form stay unchanged, because there the two differ.
 fn comparable(decoded: &Value) -> Value {
     let mut out = decoded.clone();
     for name in ["instructions", "sets"] {
@@ -282,7 +283,7 @@ fn whole_numbers(value: &mut Value) {
     }
 }
 
-/// The decoded message, sent by us, has the canonical bytes, and they mean the same.
+/// The decoded message, sent again, must have the canonical bytes, and these must have the same meaning.
 fn check_canonical(message: &Message<'_>, canonical: &str, decoded: &Value) {
     let mut bytes = Vec::new();
     with_request(message, |request| {
@@ -302,13 +303,13 @@ fn check_canonical(message: &Message<'_>, canonical: &str, decoded: &Value) {
     let again = decoder.decode(canonical.as_bytes()).unwrap_or_else(|error| panic!("canonical: {error}"));
     let mut expected = comparable(decoded);
     let members = expected.as_object_mut().unwrap();
-    // What we send has no key that nobody knows and none twice.
+    // Requests that we send have no unknown and no repeated keys.
     members.remove("unknownKeys");
     members.remove("duplicateKeys");
     assert_eq!(comparable(&render::message(&again)), expected, "the canonical form means something else");
 }
 
-/// Calls `send` with the request that says what the message says.
+/// Calls `send` with the request that has the same content as the message.
 fn with_request(message: &Message<'_>, send: impl FnOnce(&Request<'_>)) {
     match &message.body {
         Body::Query(query) => {
@@ -341,7 +342,8 @@ fn with_request(message: &Message<'_>, send: impl FnOnce(&Request<'_>)) {
     }
 }
 
-/// The decoded reply, written by a controller that answers the request it must have had, has the captured bytes.
+/// Writes the decoded reply with the controller's writer, for the request that it must have answered. The
+/// result must have the captured bytes.
 fn check_reply(message: &Message<'_>, frame: &[u8]) {
     let mut out = Vec::new();
     match &message.body {
@@ -401,7 +403,7 @@ fn answer(message: &Message<'_>, payload: &[(&str, Value)], reply: impl FnOnce(&
     reply(&request, request.header);
 }
 
-/// Writes a value with the method for its kind, told by its form.
+/// Writes a value with the method for its kind, judged by its form.
 fn write(data: &mut DataWriter<'_, '_>, value: WireValue<'_>) {
     if value.is_list() {
         let items: Vec<_> = value.items().collect();
@@ -436,7 +438,7 @@ fn verdict<'r>(reply: &CommandReply<'r>) -> Verdict<'r> {
 
 #[test]
 fn a_template_without_mask_has_none() {
-    // The printed frame of manual 6 leaves every field of its moves open; none of them may turn into a zero.
+    // The printed frame of manual 6 leaves every field of its moves empty. No empty field may become a zero.
     let vector = vector::load("manual_6_add_rcc_template");
     let mut decoder = Decoder::new();
     let message = decoder.decode(vector.decodable().unwrap()).unwrap();

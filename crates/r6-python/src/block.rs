@@ -16,10 +16,8 @@ enum Owner {
     Follow(Py<FollowCore>),
 }
 
-/// The end of a running motion and of a followed target, as a ``with`` block.
-///
-/// It is native code. A signal between two lines of Python at the end of a block would leave a moving arm
-/// behind.
+/// The end of a running motion and of a followed target, as a ``with`` block. It is native code, so that
+/// no signal handler runs between its lines.
 #[pyclass(frozen, subclass, generic, module = "r6._r6")]
 pub struct Block {
     owner: Owner,

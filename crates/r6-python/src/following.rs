@@ -26,7 +26,7 @@ struct Parts {
     streaming: Streaming,
 }
 
-/// A target that the arm follows. Any number of callers may wait for the end, any number of times.
+/// The common part of ``Following`` and ``AsyncFollowing``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct FollowCore {
     parts: OfThisProcess<Parts>,

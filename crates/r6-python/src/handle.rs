@@ -18,48 +18,56 @@ use crate::operation::Operation;
 use crate::pickling::Reduced;
 use crate::process::OfThisProcess;
 
-/// The progress of a motion.
+/// The progress of a motion, from the controller's state. Its steps are done in order.
 #[pyclass(frozen, module = "r6._r6", eq)]
 #[derive(Clone, Copy, PartialEq)]
 pub struct Progress(pub r6_client::Progress);
 
 #[pymethods]
 impl Progress {
+    /// Steps of the motion.
     #[getter]
     fn total(&self) -> usize {
         self.0.total
     }
 
+    /// Steps that were sent: the accepted ones, and those of a frame whose answer has not come.
     #[getter]
     fn left(&self) -> usize {
         self.0.left
     }
 
+    /// Steps that were accepted.
     #[getter]
     fn accepted(&self) -> usize {
         self.0.accepted
     }
 
+    /// Steps that are over.
     #[getter]
     fn done(&self) -> usize {
         self.0.done
     }
 
+    /// Whether nothing more is sent and the state is no longer read.
     #[getter]
     fn ended(&self) -> bool {
         self.0.ended
     }
 
+    /// The present step, counted from 1; the last step if all are over.
     #[getter]
     fn current(&self) -> usize {
         self.0.current()
     }
 
+    /// Steps that were sent and not seen to be over.
     #[getter]
     fn under_way(&self) -> usize {
         self.0.under_way()
     }
 
+    /// The state of a step, counted from 1; ``IndexError`` if there is no such step.
     fn step(&self, step: usize) -> PyResult<&'static str> {
         self.0.step(step).map(state_word).ok_or_else(|| no_such_step(step, self.0.total))
     }
@@ -160,7 +168,7 @@ async fn own(
     }
 }
 
-/// A running motion. Any number of callers may wait for the end, any number of times.
+/// The common part of ``MotionHandle`` and ``AsyncMotionHandle``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct MotionCore {
     parts: OfThisProcess<Parts>,

@@ -18,11 +18,25 @@ use crate::process::{OfThisProcess, Process};
 use crate::record::Record;
 use crate::settings;
 
-/// Waits for a controller that connects to this program: for `Robot.connect`.
+/// Waits for a controller that connects to this program: for ``Robot.connect``.
+///
+/// The pendant sets each port of a controller to server mode or client mode. In client mode the controller
+/// connects to the address that is set there. It tries again until a program listens there.
+///
+/// - ``address``: where to listen, such as ``"0.0.0.0:9760"``. Port 0 takes a free port.
+/// - ``only_from``: the IP address of the controller. Connections from other machines are closed at once.
+///   Set it, because there is no login: any machine that reaches the port is taken for the controller.
+///
+/// It serves one ``connect``, which waits for ``RobotSettings.connect_timeout`` seconds, as the robot does
+/// after a lost connection. Set a longer time than the controller takes to connect again. If several
+/// connections wait, the newest is used. The port is closed with the robot, or when connecting fails.
+///
+/// Errors: ``OSError`` if the port is in use or this machine does not have the address; ``ValueError``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Listen {
     /// `None` once a robot has used it.
     listen: OfThisProcess<Mutex<Option<r6_client::Listen>>>,
+    /// Where it listens, ``host:port``, with the port that port 0 took.
     #[pyo3(get)]
     address: String,
 }
@@ -87,7 +101,7 @@ impl Target {
     }
 }
 
-/// Asks at these addresses which controller answers. Returns a list of `Discovered`.
+/// For ``discover`` and ``async_discover``.
 #[pyfunction]
 #[pyo3(signature = (addresses, settings=None))]
 pub fn discovering(addresses: Vec<String>, settings: Option<&settings::RobotSettings>) -> Operation {

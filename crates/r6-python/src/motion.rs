@@ -15,8 +15,11 @@ use crate::plot::{Keywords, Plot, plotted};
 use crate::points::{awaited, output, outputs, pulsed, stopping};
 use crate::units::{AxisPosition, Given, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
 
-/// Moves, outputs and waits in order. Each method adds a step, or changes the last one, and returns the
-/// motion.
+/// Moves, outputs and waits in order. Every step runs once, unless the motion repeats.
+///
+/// Each method adds a step, or changes the last one, and returns the motion itself, so that a motion can
+/// be written as one chain. A wrong step raises ``StepError`` at once and makes the motion unusable: no
+/// part of it is ever sent. At most 100 000 steps.
 #[pyclass(module = "r6._r6")]
 #[derive(Clone, Default)]
 pub struct Motion(pub r6_client::Motion);
@@ -47,6 +50,7 @@ impl Motion {
         Self::default()
     }
 
+    /// Moves the axes to this position, all arriving together (action 4).
     fn axis_move<'py>(
         slf: PyRefMut<'py, Self>,
         to: Given<AxisPosition>,
@@ -55,14 +59,18 @@ impl Motion {
         Self::add(slf, |motion| motion.axis_move(to.0, speed.0))
     }
 
+    /// Moves the tool straight to a pose (action 10). 100 % is 2000 mm/s (reported).
     fn linear_move<'py>(slf: PyRefMut<'py, Self>, to: Given<Pose>, speed: Given<Percent>) -> Chain<'py> {
         Self::add(slf, |motion| motion.linear_move(to.0, speed.0))
     }
 
+    /// The same at the speed that ``path_speed`` set.
     fn linear_move_at_path_speed<'py>(slf: PyRefMut<'py, Self>, to: Given<Pose>) -> Chain<'py> {
         Self::add(slf, |motion| motion.linear_move_at_path_speed(to.0))
     }
 
+    /// Moves the tool through a middle pose to an end pose (action 17). Begin with a linear move: a
+    /// controller accepted a curve without one and did not make it (reported).
     fn curve_move<'py>(
         slf: PyRefMut<'py, Self>,
         through: Given<Pose>,
@@ -72,6 +80,8 @@ impl Motion {
         Self::add(slf, |motion| motion.curve_move(through.0, to.0, speed.0))
     }
 
+    /// Adds an axis move for each row: shape (n, k), k from 1 to 8 axes, degrees. ``blend``: as in
+    /// ``blend``, for each move.
     #[pyo3(signature = (positions, speed, blend=None))]
     fn axis_path<'py>(
         slf: PyRefMut<'py, Self>,
@@ -85,6 +95,8 @@ impl Motion {
         })
     }
 
+    /// Adds a linear move for each row: shape (n, 3), mm, or (n, 6), mm and degrees. ``blend``: as in
+    /// ``blend``.
     #[pyo3(signature = (poses, speed, blend=None))]
     fn linear_path<'py>(
         slf: PyRefMut<'py, Self>,
@@ -98,47 +110,61 @@ impl Motion {
         })
     }
 
+    /// Rounds the corner after the last step, a move: 0 stops there, 9 rounds most.
     fn blend(slf: PyRefMut<'_, Self>, level: u8) -> Chain<'_> {
         Self::add(slf, |motion| motion.blend(level))
     }
 
+    /// Waits before the last step, a move: seconds, at most a day, in steps of 0.1 s.
     fn delay(slf: PyRefMut<'_, Self>, time: f64) -> Chain<'_> {
         let time = seconds("time", time)?;
         Self::add(slf, |motion| motion.delay(time))
     }
 
+    /// Makes the last step, a move, with this tool frame.
     fn tool(slf: PyRefMut<'_, Self>, number: u32) -> Chain<'_> {
         Self::add(slf, |motion| motion.tool(number))
     }
 
+    /// Makes the last step, a move, in this work frame.
     fn work_frame(slf: PyRefMut<'_, Self>, number: u32) -> Chain<'_> {
         Self::add(slf, |motion| motion.work_frame(number))
     }
 
+    /// Sets the speed of later linear moves without their own speed (action 51).
     fn path_speed<'py>(slf: PyRefMut<'py, Self>, speed: Given<MillimetresPerSecond>) -> Chain<'py> {
         Self::add(slf, |motion| motion.path_speed(speed.0))
     }
 
+    /// Sets an output of the first board, by its name on the pendant: ``"Y010"`` to ``"Y047"``, M, EUY
+    /// (action 200).
     fn set_output<'py>(slf: PyRefMut<'py, Self>, point: &str, on: bool) -> Chain<'py> {
         let point = output(point)?;
         Self::add(slf, |motion| motion.set_output(point, on))
     }
 
+    /// Sets an output Y for a time, seconds, then sets it back (action 200, timed).
     fn pulse_output<'py>(slf: PyRefMut<'py, Self>, point: &str, on: bool, time: f64) -> Chain<'py> {
         let (point, time) = (pulsed(point)?, seconds("time", time)?);
         Self::add(slf, |motion| motion.pulse_output(point, on, time))
     }
 
+    /// Sets several outputs of one board at once, by their names on the pendant: ``{"Y010": True, "Y017":
+    /// False}``. The board is one of the first two of Y or M: ``"Y1.010"``, ``"M010"`` (action 204). Other
+    /// points do not change.
     fn set_board(slf: PyRefMut<'_, Self>, points: HashMap<String, bool>) -> Chain<'_> {
         let outputs = outputs(points)?;
         Self::add(slf, |motion| motion.set_board(outputs))
     }
 
+    /// Waits for a time, seconds, while the arm stands (action 100).
     fn wait(slf: PyRefMut<'_, Self>, time: f64) -> Chain<'_> {
         let time = seconds("time", time)?;
         Self::add(slf, |motion| motion.wait(time))
     }
 
+    /// Waits for ``"X010"``, M or EUX, while the arm stands: at most ``limit`` seconds, without it for
+    /// ever (action 100).
     #[pyo3(signature = (point, condition="on", *, limit=None))]
     fn wait_for<'py>(
         slf: PyRefMut<'py, Self>,
@@ -158,24 +184,33 @@ impl Motion {
         Self::add(slf, |motion| motion.wait_for(point, condition, limit))
     }
 
+    /// Lets an input of the first board, ``"X010"`` to ``"X047"``, stop the motion from here on when it
+    /// changes to this state (action 52).
     fn stop_on_input<'py>(slf: PyRefMut<'py, Self>, point: &str, on: bool) -> Chain<'py> {
         let point = stopping(point)?;
         Self::add(slf, |motion| motion.stop_on_input(point, on))
     }
 
+    /// Changes the workbench (action 800).
     fn workbench(slf: PyRefMut<'_, Self>, number: u32) -> Chain<'_> {
         Self::add(slf, |motion| motion.workbench(number))
     }
 
+    /// Keeps every step so far in the controller's list, so that the list starts over after its end until
+    /// the arm is stopped. Such a motion has to fit into the list as a whole (``RunOptions.room``).
+    /// ``MotionHandle.finished`` then ends only with an error: call ``MotionHandle.stop`` before the end
+    /// of a ``with`` block. The motion also continues if this program dies.
     fn repeat(slf: PyRefMut<'_, Self>) -> Chain<'_> {
         Self::add(slf, r6_client::Motion::repeat)
     }
 
+    /// Whether a step stays in the controller's list, so that the motion has no end of its own.
     #[getter]
     fn repeats(&self) -> bool {
         self.0.repeats()
     }
 
+    /// Adds the steps of another motion.
     fn extend<'py>(slf: PyRefMut<'py, Self>, other: &Bound<'py, PyAny>) -> Chain<'py> {
         let other = if other.as_ptr() == slf.as_ptr() {
             slf.0.clone()

@@ -31,7 +31,7 @@ pub type Made = Box<dyn for<'py> FnOnce(Python<'py>) -> PyResult<Bound<'py, PyAn
 /// The work itself, without Python objects.
 pub type Running = Pin<Box<dyn Future<Output = Made> + Send>>;
 
-/// An operation that takes time and has not begun: `wait` or `start` it, once.
+/// An operation that takes time and has not begun: ``wait`` or ``start`` it, once.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Operation {
     work: OfThisProcess<Mutex<Option<Work>>>,
@@ -214,7 +214,8 @@ fn begun() -> PyErr {
 
 #[pymethods]
 impl Operation {
-    /// Waits with the interpreter released. A signal handler that raises, as Ctrl-C does, ends the wait.
+    /// Waits with the interpreter released. A signal handler that raises, as Ctrl-C does, ends the wait
+    /// within 50 ms.
     pub fn wait<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match self.waited(py)? {
             Waited::Made(made) => made,
@@ -222,9 +223,9 @@ impl Operation {
         }
     }
 
-    /// Begins the operation, and sets the result of `future`, which belongs to `event_loop`. Call it in the
-    /// thread of the event loop. Work that the event loop does not do itself runs in the background, and
-    /// another thread calls `tell(error, value)` at its end.
+    /// Begins the operation, and sets the result of ``future``, which belongs to ``event_loop``. Call it
+    /// in the thread of the event loop. Work that the event loop does not do itself runs in the
+    /// background, and another thread calls ``tell(error, value)`` at its end.
     #[pyo3(signature = (tell, event_loop=None, future=None))]
     fn start(
         &self,
@@ -309,7 +310,7 @@ pub struct Started {
 
 #[pymethods]
 impl Started {
-    /// Drops the rest of the operation. Does nothing if it has ended or cannot be cancelled.
+    /// Drops the rest of the operation. Does nothing if it has ended or cannot be cancelled, as a stop.
     fn cancel(&self, py: Python<'_>) {
         // Cleanup code in the child of a fork has nothing to drop.
         match self.task.here() {

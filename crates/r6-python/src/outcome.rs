@@ -9,10 +9,9 @@ use crate::record::class;
 /// The result of a stop: a `StopReport`, or the exception of a stop that failed.
 pub type Report<'py> = PyResult<Bound<'py, PyAny>>;
 
-/// Adds what became of the arm to the exception that ended the block of its motion.
-///
-/// A `MotionError` of this motion carries the report. Any other exception, including one of another arm, gets
-/// a note. In its place this raises the error of a stop that failed, because nothing else would report it.
+/// Adds what became of the arm to the exception that ended the block of its motion. A ``MotionError`` of
+/// this motion carries the report. Any other exception gets a note. In its place this raises the error of
+/// a stop that failed, because nothing else would report it.
 #[pyfunction]
 #[pyo3(signature = (core, error, report))]
 pub fn told(
@@ -72,7 +71,7 @@ pub fn is_end_by_stop(py: Python<'_>, error: &Bound<'_, PyBaseException>) -> PyR
         && stands(&error.getattr("stop")?)?)
 }
 
-/// Whether the owner of this motion asked for the stop that ended it. Then the error need not be raised.
+/// Whether the owner of this motion asked for the stop that ended it, and the arm was seen to stand.
 #[pyfunction]
 #[pyo3(signature = (core, error))]
 pub fn ended_as_asked(core: &Bound<'_, PyAny>, error: &Bound<'_, PyBaseException>) -> PyResult<bool> {

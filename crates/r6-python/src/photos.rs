@@ -34,7 +34,7 @@ struct Parts {
     ended: watch::Receiver<()>,
 }
 
-/// A camera that serves until it is closed or dropped.
+/// The common part of ``serve_photos`` in ``Robot`` and ``AsyncRobot``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct PhotosCore {
     parts: OfThisProcess<Parts>,

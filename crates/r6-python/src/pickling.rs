@@ -7,6 +7,7 @@ use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use r6_client::IoPoint;
 use r6_client::units::AxisCoordinate;
 use r6_proto::message::Command as Sent;
 
@@ -29,7 +30,7 @@ fn reduced<'py>(py: Python<'py>, kind: &str, state: impl IntoPyObject<'py>) -> R
     Ok((py.import("r6._r6")?.getattr("remade")?, arguments))
 }
 
-/// Makes an object again from its pickled state.
+/// Makes an object of this package again from its pickled state.
 #[pyfunction]
 pub fn remade<'py>(py: Python<'py>, kind: &str, state: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     match kind {
@@ -109,7 +110,8 @@ impl Command {
                 made("modify_counter", (*id,).into_pyobject(py))
             }
             Sent::ModifyOutput { board, point, on } => {
-                made("typed", ("modifyOutput", *board, *point, *on).into_pyobject(py))
+                let point = IoPoint::of_command(*board, *point).ok_or_else(|| not_pickled("modifyOutput"))?;
+                made("modify_output", (point.to_string(), *on).into_pyobject(py))
             }
             Sent::ClearAlarmRunNext => made("clear_alarm_run_next", none()),
             Sent::ClearAlarmContinue => made("clear_alarm_continue", none()),

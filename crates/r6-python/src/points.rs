@@ -65,7 +65,7 @@ pub fn for_command(name: &str) -> PyResult<(u8, u8)> {
     })
 }
 
-/// The query address of the word that a point is a bit of, and which bit.
+/// The query address of the word that a point is a bit of, and which bit: ``("input-0", 2)`` for X012.
 #[pyfunction]
 pub fn word_of(name: &str) -> PyResult<(String, u8)> {
     let point = named(name)?;

@@ -16,7 +16,12 @@ use crate::units::{AxisPosition, Given, Percent};
 /// The name of a text without a file, in errors.
 const NO_FILE: &str = "<text>";
 
-/// A motion from a file of `r6 run`: TOML, or AddRCC frames in JSON.
+/// A motion from a file of ``r6 run``: TOML (``[[instruction]]`` tables), or AddRCC frames in JSON.
+///
+/// ::
+///
+///     program = r6.Program.load("square.toml")
+///     robot.run(program.motion, r6.RunOptions(append=program.append)).finished()
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Program {
     /// What a picture calls it.
@@ -44,6 +49,10 @@ fn in_frames(lists: Vec<MotionList>) -> r6_client::Motion {
 
 #[pymethods]
 impl Program {
+    /// Reads a file of at most 16 MiB.
+    ///
+    /// Errors: ``FileError`` with every mistake, its line and its column; ``OSError`` and ``ValueError``
+    /// if it cannot be read.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let mut text = String::new();
@@ -60,22 +69,25 @@ impl Program {
         Self::of(py, &name, title, &text)
     }
 
+    /// Reads a text. Errors: ``FileError``.
     #[staticmethod]
     fn read(py: Python<'_>, text: &str) -> PyResult<Self> {
         Self::of(py, NO_FILE, "program".to_owned(), text)
     }
 
-    /// A copy of the motion. Changing it does not change the program.
+    /// Its steps, as a copy: changing it does not change the program. It repeats if the file says so.
     #[getter]
     fn motion(&self) -> Motion {
         Motion(self.motion.clone())
     }
 
+    /// Whether the file says to append to the list: for ``RunOptions.append``.
     #[getter]
     fn append(&self) -> bool {
         self.append
     }
 
+    /// Remarks for the author of the file: older spellings, keys without a meaning.
     #[getter]
     fn remarks(&self) -> Vec<String> {
         self.remarks.clone()

@@ -37,7 +37,9 @@ fn not_taken(
         .build()
 }
 
-/// Converts degrees or millimetres to the value of a register.
+/// Converts degrees or millimetres to the value of a register, for programs that take positions from
+/// registers: times 1000, rounded to the nearest whole number. ``OutOfRange`` for a value that does not
+/// fit into the 32 bits of a register.
 #[pyfunction]
 pub fn to_thousandths(py: Python<'_>, value: f64) -> PyResult<i32> {
     raise(py, r6_client::to_thousandths(value))

@@ -28,7 +28,7 @@ use crate::settings::{FollowOptions, RobotSettings, RunOptions};
 use crate::starting::Starting;
 use crate::subscription::{PushedCore, SubscriptionCore};
 
-/// A handle of one controller.
+/// The common part of ``Robot`` and ``AsyncRobot``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct RobotCore {
     handle: OfThisProcess<Handle>,

@@ -9,8 +9,8 @@ use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use r6_controller::{
-    Button, ControllerSnapshot, Event, Key, Level, LogEntry, PanelAction, Profile, Program, RobotModel,
-    Scenario, StartState,
+    Button, ControllerSnapshot, Event, Key, Level, Library, LogEntry, PanelAction, Profile, Program,
+    RobotModel, Scenario, StartState,
 };
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_sim::{Camera, Clock, ControllerHandle, SimError, VirtualController};
@@ -25,7 +25,22 @@ use crate::process::OfThisProcess;
 use crate::record::{Record, array};
 use crate::units::axis;
 
-/// A virtual controller. It listens from the start until it is closed.
+/// A virtual controller on a free port of 127.0.0.1, inside this process, on its own thread.
+///
+/// It listens from the start. ``close``, the end of a ``with`` block, or dropping it ends it and its
+/// connections.
+///
+/// - ``profile``: ``"hc1"``, ``"r6-host"``, ``"r6-pendant"``, ``"legacy"``, or the path of a TOML file.
+/// - ``model``: a name of ``r6.models()`` or a path.
+/// - ``clock``: ``"real"``, ``"max"`` (moves take no time), ``"10x"``, or the factor as a number.
+/// - ``seed``: the seed of random values.
+/// - ``start``: ``"waiting"`` (ready for instructions), ``"auto"``, ``"manual"`` or ``"stopped"``.
+/// - ``program``: a program that every controller has (``"pick-and-place"``), a text, or the path of a file.
+/// - ``scenario``: a text, or the path of a file.
+/// - ``cameras``: cameras that it connects to, ``"127.0.0.1:9000"`` or ``"1=127.0.0.1:9000"``.
+/// - ``state``: the folder that keeps what survives a power cut.
+///
+/// Errors: ``SimulatorError`` says what is wrong. Nothing is left running then.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Simulator {
     /// `None` once it was closed. This is the only handle, and it holds the folder of the state.
@@ -158,8 +173,14 @@ impl Simulator {
             builder = builder.clock(self::clock(py, given)?);
         }
         if let Some(given) = program {
-            let (file, text) = Source::of(given)?.text();
-            let program = Program::read("program", &text)
+            let source = Source::of(given)?;
+            let shipped = match &source {
+                Source::Name(name) => Library::shipped().find(|(shipped, _)| shipped == name),
+                Source::File { .. } => None,
+            };
+            let (file, text) = source.text();
+            let (name, text) = shipped.unwrap_or(("program", &text));
+            let program = Program::read(name, text)
                 .map_err(|mistakes| wrong_file(py, "SimulatorError", &file, &mistakes))?;
             builder = builder.program(program).map_err(|error| wrong(py, error))?;
         }
@@ -181,17 +202,20 @@ impl Simulator {
         Ok(Self { controller: OfThisProcess::new(Mutex::new(Some(controller))), address, log })
     }
 
+    /// Where it listens, ``host:port``: for ``Robot.connect``.
     #[getter]
     fn address(&self) -> String {
         self.address.to_string()
     }
 
+    /// The port it listens on.
     #[getter]
     fn port(&self) -> u16 {
         self.address.port()
     }
 
-    /// Ends it and its connections. Raises if its state could not be written. Closing again does nothing.
+    /// Ends it and its connections. Raises if its state could not be written. Closing again does
+    /// nothing.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let taken = self.controller.here()?.lock().unwrap_or_else(PoisonError::into_inner).take();
         let ended =
@@ -208,48 +232,58 @@ impl Simulator {
         self.close(py)
     }
 
-    /// Presses the emergency stop.
+    /// Presses the emergency stop, which stays pressed: alarm 7.
     fn emergency_stop(&self, py: Python<'_>) -> PyResult<()> {
         self.operate(py, &PanelAction::EmergencyStop)
     }
 
+    /// Releases the emergency stop; alarm 7 stays until it is cleared.
     fn release_emergency_stop(&self, py: Python<'_>) -> PyResult<()> {
         self.operate(py, &PanelAction::ReleaseEmergencyStop)
     }
 
+    /// Clears the alarm; this starts nothing. Raises ``PanelRefused`` if the machine refuses.
     fn clear_alarm(&self, py: Python<'_>) -> PyResult<()> {
         self.operate(py, &PanelAction::ClearAlarm)
     }
 
+    /// Raises an alarm, 1 to 10 000.
     fn raise_alarm(&self, py: Python<'_>, alarm: u32) -> PyResult<()> {
         self.operate(py, &PanelAction::RaiseAlarm(alarm))
     }
 
+    /// Presses a button of the pendant.
     fn press(&self, py: Python<'_>, button: &str) -> PyResult<()> {
         self.operate(py, &PanelAction::Press(word("button", button, &BUTTONS)?))
     }
 
+    /// Turns the mode key.
     fn turn_key(&self, py: Python<'_>, key: &str) -> PyResult<()> {
         self.operate(py, &PanelAction::TurnKey(word("key", key, &KEYS)?))
     }
 
+    /// In manual: moves all axes to 0. The machine is homed once they are there.
     fn home(&self, py: Python<'_>) -> PyResult<()> {
         self.operate(py, &PanelAction::Home)
     }
 
+    /// In manual: moves one axis, 0 for J1, by this many degrees, or mm for a linear axis.
     #[pyo3(signature = (axis, by, *, percent=10.0))]
     fn jog(&self, py: Python<'_>, axis: u8, by: f64, percent: f64) -> PyResult<()> {
         self.operate(py, &PanelAction::Jog { axis: self::axis(axis)?, by, percent })
     }
 
+    /// Chooses another program.
     fn switch_program(&self, py: Python<'_>, name: String) -> PyResult<()> {
         self.operate(py, &PanelAction::SwitchProgram(name))
     }
 
+    /// Loads a program. It replaces a program with the same name.
     fn load_program(&self, py: Python<'_>, name: String, text: String) -> PyResult<()> {
         self.operate(py, &PanelAction::LoadProgram { name, text })
     }
 
+    /// Sets an input, ``"X010"`` or ``"EUX010"``, from now on.
     fn set_input(&self, py: Python<'_>, point: &str, on: bool) -> PyResult<()> {
         let IoPoint { kind, board, point: number } = named(point)?;
         let action = match kind {
@@ -262,7 +296,7 @@ impl Simulator {
         self.operate(py, &action)
     }
 
-    /// Whether an input, output or M point is on.
+    /// Whether an input, output or M point is on, by its name on the pendant.
     fn is_on(&self, py: Python<'_>, point: &str) -> PyResult<bool> {
         let IoPoint { kind, board, point: number } = named(point)?;
         let io = self.look(py)?.io;
@@ -309,7 +343,7 @@ impl Simulator {
             .build()
     }
 
-    /// The events since the last call.
+    /// The events since the last call; 256 lines are kept.
     fn log<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
         let mut log = self.log.here()?.lock().unwrap_or_else(PoisonError::into_inner);
         let mut lines = Vec::new();

@@ -108,7 +108,8 @@ impl Drop for Making {
     }
 }
 
-/// A motion on its way to its handle.
+/// A motion on its way to its handle. From its first byte on it has an owner: the handle or a stop. If
+/// this is dropped before ``take``, the arm is stopped.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Starting {
     operation: Py<Operation>,
@@ -184,18 +185,18 @@ impl Starting {
     #[classattr]
     const UNOWNED: &str = UNOWNED;
 
-    /// The operation that makes the motion: wait for it, or start it.
+    /// The operation that makes the motion. Nothing begins before it does.
     #[getter]
     fn operation(&self, py: Python<'_>) -> Py<Operation> {
         self.operation.clone_ref(py)
     }
 
-    /// Takes the motion, once it is made. The caller owns it from here on, and giving it up still stops the
-    /// arm.
+    /// Takes the motion, once it is made.
     fn take(&self) -> PyResult<MotionCore> {
         let way = self.way.here()?;
-        let handle =
-            way.take().ok_or_else(|| PyRuntimeError::new_err("this motion was taken, or is none"))?;
+        let handle = way
+            .take()
+            .ok_or_else(|| PyRuntimeError::new_err("this motion was taken already, or was never begun"))?;
         let parts = || MotionCore::parts(way.robot.clone(), handle, way.stop_on_drop);
         Ok(MotionCore::new(way.process.engine().enter(parts)))
     }
@@ -206,14 +207,14 @@ impl Starting {
         handle.call1((self.take()?,))
     }
 
-    /// Stops the arm if a motion has begun whose handle the caller did not get. The call itself begins the
-    /// stop. `None` if no motion has begun.
+    /// Stops the arm if there is a motion, taken or not. The call itself begins the stop. ``None`` if
+    /// there is certainly no motion.
     fn give_up(&self, py: Python<'_>) -> PyResult<Option<Operation>> {
         self.stopping(py)
     }
 
-    /// Gives up and waits for the stop, and adds the result to the exception that kept the caller from the
-    /// handle.
+    /// Gives up and waits for the stop through all signals, and adds the result to the exception that kept
+    /// the caller from the handle.
     fn given_up(&self, py: Python<'_>, error: &Bound<'_, PyBaseException>) -> PyResult<()> {
         let Some(stopping) = self.stopping(py)? else { return Ok(()) };
         let insisted = stopping.insist(py)?;

@@ -20,7 +20,7 @@ use crate::operation::Operation;
 use crate::process::OfThisProcess;
 use crate::record::Record;
 
-/// Values that are read repeatedly.
+/// The common part of ``Subscription`` and ``AsyncSubscription``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct SubscriptionCore {
     names: Arc<[Py<PyString>]>,
@@ -111,7 +111,7 @@ impl SubscriptionCore {
     }
 }
 
-/// Events on the connection.
+/// The common part of ``PushedEvents`` and ``AsyncPushedEvents``.
 #[pyclass(frozen, module = "r6._r6")]
 pub struct PushedCore {
     receiver: OfThisProcess<Arc<Mutex<Receiver<Pushed>>>>,

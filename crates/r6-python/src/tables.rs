@@ -21,7 +21,7 @@ pub fn alarm(py: Python<'_>, code: u32) -> PyResult<Bound<'_, PyAny>> {
         .build()
 }
 
-/// Every address that can be read.
+/// Every address that can be read, in the manual's order.
 #[pyfunction]
 pub fn addresses(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyAny>>> {
     let row = |info: &r6_proto::address::AddressInfo| {
@@ -44,13 +44,13 @@ pub fn addresses(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyAny>>> {
     ADDRESSES.iter().map(row).collect()
 }
 
-/// The names of the profiles that come with the package.
+/// The names of the profiles that come with the package; the first is the default.
 #[pyfunction]
 pub fn profiles() -> Vec<&'static str> {
     Profile::names().to_vec()
 }
 
-/// The names of the robot models that come with the package.
+/// The names of the robot models that come with the package; the first is the default.
 #[pyfunction]
 pub fn models() -> Vec<&'static str> {
     RobotModel::names().collect()

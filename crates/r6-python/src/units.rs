@@ -25,12 +25,16 @@ pub struct Degrees(pub units::Degrees);
 #[derive(Clone, Copy)]
 pub struct Millimetres(pub units::Millimetres);
 
-/// A percentage of the maximum, 0.001 to 100.
+/// A percentage of the maximum: the speed of a move, 0.001 to 100; else ``OutOfRange``.
+///
+/// An axis move at 100 % drives its slowest axis at full speed. A linear move at 100 % goes 2000 mm/s
+/// (reported). The global speed multiplies both.
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Copy)]
 pub struct Percent(pub units::Percent);
 
-/// The speed of the tool along its path: a whole number of mm/s, 1 to 10 000.
+/// The speed of the tool along its path, before the global speed: a whole number of mm/s, 1 to 10 000. A
+/// ``float`` is a ``TypeError``, any other number ``OutOfRange``. A fraction raised alarm 219 (reported).
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Copy)]
 pub struct MillimetresPerSecond(pub units::MillimetresPerSecond);
@@ -91,7 +95,7 @@ fn no_unit(what: &str, given: &Bound<'_, PyAny>, instead: impl FnOnce(&str) -> S
     PyTypeError::new_err(match (given.is_instance_of::<PyBool>(), given.extract::<f64>()) {
         (false, Ok(number)) => {
             format!(
-                "{what}, not the plain number {number}, whose unit nobody knows: write {}",
+                "{what}, not the plain number {number}, whose unit is unknown: write {}",
                 instead(&number.to_string())
             )
         }
@@ -106,11 +110,15 @@ impl Degrees {
         Ok(Self(units::Degrees(number(value)?)))
     }
 
+    /// The number alone.
     #[getter]
     fn value(&self) -> f64 {
         self.0.value()
     }
 
+    /// The same angle, with full turns added or subtracted, that is nearest to another: at most half a
+    /// turn from it. For U, V and W, and for an axis that may turn further. It is not for an axis whose
+    /// limits leave no choice.
     fn nearest_to(&self, present: &Self) -> Self {
         Self(self.0.nearest_to(present.0))
     }
@@ -167,6 +175,7 @@ impl Millimetres {
         Ok(Self(units::Millimetres(number(value)?)))
     }
 
+    /// The number alone.
     #[getter]
     fn value(&self) -> f64 {
         self.0.value()
@@ -231,6 +240,7 @@ impl Percent {
         Self::made(py, number(value)?)
     }
 
+    /// The number alone.
     #[getter]
     fn value(&self) -> f64 {
         self.0.value()
@@ -264,6 +274,7 @@ impl MillimetresPerSecond {
         raise(py, units::MillimetresPerSecond::new(whole(value)?)).map(Self)
     }
 
+    /// The number alone.
     #[getter]
     fn value(&self) -> f64 {
         self.0.value()
@@ -304,7 +315,7 @@ fn hash(value: f64) -> u64 {
     (value + 0.0).to_bits()
 }
 
-/// A set of axes.
+/// A set of axes, by their numbers: 0 (J1) to 7 (J8).
 #[pyclass(frozen, module = "r6._r6", eq, hash)]
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct AxisMask(u8);
@@ -321,11 +332,13 @@ impl AxisMask {
         Ok(Self(mask.bits()))
     }
 
+    /// Bit n is axis n, as in ``ckStatus``.
     #[getter]
     fn bits(&self) -> u8 {
         self.0
     }
 
+    /// The numbers of its axes.
     #[getter]
     fn axes(&self) -> Vec<usize> {
         // `usize`, because a list of `u8` becomes `bytes` in Python.
@@ -365,16 +378,18 @@ impl AxisPosition {
         Self(units::AxisPosition::none())
     }
 
-    /// Positions of J1 and the next axes.
+    /// Positions of J1 and the next axes: 1 to 8 bare numbers, shape (n,), degrees.
     #[staticmethod]
     fn degrees(angles: &Bound<'_, PyAny>) -> PyResult<Self> {
         of_degrees(&row(angles)?).map(Self)
     }
 
+    /// A copy with another position of one axis, 0 for J1; ``Millimetres`` for a linear axis.
     fn with_axis(&self, axis: u8, to: &Bound<'_, PyAny>) -> PyResult<Self> {
         Ok(Self(self.0.with(self::axis(axis)?, coordinate(to)?)))
     }
 
+    /// The position of this axis, 0 for J1; ``None`` if it is not named.
     fn at<'py>(&self, py: Python<'py>, axis: u8) -> PyResult<Option<Bound<'py, PyAny>>> {
         let coordinate = |to| match to {
             units::AxisCoordinate::Degrees(angle) => Ok(Bound::new(py, Degrees(angle))?.into_any()),
@@ -383,6 +398,7 @@ impl AxisPosition {
         self.0.at(self::axis(axis)?).map(coordinate).transpose()
     }
 
+    /// The named axes.
     #[getter]
     fn mask(&self) -> AxisMask {
         AxisMask(self.0.mask().bits())
@@ -427,7 +443,10 @@ pub fn of_degrees(angles: &[f64]) -> PyResult<units::AxisPosition> {
 /// U, V, W.
 type Turn<'a> = (PyRef<'a, Degrees>, PyRef<'a, Degrees>, PyRef<'a, Degrees>);
 
-/// Position and orientation of the tool; or only its position.
+/// Position and orientation of the tool, in the work frame; or only its position.
+///
+/// +180° and −180° are the same orientation and a full turn of the wrist apart. Give the value nearer to
+/// the present one (``nearest_to``), or use ``position``.
 #[pyclass(frozen, module = "r6._r6", eq)]
 #[derive(Clone, Copy, PartialEq)]
 pub struct Pose(pub units::Pose);
@@ -446,32 +465,39 @@ impl Pose {
         Self(units::Pose::new([x.0, y.0, z.0], [u.0, v.0, w.0]))
     }
 
+    /// X, Y, Z; the tool keeps its orientation.
     #[staticmethod]
     fn position(x: Given<Millimetres>, y: Given<Millimetres>, z: Given<Millimetres>) -> Self {
         Self(units::Pose::position([x.0, y.0, z.0]))
     }
 
-    /// X, Y, Z in mm, or X, Y, Z, U, V, W in mm and degrees.
+    /// X, Y, Z in mm, shape (3,), or X, Y, Z, U, V, W in mm and degrees, shape (6,): bare numbers.
     #[staticmethod]
     fn mm_deg(values: &Bound<'_, PyAny>) -> PyResult<Self> {
         of_mm_deg(&row(values)?).map(Self)
     }
 
+    /// X, Y, Z.
     #[getter]
     fn place(&self) -> (Millimetres, Millimetres, Millimetres) {
         self.0.place().map(Millimetres).into()
     }
 
+    /// U, V, W, if they are given.
     #[getter]
     fn turn(&self) -> Option<(Degrees, Degrees, Degrees)> {
         self.0.turn().map(|turn| turn.map(Degrees).into())
     }
 
+    /// The components that are given.
     #[getter]
     fn mask(&self) -> AxisMask {
         AxisMask(self.0.mask().bits())
     }
 
+    /// The same pose with each of U, V and W as near as possible to the present values (``world-3`` to
+    /// ``world-5``). A real arm that read U −180 and was sent to +180 turned its wrist the long way round
+    /// (reported). A pose without an orientation does not change.
     fn nearest_to(&self, present: Turn<'_>) -> Self {
         Self(self.0.nearest_to([present.0.0, present.1.0, present.2.0]))
     }

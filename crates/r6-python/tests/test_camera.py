@@ -1,7 +1,10 @@
 """A client as a camera."""
 
 import asyncio
+import inspect
+import itertools
 import signal
+import textwrap
 import threading
 import time
 from collections.abc import Iterator
@@ -296,3 +299,30 @@ def test_photos_are_served_through_asyncio(virtual_controller: r6.Simulator) -> 
             assert (await robot.query("curMode")).integer("curMode")
 
     asyncio.run(asyncio.wait_for(main(), 60))
+
+
+def example_of(function: object) -> str:
+    """The code block in the docstring."""
+    text = inspect.getdoc(function) or ""
+    _, _, rest = text.partition("::\n\n")
+    lines = itertools.takewhile(lambda line: not line or line.startswith("    "), rest.splitlines())
+    return textwrap.dedent("\n".join(lines))
+
+
+def test_the_example_of_serve_photos_picks_on_the_shipped_program() -> None:
+    with r6.Simulator(program="pick-and-place", clock=20) as controller:
+        controller.set_input("X010", True)
+        with r6.Robot.connect(controller.address) as robot, ThreadPoolExecutor() as pool:
+            serving = pool.submit(exec, example_of(r6.Robot.serve_photos), {"r6": r6, "robot": robot})
+            while robot.counter(0).current < 2:
+                assert controller.snapshot().alarm == 0
+                assert not serving.done(), serving.exception()
+            robot.close()
+            serving.result(timeout=60)
+
+
+def test_a_program_may_be_named() -> None:
+    with r6.Simulator(program="palletise") as controller:
+        assert controller.snapshot().program == "palletise"
+    with pytest.raises(r6.SimulatorError):
+        r6.Simulator(program="paletise")

@@ -149,8 +149,39 @@ def test_it_does_what_the_page_says(name: str, virtual_controller: r6.Simulator,
     DID[name](ended.stdout, virtual_controller)
 
 
-def test_help_tells_the_settings_as_the_stub_does() -> None:
+def stub_docs() -> Iterator[tuple[str, str, str | None]]:
+    """Class or "", method or function, and what the stub says of it, for all that ``r6`` exports."""
     stub = ast.parse((Path(r6.__file__).parent / "_r6.pyi").read_text())
-    told = {node.name: ast.get_docstring(node) for node in stub.body if isinstance(node, ast.ClassDef)}
-    for kind in (r6.RobotSettings, r6.RunOptions, r6.FollowOptions):
-        assert inspect.getdoc(kind) == told[kind.__name__]
+    for node in stub.body:
+        if isinstance(node, ast.FunctionDef) and node.name in r6.__all__:
+            yield "", node.name, ast.get_docstring(node)
+        if isinstance(node, ast.ClassDef) and node.name in r6.__all__:
+            yield "", node.name, ast.get_docstring(node)
+            methods = [item for item in node.body if isinstance(item, ast.FunctionDef)]
+            for method in methods:
+                if not method.name.startswith("_"):
+                    yield node.name, method.name, ast.get_docstring(method)
+
+
+def test_help_tells_what_the_stub_tells() -> None:
+    told = list(stub_docs())
+    assert len(told) > 120
+    for kind, name, text in told:
+        owner = getattr(r6, kind) if kind else r6
+        assert text and inspect.getdoc(getattr(owner, name)) == text, f"{kind}.{name}"
+
+
+def test_every_method_has_help() -> None:
+    for name in r6.__all__:
+        thing = getattr(r6, name)
+        if not inspect.isclass(thing):
+            continue
+        own = {
+            method: value
+            for kind in thing.__mro__
+            if kind.__module__.startswith("r6")
+            for method, value in vars(kind).items()
+            if not method.startswith("_") and (callable(value) or isinstance(value, (property, classmethod)))
+        }
+        without = [method for method in own if not inspect.getdoc(getattr(thing, method))]
+        assert inspect.getdoc(thing) and not without, f"{name}: {without}"

@@ -33,7 +33,7 @@ SAYS = {
     "stream_path": "500 of 500 points",
     "follow_target": "the arm stands at",
     "two_robots": "stands at",
-    "registers": "outputs that are on: ['Y013']",
+    "registers": "Y013 is on: True",
     "camera_pick": "picked at",
 }
 

@@ -278,13 +278,13 @@ def test_points_go_by_their_names(virtual_robot: r6.Robot, virtual_controller: r
 def test_the_pose_is_a_pose(virtual_robot: r6.Robot) -> None:
     status = virtual_robot.status()
     pose = virtual_robot.pose()
-    assert [float(part) for part in pose.place] == pytest.approx(status.pose[:3], abs=1e-3)
+    assert [part.value for part in pose.place] == pytest.approx(status.pose[:3], abs=1e-3)
     assert pose.turn is not None
 
 
 def test_start_is_the_start_button() -> None:
     with r6.Simulator(start="auto") as controller, r6.Robot.connect(controller.address) as robot:
-        assert not robot.status().ready
+        assert not robot.status().is_ready
         robot.start()
         assert controller.snapshot().mode == 7
 
@@ -294,7 +294,7 @@ def test_a_port_may_stand_apart(virtual_controller: r6.Simulator) -> None:
     with r6.Robot.connect(host, int(port)) as robot:
         assert robot.address == virtual_controller.address
     with r6.Robot.connect(host, int(port), r6.RobotSettings()) as robot:
-        assert robot.status().ready is not False
+        assert robot.status().is_ready
     with pytest.raises(TypeError, match='"192.168.1.10:9760"'):
         r6.Robot.connect(host, port)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="given twice"):

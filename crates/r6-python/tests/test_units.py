@@ -64,7 +64,7 @@ def test_a_plain_number_is_answered_with_what_to_write() -> None:
     for call, write in cases:
         with pytest.raises(TypeError) as wrong:
             call()
-        assert str(wrong.value).endswith(f"not the plain number 20, whose unit nobody knows: write {write}")
+        assert str(wrong.value).endswith(f"not the plain number 20, whose unit is unknown: write {write}")
     text: Any = "20"
     with pytest.raises(TypeError, match="Percent is wanted, not str"):
         r6.Motion().axis_move(here, text)

@@ -255,7 +255,7 @@ async fn fill(listener: &TcpListener, address: SocketAddr) -> io::Result<Vec<Fil
             }
         }
     }
-    Err(io::Error::other(format!("the system takes more than {MAX_FILLERS} that nobody accepts")))
+    Err(io::Error::other(format!("the system takes more than {MAX_FILLERS} without accepting one")))
 }
 
 /// A connection that takes the room of others while it is alive.

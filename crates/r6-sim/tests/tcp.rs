@@ -183,7 +183,7 @@ async fn each_loopback_address_has_a_controller_of_its_own_on_one_port() {
     for (address, value) in listen.iter().zip(2..) {
         assert_800(*address, value).await;
     }
-    assert!(TcpStream::connect((Ipv4Addr::LOCALHOST, port)).await.is_err(), "nobody asked for that one");
+    assert!(TcpStream::connect((Ipv4Addr::LOCALHOST, port)).await.is_err(), "it was not asked for");
 }
 
 #[tokio::test]

@@ -20,26 +20,27 @@ use std::cell::Cell;
 use std::hint::black_box;
 
 thread_local! {
-    // Constant and without a destructor: touching it never allocates, not even in a thread that is ending.
+    // Constant and without a destructor, so that access never allocates, not even in a thread that is ending.
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
 }
 
-/// The system's allocator, which also counts per thread how often it is asked for memory.
+/// The system's allocator, which also counts the memory requests of each thread.
 ///
-/// A growing or shrinking reallocation counts as one; giving memory back does not count.
+/// A reallocation that grows or shrinks counts as one. Freeing memory does not count.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct CountingAllocator;
 
 fn count_one() {
-    // Wrong only while the thread's storage is gone, when no test runs in it any more.
+    // This fails only after the thread's storage is gone, when no test runs in the thread any more.
     let _ = ALLOCATIONS.try_with(|count| count.set(count.get() + 1));
 }
 
-// SAFETY: every method hands the caller's arguments unchanged to `System` and its result unchanged back.
+// SAFETY: every method passes its arguments unchanged to `System` and returns its result unchanged.
 unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count_one();
-        // SAFETY: the caller keeps the contract of `GlobalAlloc::alloc`, which is that of `System`.
+        // SAFETY: the caller keeps the contract of `GlobalAlloc::alloc`, which is the same as that of
+        // `System`.
         unsafe { System.alloc(layout) }
     }
 
@@ -51,7 +52,7 @@ unsafe impl GlobalAlloc for CountingAllocator {
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
         count_one();
-        // SAFETY: as above; the pointer came from `System`, for no other allocator is asked here.
+        // SAFETY: as above; the pointer came from `System`, because no other allocator is used here.
         unsafe { System.realloc(pointer, layout, new_size) }
     }
 
@@ -61,10 +62,10 @@ unsafe impl GlobalAlloc for CountingAllocator {
     }
 }
 
-/// How many allocations this thread makes while `work` runs.
+/// Counts the allocations of this thread while `work` runs.
 ///
-/// Panics where [`CountingAllocator`] is not the `#[global_allocator]` of the test binary: there every count would be
-/// zero and every test on it would pass.
+/// Panics if [`CountingAllocator`] is not the `#[global_allocator]` of the test binary, because every count
+/// would then be zero and every test would pass.
 pub fn allocations_during(work: impl FnOnce()) -> u64 {
     let before = ALLOCATIONS.get();
     drop(black_box(Box::new(black_box(0_u8))));
@@ -82,7 +83,7 @@ pub fn allocations_during(work: impl FnOnce()) -> u64 {
 mod tests {
     use super::*;
 
-    // The unit tests of this crate run on the usual allocator; `tests/alloc.rs` runs on the counting one.
+    // The unit tests of this crate use the usual allocator; `tests/alloc.rs` uses the counting one.
     #[test]
     #[should_panic(expected = "not the #[global_allocator]")]
     fn counting_without_the_counting_allocator_is_refused() {

@@ -1,11 +1,11 @@
-//! The pages of the repository: their links, their headings, and the chapters of the book in `docs/`.
+//! Checks the pages of the repository: their links, their headings, and the chapters of the book in `docs/`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
 use crate::workspace;
 
-/// The pages: those of the book, and those at the root.
+/// The pages of the book and those at the root.
 fn pages() -> Vec<PathBuf> {
     let root = workspace::root();
     let mut pages = workspace::files(&root.join("docs"), "md");
@@ -14,8 +14,8 @@ fn pages() -> Vec<PathBuf> {
     pages
 }
 
-/// Links of any page that lead nowhere: to a file that is not there, or to a heading that its page does not have. Each as
-/// `page: target`; those to other sites are not looked at.
+/// Links that lead nowhere: to a missing file, or to a heading that the page does not have. Each is written
+/// `page: target`. Links to other sites are not checked.
 pub fn dead_links() -> Vec<String> {
     let root = workspace::root();
     let mut headings: BTreeMap<PathBuf, BTreeSet<String>> = BTreeMap::new();
@@ -43,7 +43,7 @@ pub fn dead_links() -> Vec<String> {
     dead
 }
 
-/// Pages of `docs/` that are no chapter of the book, or are so more than once.
+/// Pages of `docs/` that are not exactly one chapter of the book.
 pub fn pages_out_of_the_book() -> Vec<String> {
     let docs = workspace::root().join("docs");
     let summary = links(&workspace::read(&docs.join("SUMMARY.md")));
@@ -55,11 +55,11 @@ pub fn pages_out_of_the_book() -> Vec<String> {
     pages.collect()
 }
 
-/// The figures of the README, rows `| what | against | ratio |` below its heading `## How fast`, that are not those of
-/// `docs/BENCHMARKS.md`. That page is written by `make bench`, in one run.
+/// The figures of the README, rows `| what | against | ratio |` below its heading `## How fast`, that differ
+/// from `docs/BENCHMARKS.md`. `make bench` writes that page in one run.
 ///
 /// # Errors
-/// The page has no such figures.
+/// The README has no such figures.
 pub fn figures_not_measured() -> Result<Vec<String>, String> {
     let root = workspace::root();
     let measured = workspace::read(&root.join("docs/BENCHMARKS.md"));
@@ -81,12 +81,12 @@ pub fn figures_not_measured() -> Result<Vec<String>, String> {
     Ok(quoted.iter().filter(|row| !is_measured(row)).map(|row| row.join(" | ")).collect())
 }
 
-/// The cells of a row of a table; `None` where the line is none.
+/// The cells of a row of a table; `None` if the line is not a row.
 fn cells(line: &str) -> Option<Vec<&str>> {
     Some(line.strip_prefix('|')?.strip_suffix('|')?.split('|').map(str::trim).collect())
 }
 
-/// A path without `.` and `..`.
+/// Removes `.` and `..` from a path.
 fn plain(path: &Path) -> PathBuf {
     let mut plain = PathBuf::new();
     for part in path.components() {
@@ -101,7 +101,7 @@ fn plain(path: &Path) -> PathBuf {
     plain
 }
 
-/// The lines of a page that are no code.
+/// The lines of a page outside code blocks.
 fn prose(page: &str) -> impl Iterator<Item = &str> {
     let mut in_code = false;
     page.lines().filter(move |line| {
@@ -111,11 +111,11 @@ fn prose(page: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Where the links of a page lead, those to other sites left out.
+/// The targets of the links of a page, without links to other sites.
 fn links(page: &str) -> Vec<String> {
     let mut found = Vec::new();
     for line in prose(page) {
-        // What is between backquotes is code.
+        // Text between backquotes is code.
         let spoken: String = line.split('`').step_by(2).collect::<Vec<_>>().join("_");
         for rest in spoken.split("](").skip(1) {
             let target = rest.split(')').next().unwrap_or_default();
@@ -127,7 +127,8 @@ fn links(page: &str) -> Vec<String> {
     found
 }
 
-/// What the headings of a page are linked by: lower case, blanks as `-`, without signs; a repeated one with a number.
+/// The anchors of a page's headings: lower case, `-` for blanks, without punctuation. A repeated anchor gets
+/// a number.
 fn anchors(page: &str) -> BTreeSet<String> {
     let mut anchors = BTreeSet::new();
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();

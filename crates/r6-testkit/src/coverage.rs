@@ -1,8 +1,9 @@
 //! The coverage table of `docs/PROTOCOL.md`: every item of the protocol, and the test that proves it.
 //!
-//! Under the heading `## Coverage` stand one or more tables with the columns `group`, `item`, `manual` and `test`. A
-//! test is written `` `crate::file::function` `` and stands for that function in `crates/crate/tests/file.rs`; a cell may
-//! name several. Inside a `vectors! { .. }` block of such a file each line that begins with a name is a test too.
+//! Below the heading `## Coverage` are one or more tables with the columns `group`, `item`, `manual` and
+//! `test`. A test is written `` `crate::file::function` `` and means that function in
+//! `crates/crate/tests/file.rs`. A cell may name several tests. Inside a `vectors! { .. }` block of such a
+//! file, each line that begins with a name is a test too.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -21,7 +22,7 @@ pub struct Row {
     pub group: String,
     /// The item as the wire spells it, without the backquotes around it.
     pub item: String,
-    /// The section of the manual, or what else shows that the item exists.
+    /// The section of the manual, or other evidence that the item exists.
     pub manual: String,
     /// The tests that prove the item.
     pub tests: Vec<TestName>,
@@ -30,7 +31,7 @@ pub struct Row {
 /// A test function of an integration test.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TestName {
-    /// The crate's folder in `crates/`.
+    /// The folder of the crate in `crates/`.
     pub package: String,
     /// The file in its `tests/`, without `.rs`.
     pub file: String,
@@ -57,7 +58,7 @@ impl fmt::Display for TestName {
     }
 }
 
-/// A name of a crate, file or function: nothing in it leads to another folder.
+/// Whether it is a plain name of a crate, file or function, which cannot lead to another folder.
 fn is_plain(word: &str) -> bool {
     !word.is_empty() && word.chars().all(|symbol| symbol.is_ascii_alphanumeric() || "_-".contains(symbol))
 }
@@ -70,7 +71,8 @@ pub fn protocol_rows() -> Vec<Row> {
 
 /// The rows of the tables below the heading `## Coverage`, up to the next heading of that level.
 ///
-/// The error names the line that is no such row. A table without rows is an error too: it would prove nothing.
+/// The error names the line that is not a valid row. A table without rows is an error too, because it would
+/// prove nothing.
 pub fn rows(markdown: &str) -> Result<Vec<Row>, String> {
     let mut lines = markdown.lines().enumerate().skip_while(|(_, line)| line.trim_end() != HEADING);
     lines.next().ok_or_else(|| format!("there is no heading `{HEADING}`"))?;
@@ -94,7 +96,7 @@ pub fn rows(markdown: &str) -> Result<Vec<Row>, String> {
     if rows.is_empty() { Err(format!("no row below `{HEADING}`")) } else { Ok(rows) }
 }
 
-/// The cells of a line of a table; `None` for a line outside of one. `\|` is a bar inside a cell.
+/// The cells of a line of a table; `None` for a line outside a table. `\|` is a bar inside a cell.
 fn cells(line: &str) -> Option<Vec<String>> {
     let inner = line.trim().strip_prefix('|')?;
     let inner = inner.strip_suffix('|').unwrap_or(inner);
@@ -117,13 +119,13 @@ fn row(cells: &[String]) -> Result<Row, String> {
     Ok(Row { group: group.clone(), item: unquoted(item), manual: manual.clone(), tests: test_names(tests)? })
 }
 
-/// The text of a cell that is one span of code, and any other cell as it is.
+/// The text of a cell that is one code span; any other cell stays as it is.
 fn unquoted(cell: &str) -> String {
     let inner = cell.strip_prefix('`').and_then(|rest| rest.strip_suffix('`'));
     inner.filter(|inner| !inner.contains('`')).unwrap_or(cell).to_owned()
 }
 
-/// Each span of code in a cell; what stands between them is punctuation.
+/// Each code span in a cell. The text between the spans must be punctuation.
 fn test_names(cell: &str) -> Result<Vec<TestName>, String> {
     if !cell.matches('`').count().is_multiple_of(2) {
         return Err(format!("a backquote is missing in {cell}"));
@@ -140,15 +142,15 @@ fn test_names(cell: &str) -> Result<Vec<TestName>, String> {
     Ok(names)
 }
 
-/// The items of one group, in the order of the table: to be compared with what the code knows.
+/// The items of one group, in the order of the table, to compare with the tables of the code.
 pub fn items(rows: &[Row], group: &str) -> Vec<String> {
     rows.iter().filter(|row| row.group == group).map(|row| row.item.clone()).collect()
 }
 
-/// What the table promises and the sources do not hold: rows without a test, and tests that do not exist.
+/// What is missing for the table: rows without a test, and tests that do not exist.
 ///
-/// A test exists where its file has a function of that name under `#[test]` or `#[tokio::test]` that is not ignored, or
-/// has the name in a `vectors! { .. }`, `on_every_hand! { .. }` or `for_every_hand! { .. }` block.
+/// A test exists if its file has a function of that name under `#[test]` or `#[tokio::test]` that is not
+/// ignored, or the name in a `vectors! { .. }`, `on_every_hand! { .. }` or `for_every_hand! { .. }` block.
 pub fn missing_tests(rows: &[Row]) -> Vec<String> {
     let mut sources = BTreeMap::new();
     missing_in(rows, |test| {

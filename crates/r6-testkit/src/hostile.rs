@@ -1,10 +1,13 @@
-//! A controller that misbehaves on purpose, as real ones do: for tests of what the client says about an arm.
+//! A controller that misbehaves on purpose, in the ways of real controllers. It tests what the client says
+//! about an arm.
 //!
-//! [`Arm`] is the pure core: bytes and times in, bytes and deadlines out. A [`Character`] says in which ways it misbehaves; the
-//! default one behaves. [`serve::HostileController`] puts an arm behind streams of tokio, the binary `r6-hostile` behind a TCP port.
+//! [`Arm`] is the pure core: bytes and times in, bytes and deadlines out. A [`Character`] describes how it
+//! misbehaves; the default character behaves. [`serve::HostileController`] serves an arm over tokio streams.
+//! The binary `r6-hostile` serves it on a TCP port.
 //!
-//! The machine is a gantry: `world-n` is `axis-n` plus [`WORLD_OFFSET`], so a linear move is as easy to follow as an axis move. It keeps
-//! track of where each axis was at any time, so a test can ask whether the arm moved after the client said that it stands.
+//! The machine is a gantry: `world-n` is `axis-n` plus [`WORLD_OFFSET`], so a linear move is as easy to
+//! follow as an axis move. It records where each axis was at any time, so a test can check whether the arm
+//! moved after the client said that it stands.
 
 mod agenda;
 mod arm;
@@ -24,5 +27,5 @@ pub use character::{
 pub use log::{Carried, Did, Entry};
 pub use track::WORLD_OFFSET;
 
-/// Axes of the wire.
+/// Number of axes on the wire.
 pub const AXES: usize = 8;

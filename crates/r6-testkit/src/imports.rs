@@ -1,6 +1,6 @@
-//! Which files of a crate import each other, and what they name of other crates: read from their text.
+//! Finds which files of a crate import each other, and what they name from other crates, from their text.
 //!
-//! Comments, strings and what is `#[cfg(test)]` do not count.
+//! Comments, strings and items under `#[cfg(test)]` do not count.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -10,12 +10,12 @@ use crate::workspace;
 /// The source files of one crate.
 #[derive(Debug)]
 pub struct Sources {
-    /// The paths that each file names, by the module that the file is: `lib`, `robot`, `robot::requests`.
+    /// The paths that each file names, by the module of the file: `lib`, `robot`, `robot::requests`.
     paths: BTreeMap<String, Vec<Vec<String>>>,
 }
 
 impl Sources {
-    /// The files below `src` of this package of the workspace.
+    /// The files below `src` of this package in the workspace.
     pub fn of_package(package: &str) -> Self {
         let src = workspace::root().join("crates").join(package).join("src");
         let files = workspace::files(&src, "rs");
@@ -38,7 +38,7 @@ impl Sources {
         Self { paths: paths.collect() }
     }
 
-    /// The circles of more than `most` files that import each other, each as one sentence with its edges.
+    /// The circles of more than `most` files that import each other. Each is one sentence with its edges.
     pub fn circles_of_more_than(&self, most: usize) -> Vec<String> {
         let imports: BTreeMap<&str, BTreeSet<&str>> =
             self.paths.keys().map(|module| (module.as_str(), self.imports_of(module))).collect();
@@ -59,9 +59,9 @@ impl Sources {
         circles.iter().filter(|circle| circle.len() > most).map(told).collect()
     }
 
-    /// What files name below these roots (`std`, `tokio`) and is not allowed, each as one sentence. What begins with an allowed path,
-    /// such as `["std::fmt"]`, is allowed; a whole module around one is not. `exempt`: files, and folders with all that is in them, by
-    /// their modules.
+    /// Names below these roots (`std`, `tokio`) that are not allowed, each as one sentence. A name is allowed
+    /// if it begins with an allowed path, such as `["std::fmt"]`; a whole module around an allowed path is
+    /// not. `exempt`: files, and folders with everything in them, by their modules.
     pub fn names_outside(&self, roots: &[&str], allowed: &[&str], exempt: &[&str]) -> Vec<String> {
         let allowed: Vec<Vec<&str>> = allowed.iter().map(|path| path.split("::").collect()).collect();
         let is_exempt = |module: &str| {
@@ -83,7 +83,8 @@ impl Sources {
         found
     }
 
-    /// The files that this one imports. What `lib.rs` exports is imported from where `lib.rs` has it.
+    /// The files that this one imports. An item that `lib.rs` exports counts as imported from the file that
+    /// `lib.rs` takes it from.
     fn imports_of(&self, module: &str) -> BTreeSet<&str> {
         let paths = self.paths[module].iter().filter(|_| module != "lib");
         let files = paths.filter_map(|path| self.file_of(&from_root(path, module)));
@@ -122,7 +123,7 @@ fn from_root(path: &[String], module: &str) -> Vec<String> {
     from
 }
 
-/// What can be reached over one edge or more.
+/// The modules that can be reached over one edge or more.
 fn reached_from<'a>(module: &str, imports: &BTreeMap<&'a str, BTreeSet<&'a str>>) -> BTreeSet<&'a str> {
     let mut reached = BTreeSet::new();
     let mut open: Vec<&str> = imports[module].iter().copied().collect();
@@ -134,7 +135,7 @@ fn reached_from<'a>(module: &str, imports: &BTreeMap<&'a str, BTreeSet<&'a str>>
     reached
 }
 
-/// The words and signs of a source, without comments and strings.
+/// The words and punctuation of a source, without comments and strings.
 fn tokens(text: &str) -> Vec<String> {
     let is_word = |symbol: char| symbol.is_alphanumeric() || symbol == '_';
     let mut tokens = Vec::new();
@@ -162,7 +163,7 @@ fn tokens(text: &str) -> Vec<String> {
     tokens
 }
 
-/// The length of the comment that this begins with; comments of this kind nest.
+/// The length of the block comment at the beginning of the text. Block comments nest.
 fn block_comment(text: &str) -> usize {
     let (mut depth, mut at) = (0_usize, 0);
     while at < text.len() {
@@ -181,7 +182,7 @@ fn block_comment(text: &str) -> usize {
     text.len()
 }
 
-/// The length of the raw string that this begins with, if it does.
+/// The length of the raw string at the beginning of the text, if there is one.
 fn raw_string(text: &str) -> Option<usize> {
     let prefix = ["r", "br", "cr"].into_iter().find(|prefix| {
         text.strip_prefix(prefix).is_some_and(|rest| rest.trim_start_matches('#').starts_with('"'))
@@ -192,7 +193,8 @@ fn raw_string(text: &str) -> Option<usize> {
     Some(text[begins..].find(&end).map_or(text.len(), |length| begins + length + end.len()))
 }
 
-/// The length of the string or character that this begins with, if it does. A lifetime is none.
+/// The length of the string or character at the beginning of the text, if there is one. A lifetime does not
+/// count.
 fn quoted(text: &str) -> Option<usize> {
     let mut symbols = text.char_indices();
     let (_, quote) = symbols.next()?;
@@ -210,7 +212,7 @@ fn quoted(text: &str) -> Option<usize> {
     Some(text.len())
 }
 
-/// The same without each item below `#[cfg(test)]`.
+/// Removes each item under `#[cfg(test)]`.
 fn without_tests(tokens: Vec<String>) -> Vec<String> {
     const TEST: [&str; 7] = ["#", "[", "cfg", "(", "test", ")", "]"];
     let mut kept = Vec::new();
@@ -227,7 +229,7 @@ fn without_tests(tokens: Vec<String>) -> Vec<String> {
     kept
 }
 
-/// How many tokens an item has: to its semicolon, or to the brace that closes it.
+/// The number of tokens of an item: up to its semicolon, or to its closing brace.
 fn item(tokens: &[String]) -> usize {
     let mut depth = 0_usize;
     for (at, token) in tokens.iter().enumerate() {
@@ -242,7 +244,7 @@ fn item(tokens: &[String]) -> usize {
     tokens.len()
 }
 
-/// The paths of more than one part, those of a `use` with braces each.
+/// The paths of more than one part. A `use` with braces gives one path for each name.
 fn paths(tokens: &[String]) -> Vec<Vec<String>> {
     let mut found = Vec::new();
     let mut at = 0;
@@ -266,7 +268,7 @@ fn is_name(tokens: &[String], at: usize) -> bool {
         .is_some_and(|token| token.starts_with(|symbol: char| symbol.is_alphabetic() || symbol == '_'))
 }
 
-/// Reads the path that begins here, below that `prefix`. Where it ends.
+/// Reads the path that begins here, below `prefix`. Returns where it ends.
 fn path(tokens: &[String], mut at: usize, prefix: &[String], found: &mut Vec<Vec<String>>) -> usize {
     let mut path = prefix.to_vec();
     while is_name(tokens, at) {
@@ -291,6 +293,6 @@ fn path(tokens: &[String], mut at: usize, prefix: &[String], found: &mut Vec<Vec
         }
     }
     found.push(path);
-    // A star stands for all that is there: the module itself is named.
+    // A star stands for everything in the module, so it counts as naming the module itself.
     if is(tokens, at, "*") { at + 1 } else { at }
 }

@@ -1,6 +1,6 @@
-//! Who may import whom, checked against `cargo metadata`.
+//! The rules about which crate may import which, checked against `cargo metadata`.
 //!
-//! The rules are the table [`RULES`]; the reasons stand in `ARCHITECTURE.md`.
+//! The rules are the table [`RULES`]. `ARCHITECTURE.md` has the reasons.
 
 use std::env;
 use std::process::Command;
@@ -16,18 +16,18 @@ pub enum Layer {
     Pure,
     /// A shell around pure crates.
     Shell,
-    /// Test equipment: named under `[dev-dependencies]` only, but for the rules that allow it.
+    /// Test equipment: allowed only under `[dev-dependencies]`, except where a rule allows more.
     Testkit,
 }
 
-/// What one crate of the workspace may depend on, outside its own tests.
+/// What one crate of the workspace may depend on, apart from its own tests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rule {
-    /// The crate the rule is about.
+    /// The crate of the rule.
     pub package: &'static str,
-    /// What kind of crate it is.
+    /// The layer of the crate.
     pub layer: Layer,
-    /// The crates of this workspace it may name.
+    /// The crates of this workspace that it may use.
     pub may_use: &'static [&'static str],
 }
 
@@ -35,7 +35,8 @@ pub struct Rule {
 pub const RULES: &[Rule] = &[
     Rule { package: "r6-proto", layer: Layer::Pure, may_use: &[] },
     Rule { package: "r6-traffic", layer: Layer::Pure, may_use: &["r6-proto"] },
-    // Files of models are read as all files that people write; nothing else of the protocol is known here.
+    // Model files are read like all other files that people write. This crate uses nothing else of the
+    // protocol.
     Rule { package: "r6-motion", layer: Layer::Pure, may_use: &["r6-program"] },
     Rule { package: "r6-program", layer: Layer::Pure, may_use: &["r6-proto"] },
     Rule {
@@ -43,19 +44,19 @@ pub const RULES: &[Rule] = &[
         layer: Layer::Pure,
         may_use: &["r6-motion", "r6-program", "r6-proto", "r6-traffic"],
     },
-    // The contract: whoever reads a robot hands over its values by address.
+    // The contract: readers of a robot hand over its values by address.
     Rule { package: "r6-api", layer: Layer::Pure, may_use: &["r6-proto"] },
-    // HTTP servers: whatever is served comes as a router.
+    // HTTP servers: everything that they serve comes as a router.
     Rule { package: "r6-http", layer: Layer::Shell, may_use: &["r6-api", "r6-proto"] },
-    // A robot is only ever reached over the wire: the client cannot know that one is simulated.
+    // A robot is reached only over the wire, so the client cannot know that it is simulated.
     Rule { package: "r6-client", layer: Layer::Shell, may_use: &["r6-proto"] },
-    // It does no input and output (`tests/layers.rs`), but the client, whose motions it plays, is a shell.
+    // Its own sources are pure (`tests/layers.rs`). It is a shell because it uses the client.
     Rule {
         package: "r6-plot",
         layer: Layer::Shell,
         may_use: &["r6-client", "r6-controller", "r6-motion", "r6-program", "r6-proto"],
     },
-    // The simulator is the other end of the wire and shares nothing with the client but the protocol.
+    // The simulator is the other end of the wire. It shares only the protocol with the client.
     Rule {
         package: "r6-sim",
         layer: Layer::Shell,
@@ -75,25 +76,26 @@ pub const RULES: &[Rule] = &[
             "r6-traffic",
         ],
     },
-    // This crate alone binds both sides: a Python program brings its own virtual controller.
+    // Only this crate binds both sides, so that a Python program can start its own virtual controller.
     Rule {
         package: "r6-python",
         layer: Layer::Shell,
         may_use: &["r6-api", "r6-client", "r6-controller", "r6-plot", "r6-program", "r6-proto", "r6-sim"],
     },
-    // Nothing depends on it and nobody is given it; it looks at everything, and counts allocations as tests do.
+    // No crate depends on it, and it is not shipped. It may use everything, and it counts allocations as
+    // tests do.
     Rule {
         package: "r6-bench",
         layer: Layer::Shell,
         may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim", "r6-testkit"],
     },
-    // Nothing depends on it but the programs of `fuzz/`, a workspace of their own.
+    // Only the programs of `fuzz/`, a separate workspace, depend on it.
     Rule {
         package: "r6-fuzz",
         layer: Layer::Shell,
         may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim", "r6-traffic"],
     },
-    // The same: it has both ends in one process, and breaks what is between them.
+    // The same. It has both ends in one process, and breaks the link between them.
     Rule {
         package: "r6-world",
         layer: Layer::Shell,
@@ -102,8 +104,8 @@ pub const RULES: &[Rule] = &[
     Rule { package: "r6-testkit", layer: Layer::Testkit, may_use: &[] },
 ];
 
-/// What a pure crate may name of the standard library: values, and how they are kept, shown and compared. Nothing here waits, talks,
-/// reads a clock, spawns or draws random numbers.
+/// The parts of the standard library that a pure crate may use: values, containers, formatting and
+/// comparison. Nothing here waits, communicates, reads a clock, spawns or draws random numbers.
 pub const PURE_STD: &[&str] = &[
     "std::borrow",
     "std::cell",
@@ -123,7 +125,7 @@ pub const PURE_STD: &[&str] = &[
     "std::time::Duration",
 ];
 
-/// Libraries that a pure crate may use besides crates of this workspace: they compute.
+/// Libraries that a pure crate may use besides crates of this workspace. They only compute.
 pub const PURE_LIBRARIES: &[&str] = &[
     "encoding_rs",
     "nalgebra",
@@ -149,15 +151,15 @@ struct Package {
 
 #[derive(Deserialize)]
 struct Dependency {
-    /// The name of the package, whatever the crate calls it for itself.
+    /// The name of the package, even if the crate renames it.
     name: String,
-    /// `null` for a normal dependency, else `"dev"` or `"build"`.
+    /// `null` for a normal dependency; otherwise `"dev"` or `"build"`.
     kind: Option<String>,
-    /// The folder of a crate of this workspace; no such member for a crate of a registry.
+    /// The folder of a crate of this workspace; absent for a crate from a registry.
     path: Option<String>,
 }
 
-/// What `cargo metadata --no-deps` says of this workspace.
+/// The output of `cargo metadata --no-deps` for this workspace.
 pub fn metadata() -> String {
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(cargo)
@@ -171,8 +173,9 @@ pub fn metadata() -> String {
 
 /// Every edge of `metadata` that breaks a rule, each as one sentence.
 ///
-/// Dependencies of the tests are free, for a test of the client needs a simulator; normal ones and those of build
-/// scripts are not, whether optional or not. Panics where `metadata` is not what `cargo metadata` prints.
+/// Dependencies of tests are free, because a test of the client needs a simulator. Normal dependencies and
+/// those of build scripts must follow the rules, even if they are optional. Panics if `metadata` is not the
+/// output of `cargo metadata`.
 pub fn violations(metadata: &str) -> Vec<String> {
     let metadata: Metadata = serde_json::from_str(metadata)
         .unwrap_or_else(|error| panic!("not the output of cargo metadata: {error}"));

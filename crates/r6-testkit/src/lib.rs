@@ -1,7 +1,8 @@
-//! Test equipment of the workspace, a dev-dependency only.
+//! Test equipment of the workspace, only for dev-dependencies.
 //!
-//! It knows no other crate of the workspace, so that every one of them, `r6-proto` included, can test with it.
-//! Everything here panics with a message that names the file and the fault: a broken test file is a failed test.
+//! It uses no other crate of the workspace, so that every crate, including `r6-proto`, can test with it.
+//! Every function panics with a message that names the file and the fault: a broken test file is a failed
+//! test.
 
 pub mod alloc;
 pub mod book;

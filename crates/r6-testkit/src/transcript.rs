@@ -1,8 +1,8 @@
-//! Transcripts: what crossed one connection, in order and with its times.
+//! Transcripts: the bytes of one connection, in order and with their times.
 //!
-//! A transcript is a file `vectors/transcripts/*.jsonl`: a first line `{"about":"..."}`, which may be left out, then one
-//! line for each write, `{"from":"pc"|"controller","ms":n,"bytes":"..."}`. A frame may span several writes, and a write may
-//! hold several frames.
+//! A transcript is a file `vectors/transcripts/*.jsonl`. It has an optional first line `{"about":"..."}`,
+//! then one line for each write, `{"from":"pc"|"controller","ms":n,"bytes":"..."}`. A frame may span several
+//! writes, and a write may contain several frames.
 
 use std::path::{Path, PathBuf};
 
@@ -14,9 +14,9 @@ use crate::workspace;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Side {
-    /// The host: it sends requests, and answers a `photo`.
+    /// The host. It sends requests, and answers a `photo`.
     Pc,
-    /// The robot controller: it replies, and sends `photo` by itself (manual 5.1).
+    /// The robot controller. It replies, and sends `photo` without a request (manual 5.1).
     Controller,
 }
 
@@ -25,20 +25,20 @@ pub enum Side {
 pub struct Transcript {
     /// The name of the file without `.jsonl`.
     pub stem: String,
-    /// What was recorded, and where; empty where the file does not say.
+    /// What was recorded, and where; empty if the file does not say.
     pub about: String,
-    /// What was written, in the order of its times.
+    /// The writes, in order of time.
     pub writes: Vec<Write>,
 }
 
 /// The bytes that one side wrote at one time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Write {
-    /// Who sent the bytes.
+    /// The side that sent the bytes.
     pub from: Side,
     /// Milliseconds since the connection was made.
     pub ms: u64,
-    /// What was sent: never empty, and not always a whole frame.
+    /// The bytes: never empty, and not always a complete frame.
     pub bytes: Vec<u8>,
 }
 
@@ -57,7 +57,7 @@ struct Line {
 }
 
 impl Transcript {
-    /// Reads the text of one transcript; the error says which line is wrong and why.
+    /// Reads the text of one transcript. The error gives the wrong line and the reason.
     pub fn parse(stem: &str, text: &str) -> Result<Self, String> {
         let mut lines = text.lines().enumerate().peekable();
         let about = match lines.peek() {
@@ -95,7 +95,7 @@ fn parse_write(line: &str, previous: Option<&Write>) -> Result<Write, String> {
     }
 }
 
-/// The transcript in `vectors/transcripts/`, whose file is called `stem` plus `.jsonl`.
+/// The transcript in `vectors/transcripts/` whose file is called `stem` plus `.jsonl`.
 pub fn load(stem: &str) -> Transcript {
     let files = files();
     let Some(path) = files.iter().find(|path| workspace::stem(path) == stem) else {

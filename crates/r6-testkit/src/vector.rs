@@ -1,7 +1,8 @@
-//! Golden vectors: one frame each, what it means, and what encoding it again must write.
+//! Golden vectors: one frame each, its meaning, and the bytes of encoding it again.
 //!
-//! A vector is a JSON file below `vectors/messages/`, read by the tests of every language; `vectors/README.md` says what
-//! its members mean. A member that is not known, or that contradicts another, is an error.
+//! A vector is a JSON file below `vectors/messages/`, which the tests of every language read.
+//! `vectors/README.md` describes its members. An unknown member is an error, and so is a contradiction
+//! between members.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +12,7 @@ use serde_json::Value;
 
 use crate::workspace;
 
-/// Which way a frame goes.
+/// The direction of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
@@ -24,41 +25,41 @@ pub enum Direction {
 /// One golden vector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vector {
-    /// The name of the file without `.json`: what [`load`] takes and what a failing test should print.
+    /// The name of the file without `.json`. [`load`] takes it, and a failing test should print it.
     pub stem: String,
-    /// Where the frame comes from: a section of the manual, a capture and its unit, or ourselves.
+    /// The origin of the frame: a section of the manual, a capture with its unit, or our own construction.
     pub source: String,
-    /// What is special about the frame; empty where nothing is.
+    /// What is special about the frame; empty if nothing is.
     pub note: String,
-    /// Which way the frame goes.
+    /// The direction of the frame.
     pub direction: Direction,
-    /// What the manual prints, comments included, where that is not itself the frame.
+    /// The printed text of the manual, with its comments, if it differs from the frame.
     pub printed: Option<String>,
     /// The bytes on the wire.
     pub frame: Vec<u8>,
-    /// Why the frame cannot be read; `None` where it can.
+    /// Why the frame cannot be read; `None` if it can.
     pub error: Option<ExpectedError>,
-    /// The repaired frame, which is what `decoded` describes; only where the frame cannot be read.
+    /// The repaired frame, which `decoded` describes; only if the frame cannot be read.
     pub reading: Option<String>,
-    /// What we send for this message.
+    /// The bytes that we send for this message.
     pub canonical: Option<String>,
-    /// Whether encoding what was decoded gives exactly `frame`.
+    /// Whether encoding the decoded message gives exactly `frame`.
     pub reencodes: bool,
-    /// What the frame, or the reading in its place, means; [`Value::Null`] where there is nothing to decode.
+    /// The meaning of the frame or of its reading; [`Value::Null`] if there is nothing to decode.
     pub decoded: Value,
 }
 
-/// What the error for a bad frame must say.
+/// What the error for a bad frame must contain.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExpectedError {
-    /// Where the fault is, in bytes from the first byte of the frame.
+    /// Position of the fault, in bytes from the first byte of the frame.
     pub offset: usize,
-    /// Text the error's message must contain, such as the name of the bad member.
+    /// Text that the error message must contain, such as the name of the bad member.
     pub names: String,
 }
 
-/// The file as it is written, before it is checked.
+/// The file as written, before the checks.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -78,7 +79,7 @@ struct File {
 }
 
 impl Vector {
-    /// Reads the text of one vector file; the error says what is wrong with it.
+    /// Reads the text of one vector file. The error gives the reason.
     pub fn parse(stem: &str, text: &str) -> Result<Self, String> {
         let file: File = serde_json::from_str(text).map_err(|error| error.to_string())?;
         let frame = match (&file.frame, &file.frame_hex) {
@@ -103,7 +104,7 @@ impl Vector {
         })
     }
 
-    /// The bytes that `decoded` describes: the reading, else the frame; `None` where nothing can be decoded.
+    /// The bytes that `decoded` describes: the reading, or else the frame; `None` if nothing can be decoded.
     pub fn decodable(&self) -> Option<&[u8]> {
         match (&self.reading, &self.error) {
             (Some(reading), _) => Some(reading.as_bytes()),
@@ -113,7 +114,7 @@ impl Vector {
     }
 }
 
-/// What no JSON parser can know: which members go together.
+/// Checks which members go together, which a JSON parser cannot know.
 fn check(file: &File, frame_length: usize) -> Result<(), String> {
     let readable = file.error.is_none() || file.reading.is_some();
     let fault = match (&file.error, &file.reading) {
@@ -134,7 +135,7 @@ fn check(file: &File, frame_length: usize) -> Result<(), String> {
     Err(fault.to_owned())
 }
 
-/// The vector whose file is called `stem` plus `.json`, in whatever folder below `vectors/messages/`.
+/// The vector whose file is called `stem` plus `.json`, in any folder below `vectors/messages/`.
 pub fn load(stem: &str) -> Vector {
     let files = files_by_stem();
     let Some(path) = files.get(stem) else {
@@ -156,7 +157,7 @@ fn files_by_stem() -> BTreeMap<String, PathBuf> {
     by_stem(workspace::files(&workspace::root().join("vectors/messages"), "json"))
 }
 
-/// A stem is the vector's name in tests and tables, so two files may not share one.
+/// Two files must not have the same stem, because the stem is the vector's name in tests and tables.
 fn by_stem(files: Vec<PathBuf>) -> BTreeMap<String, PathBuf> {
     let mut by_stem = BTreeMap::new();
     for path in files {
@@ -171,7 +172,7 @@ fn names(files: &BTreeMap<String, PathBuf>) -> String {
     files.keys().map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
-/// Pairs of hexadecimal digits; white space between them is for the reader.
+/// Reads pairs of hexadecimal digits, with optional white space.
 fn bytes_from_hex(text: &str) -> Result<Vec<u8>, String> {
     let digits: Vec<u32> = text
         .chars()
@@ -231,7 +232,7 @@ mod tests {
         assert_eq!(vector.decoded, Value::Null);
     }
 
-    /// Replaces one part of a good vector and says what the loader then complains about.
+    /// Replaces one part of a good vector and returns the loader's error.
     fn fault(part: &str, replacement: &str) -> String {
         assert!(GOOD.contains(part), "nothing to replace");
         parse(&GOOD.replace(part, replacement)).unwrap_err()

@@ -1,15 +1,15 @@
-//! Where the files of this workspace are.
+//! The places of the files of this workspace.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The root of the workspace: the folder that holds `crates/` and `vectors/`.
+/// The root of the workspace: the folder with `crates/` and `vectors/`.
 pub(crate) fn root() -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     root.canonicalize().unwrap_or_else(|error| panic!("no workspace at {}: {error}", root.display()))
 }
 
-/// The text of one file, read whole.
+/// The whole text of one file.
 pub(crate) fn read(path: &Path) -> String {
     fs::read_to_string(path).unwrap_or_else(|error| panic!("cannot read {}: {error}", path.display()))
 }

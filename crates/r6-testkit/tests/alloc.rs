@@ -1,4 +1,4 @@
-//! The counting allocator at work in a binary that installs it.
+//! Tests the counting allocator in a binary that installs it.
 
 use std::hint::black_box;
 use std::thread;
@@ -45,7 +45,7 @@ fn other_threads_are_not_counted() {
             });
             done.send(own).expect("the counting thread waits for us");
         });
-        // A channel may allocate on either side; a thousand boxes of the other thread may not show up here.
+        // A channel may allocate on either side. The thousand boxes of the other thread must not count here.
         let mut others = 0;
         let ours = allocations_during(|| {
             start.send(()).expect("the other thread waits for us");

@@ -1,4 +1,4 @@
-//! The book and the pages at the root hang together.
+//! Tests the links and chapters of the book and of the pages at the root.
 
 use r6_testkit::book;
 

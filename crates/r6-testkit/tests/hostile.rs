@@ -1,11 +1,11 @@
-//! Each way of misbehaving, seen on the wire.
+//! Tests of each misbehaviour, as seen on the wire.
 
 use std::time::Duration;
 
 use r6_testkit::hostile::{Arm, Character, Did};
 use serde_json::{Value, json};
 
-/// A client of the core: whatever it sends is there at once.
+/// A client of the core. Everything that it sends arrives at once.
 struct Wire {
     arm: Arm,
     now: Duration,
@@ -39,7 +39,7 @@ impl Wire {
         self.arm.receive(self.now, connection, frame.to_string().as_bytes());
     }
 
-    /// What a query on the first connection tells 20 ms later; `null` if nothing.
+    /// The values of a query on the first connection, 20 ms later; `null` without a reply.
     fn ask(&mut self, addresses: &[&str]) -> Value {
         self.pack += 1;
         let pack = self.pack.to_string();

@@ -1,4 +1,4 @@
-//! The program `r6-hostile`, as tests in other languages use it.
+//! Tests the program `r6-hostile`, as tests in other languages use it.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-/// A hostile controller in a process of its own; it ends with its input.
+/// A hostile controller in a separate process. It ends when its input ends.
 struct Program {
     child: Child,
     input: ChildStdin,
@@ -38,7 +38,7 @@ impl Program {
     }
 }
 
-/// One request, and the reply up to the brace that ends it.
+/// Sends one request, and reads the reply up to its last brace.
 fn ask(stream: &mut TcpStream, request: &Value) -> Value {
     stream.write_all(request.to_string().as_bytes()).unwrap();
     let mut reply = Vec::new();

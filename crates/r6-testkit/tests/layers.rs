@@ -1,4 +1,5 @@
-//! The crates of this workspace, and the files of the client, keep to their layers; what does not is found.
+//! Tests that the crates of this workspace and the files of the client keep to their layers, and that
+//! violations are found.
 
 use std::fs;
 use std::path::Path;
@@ -43,7 +44,7 @@ fn every_pure_crate_bans_clocks_sockets_and_threads() {
     }
 }
 
-/// The violations of a made-up workspace with one crate that has one dependency.
+/// The violations of a made-up workspace: one crate with one dependency.
 fn violations(package: &str, dependency: &str, kind: Option<&str>) -> Vec<String> {
     let dependency = json!({"name": dependency, "kind": kind, "req": "*"});
     let metadata = json!({"packages": [{"name": package, "dependencies": [dependency]}]});
@@ -114,7 +115,8 @@ fn a_path_dependency_without_a_rule_is_reported() {
     assert_eq!(found, ["`r6` depends on `r6-newcomer`: its rule does not allow this crate"]);
 }
 
-/// What the brain of the client may name besides [`PURE_STD`]: futures and what they wait for, but nothing that carries bytes or time.
+/// What the brain of the client may name besides [`PURE_STD`]: futures and what they wait for, but nothing
+/// that carries bytes or time.
 const BRAIN: [&str; 15] = [
     "std::future",
     "std::io::ErrorKind",
@@ -134,7 +136,8 @@ const BRAIN: [&str; 15] = [
 ];
 const HANDS: [&str; 2] = ["hands", "blocking"];
 
-/// A parent and its children may know each other; a circle of more files than this has no bottom to begin reading at.
+/// A parent and its children may import each other. In a larger circle of files there is no place where a
+/// reader can begin.
 const LARGEST_CIRCLE: usize = 6;
 
 #[test]
@@ -159,7 +162,7 @@ fn names_outside(brain: &Sources, exempt: &[&str]) -> Vec<String> {
 fn pure_crates_name_nothing_of_the_standard_library_that_is_not_allowed() {
     for rule in RULES.iter().filter(|rule| keeps_to_pure_rules(rule)) {
         let allowed = match rule.package {
-            // Instructions of the processor: `chunk.rs`.
+            // Processor instructions: `chunk.rs`.
             "r6-proto" => [PURE_STD, &["std::arch"]].concat(),
             _ => PURE_STD.to_vec(),
         };
@@ -168,7 +171,8 @@ fn pure_crates_name_nothing_of_the_standard_library_that_is_not_allowed() {
     }
 }
 
-/// What reads the log of a virtual controller decides by its events, which have fields; their text is for people.
+/// Readers of a virtual controller's log must decide by its events, which have fields. The text of an event
+/// is for people.
 #[test]
 fn nothing_outside_the_controller_decides_by_the_text_of_an_event() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

@@ -1,4 +1,4 @@
-//! docs/PAINS.md has an answer for each of the sixteen pains, and a test that is named after it.
+//! Tests that docs/PAINS.md has an answer for each of the sixteen pains, and a test named after each.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Every file in `vectors/` can be read and keeps to the rules of `vectors/README.md`.
+//! Tests that every file in `vectors/` can be read and follows the rules of `vectors/README.md`.
 
 use std::collections::BTreeSet;
 use std::fs;

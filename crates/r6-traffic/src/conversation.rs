@@ -1,11 +1,12 @@
-//! Conversations: which reply answers which request.
+//! Conversations: pairs each reply with the request that it answers.
 //!
-//! A reply that carries a `packID` answers the latest request with the same one. A reply without a `packID` answers the earliest
-//! request that it can answer. If the reply names what it answers (the addresses of a query, the word of a command, the number of a
-//! camera), the request must be about the same.
+//! A reply with a `packID` answers the latest request with the same `packID`. A reply without a `packID`
+//! answers the earliest request that it can answer. If the reply names what it answers (the addresses of a
+//! query, the word of a command, the number of a camera), the request must have the same.
 //!
-//! If a controller neither echoes `packID` nor names what it answers, and leaves one request unanswered, then every later reply of
-//! the same kind is paired with the request before its own: nothing on the wire tells.
+//! Some controllers neither echo `packID` nor name what they answer. If such a controller leaves one request
+//! unanswered, every later reply of the same kind is paired with the request before its own. Nothing on the
+//! wire shows this.
 
 use std::collections::VecDeque;
 
@@ -15,11 +16,12 @@ use r6_proto::value::Values;
 use r6_proto::{Body, RequestType};
 use serde::{Deserialize, Serialize};
 
-/// How many requests wait for their replies; beyond, the earliest is forgotten. No client has as many on their way.
+/// How many requests can wait for their replies. Beyond this, the earliest request is forgotten. No client
+/// has so many requests in flight.
 pub const MAX_OPEN: usize = 256;
 
-/// How many bytes of memory the requests take that wait for their replies; beyond, the earliest are forgotten. 16 MiB: room for 20 to 256
-/// queries of the longest frame (64 KiB), by the length of their addresses.
+/// How many bytes of memory the waiting requests can take. Beyond this, the earliest requests are forgotten.
+/// 16 MiB hold 20 to 256 queries of the longest frame (64 KiB), depending on the length of their addresses.
 pub const MAX_OPEN_BYTES: usize = MAX_OPEN * 65_536;
 
 /// One end of the link between a PC and a controller.
@@ -39,14 +41,15 @@ pub struct Request {
     pub kind: RequestType,
     /// Its `packID`, as text.
     pub pack_id: Option<String>,
-    /// What it is about, as sent: the addresses of a query, the word of a command, `AddPoints`, `AddRCC`, or the number of a camera.
+    /// Its subject, as sent: the addresses of a query, the word of a command, `AddPoints`, `AddRCC`, or the
+    /// number of a camera.
     pub words: Vec<String>,
-    /// When it was seen, if the caller told.
+    /// When it was seen, if the caller gave the time.
     pub time: Option<Instant>,
 }
 
 impl Request {
-    /// Roughly what it takes in memory, bytes.
+    /// Its approximate size in memory, in bytes.
     fn bytes(&self) -> usize {
         let texts = self.words.iter().chain(&self.pack_id);
         size_of::<Self>() + texts.map(|text| text.len() + size_of::<String>()).sum::<usize>()
@@ -55,10 +58,10 @@ impl Request {
 
 /// Pairs the replies of one connection with their requests.
 ///
-/// It keeps at most [`MAX_OPEN`] requests and [`MAX_OPEN_BYTES`] bytes of them.
+/// It keeps at most [`MAX_OPEN`] requests, and at most [`MAX_OPEN_BYTES`] bytes of them.
 #[derive(Clone, Debug, Default)]
 pub struct Conversation {
-    /// The earliest first.
+    /// Earliest first.
     open: VecDeque<Request>,
     bytes: usize,
 }
@@ -66,8 +69,9 @@ pub struct Conversation {
 impl Conversation {
     /// Takes the next frame, and returns the request that it answers.
     ///
-    /// `None` if the frame is no reply, or if its request was not seen, is answered already or is forgotten. If `from` is given, a
-    /// frame of a kind that the other side sends is passed over: it is an echo.
+    /// Returns `None` if the frame is not a reply, or if its request was not seen, is answered already or was
+    /// forgotten. If `from` is given, a frame of a kind that the other side sends is ignored, because it is
+    /// an echo.
     pub fn take(
         &mut self,
         message: &Message<'_>,
@@ -88,7 +92,7 @@ impl Conversation {
         }
     }
 
-    /// The requests that have no reply yet, the earliest first.
+    /// The requests without a reply, earliest first.
     pub fn open(&self) -> impl ExactSizeIterator<Item = &Request> {
         self.open.iter()
     }
@@ -124,7 +128,7 @@ impl Conversation {
     }
 }
 
-/// Who sends frames of this kind; `None` where the kind does not tell.
+/// The side that sends frames of this kind; `None` if the kind does not show it.
 fn sender(body: &Body<'_>) -> Option<Side> {
     match body {
         Body::Query(_)
@@ -138,13 +142,13 @@ fn sender(body: &Body<'_>) -> Option<Side> {
     }
 }
 
-/// What a frame is in its conversation.
+/// The role of a frame in its conversation.
 enum Role {
-    /// A request, and what it is about.
+    /// A request with its subject.
     Request(RequestType, Vec<String>),
-    /// A reply to a request of one of these types, and what it answers, if it tells.
+    /// A reply to a request of one of these types, with the subject of the request if the reply names it.
     Reply(&'static [RequestType], Option<Vec<String>>),
-    /// Nothing that is answered or answers.
+    /// Neither a request nor a reply.
     Neither,
 }
 
@@ -158,7 +162,8 @@ fn role(body: &Body<'_>) -> Role {
         Body::AddRcc(_) => Role::Request(AddRcc, vec![AddRcc.word().to_owned()]),
         Body::CommandReply(reply) => match reply.command() {
             Some(word) => Role::Reply(&[Command, AddPoints, AddRcc], Some(vec![word.into_owned()])),
-            // Before 2.0.2.1 the replies to commands have no name. Those to AddPoints and AddRCC have one in every manual.
+            // Before 2.0.2.1 the replies to commands have no name. Replies to AddPoints and AddRCC have one
+            // in every manual.
             None => Role::Reply(&[Command], None),
         },
         Body::Photo(photo) => Role::Request(Photo, vec![photo.cam_id.to_string()]),
@@ -180,7 +185,7 @@ mod tests {
     const PC: Option<Side> = Some(Side::Pc);
     const CONTROLLER: Option<Side> = Some(Side::Controller);
 
-    /// What each frame answers: the words of its request.
+    /// For each frame, the words of the request that it answers.
     fn answers(frames: &[(Option<Side>, &str)]) -> Vec<Option<String>> {
         let (mut decoder, mut conversation) = (Decoder::new(), Conversation::default());
         let mut take = |(from, members): &(Option<Side>, &str)| {

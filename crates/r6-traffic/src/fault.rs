@@ -1,69 +1,71 @@
-//! What can be broken on a link on purpose.
+//! Faults that can be injected into a link.
 
 use std::time::Duration;
 
-/// What happens to connections and to bytes on their way; frames are not looked into.
+/// A fault that acts on connections or on bytes in transit. It does not depend on the content of frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LinkFault {
     /// T1: connections are refused.
     Refuse,
-    /// T2: nothing answers an attempt to connect.
+    /// T2: attempts to connect get no answer.
     BlackHole,
-    /// T3: connections that come now are accepted, and never answered, not even later.
+    /// T3: connections made now are accepted but never get an answer, not even later.
     Silence,
     /// T4: the connection is reset in the middle of a frame.
     ResetMidFrame {
-        /// After how many bytes of the frame; all but one at most. `None`: drawn for each frame.
+        /// After how many bytes of the frame; at most all but one. `None`: drawn for each frame.
         after: Option<usize>,
     },
-    /// T5: the connection is closed in good order where a frame should have left.
+    /// T5: the connection is closed in an orderly way in place of a frame.
     CloseBeforeReply,
-    /// T6: connections that are there go deaf for ever, without a word; they keep their places among those that are served.
+    /// T6: existing connections become deaf for ever without any sign. They still count as served
+    /// connections.
     HalfOpen,
-    /// T7: a frame is sent in pieces, one packet each.
+    /// T7: a frame is sent in pieces, each in a packet of its own.
     Pieces {
-        /// How many bytes a piece has, from 1.
+        /// Length of a piece in bytes, from 1.
         bytes: usize,
     },
-    /// T7: several frames are sent together, in one packet.
+    /// T7: several frames are sent together in one packet.
     Coalesce {
-        /// How many frames wait for each other, from 2.
+        /// How many frames are sent together, from 2.
         frames: usize,
-        /// How long the first of them waits at most, even if the others have not come.
+        /// How long the first frame waits at most, even if the others have not come.
         within: Duration,
     },
-    /// T8: bytes take their time; their order stays. What is drawn is drawn for each frame to the client, and for what one read
-    /// gave to the controller.
+    /// T8: bytes are delayed; their order stays. The delay is drawn for each frame to the client, and for
+    /// each read of bytes to the controller.
     Latency {
         /// To the controller.
         to_controller: Duration,
         /// To the client.
         to_client: Duration,
-        /// How much longer it may be.
+        /// The maximum additional delay.
         spread: Duration,
     },
-    /// T9: so few bytes a second, in each direction; what waits fills the peer's buffers.
+    /// T9: a limited number of bytes a second in each direction. Waiting bytes fill the peer's buffers.
     Slow {
         /// Bytes a second, from 1.
         bytes_per_second: u32,
     },
-    /// T11: a byte to the client is changed, is lost, or is followed by another one. The chance holds for each byte.
+    /// T11: a byte to the client is changed, lost, or followed by an extra byte. The chance applies to each
+    /// byte.
     Noise,
-    /// T14: the second half of a frame leaves that much later, as where two writes meet a peer that delays its
+    /// T14: the second half of a frame leaves later by `delay`, as with two writes to a peer that delays its
     /// acknowledgements.
     Stall {
-        /// How much later.
+        /// The delay of the second half.
         delay: Duration,
     },
 }
 
-/// A fault that is in force now.
+/// A fault that is in force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkFaultNow {
-    /// Which.
+    /// The fault.
     pub fault: LinkFault,
-    /// How likely it strikes, 0 to 1: each frame; each byte for [`LinkFault::Noise`]; each connection, once, for
-    /// [`LinkFault::Silence`], [`LinkFault::HalfOpen`] and [`LinkFault::Slow`]. The door knows no chance:
-    /// [`LinkFault::Refuse`] and [`LinkFault::BlackHole`] hold for everybody.
+    /// The chance that it strikes, 0 to 1. It applies to each frame; for [`LinkFault::Noise`] to each byte;
+    /// for [`LinkFault::Silence`], [`LinkFault::HalfOpen`] and [`LinkFault::Slow`] once to each connection.
+    /// [`LinkFault::Refuse`] and [`LinkFault::BlackHole`] ignore it and apply to every attempt to connect.
     pub chance: f64,
 }

@@ -1,4 +1,4 @@
-//! What one frame says, and what is wrong with it: [`Problem`]s and [`Note`]s as values, whose text is English.
+//! Judges one frame: its meaning and its [`Problem`]s and [`Note`]s, as values with an English text.
 
 mod checks;
 mod problem;
@@ -15,27 +15,28 @@ pub use problem::{Note, Problem};
 use crate::conversation::{Conversation, Request, Side};
 use crate::recording::{BrokenFrame, Captured, is_printed_python};
 
-/// Characters of a summary, and of a `dsID` where a [`Problem`] is shown: one line of a terminal.
+/// Maximum length in characters of a summary, and of a `dsID` in the text of a [`Problem`]: one line of a
+/// terminal.
 pub const SUMMARY_CHARS: usize = 160;
 
-/// What one frame says, and what is wrong with it.
+/// The meaning of one frame, and its problems.
 ///
 /// It has at most as many problems as the frame has bytes, and takes memory in proportion to them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// Who sends such a frame to whom.
+    /// The sender and the receiver of such a frame.
     pub direction: Direction,
     /// Its kind.
     pub kind: FrameKind,
-    /// What it says, in one line of at most [`SUMMARY_CHARS`] characters and `…`.
+    /// Its content, in one line of at most [`SUMMARY_CHARS`] characters and `…`.
     pub summary: String,
-    /// What is wrong.
+    /// The problems.
     pub problems: Vec<Problem>,
-    /// What is worth knowing, but not wrong.
+    /// Useful facts that are not problems.
     pub notes: Vec<Note>,
 }
 
-/// Who sends a frame to whom.
+/// The sender and the receiver of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Direction {
     /// PC → controller.
@@ -46,12 +47,12 @@ pub enum Direction {
     ControllerToCamera,
     /// Camera → controller.
     CameraToController,
-    /// Neither the frame nor the recording tells.
+    /// Neither the frame nor the recording shows the direction.
     Unknown,
 }
 
 impl Direction {
-    /// In words; `?` where it is unknown.
+    /// The direction in words; `?` if it is unknown.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -65,7 +66,7 @@ impl Direction {
 }
 
 impl From<Option<Side>> for Direction {
-    /// The direction, as far as the recording tells.
+    /// The direction, as far as the recording shows it.
     fn from(side: Option<Side>) -> Self {
         match side {
             Some(Side::Pc) => Self::PcToController,
@@ -90,13 +91,13 @@ pub enum FrameKind {
     QueryReply,
     /// Acts at once.
     Command,
-    /// The answer to a command, to points or to instructions.
+    /// The reply to a command, to points or to instructions.
     CommandReply,
     /// The PC is alive.
     Heartbreak,
-    /// The controller wants a photo.
+    /// The controller requests a photo.
     Photo,
-    /// The camera took it, or not.
+    /// The camera reports whether it took the photo.
     PhotoAnswer,
     /// Points of a camera.
     AddPoints,
@@ -104,9 +105,9 @@ pub enum FrameKind {
     AddRcc,
     /// JSON of an unknown type.
     Unknown,
-    /// A whole frame that is no JSON.
+    /// A complete frame that is not JSON.
     NoJson,
-    /// What began as a frame and is none.
+    /// Bytes that begin like a frame but are not one.
     Broken,
 }
 
@@ -139,8 +140,8 @@ impl fmt::Display for FrameKind {
 
 /// Judges the frames of one connection or recording, in their order.
 ///
-/// Between the frames it keeps the [`Conversation`], with its bounds, and the decoder's buffers, which are as large as the longest
-/// frame needed.
+/// Between frames it keeps the [`Conversation`], with its limits, and the decoder's buffers, which grow to
+/// the longest frame.
 #[derive(Debug, Default)]
 pub struct Judge {
     decoder: Decoder,
@@ -148,7 +149,7 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// Judges one frame, with who sent it and when, as far as the caller knows.
+    /// Judges one frame. The caller gives its sender and time if it knows them.
     pub fn frame(&mut self, frame: &[u8], from: Option<Side>, time: Option<Instant>) -> Finding {
         match self.decoder.decode(frame) {
             Ok(message) => {
@@ -169,7 +170,7 @@ impl Judge {
         }
     }
 
-    /// Judges one frame of a recording, whole or broken.
+    /// Judges one frame of a recording, complete or broken.
     pub fn captured(&mut self, captured: &Captured) -> Finding {
         match &captured.frame {
             Ok(frame) => self.frame(frame, captured.from, captured.time),
@@ -191,7 +192,7 @@ impl Judge {
 }
 
 impl Finding {
-    /// Judges a message, with who sent it and the request that it answers, as far as the caller knows.
+    /// Judges a message. The caller gives the sender and the answered request if it knows them.
     #[must_use]
     pub fn of(message: &Message<'_>, from: Option<Side>, answered: Option<&Request>) -> Self {
         let (direction, kind) = kind(&message.body);
@@ -281,7 +282,7 @@ impl Finding {
     }
 }
 
-/// A text in one line, cut at [`SUMMARY_CHARS`].
+/// The text in one line, cut at [`SUMMARY_CHARS`].
 fn excerpt(text: &str) -> String {
     let one_line = text.split_whitespace().collect::<Vec<_>>().join(" ");
     match one_line.char_indices().nth(SUMMARY_CHARS) {
@@ -304,7 +305,7 @@ fn kind(body: &Body<'_>) -> (Direction, FrameKind) {
         Body::AddPoints(_) => (CameraToController, FrameKind::AddPoints),
         Body::AddRcc(_) => (PcToController, FrameKind::AddRcc),
         Body::Unknown(_) => (Unknown, FrameKind::Unknown),
-        // The types of requests and of their replies are the same.
+        // Requests and their replies have the same types.
         Body::Rejected(rejection) => match rejection.request {
             RequestType::Query => (Unknown, FrameKind::Query),
             RequestType::Command => (Unknown, FrameKind::Command),
@@ -403,7 +404,7 @@ mod tests {
         frame(r#""reqType":"query","packID":"7","queryAddr":["version","curMold"]"#);
         let reply = frame(r#""reqType":"query","packID":"7","queryData":["v"]"#);
         assert_eq!(reply.problems.len(), 1, "{:?}", reply.problems);
-        // The query is answered; the next reply belongs to no query that was seen.
+        // The query is answered, so the next reply belongs to no query that was seen.
         let reply = frame(r#""reqType":"query","queryData":["v"]"#);
         assert_eq!(reply.problems, []);
         frame(r#""reqType":"query","queryAddr":["version","curMold"]"#);
@@ -444,7 +445,7 @@ mod tests {
             assert!(notes.len() == 1 && notes[0].contains(note), "{members}: {notes:?}");
             assert_eq!(finding.problems, [], "{members}");
         }
-        // As many values as its second argument says.
+        // The second argument gives the number of values.
         let list = judge(r#""reqType":"command","cmdData":["rewriteDataList","800","2","0","1","2"]"#);
         assert_eq!((list.problems, list.notes), (vec![], vec![]));
     }

@@ -1,11 +1,12 @@
-//! Traffic of the remote protocol: what was said, what is wrong with it, and what happens to it on its way.
+//! Traffic of the remote protocol: its content, its problems, and the faults of its links.
 //!
-//! - [`recording`] finds the frames in what was captured, and writes transcripts.
+//! - [`recording`] finds the frames in a capture, and writes transcripts.
 //! - [`conversation`] pairs replies with their requests.
-//! - [`judge`] says what is wrong with a frame.
-//! - [`link`] brings the [`fault`]s of a link about, drawn from a seed ([`random`]).
+//! - [`judge`] finds the problems of a frame.
+//! - [`link`] applies the [`fault`]s of a link, drawn from a seed ([`random`]).
 //!
-//! There is no I/O, no clock and no task in this crate: bytes, points in time and seeds come in; frames, findings and bytes go out.
+//! This crate has no I/O, no clock and no task: bytes, points in time and seeds come in; frames, findings and
+//! bytes go out.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)

@@ -1,26 +1,28 @@
-//! What the faults of a link do to one connection: bytes and times in, pieces with their times out.
+//! Applies the faults of a link to one connection: bytes and times in, pieces with their times out.
 //!
 //! ```text
 //! frames of the controller → send → … → poll_to_client     → the client
 //! the controller ← poll_to_controller ← … ← receive        ← bytes of the client
 //! ```
 //!
-//! A [`Link`] has no clock and no socket, and the same seed and calls give the same deliveries. Without a fault it hands on at once
-//! what it was given. Several faults at once strike in this order:
+//! A [`Link`] has no clock and no socket. The same seed and calls give the same deliveries. Without a fault
+//! it passes everything on at once. Several faults are applied in this order:
 //!
 //! 1. a deaf link ([`LinkFault::Silence`], [`LinkFault::HalfOpen`]) loses everything, in both directions;
-//! 2. [`LinkFault::CloseBeforeReply`] ends the link where the frame would be;
-//! 3. [`LinkFault::ResetMidFrame`] cuts the frame, and ends the link behind it;
-//! 4. [`LinkFault::Noise`] changes what is left of the frame;
-//! 5. [`LinkFault::Stall`] halves it, and lets the second half follow later;
-//! 6. [`LinkFault::Coalesce`] gathers it with others; a frame that is to be cut or halved is not gathered, and lets go those before it;
-//! 7. [`LinkFault::Latency`] lets it leave later;
-//! 8. [`LinkFault::Pieces`] hands it over in pieces;
-//! 9. [`LinkFault::Slow`] says how many bytes leave in which time.
+//! 2. [`LinkFault::CloseBeforeReply`] closes the link in place of the frame;
+//! 3. [`LinkFault::ResetMidFrame`] cuts the frame, and resets the link after it;
+//! 4. [`LinkFault::Noise`] changes the bytes that are left of the frame;
+//! 5. [`LinkFault::Stall`] splits it in half, and sends the second half later;
+//! 6. [`LinkFault::Coalesce`] gathers it with other frames; a frame that will be cut or split is not
+//!    gathered, and the group before it leaves;
+//! 7. [`LinkFault::Latency`] delays it;
+//! 8. [`LinkFault::Pieces`] delivers it in pieces;
+//! 9. [`LinkFault::Slow`] limits the bytes a second.
 //!
-//! Two faults of one kind: each draws whether it strikes, and the first that does counts; but latencies add up, every noise is
-//! heard, and of pieces and speeds the smallest counts. Order is always kept: nothing leaves before what was given earlier. What
-//! is on its way when a fault ends keeps its time, but a group that is gathered leaves, and the speed is as before.
+//! With two faults of one kind, each draws separately, and the first that strikes counts. Four kinds differ:
+//! latencies add up, every noise applies, and the smallest piece and the lowest speed count. The order always
+//! stays: nothing leaves before bytes that were given earlier. When a fault ends, bytes in transit keep their
+//! times, but a gathered group leaves, and the speed returns to normal.
 
 mod door;
 mod fate;
@@ -35,19 +37,21 @@ pub use door::Door;
 use fate::{DrawnFor, Fate, InForce, StrikeReport, disturbed, drawn_for, speed};
 use way::{Group, Parcel, Way};
 
-/// How many bytes wait in one direction; then a link takes no more. An empty link takes one frame of any length. Enough to fill the
-/// buffers of a peer's system, and little enough for a thousand links.
+/// How many bytes can wait in one direction; beyond this a link takes no more. An empty link takes one frame
+/// of any length. This is enough to fill the buffers of a peer's system, and small enough for a thousand
+/// links.
 pub const MAX_WAITING_BYTES: usize = 256 * 1024;
 
-/// How many parcels, each a frame or what was read at once, wait in one direction: a frame has seldom less than 64 bytes.
+/// How many parcels can wait in one direction. A parcel is a frame, or the bytes of one read. A frame rarely
+/// has less than 64 bytes.
 pub const MAX_WAITING_PARCELS: usize = 4096;
 
-/// What a link hands to the client.
+/// What a link delivers to the client.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Delivery {
-    /// Bytes, to be written as one piece.
+    /// Bytes to write as one piece.
     Bytes(Vec<u8>),
-    /// The connection is closed in good order; nothing follows.
+    /// The connection is closed in an orderly way; nothing follows.
     Close,
     /// The connection is reset; nothing follows.
     Reset,
@@ -56,35 +60,36 @@ pub enum Delivery {
 /// Whether a link still carries bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// It does.
+    /// It carries them.
     Alive,
-    /// It loses them; that the peer ends the connection is noticed.
+    /// It loses them. It notices when the peer ends the connection.
     Silent,
-    /// It loses them; that the peer ends the connection is not noticed.
+    /// It loses them. It does not notice when the peer ends the connection.
     HalfOpen,
-    /// It was closed or reset.
+    /// The link was closed or reset.
     Over,
 }
 
-/// One connection, as the faults of its link let it be.
+/// One connection under the faults of its link.
 #[derive(Clone, Debug)]
 pub struct Link {
     in_force: Vec<InForce>,
     state: State,
     to_client: Way,
     to_controller: Way,
-    // Each draws by itself, so that one direction does not depend on when the other is looked at.
+    // Each direction has a generator of its own, so that one direction does not depend on when the other is
+    // polled.
     random: Random,
     client_random: Random,
     controller_random: Random,
 }
 
 impl Link {
-    /// The link of a connection that is opened now, while these faults are in force. For one that was opened before they began,
-    /// give none here, and [`Self::set_faults`] then.
+    /// Creates the link of a connection that opens now, while these faults are in force. For a connection
+    /// that opened before the faults began, pass no faults here and call [`Self::set_faults`] later.
     #[must_use]
     pub fn new(seed: u64, now: Instant, faults: &[LinkFaultNow]) -> Self {
-        // Three seeds out of one: neighbouring seeds of this generator have nothing in common.
+        // Derives three seeds from one. Neighbouring seeds of this generator give unrelated numbers.
         let of = |nth: u64| Random::new(seed.wrapping_mul(3).wrapping_add(nth));
         let mut link = Self {
             in_force: Vec::new(),
@@ -101,14 +106,14 @@ impl Link {
         link
     }
 
-    /// These faults are in force from now on. One that was before goes on; one that was not begins.
+    /// Puts these faults in force from now on. A fault that was in force before continues; a new one begins.
     pub fn set_faults(&mut self, now: Instant, faults: &[LinkFaultNow]) {
         if self.begin(now, faults).contains(&LinkFault::HalfOpen) {
             self.deafen(State::HalfOpen, LinkFault::HalfOpen);
         }
     }
 
-    /// Puts these in the place of those in force; tells which of them begin, and strike this connection.
+    /// Replaces the faults in force. Returns the new faults that strike this connection.
     fn begin(&mut self, now: Instant, faults: &[LinkFaultNow]) -> Vec<LinkFault> {
         let before = std::mem::take(&mut self.in_force);
         let mut begun = Vec::new();
@@ -131,7 +136,8 @@ impl Link {
     }
 
     fn deafen(&mut self, state: State, by: LinkFault) {
-        // Deaf for good, and what was lost first decides what is noticed.
+        // Deafness is permanent. The fault that struck first decides whether the end of the connection is
+        // noticed.
         if self.state == State::Alive {
             self.end(state);
             self.in_force
@@ -141,14 +147,15 @@ impl Link {
         }
     }
 
-    /// The next fault that has struck this connection, or a byte of it: each is told once for as long as it is in force.
+    /// Returns the next fault that has struck this connection or its bytes. Each fault is reported once while
+    /// it is in force.
     pub fn poll_strike(&mut self) -> Option<LinkFault> {
         let one = self.in_force.iter_mut().find(|one| one.felt == StrikeReport::ToBeTold)?;
         one.felt = StrikeReport::Told;
         Some(one.now.fault)
     }
 
-    /// Bytes pass: a slow line makes them wait.
+    /// Records that bytes pass and a slow line delays them.
     fn slows(&mut self) {
         self.in_force.iter_mut().filter(|one| one.strikes && speed(one).is_some()).for_each(InForce::is_felt);
     }
@@ -159,7 +166,8 @@ impl Link {
         self.to_controller.clear();
     }
 
-    /// Whether it is as good as none: whatever is given now is handed on at once and unchanged, and nothing is under way.
+    /// Whether the link currently has no effect: it passes on everything at once and unchanged, and nothing
+    /// is in transit.
     #[must_use]
     pub fn is_transparent(&self) -> bool {
         self.state == State::Alive
@@ -171,32 +179,34 @@ impl Link {
             })
     }
 
-    /// Whether nothing is under way, in either direction.
+    /// Whether nothing is in transit, in either direction.
     #[must_use]
     pub fn is_idle(&self) -> bool {
         self.to_client.is_empty() && self.to_controller.is_empty()
     }
 
-    /// Whether it loses everything, for ever.
+    /// Whether the link loses everything for ever.
     #[must_use]
     pub fn is_deaf(&self) -> bool {
         matches!(self.state, State::Silent | State::HalfOpen)
     }
 
-    /// Whether the controller gets to know that the peer has closed or reset the connection: not over a half-open link. The shell
-    /// drops its socket then all the same, and tells the controller that the peer is lost, in place of that it has left.
+    /// Whether the controller notices that the peer closed or reset the connection. A half-open link hides
+    /// this. The shell then still drops its socket, and reports to the controller that the peer is lost
+    /// instead of gone.
     #[must_use]
     pub fn notices_end(&self) -> bool {
         self.state != State::HalfOpen
     }
 
-    /// Whether [`Self::send`] takes a frame.
+    /// Whether [`Self::send`] accepts a frame.
     #[must_use]
     pub fn takes_frames(&self) -> bool {
         self.to_client.has_room(MAX_WAITING_BYTES)
     }
 
-    /// Takes a frame to the client; false if so much is waiting that it has to be sent again later.
+    /// Accepts a frame to the client. Returns `false` if too much is waiting; the caller then has to send it
+    /// again later.
     #[must_use = "a frame that was not taken has to be sent again"]
     pub fn send(&mut self, now: Instant, frame: &[u8]) -> bool {
         if self.state != State::Alive || self.to_client.is_ending() || frame.is_empty() {
@@ -230,7 +240,7 @@ impl Link {
         true
     }
 
-    /// What is to be written to the client now; call it until there is nothing.
+    /// Returns what to write to the client now. Call it until it returns `None`.
     pub fn poll_to_client(&mut self, now: Instant) -> Option<Delivery> {
         let delivery = self.to_client.poll(now)?;
         if matches!(delivery, Delivery::Close | Delivery::Reset) {
@@ -239,14 +249,14 @@ impl Link {
         Some(delivery)
     }
 
-    /// How many bytes [`Self::receive`] takes now. Read no more from the peer: what it sends then fills the buffers of its own
-    /// system, and it has to wait.
+    /// How many bytes [`Self::receive`] takes now. Do not read more from the peer: what it sends then fills
+    /// the buffers of its own system, and it has to wait.
     #[must_use]
     pub fn room(&self) -> usize {
         self.to_controller.room(MAX_WAITING_BYTES)
     }
 
-    /// Takes bytes from the client and tells how many there was room for.
+    /// Takes bytes from the client and returns how many fit.
     #[must_use = "bytes that were not taken have to be given again"]
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) -> usize {
         if self.state != State::Alive {
@@ -267,7 +277,7 @@ impl Link {
         taken.len()
     }
 
-    /// What is to be given to the controller now; call it until there is nothing.
+    /// Returns bytes for the controller. Call it until it returns `None`.
     pub fn poll_to_controller(&mut self, now: Instant) -> Option<Vec<u8>> {
         match self.to_controller.poll(now)? {
             Delivery::Bytes(bytes) => Some(bytes),
@@ -275,7 +285,7 @@ impl Link {
         }
     }
 
-    /// When one of the polls has something next; `None` while nothing is under way.
+    /// When one of the polls returns something next; `None` while nothing is in transit.
     #[must_use]
     pub fn next_due(&self) -> Option<Instant> {
         self.to_client.next_due().into_iter().chain(self.to_controller.next_due()).min()

@@ -2,18 +2,19 @@
 
 use std::time::Duration;
 
-/// A small generator (SplitMix64): one word of state, no bad seeds. For what varies in a cell, never for secrets.
+/// A small generator (SplitMix64) with one word of state and no bad seeds. Use it for variation in a cell,
+/// never for secrets.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// One that begins with this seed.
+    /// Creates a generator with this seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// The next of its numbers, each of the 2^64 as likely as any other.
+    /// Returns the next number. All 2^64 numbers are equally likely.
     pub fn next_number(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut mixed = self.0;
@@ -22,26 +23,27 @@ impl Random {
         mixed ^ (mixed >> 31)
     }
 
-    /// A number from 0, below `end`; 0 where `end` is 0.
+    /// Returns a number from 0 and below `end`; 0 if `end` is 0.
     pub fn below(&mut self, end: usize) -> usize {
         let wide = (u128::from(self.next_number()) * u128::try_from(end).unwrap_or(0)) >> 64;
         usize::try_from(wide).unwrap_or(0)
     }
 
-    /// Whether something happens that does in this part of all cases, 0 to 1.
+    /// Returns `true` with this chance, 0 to 1.
     pub fn strikes(&mut self, chance: f64) -> bool {
-        // The upper 53 bits: every such number is an f64, and below 1.
+        // The upper 53 bits fit exactly in an f64 and give a number below 1.
         #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
         let part = (self.next_number() >> 11) as f64 / (1_u64 << 53) as f64;
         part < chance
     }
 
-    /// A time from 0 to `most`.
+    /// Returns a time from 0 to `most`.
     pub fn up_to(&mut self, most: Duration) -> Duration {
         self.around(most / 2, most / 2).min(most)
     }
 
-    /// A time from `middle` − `spread` to `middle` + `spread`, each nanosecond as likely as any other; never negative.
+    /// Returns a time from `middle` − `spread` to `middle` + `spread`. All nanoseconds are equally likely. It
+    /// is never negative.
     pub fn around(&mut self, middle: Duration, spread: Duration) -> Duration {
         if spread.is_zero() {
             return middle;

@@ -1,10 +1,11 @@
-//! Recordings: the frames in what was captured.
+//! Recordings: the frames in a capture.
 //!
-//! Three forms are read, and told apart by themselves:
+//! The reader recognises three forms:
 //!
-//! - raw bytes: frames one behind the other;
+//! - raw bytes: frames one after the other;
 //! - a log: frames with any text around them, such as the output of `tcpdump -A`;
-//! - a [`transcript`]: one write of one side a line. It alone tells sides and times, and [`transcript::line`] writes it.
+//! - a [`transcript`]: one write of one side a line. Only this form contains sides and times, and
+//!   [`transcript::line`] writes it.
 
 mod log;
 pub mod transcript;
@@ -17,18 +18,20 @@ use r6_proto::time::Instant;
 
 use crate::conversation::Side;
 
-/// The longest recording that is read, bytes: hours of traffic, and what a usual machine has in memory.
+/// The longest recording that is read, in bytes: hours of traffic, and an amount that fits in the memory of
+/// an ordinary machine.
 pub const MAX_BYTES: usize = 256 * 1024 * 1024;
 
-/// The most frames of a recording, because a short frame takes more memory than its bytes. A frame has seldom less than 64 bytes.
+/// The most frames of a recording. A limit is needed because a short frame takes more memory than its bytes.
+/// A frame rarely has less than 64 bytes.
 pub const MAX_FRAMES: usize = MAX_BYTES / 64;
 
-/// What a recording holds.
+/// The content of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Recording {
-    /// The frames, whole and broken, in the order in which they ended.
+    /// The frames, complete and broken, in the order in which they ended.
     pub frames: Vec<Captured>,
-    /// How many bytes belong to no frame, blanks apart; 0 for a transcript.
+    /// How many bytes belong to no frame, without blanks; 0 for a transcript.
     pub other_bytes: usize,
 }
 
@@ -36,8 +39,8 @@ impl Recording {
     /// Reads a recording of any form.
     ///
     /// # Errors
-    /// [`TooLong`] if there are more than [`MAX_BYTES`] bytes or [`MAX_FRAMES`] frames. Any other bytes are a recording; if they have
-    /// no frame, its list of frames is empty.
+    /// [`TooLong`] if there are more than [`MAX_BYTES`] bytes or [`MAX_FRAMES`] frames. All other bytes are a
+    /// valid recording. If they contain no frame, the list of frames is empty.
     pub fn read(input: &[u8]) -> Result<Self, TooLong> {
         if input.len() > MAX_BYTES {
             return Err(TooLong::Bytes);
@@ -66,31 +69,33 @@ impl Recording {
 pub struct Captured {
     /// Where it begins.
     pub place: Place,
-    /// Who sent it, if the recording tells.
+    /// Who sent it, if the recording says so.
     pub from: Option<Side>,
-    /// When its last byte was sent, if the recording tells; the origin is the moment when the connection was made.
+    /// When its last byte was sent, if the recording says so. The origin is the time when the connection was
+    /// made.
     pub time: Option<Instant>,
-    /// Its bytes; an error for what began as a frame and is none.
+    /// Its bytes; an error for bytes that begin like a frame but are not one.
     pub frame: Result<Vec<u8>, BrokenFrame>,
 }
 
 /// A place in a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// Bytes from the beginning of the recording; in a transcript, bytes of this side before it.
+    /// Bytes from the beginning of the recording; in a transcript, the number of earlier bytes from this
+    /// side.
     pub offset: u64,
     /// Line of the recording, counted from 1; in a transcript, the line with the last byte of the frame.
     pub line: usize,
 }
 
-/// Why something that began as a frame is none.
+/// Why bytes that begin like a frame are not one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BrokenFrame {
-    /// It is a printed Python dictionary, with single quotes: a program printed what it had read.
+    /// It is a printed Python dictionary with single quotes: a program printed the frame that it had read.
     PrintedPython,
-    /// Its first fault is one of JSON.
+    /// Its first fault is in the JSON.
     NoJson(JsonError),
-    /// Its first fault is one of brackets, strings or length.
+    /// Its first fault is in the brackets, in a string or in the length.
     Frame(FrameError),
 }
 
@@ -108,7 +113,7 @@ impl fmt::Display for BrokenFrame {
 
 impl std::error::Error for BrokenFrame {}
 
-/// A recording that is not read because it is too long.
+/// The recording is too long and is not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TooLong {
     /// More than [`MAX_BYTES`] bytes.

@@ -1,4 +1,4 @@
-//! The judge takes any frames: it never panics, and what it says and keeps is bounded.
+//! Tests that the judge accepts any frames: it never panics, and its findings and its memory are bounded.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -8,7 +8,7 @@ use r6_traffic::conversation::{MAX_OPEN, Side};
 use r6_traffic::judge::{FrameKind, Judge, SUMMARY_CHARS};
 use r6_traffic::recording::Recording;
 
-/// Frames of the golden vectors, some bytes of which are changed, and any bytes.
+/// Frames of the golden vectors with some bytes changed, and random bytes.
 fn frame() -> impl Strategy<Value = Vec<u8>> {
     let frames: Vec<_> = vector::all().into_iter().map(|vector| vector.frame).collect();
     let changes = vec((any::<Index>(), any::<u8>()), 0..4);

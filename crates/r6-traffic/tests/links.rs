@@ -1,5 +1,5 @@
-//! What faults do to a link, without sockets: what must come through does, whole and in order; what must not does not; and
-//! the same seed brings the same.
+//! Tests of the faults of a link, without sockets: frames arrive complete and in order or not at all, as the
+//! fault requires, and the same seed gives the same result.
 
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ fn ms(millis: u64) -> Duration {
     Duration::from_millis(millis)
 }
 
-/// What leaves for the client from `now` on, each with its time, until nothing is under way.
+/// Everything that leaves for the client from `now` on, with its time, until nothing is in transit.
 fn drain(link: &mut Link, mut now: Instant) -> Vec<(Instant, Delivery)> {
     let mut delivered = Vec::new();
     loop {
@@ -48,7 +48,7 @@ fn bytes_of(delivered: &[(Instant, Delivery)]) -> Vec<u8> {
     pieces.collect::<Vec<_>>().concat()
 }
 
-/// A frame with its number in each byte, so that no two are mistaken.
+/// Frames of random bytes, each with the pause before it in ns.
 fn frames() -> impl Strategy<Value = Vec<(u64, Vec<u8>)>> {
     prop::collection::vec((0..30_000_000_u64, prop::collection::vec(any::<u8>(), 1..300)), 1..30)
 }
@@ -199,10 +199,10 @@ proptest! {
     }
 }
 
-/// Gives a link frames of this length, in both directions, until it takes no more.
+/// Sends frames of this length, in both directions, until the link takes no more.
 fn fill(link: &mut Link, length: usize) {
     let frame = vec![7; length];
-    // Bytes fill it, or parcels, each of the most frames that are gathered.
+    // The limit is on bytes or on parcels. A parcel can hold the maximum number of gathered frames.
     let enough = MAX_WAITING_PARCELS * MOST_GATHERED + 1;
     let sent = length * (0..enough).take_while(|_| link.send(START, &frame)).count();
     let received: usize =
@@ -240,7 +240,7 @@ fn half_open_makes_deaf_what_is_there_and_for_ever() {
     assert!(link.is_deaf() && !link.notices_end() && !link.is_transparent());
     assert!(link.send(START, b"{}") && link.receive(START, b"{}") == 2);
     assert_eq!((link.poll_to_client(START), link.poll_to_controller(START)), (None, None));
-    // One that comes while it is in force is not struck, whatever else begins and ends.
+    // A connection made while the fault is in force is not struck, whatever else begins and ends.
     let mut link = Link::new(1, START, &half_open);
     link.set_faults(START, &[half_open[0], always(LinkFault::BlackHole)]);
     assert!(link.is_transparent());
@@ -276,7 +276,7 @@ fn a_chance_of_a_connection_is_drawn_once() {
     assert!((250..350).contains(&deaf.count()));
 }
 
-/// What was told of strikes after a frame and a read.
+/// The reported strikes after a frame and a read.
 fn told(link: &mut Link) -> Vec<LinkFault> {
     assert!(link.send(START, b"abcdefgh"));
     assert_eq!(link.receive(START, b"abc"), 3);
@@ -310,7 +310,7 @@ fn each_fault_that_strikes_is_told_once_and_no_other_is() {
 fn a_fault_of_which_nothing_was_felt_is_not_told() {
     let slow = LinkFault::Slow { bytes_per_second: 1000 };
     assert_eq!(with(&[slow, LinkFault::Noise, LinkFault::CloseBeforeReply]).poll_strike(), None);
-    // Deaf already: nothing is left that could be struck.
+    // The link is deaf already, so nothing else can be struck.
     let mut link = with(&[LinkFault::Silence, LinkFault::CloseBeforeReply]);
     assert_eq!(told(&mut link), [LinkFault::Silence]);
 }
@@ -407,7 +407,7 @@ fn noise_strikes_as_many_bytes_as_it_should_and_in_three_ways() {
     for chance in [0.0, 0.001, 0.02, 0.5] {
         let mut link = Link::new(9, START, &[LinkFaultNow { fault: LinkFault::Noise, chance }]);
         let sent: Vec<u8> = (0..length).map(|n: u32| n.to_le_bytes()[0]).collect();
-        // One byte for each frame, so that what became of it is seen.
+        // Each frame has one byte, so the effect on it is visible.
         let (mut changed, mut lost, mut followed) = (0, 0, 0);
         for byte in &sent {
             assert!(link.send(START, &[*byte]));

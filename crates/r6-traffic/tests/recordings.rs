@@ -1,4 +1,5 @@
-//! What is written as a transcript is read again, however it is cut, and frames are found in whatever stands around them.
+//! Tests that a written transcript can be read again, however it is cut, and that frames are found between
+//! any other bytes.
 
 use std::path::Path;
 use std::time::Duration;
@@ -14,12 +15,12 @@ use r6_traffic::recording::{Captured, Place, Recording};
 
 const SIDES: [Side; 2] = [Side::Pc, Side::Controller];
 
-/// The frames of the golden vectors that can be read.
+/// The frames of the golden vectors that can be decoded.
 fn frames() -> Vec<Vec<u8>> {
     vector::all().iter().filter_map(|vector| vector.decodable().map(<[u8]>::to_vec)).collect()
 }
 
-/// What one side sends: frames, parts of frames, and anything.
+/// The bytes of one side: frames, parts of frames, and other bytes.
 fn stream() -> impl Strategy<Value = Vec<u8>> {
     let whole = select(frames()).boxed();
     let part = (select(frames()), 0..100_usize).prop_map(|(frame, at)| frame[..at.min(frame.len())].to_vec());
@@ -27,7 +28,7 @@ fn stream() -> impl Strategy<Value = Vec<u8>> {
     vec(prop_oneof![4 => whole, 1 => part, 2 => other], 0..6).prop_map(|parts| parts.concat())
 }
 
-/// The streams of both sides, cut at random and mixed, with times.
+/// The streams of both sides, cut and mixed at random, with times.
 fn writes() -> impl Strategy<Value = Vec<Write>> {
     let pieces = vec((any::<bool>(), 1..200_usize, 0..50_u64), 0..60);
     ([stream(), stream()], pieces).prop_map(|(streams, pieces)| {
@@ -57,7 +58,7 @@ fn read(text: &str) -> Vec<Captured> {
     Recording::read(text.as_bytes()).unwrap().frames
 }
 
-/// All that one side wrote.
+/// All bytes that one side wrote.
 fn bytes_of(side: Side, writes: &[Write]) -> Vec<u8> {
     let own = writes.iter().filter(|write| write.from == side);
     own.flat_map(|write| write.bytes.clone()).collect()

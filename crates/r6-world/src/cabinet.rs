@@ -1,4 +1,4 @@
-//! The host that a controller runs on, its door, its disk, and the people who stand there.
+//! The host of a controller: its door, its disk, and the people at the machine.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -19,10 +19,11 @@ use crate::saved_registers::STATE;
 use crate::shared::{Shared, State, now};
 use crate::wire::{CAMERA_PORT, PORT, Served};
 
-/// No cabinet has more tasks: one for each connection, camera and deed, and those that keep its time and its state.
+/// The maximum number of tasks of a host: one for each connection, camera and deed, and the tasks for its
+/// time and its state.
 const MOST_TASKS: usize = 80;
 
-/// The program of the host: from its start to its end, which is that of its process.
+/// The program of the host. It runs until the host's process ends.
 pub async fn run(shared: Shared, robot: usize) -> turmoil::Result {
     let simulation = start(&shared, robot).await?;
     let handle = simulation.controllers().first().ok_or("no controller")?.clone();
@@ -58,7 +59,7 @@ async fn start(shared: &Shared, robot: usize) -> Result<Simulation, Box<dyn std:
     shared.state().floors[robot].boots(at, again, plan.keeps);
     let mut profile = Profile::named(plan.profile).ok_or("no such profile")?;
     if shared.plan.classes.contains(&Class::E6) {
-        // Whoever finds another one at the address can see it.
+        // A client that reaches another robot at this address can see the difference.
         profile.version = format!("{}-{robot}", profile.version);
     }
     if plan.arms_itself {
@@ -79,7 +80,7 @@ async fn start(shared: &Shared, robot: usize) -> Result<Simulation, Box<dyn std:
     Ok(Simulation::start_in_memory(settings).await?)
 }
 
-/// Looks at it now and then, and at what it takes of the system.
+/// Reads the controller's snapshot from time to time, and checks its number of tasks.
 async fn look(shared: Shared, robot: usize, handle: ControllerHandle) {
     let every = shared.plan.robots[robot].looked_at;
     loop {
@@ -98,7 +99,7 @@ async fn people(shared: Shared, robot: usize, handle: ControllerHandle) {
         sleep(wait).await;
         operate(&shared, robot, &handle, &action);
     }
-    // When all is over somebody sees to the machine, once.
+    // After the faults are over, a person restores the machine, once.
     while !shared.is_quiet() {
         sleep(Duration::from_millis(50)).await;
     }
@@ -127,20 +128,20 @@ async fn people(shared: Shared, robot: usize, handle: ControllerHandle) {
     shared.state().floors[robot].is_seen_to = true;
 }
 
-/// Whether a program of this robot, with calls that are slow, may still do what raises an alarm.
+/// Whether a program of this robot with slow calls may still cause an alarm.
 fn somebody_is_slow(shared: &Shared, robot: usize) -> bool {
     let state = shared.state();
     let mut lines = shared.plan.clients.iter().zip(&state.lines);
     shared.plan.drivers.are_slow() && lines.any(|(plan, line)| plan.robot == robot && !line.is_done)
 }
 
-/// Whether it waits for remote commands.
+/// Whether the controller waits for remote commands.
 fn is_ready(handle: &ControllerHandle) -> bool {
     let seen = handle.snapshot();
     seen.alarm == 0 && !seen.emergency_stop && seen.program == "remote" && seen.mode.may_run()
 }
 
-/// Somebody does something; whatever may set the arm in motion is known before it does.
+/// A person operates the panel. Actions that may start a motion are recorded before they happen.
 fn operate(shared: &Shared, robot: usize, handle: &ControllerHandle, action: &PanelAction) {
     let starts = match action {
         PanelAction::Press(button) => !matches!(button, Button::Stop | Button::Pause),
@@ -185,7 +186,7 @@ async fn dial(shared: Shared, handle: ControllerHandle, number: usize) {
     }
 }
 
-/// Takes connections as the door says.
+/// Accepts connections according to the door.
 async fn serve(
     shared: Shared,
     robot: usize,
@@ -201,9 +202,10 @@ async fn serve(
                 listener = None;
                 door.changed().await?;
             }
-            // The connections that are wanted stand in the queue of the port, and nobody takes them.
+            // Attempts to connect stay in the queue of the port, and nothing accepts them.
             Door::Silent => door.changed().await?,
-            // In an order of their own: that in which a runtime drops its tasks is another each time.
+            // Abort the connections in a fixed order, because a runtime drops its tasks in a different order
+            // each time.
             Door::Dies => {
                 connections.iter().for_each(JoinHandle::abort);
                 return std::future::pending().await;

@@ -1,4 +1,5 @@
-//! A camera: it answers photos and sends points, late, not at all, or in rubbish where the plan says so.
+//! A camera. It answers photo requests and sends points. If the plan says so, it is late, silent, or sends
+//! rubbish.
 
 use std::time::Duration;
 
@@ -13,7 +14,7 @@ use crate::plan::Temper;
 use crate::shared::Shared;
 use crate::wire::{CAMERA_PORT, Dialler, End};
 
-/// What a broken camera says.
+/// What a broken camera sends.
 const RUBBISH: [&str; 5] = [
     "{\"reqType\":\"AddPoints\",\"dsData\":[{\"camID\":\"0\",\"data\":[{\"X\":\"NaN\"",
     "{\"reqType\":\"photo\",\"camID\":\"x\",\"ret\":\"9\"}",
@@ -34,7 +35,7 @@ pub async fn run(shared: Shared, number: usize) -> turmoil::Result {
         return talk_rubbish(&mut dialler, &mut random).await;
     }
     let settings = RobotSettings {
-        // Where it is dialled, it waits for as long as it takes.
+        // A camera that is dialled waits for the controller as long as needed.
         connect_timeout: if plan.is_dialled { Duration::from_secs(600) } else { Duration::from_secs(2) },
         reconnect: Reconnect { jitter_seed: Some(plan.seed), ..Reconnect::default() },
         ..RobotSettings::default()
@@ -75,14 +76,14 @@ pub async fn run(shared: Shared, number: usize) -> turmoil::Result {
             };
             let ended = robot.serve_photos(look).await;
             shared.tell(format_args!("camera-{number}: {ended}"));
-            // The connection is made anew by a look.
+            // Reading the status reconnects.
             drop(robot.status().await);
             sleep(Duration::from_millis(100)).await;
         }
     }
 }
 
-/// Each has a place of its own.
+/// Every point has a different place.
 fn point(camera: usize, number: i32) -> Point {
     let camera = i32::try_from(camera).unwrap_or(0);
     Point {
@@ -99,7 +100,7 @@ fn point(camera: usize, number: i32) -> Point {
     }
 }
 
-/// Takes a connection, says rubbish over it, ends it, and begins anew.
+/// Accepts a connection, sends rubbish over it, ends it, and starts again.
 async fn talk_rubbish(dialler: &mut Dialler, random: &mut Random) -> turmoil::Result {
     use r6_client::Connect;
     loop {

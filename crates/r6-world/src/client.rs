@@ -1,4 +1,5 @@
-//! The program of a client: it watches, asks, writes, moves and stops, until all is quiet; then it shows that all works again.
+//! The program of a client. It watches, queries, writes, moves and stops until the faults are over. Then it
+//! shows that everything works again.
 
 mod driving;
 mod mishaps;
@@ -20,20 +21,20 @@ use crate::plan::{ClientPlan, Drivers, RobotPlan};
 use crate::shared::{Shared, now};
 use crate::wire::{Dialler, End};
 
-/// No call takes longer, whatever is broken.
+/// The maximum time of a call, whatever is broken.
 const LONGEST_CALL: Duration = Duration::from_secs(60);
 
-/// When the faults are over and the machine is seen to, all works again within this time.
+/// After the faults are over and the machine is restored, everything must work again within this time.
 const RECOVERS_WITHIN: Duration = Duration::from_secs(45);
 
-/// No program of a client has more tasks than these: its own, those of its handle, and those of its motion.
+/// The maximum number of tasks of a client's program: its own, those of its handle, and those of its motion.
 const MOST_TASKS: usize = 16;
 
 fn ms(millis: u64) -> Duration {
     Duration::from_millis(millis)
 }
 
-/// What each task of the program has.
+/// The data of each task of the program.
 #[derive(Clone)]
 struct Work {
     shared: Shared,
@@ -113,14 +114,14 @@ impl Work {
         self.shared.plan.clients[..self.index].iter().filter(|other| other.robot == self.plan.robot).count()
     }
 
-    /// Whether nobody else commands the robot.
+    /// Whether no other client commands the robot.
     fn is_alone(&self) -> bool {
         let clients = self.shared.plan.clients.iter().filter(|other| other.robot == self.plan.robot).count();
         let nobody_speaks = self.robot_plan().scenario.timeline.is_empty();
         clients == 1 && (nobody_speaks || self.shared.plan.trap == Some(Class::E5))
     }
 
-    /// Waits for a call, but no longer than any may take.
+    /// Waits for a call, at most for the time that any call may take.
     async fn bounded<T>(&self, what: &str, call: impl Future<Output = T>) -> T {
         match timeout(LONGEST_CALL, self.driven(call)).await {
             Ok(done) => {
@@ -137,7 +138,7 @@ impl Work {
         }
     }
 
-    /// The same; where its program is so, the call is dropped now and then, wherever it waits.
+    /// Like [`Self::bounded`], but if the program drops calls, it sometimes drops this one at any await.
     async fn perhaps<T>(&mut self, what: &str, call: impl Future<Output = T>) -> Option<T> {
         if self.plan.drops && self.random.strikes(0.15) {
             let patience = self.random.up_to(ms(120));

@@ -1,4 +1,5 @@
-//! A disk whose power can be cut: what was not brought to it by then is lost, in whole or in part, as the seed says.
+//! A disk whose power can be cut. Data that was not yet safe is then lost completely or partly, depending on
+//! the seed.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -9,13 +10,13 @@ use std::time::Duration;
 use r6_sim::{Disk, DiskStep};
 use r6_traffic::random::Random;
 
-/// The longest file that the state of one controller needs: a full one has some 20 KiB.
+/// The longest state file of one controller, in bytes. A full one has some 20 KiB.
 pub const MOST_BYTES: usize = 64 << 10;
 
-/// The most files: the state, the one that is written beside it, and damaged ones, of which there must be none.
+/// The maximum number of files: the state, and the new one beside it. Damaged files must not exist.
 pub const MOST_FILES: usize = 2;
 
-/// A disk; clones are the same. It outlives the controllers that write to it.
+/// A disk. Clones share the same disk. It outlives the controllers that write to it.
 #[derive(Clone, Debug)]
 pub struct SimDisk(Arc<Mutex<Platters>>);
 
@@ -23,13 +24,13 @@ pub struct SimDisk(Arc<Mutex<Platters>>);
 struct Platters {
     random: Random,
     files: Vec<Bytes>,
-    /// The names as the running system sees them, and as they are on the disk.
+    /// The names as the running system sees them (`names`), and as they are on the disk (`safe`).
     names: BTreeMap<PathBuf, usize>,
     safe: BTreeMap<PathBuf, usize>,
-    /// Changes of names that are not on the disk, in their order.
+    /// Changes of names that are not on the disk yet, in their order.
     pending: Vec<Renamed>,
     full: bool,
-    /// Writes that found no room since somebody asked.
+    /// Number of writes that found no room since the last call of `take_refused`.
     refused: u64,
 }
 
@@ -47,7 +48,7 @@ struct Renamed {
 }
 
 impl SimDisk {
-    /// An empty one.
+    /// Creates an empty disk.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let (files, names, safe, pending) = Default::default();
@@ -59,24 +60,24 @@ impl SimDisk {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether it takes no more bytes from now on.
+    /// Sets whether the disk is full and takes no more bytes.
     pub fn set_full(&self, full: bool) {
         self.platters().full = full;
     }
 
-    /// How many writes found no room since this was asked last.
+    /// Returns how many writes found no room since the last call.
     #[must_use]
     pub fn take_refused(&self) -> u64 {
         std::mem::take(&mut self.platters().refused)
     }
 
-    /// Whether there is this file.
+    /// Whether the file exists.
     #[must_use]
     pub fn has(&self, file: &Path) -> bool {
         self.platters().names.contains_key(file)
     }
 
-    /// How many files there are, and how long the longest is.
+    /// The number of files, and the length of the longest in bytes.
     #[must_use]
     pub fn extent(&self) -> (usize, usize) {
         let platters = self.platters();
@@ -84,7 +85,7 @@ impl SimDisk {
         (platters.names.len(), longest.map(|file| file.now.len()).max().unwrap_or(0))
     }
 
-    /// What a file has if the power fails now and nothing of what is not safe is there afterwards.
+    /// The content of a file if the power failed now and everything that is not safe were lost.
     #[must_use]
     pub fn surely(&self, file: &Path) -> Option<Vec<u8>> {
         let platters = self.platters();
@@ -92,11 +93,11 @@ impl SimDisk {
         found.map(|file| file.safe.clone())
     }
 
-    /// The power fails: of what is not safe any part is there afterwards.
+    /// Cuts the power. Any part of the data that is not safe may survive.
     pub fn cut_power(&self) {
         let mut platters = self.platters();
         let Platters { random, files, names, safe, pending, .. } = &mut *platters;
-        // Names are changed in their order, as a journal does it.
+        // Changes of names reach the disk in their order, as with a journal.
         let kept = random.below(pending.len() + 1);
         for change in pending.drain(..).take(kept) {
             change.apply(safe);

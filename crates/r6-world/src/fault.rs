@@ -1,4 +1,4 @@
-//! The classes of faults that a world is broken by, and the promises that it is held to.
+//! The classes of faults in a world, and the promises that are checked.
 
 /// One class of the catalogue (`docs/SIMULATION.md` has the table).
 #[expect(missing_docs, reason = "the table tells what each is")]
@@ -12,8 +12,8 @@ pub enum Class {
     E1, E2, E3, E4, E5, E6, E7, E8,
 }
 
-/// What each class does here, and what is counted of it once it took effect. "Done": it happened at the machine or the host; whether
-/// anybody noticed is not known.
+/// For each class: what it does here, and what is counted as one strike. "Done" means that it happened at the
+/// machine or the host; it is not known whether anything noticed.
 pub const CLASSES: [(Class, &str, &str); 52] = {
     use Class::*;
     [
@@ -81,7 +81,7 @@ pub enum Promise {
     Stopped, Whole, Gapless, Fresh, Meant, Owned, Soon, Driven,
 }
 
-/// What each promise says.
+/// The text of each promise.
 pub const PROMISES: [(Promise, &str); 21] = {
     use Promise::*;
     [

@@ -1,4 +1,4 @@
-//! Which faults took effect at a controller: what its log says of them, and what people did.
+//! Which faults took effect at a controller, from its log and from what people did.
 
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
@@ -12,32 +12,32 @@ use r6_controller::{Event, Key, LogEntry, PanelAction};
 use crate::fault::{CLASSES, Class};
 use crate::record::Record;
 
-/// The alarms of the soft limits, of eight axes each.
+/// The alarms of the soft limits, for eight axes each.
 const SOFT_LIMITS: [RangeInclusive<u32>; 2] = [130..=137, 140..=147];
 
-/// What a scenario has in force at a controller.
+/// The faults of a scenario that are in force at a controller.
 #[derive(Debug, Default)]
 pub struct FaultEffects {
     in_force: BTreeSet<String>,
-    /// Instructions that wait have been seen since the list was frozen.
+    /// Whether waiting instructions were seen since the list was frozen.
     waits: bool,
-    /// Another master speaks: what the next line tells is his.
+    /// Whether another master sends, so that the next line of the log is about its request.
     master_speaks: bool,
 }
 
 impl FaultEffects {
-    /// Whether the scenario has this fault in force.
+    /// Whether this fault of the scenario is in force.
     #[must_use]
     pub fn is_in_force(&self, word: &str) -> bool {
         self.in_force.contains(word)
     }
 
-    /// It was switched off: its scenario begins anew.
+    /// The controller was started again, and its scenario starts again.
     pub fn boots(&mut self) {
         *self = Self::default();
     }
 
-    /// An entry of the log; `moves`: whether the arm moves after it.
+    /// Reads an entry of the log. `moves`: whether the arm moves after it.
     pub fn read(&mut self, entry: &LogEntry, moves: bool, record: &mut Record) {
         let is_masters = std::mem::take(&mut self.master_speaks);
         let pause = |command: &str| ["modifyGSPD", "actionPause"].contains(&command);
@@ -84,13 +84,14 @@ impl FaultEffects {
         }
     }
 
-    /// The class of a fault that struck. Without mains every connection is half-open, which no fault has done.
+    /// The class of a fault that struck. Without mains every connection is half-open, which does not count as
+    /// a fault.
     fn class_in_force(&self, fault: &Fault) -> Option<Class> {
         let word = fault.word();
         (word != "half-open" || self.is_in_force(word)).then(|| class_of(word)).flatten()
     }
 
-    /// The machine may run, and has instructions that it does not begin where its list is frozen.
+    /// Records that the machine may run and has instructions. If the list is frozen, it does not begin them.
     pub fn has_instructions(&mut self, record: &mut Record) {
         if self.is_in_force("list-frozen") && !std::mem::replace(&mut self.waits, true) {
             record.strikes(Class::P11);
@@ -98,7 +99,7 @@ impl FaultEffects {
     }
 }
 
-/// The class of what a scenario has happen.
+/// The class of an event in a scenario.
 fn class_of_happening(what: &Happening) -> Option<Class> {
     match what {
         Happening::Request(_) => Some(Class::P14),
@@ -116,7 +117,7 @@ fn class_of(word: &str) -> Option<Class> {
     CLASSES.iter().map(|(class, ..)| *class).find(|class| format!("{class:?}") == *name)
 }
 
-/// The class of what a person does at a panel, once it is done.
+/// The class of a person's action at a panel, after it is done.
 #[must_use]
 pub fn class_of_deed(action: &PanelAction) -> Option<Class> {
     match action {

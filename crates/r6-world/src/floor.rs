@@ -1,4 +1,5 @@
-//! Who stands at a controller and counts: what it carried out, what it was when, and whether it moved when nothing may.
+//! The observer of a controller. It records what the controller executed and its values over time, and checks
+//! that it does not move when it must not.
 
 mod list;
 mod observed;
@@ -19,79 +20,80 @@ use crate::record::Record;
 use crate::saved_registers::SavedRegister;
 use observed::Sight;
 
-/// An arm that is stopped rests after this long at the latest (`docs/FIDELITY.md`: a pause takes half a second).
+/// The maximum time until a stopped arm is at rest (`docs/FIDELITY.md`: a pause takes half a second).
 const COMES_TO_REST: Duration = Duration::from_millis(700);
 
-/// After `actionStop` it rests this long after it at the latest (78 ms); it may be seen to stand when it is not quite at rest.
+/// The maximum time from `actionStop` to rest (78 ms). The arm can appear to stand just before it is at rest.
 const STOPS_WITHIN: Duration = Duration::from_millis(100);
 
-/// Clocks of hosts stand this far apart at most: each runs a step of the world by itself.
+/// The maximum difference between the clocks of hosts, because each host runs a step of the world alone.
 pub const SKEW: Duration = Duration::from_millis(3);
 
-/// Of the axes so many are looked at.
+/// How many axes are observed.
 const AXES: usize = 6;
 
-/// How the door is.
+/// The state of the door.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Door {
-    /// Whoever comes is served.
+    /// Connections are accepted.
     #[default]
     Open,
-    /// Whoever comes is refused.
+    /// Connections are refused.
     Refuses,
-    /// Nobody gets an answer.
+    /// Attempts to connect get no answer.
     Silent,
-    /// The process is being killed: all connections end.
+    /// The process is being killed, and all connections end.
     Dies,
 }
 
-/// What was seen at one controller.
+/// The observations of one controller.
 #[derive(Debug)]
 pub struct Floor {
     name: String,
     robot: usize,
-    /// When its present process was started.
+    /// When its current process started.
     booted: Duration,
     sights: VecDeque<Sight>,
-    /// What it carried out, by the number of the step.
+    /// The steps that it executed, by number.
     done: BTreeSet<i64>,
-    /// What left its list undone: it was cleared, replaced, or lost with the mains.
+    /// The steps that left its list without being executed: the list was cleared, replaced, or lost with the
+    /// mains.
     gone: BTreeSet<i64>,
     completed: u64,
-    /// The steps that were in its list when it was last seen.
+    /// The steps that were in its list at the last observation.
     ahead: VecDeque<i64>,
-    /// Lists that it took, and those that left for it.
+    /// The number of lists that it took, and of those sent to it.
     taken: u64,
     pub lists_sent: u64,
-    /// From when on no program may run: an alarm, an emergency stop or a start from the disk has ended it.
+    /// Since when no program may run, because of an alarm, an emergency stop or a start from the disk.
     rests: Option<Duration>,
-    /// From when on nothing may move, and where it then stood.
+    /// Since when nothing may move, and where the arm stood then.
     halted: Option<(Duration, Option<[f64; AXES]>)>,
     last_stop: Duration,
     last_start: Duration,
-    /// From when on it stands, as its only client was told, and where it then stood.
+    /// Since when it stands according to its only client, and where it stood then.
     told: Option<(Duration, Option<[f64; AXES]>)>,
-    /// When somebody set it in motion last, or sent what may.
+    /// When it was last set in motion, or was sent something that can do so.
     last_moved: Duration,
     /// When an alarm was raised last.
     last_alarm: Option<Duration>,
-    /// The last three instants at which it was fast enough to compare.
+    /// The last three observations that are far enough apart to compare.
     pace: VecDeque<Sight>,
     points: usize,
     numbers: BTreeSet<i64>,
-    /// What was acknowledged as kept is to be looked at when it is next seen.
+    /// Whether the acknowledged registers must be checked at the next observation.
     is_new: bool,
     starts: u64,
     pub door: watch::Sender<Door>,
-    /// What its scenario has in force.
+    /// The faults of its scenario that are in force.
     pub felt: FaultEffects,
-    /// Whether somebody has seen to the machine after all that went wrong.
+    /// Whether a person has restored the machine after the faults.
     pub is_seen_to: bool,
-    /// Acknowledged and sent values of the registers that are kept, by register.
+    /// The acknowledged and the sent values of the saved registers, by register.
     pub kept: std::collections::BTreeMap<u16, SavedRegister>,
 }
 
-/// What kept the machine at rest before somebody tried to set it in motion.
+/// What kept the machine at rest before an attempt to set it in motion.
 #[derive(Clone, Copy, Debug)]
 pub struct AtRest {
     rests: Option<Duration>,
@@ -99,7 +101,8 @@ pub struct AtRest {
     last_start: Duration,
 }
 
-/// What an instruction is known by: J2 in thousandths of a degree. Nobody sends the same twice, nought apart.
+/// The number that identifies an instruction: J2 in thousandths of a degree. No client sends a number twice,
+/// except 0.
 #[must_use]
 pub fn number_of(degrees: f64) -> i64 {
     #[expect(clippy::cast_possible_truncation, reason = "an angle")]
@@ -108,7 +111,7 @@ pub fn number_of(degrees: f64) -> i64 {
 }
 
 impl Floor {
-    /// Nobody has looked yet.
+    /// An observer that has seen nothing yet.
     #[must_use]
     pub fn new(robot: usize) -> Self {
         let (sights, done, gone, pace, numbers, kept) = Default::default();
@@ -142,12 +145,12 @@ impl Floor {
         }
     }
 
-    /// It was started; `again`: from what a disk had; `keeps`: it has one.
+    /// The controller started. `again`: from the state on its disk. `keeps`: it has a disk.
     pub fn boots(&mut self, at: Duration, again: bool, keeps: bool) {
         if !keeps {
             self.kept.values_mut().for_each(|kept| kept.acknowledged = 0);
         }
-        // A stop before it says nothing about what runs now.
+        // An earlier stop says nothing about what runs now.
         (self.booted, self.last_start, self.told) = (at, at, None);
         (self.completed, self.points, self.is_seen_to) = (0, 0, false);
         self.lose_list();
@@ -159,7 +162,8 @@ impl Floor {
         self.door.send_replace(Door::Open);
     }
 
-    /// Somebody who may sets it in motion; tells what was before, in case that it is refused.
+    /// An authorised source sets the machine in motion. Returns the earlier state, in case the request is
+    /// refused.
     pub fn starts(&mut self, at: Duration) -> AtRest {
         let before = AtRest { rests: self.rests, halted: self.halted, last_start: self.last_start };
         self.last_start = at;
@@ -167,12 +171,12 @@ impl Floor {
         before
     }
 
-    /// Somebody at the machine sets it in motion.
+    /// A person at the machine sets it in motion.
     pub fn is_moved_by_hand(&mut self, at: Duration) {
         (self.told, self.last_moved) = (None, at);
     }
 
-    /// A frame leaves for it that may set it in motion.
+    /// A frame that may set it in motion is sent to it.
     pub fn is_commanded(&mut self, at: Duration) {
         self.last_moved = at;
         if self.told.is_some_and(|(since, _)| at + SKEW >= since) {
@@ -180,16 +184,16 @@ impl Floor {
         }
     }
 
-    /// The only program that commands it was told that it stands: nothing that left before its stop may move it now. A program that hears
-    /// of it late says nothing of what was sent or done after the stop.
+    /// Its only commanding program heard that the arm stands. Nothing sent before the stop may move it now.
+    /// If the program hears this late, it says nothing about what was sent or done after the stop.
     pub fn is_told_to_stand(&mut self, at: Duration) {
         if self.last_moved < self.last_stop {
-            // It may be seen to stand when it is not quite at rest.
+            // The arm can appear to stand just before it is at rest.
             self.told = Some((at.max(self.last_stop + STOPS_WITHIN), None));
         }
     }
 
-    /// When it was told to stop last.
+    /// When it last received a stop.
     #[must_use]
     pub fn last_stop(&self) -> Duration {
         self.last_stop
@@ -201,19 +205,20 @@ impl Floor {
         self.last_alarm
     }
 
-    /// It was refused: all is as it was before.
+    /// The request was refused: restores the earlier state.
     pub fn was_refused(&mut self, before: AtRest) {
         (self.rests, self.halted, self.last_start) = (before.rests, before.halted, before.last_start);
     }
 
-    /// A client saw it stand after its stop: unless somebody started it since, it stands until somebody does.
+    /// A client saw the arm stand after its stop. Unless something started it since, it stands until it is
+    /// started again.
     pub fn stands(&mut self, at: Duration) {
         if self.last_start < self.last_stop && self.halted.is_none() {
             self.halted = Some((at.max(self.last_stop + STOPS_WITHIN), None));
         }
     }
 
-    /// Looks at a controller after something happened to it, with those who are connected to it.
+    /// Observes a controller after an event, together with the clients that are connected to it.
     pub fn look(
         &mut self,
         controller: &Controller,
@@ -246,7 +251,7 @@ impl Floor {
         }
     }
 
-    /// What the log says that sets it in motion, or ends that.
+    /// Reads from the log what sets the machine in motion or stops it.
     fn read(&mut self, at: Duration, event: &Event) {
         const STARTS: [&str; 5] =
             ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue", "switchMold"];
@@ -283,7 +288,7 @@ impl Floor {
                 self.last_alarm = Some(at);
             }
             Event::Happens { what: Happening::PowerCut { .. } } => {
-                // The brakes catch it at once, and nothing runs when they are back.
+                // The brakes stop it at once, and nothing runs when the power is back.
                 self.pace.clear();
                 self.rests.get_or_insert(at);
             }

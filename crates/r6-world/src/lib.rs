@@ -1,6 +1,8 @@
-//! Clients, controllers, cameras and disks in one process on virtual time, broken as a seed says, and held to their promises at every step.
+//! Clients, controllers, cameras and disks in one process on virtual time. A seed decides what breaks, and
+//! the promises are checked at every step.
 //!
-//! Each is a host of a simulated network (turmoil) with a clock of its own that nobody waits for; `docs/SIMULATION.md` tells what is there.
+//! Each of them is a host of a simulated network (turmoil) with a clock of its own. `docs/SIMULATION.md`
+//! describes the hosts.
 #![allow(
     clippy::indexing_slicing,
     reason = "numbers of robots and clients come from the plan that they are numbers of"

@@ -1,4 +1,4 @@
-//! Who reads along on the wires of one client, and knows what its program has asked for.
+//! The observer of one client's wires. It knows what the client's program asked for.
 
 mod arrival;
 mod connection;
@@ -20,74 +20,74 @@ use crate::record::Record;
 use connection::Connection;
 pub use driven::BEATS_EVERY;
 
-/// A program hears of the end of a connection within this time.
+/// The maximum time until a program hears that a connection ended.
 const HEARS_WITHIN: Duration = Duration::from_millis(25);
 
 /// A motion that is being streamed.
 #[derive(Debug)]
 struct Run {
     steps: BTreeSet<i64>,
-    /// When it was asked for.
+    /// When the program asked for it.
     begun: Duration,
-    /// The connection that it began on.
+    /// The connection on which it began.
     on: Option<usize>,
-    /// The program dropped its handle, or the call that begins it: the client carries it to its end.
+    /// The program dropped its handle, or the call that starts it. The client completes the motion.
     is_dropped: bool,
 }
 
-/// All connections of one client's program, or of those that came after it when it was killed.
+/// All connections of one client's program, including the programs that replaced it after it was killed.
 #[derive(Debug)]
 pub struct Line {
     robot: usize,
     patience: Duration,
     connections: Vec<Connection>,
-    /// Connections before the present program was started.
+    /// The number of connections before the current program started.
     before: usize,
     runs: BTreeMap<u64, Run>,
     next_run: u64,
     sent_steps: BTreeSet<i64>,
     values: BTreeMap<i64, u32>,
-    /// Where each numbered step leads: J1, degrees.
+    /// The target of each numbered step: J1, degrees.
     pub targets: BTreeMap<i64, f64>,
-    /// Calls under way that may send steps that nobody numbered.
+    /// Number of calls in progress that may send steps without a number.
     pub unnumbered: u32,
-    /// Starts that the program asked for, and those that left.
+    /// The number of starts that the program asked for, and of those sent.
     pub starts_asked: u64,
     starts_sent: u64,
-    /// The number that the next step has.
+    /// The number of the next step.
     pub next_step: i64,
-    /// The value that was written last.
+    /// The last written value.
     pub next_value: i64,
-    /// Whether its program has done its work, and whether all worked then.
+    /// Whether its program has finished its work, and whether everything worked then.
     pub is_done: bool,
     pub is_well: bool,
-    /// The number of connections, whenever it grows.
+    /// The number of connections; it is sent whenever it grows.
     pub news: watch::Sender<usize>,
     deaf: bool,
-    /// The network is away, and nothing has left since.
+    /// The network is held, and nothing was sent since.
     held: bool,
-    /// Who waits for bytes, by the number of the connection.
+    /// The wakers that wait for bytes, by the number of the connection.
     wakers: BTreeMap<usize, Waker>,
-    /// The robot that answers where its own should.
+    /// The robot that answers in place of its own.
     swapped: Option<usize>,
-    /// Connections before this one have ended, whatever their ends say.
+    /// Connections with a lower number than this have ended, whatever their two ends report.
     cut_before: usize,
-    /// When a stop, a pause or a clear left last.
+    /// When the last stop, pause or clear was sent.
     pub last_stop: Option<Duration>,
-    /// What is drawn for each call: whether it is slow, or dropped.
+    /// The random numbers that decide for each call whether it is slow or dropped.
     pub draws: Random,
-    /// Calls that are under way and polled when they are woken, and those that are not for a time.
+    /// The number of calls in progress that are polled when woken, and of those that sleep.
     pub awake: usize,
     pub asleep: usize,
-    /// Nothing passes, or nothing is read here; or since when all passes again.
+    /// Whether nothing passes or nothing is read here; and since when everything passes again.
     away: bool,
     passes_since: Duration,
-    /// Whether something goes on besides the calls that wait.
+    /// Whether there is activity besides the waiting calls.
     depends_on_keeper: bool,
 }
 
 impl Line {
-    /// Nobody has connected yet.
+    /// An observer without connections.
     #[must_use]
     pub fn new(plan: &ClientPlan) -> Self {
         let (connections, runs, sent_steps, values) = Default::default();
@@ -124,7 +124,7 @@ impl Line {
         }
     }
 
-    /// The program is killed: what it asked for is nobody's business any more.
+    /// The program was killed. What it asked for does not count any more.
     pub fn program_ends(&mut self) {
         self.runs.clear();
         (self.unnumbered, self.starts_asked) = (0, self.starts_sent);
@@ -141,30 +141,30 @@ impl Line {
         self.next_run
     }
 
-    /// Whether nothing is under way that may send a list, and the program is not on its first connection.
+    /// Whether no call that may send a list is in progress, and the program is past its first connection.
     #[must_use]
     pub fn is_free_to_be_hasty(&self) -> bool {
         !self.is_moving() && self.connections.len() > self.before + 1
     }
 
-    /// Nothing of it may leave any more.
+    /// The motion ended: nothing of it may be sent any more.
     pub fn run_ends(&mut self, run: u64) {
         self.runs.remove(&run);
     }
 
-    /// The program drops the motion. The rest of it may leave, until a stop is confirmed.
+    /// The program drops the motion. The rest of it may be sent until a stop is confirmed.
     pub fn run_is_dropped(&mut self, run: u64) {
         if let Some(run) = self.runs.get_mut(&run) {
             run.is_dropped = true;
         }
     }
 
-    /// A stop is confirmed: nothing of the motions that the program dropped may leave any more.
+    /// A stop is confirmed: nothing of the dropped motions may be sent any more.
     pub fn dropped_runs_end(&mut self) {
         self.runs.retain(|_, run| !run.is_dropped);
     }
 
-    /// How often this value left.
+    /// How often this value was sent.
     #[must_use]
     pub fn times_sent(&self, value: i64) -> u32 {
         self.values.get(&value).copied().unwrap_or(0)
@@ -176,13 +176,13 @@ impl Line {
         self.robot
     }
 
-    /// Whether these steps left.
+    /// Whether this step was sent.
     #[must_use]
     pub fn has_sent(&self, step: i64) -> bool {
         self.sent_steps.contains(&step)
     }
 
-    /// Reads nothing from now on, or goes on.
+    /// Stops or resumes reading.
     pub fn deafen(&mut self, deaf: bool, at: Duration) {
         (self.deaf, self.passes_since) = (deaf, at);
         self.wake();
@@ -192,20 +192,20 @@ impl Line {
         std::mem::take(&mut self.wakers).into_values().for_each(Waker::wake);
     }
 
-    /// Another robot answers from now on, or its own again; the connections that are there end.
+    /// Another robot answers from now on, or its own again. The existing connections end.
     pub fn swap(&mut self, to: Option<usize>) {
         self.swapped = to;
         self.cut_before = self.connections.len();
         self.wake();
     }
 
-    /// The robot that answers whoever dials now.
+    /// The robot that answers a connection attempt now.
     #[must_use]
     pub fn dials(&self) -> usize {
         self.swapped.unwrap_or(self.robot)
     }
 
-    /// Whether this connection was ended by what is between its ends.
+    /// Whether the network ended this connection.
     #[must_use]
     pub fn is_cut(&self, number: usize) -> bool {
         number < self.cut_before
@@ -222,7 +222,8 @@ impl Line {
         self.connections.len()
     }
 
-    /// Whether a value that was asked for then may be called fresh now: it may be of a connection that is alive and leads to its own robot.
+    /// Whether a value queried at `asked` may be fresh now. It must come from a connection that is alive and
+    /// leads to the client's own robot.
     #[must_use]
     pub fn may_be_fresh(&self, asked: Duration, at: Duration) -> bool {
         self.connections.iter().any(|connection| {
@@ -231,24 +232,24 @@ impl Line {
         })
     }
 
-    /// The network is away from now on, or there again.
+    /// The network is held from now on, or released.
     pub fn hold(&mut self, held: bool, at: Duration) {
         self.held = held;
         (self.away, self.passes_since) = (held, at);
     }
 
-    /// Something leaves: whether the network is away, and nothing else has left since.
+    /// Something is sent. Returns whether the network is held and this is the first thing sent since.
     pub fn feels_hold(&mut self) -> bool {
         std::mem::take(&mut self.held)
     }
 
-    /// Whether a motion that its program waits for is under way.
+    /// Whether a motion that its program waits for is in progress.
     #[must_use]
     pub fn is_moving(&self) -> bool {
         self.runs.values().any(|run| !run.is_dropped) || self.unnumbered > 0
     }
 
-    /// Whether nothing came over this connection yet.
+    /// Whether nothing has arrived over this connection yet.
     #[must_use]
     pub fn has_heard_nothing(&self, number: usize) -> bool {
         self.connections[number].marks.is_empty() && self.connections[number].forgotten == 0
@@ -260,13 +261,13 @@ impl Line {
         self.deaf
     }
 
-    /// A connection was made; its number.
+    /// A connection was made. Returns its number.
     pub fn connected(&mut self, robot: usize, at: Duration, record: &mut Record) -> usize {
         if self.connections.len() > self.before {
             record.tally.reconnects += 1;
         }
         if let Some(last) = self.connections.last_mut() {
-            // What came over it and was not delivered never will be.
+            // Bytes that were not yet delivered never will be.
             last.begun = Vec::new();
         }
         if robot != self.robot {

@@ -1,4 +1,4 @@
-//! Runs worlds: `make sim SEEDS=1000`, or one of them with everything that happens in it: `make sim SEED=7`.
+//! Runs worlds: `make sim SEEDS=1000`, or one world with all its events: `make sim SEED=7`.
 
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
@@ -13,47 +13,49 @@ use r6_world::record::{Tally, Violation};
 use r6_world::report::{self, Course};
 use r6_world::world::{self, Outcome};
 
-/// Each tenth seed runs twice, and has to be the same both times.
+/// Every tenth seed runs twice, and must give the same result both times.
 const TWICE_EVERY: u64 = 10;
 
-/// So many seeds show every fault and every promise.
+/// This many seeds show every fault and every promise.
 const ENOUGH_SEEDS: u64 = 1000;
 
-/// More seeds than anybody has time for.
+/// The upper limit, which no run needs.
 const MOST_SEEDS: u64 = 1_000_000_000;
 
-/// So many failures are told.
+/// The maximum number of reported failures.
 const MOST_FAILURES: usize = 5;
 
-/// Clients, controllers, cameras and disks in one process, broken from a seed and held to their promises (docs/SIMULATION.md).
+/// Simulates clients, controllers, cameras and disks in one process, with faults from a seed, and checks the
+/// promises (docs/SIMULATION.md).
 #[derive(Parser)]
 #[command(
     after_help = "Examples:\n  r6-world --seeds 1000\n  r6-world --seeds 500 --drivers all\n  r6-world --seed 7 > seed-7.log    everything that happens, some thousand lines\n\n\
     Exit codes: 0 all hold, 1 one does not, 2 a wrong argument."
 )]
 struct Wanted {
-    /// How many seeds, one after the other. Each runs two worlds: one with any faults, and one with one trap.
+    /// How many seeds to run. Each seed runs two worlds: one with any faults, and one with one trap.
     #[arg(long, default_value_t = ENOUGH_SEEDS, value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     seeds: u64,
-    /// The first of them.
+    /// The first seed.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(..=u64::MAX - MOST_SEEDS))]
     from: u64,
-    /// One seed alone, with everything that happens in it.
+    /// Run one seed only, and print all its events.
     #[arg(long, value_name = "SEED", conflicts_with_all = ["seeds", "from", "jobs", "markdown"])]
     seed: Option<u64>,
-    /// How many at the same time; as many as there are cores where it is not said.
+    /// How many worlds run at the same time; default: the number of cores.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=64))]
     jobs: Option<u16>,
-    /// Only worlds in which one class alone goes wrong: E1 to E8, P10; `all`: each seed has one of them.
+    /// Run only worlds with a single fault class: E1 to E8, P10. `all`: each seed has one of them.
     #[arg(long, value_name = "CLASS", value_parser = trap_of)]
     trap: Option<Trap>,
-    /// Calls that drive the connection badly for the others: `dropped` at any await, `slow` to be polled again, or `all` of that.
+    /// Make calls drive the connection badly for the others: `dropped` at any await, `slow` to be polled
+    /// again, or `all` for both.
     #[arg(long, value_name = "DRIVERS", value_parser = drivers_of)]
     drivers: Option<Drivers>,
-    /// Of one seed, only the outcome.
+    /// With one seed, print only the outcome.
     #[arg(long)]
     quiet: bool,
-    /// The section of docs/SIMULATION.md about the last run.
+    /// Print the section of docs/SIMULATION.md about the last run.
     #[arg(long)]
     markdown: bool,
 }
@@ -64,11 +66,11 @@ impl Wanted {
     }
 }
 
-/// What goes wrong alone.
+/// The single fault class.
 #[derive(Clone, Copy, Debug)]
 enum Trap {
     One(Class),
-    /// One after the other, by the seed.
+    /// One class after the other, by the seed.
     Each,
 }
 
@@ -125,7 +127,8 @@ fn worlds_of_a_seed(wanted: &Wanted) -> u64 {
     if wanted.trap.is_some() { 1 } else { 2 }
 }
 
-/// The seed and the trap of a world, counted from 0. Where no trap is wanted, every second world has the trap whose turn it is.
+/// The seed and the trap of a world, counted from 0. If no trap is chosen, every second world has a trap,
+/// each class in turn.
 fn world_of(number: u64, wanted: &Wanted) -> (u64, Option<Trap>) {
     if wanted.trap.is_some() {
         return (wanted.from + number, wanted.trap);
@@ -133,7 +136,7 @@ fn world_of(number: u64, wanted: &Wanted) -> (u64, Option<Trap>) {
     (wanted.from + number / 2, (!number.is_multiple_of(2)).then_some(Trap::Each))
 }
 
-/// Runs a seed, and some twice.
+/// Runs a seed; every tenth seed runs twice.
 fn run(seed: u64, trap: Option<Trap>, drivers: Drivers) -> Outcome {
     let plan = plan_of(seed, trap, drivers);
     let mut outcome = world::run_plan(plan.clone(), false);
@@ -152,7 +155,7 @@ fn many(wanted: &Wanted) -> ExitCode {
     let begun = Instant::now();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = wanted.jobs.map_or(cores, usize::from);
-    // On a terminal the line of progress is written over; in a log each would be a line of its own, and few will do.
+    // On a terminal the progress line is overwritten. In a log each would be a new line, so there are fewer.
     let in_place = std::io::stderr().is_terminal();
     let between = Duration::from_secs(if in_place { 1 } else { 30 });
     let next = AtomicU64::new(0);

@@ -1,24 +1,26 @@
-//! What controllers have written for clients, and what of it was read: bytes that nobody reads belong to a connection that nobody drives.
+//! What controllers have written for clients, and what clients have read. Unread bytes show that nothing
+//! drives the connection.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
-/// The two ends of a connection: the controller's, the client's.
+/// The two addresses of a connection: the controller's and the client's.
 pub type Ends = (SocketAddr, SocketAddr);
 
 /// All connections to controllers.
 #[derive(Debug, Default)]
 pub struct Pipes(BTreeMap<Ends, Pipe>);
 
-/// One connection, in the direction of the client.
+/// The direction of one connection to the client.
 #[derive(Debug, Default)]
 struct Pipe {
-    /// The client and the number of its connection; `None` for a camera, and before the client knows that it is connected.
+    /// The client and the number of its connection; `None` for a camera, and until the client knows that it
+    /// is connected.
     reader: Option<(usize, usize)>,
-    /// Bytes that were written and not read, and when they were written.
+    /// How many bytes were written but not read, by the time when they were written.
     unread: VecDeque<(Duration, usize)>,
-    /// One of its ends is gone.
+    /// Whether one end is gone.
     is_over: bool,
 }
 
@@ -28,7 +30,7 @@ impl Pipes {
         self.0.entry(ends).or_default().reader = Some((client, number));
     }
 
-    /// A controller wrote.
+    /// A controller wrote bytes.
     pub fn written(&mut self, ends: Ends, bytes: usize, at: Duration) {
         let pipe = self.0.entry(ends).or_default();
         if pipe.is_over {
@@ -40,7 +42,7 @@ impl Pipes {
         }
     }
 
-    /// A client read.
+    /// A client read bytes.
     pub fn read(&mut self, ends: Ends, mut bytes: usize) {
         let Some(pipe) = self.0.get_mut(&ends) else { return };
         while let Some((_, first)) = pipe.unread.front_mut() {
@@ -53,18 +55,19 @@ impl Pipes {
         }
     }
 
-    /// A client gave its end up.
+    /// A client closed its end.
     pub fn closed(&mut self, ends: Ends) {
         self.0.insert(ends, Pipe { is_over: true, ..Pipe::default() });
     }
 
-    /// A controller is gone at once, and what it wrote last is lost.
+    /// A controller is gone at once, and its last bytes are lost.
     pub fn lost(&mut self, controller: IpAddr) {
         let its = self.0.iter_mut().filter(|((near, _), _)| near.ip() == controller);
         its.for_each(|(_, pipe)| *pipe = Pipe { is_over: true, ..Pipe::default() });
     }
 
-    /// The connections of a client on which something is unread: the number of each, and when the oldest of it was written.
+    /// The connections of a client with unread bytes: the number of each, and when its oldest unread byte was
+    /// written.
     pub fn unread(&self, client: usize) -> impl Iterator<Item = (usize, Duration)> + '_ {
         self.0.values().filter_map(move |pipe| {
             let (reader, number) = pipe.reader?;

@@ -1,4 +1,4 @@
-//! What a seed says: who is there, what they do, and what goes wrong when.
+//! The plan of a seed: the hosts, what they do, and which faults occur when.
 
 mod draw;
 mod drivers;
@@ -15,10 +15,10 @@ use draw::Draw;
 pub use drivers::Drivers;
 pub use trap::{DWELLS, DWELLS_TEXT, TRAPS};
 
-/// Nothing goes wrong before all have connected.
+/// No faults occur before all clients have connected.
 const CALM: Duration = Duration::from_secs(2);
 
-/// An alarm that no manual has.
+/// An alarm that no manual lists.
 pub const NOBODYS_ALARM: u32 = 4711;
 
 /// A controller, its disk and the people around it.
@@ -30,21 +30,21 @@ pub struct RobotPlan {
     pub program: &'static str,
     /// Whether it has a disk.
     pub keeps: bool,
-    /// The seed of what it draws.
+    /// The seed for its random numbers.
     pub seed: u64,
-    /// What its scenario does, in the time of the world.
+    /// The events and faults of its scenario, in the time of the world.
     pub scenario: Scenario,
-    /// What people do.
+    /// The actions of people at its panel.
     pub people: Vec<(Duration, PanelAction)>,
-    /// When a photo is wanted.
+    /// When it requests a photo.
     pub photos: Vec<Duration>,
-    /// How often somebody looks at it besides.
+    /// How often its snapshot is read.
     pub looked_at: Duration,
-    /// Whether the values that it tells are those of the machine.
+    /// Whether its values are those of the machine.
     pub tells_values: bool,
-    /// Whether what it acknowledges is done.
+    /// Whether it executes what it acknowledges.
     pub does_what_it_says: bool,
-    /// Whether a list sets it in motion where no program waits for one (unit B).
+    /// Whether a list sets it in motion although no program waits for one (unit B).
     pub arms_itself: bool,
 }
 
@@ -53,49 +53,49 @@ pub struct RobotPlan {
 pub struct ClientPlan {
     /// Its robot.
     pub robot: usize,
-    /// The seed of what it draws.
+    /// The seed for its random numbers.
     pub seed: u64,
     /// The period of its subscription.
     pub every: Duration,
     /// How long it waits for replies and connections.
     pub patience: Duration,
-    /// Whether it keeps the watchdog fed.
+    /// Whether it feeds the watchdog.
     pub beats: bool,
     /// Whether it moves the arm.
     pub moves: bool,
-    /// Whether calls are dropped where they wait.
+    /// Whether calls are dropped while they wait.
     pub drops: bool,
-    /// What befalls its motions.
+    /// The mishap of its motions.
     pub mishap: Option<Mishap>,
     /// Whether it has a subscription.
     pub watches: bool,
-    /// Whether it asks for values.
+    /// Whether it queries values.
     pub asks: bool,
 }
 
-/// What befalls the motions of a client's program.
+/// A mishap of the motions of a client's program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mishap {
-    /// Each is stopped, at some time.
+    /// Each motion is stopped at a random time.
     Stopped,
-    /// It streams nothing: it stops what others have set in motion.
+    /// It streams nothing, and stops the motions of other sources.
     StopsOthers,
-    /// It stops the arm as soon as its connection has gone deaf (E3).
+    /// It stops the arm as soon as its connection becomes deaf (E3).
     StopsWhenDeaf,
-    /// Its own output fails, and it ends with that (E7).
+    /// Its own output fails, and its motion ends because of that (E7).
     OutputFails,
-    /// Whoever owns a motion is interrupted, from the first byte on (E8).
+    /// The owner of a motion is interrupted, possibly from the first byte on (E8).
     Interrupted,
 }
 
-/// How a camera is.
+/// The behaviour of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Temper {
     /// It answers each request with some points.
     Honest,
-    /// It takes its time, or sees nothing.
+    /// It is slow, or finds nothing.
     Slow,
-    /// It answers nothing, or rubbish.
+    /// It does not answer, or answers with rubbish.
     Bad,
 }
 
@@ -106,39 +106,40 @@ pub struct CameraPlan {
     pub robot: usize,
     /// Whether the controller dials it.
     pub is_dialled: bool,
-    /// How it is.
+    /// Its behaviour.
     pub temper: Temper,
-    /// The seed of what it draws.
+    /// The seed for its random numbers.
     pub seed: u64,
 }
 
-/// Something that the network, the mains or the systems do.
+/// An event from outside, in the network, the mains or the systems.
 #[expect(missing_docs, reason = "the fields are numbers in the plan")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Blow {
-    /// Nothing passes between a client and its robot: it waits until that is over.
+    /// Nothing passes between a client and its robot; packets wait until the release.
     Hold { client: usize },
-    /// It passes again.
+    /// Packets pass again.
     Release { client: usize },
     /// The process of a controller is killed.
     Kill { robot: usize },
     /// The power of a controller fails.
     CutPower { robot: usize },
-    /// It is started again.
+    /// The controller is started again.
     Boot { robot: usize },
     /// The process of a client is killed.
     KillClient { client: usize },
-    /// It is started again.
+    /// The client is started again.
     StartClient { client: usize },
-    /// A client reads nothing, or reads again.
+    /// A client stops reading, or reads again.
     Deafen { client: usize, deaf: bool },
     /// The disk is full, or has room again.
     FillDisk { robot: usize, full: bool },
-    /// Another robot answers a client where its own should, or its own again; the connections that are there end.
+    /// Another robot answers a client in place of its own, or its own answers again. The existing connections
+    /// end.
     Swap { client: usize, to: Option<usize> },
 }
 
-/// All that a seed says.
+/// Everything that a seed determines.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The seed.
@@ -151,13 +152,13 @@ pub struct Plan {
     pub clients: Vec<ClientPlan>,
     /// The cameras.
     pub cameras: Vec<CameraPlan>,
-    /// What strikes from outside, in its order.
+    /// The events from outside, in their order.
     pub blows: Vec<(Duration, Blow)>,
-    /// When everything that goes wrong is over.
+    /// When all faults are over.
     pub over: Duration,
-    /// The classes that are there.
+    /// The fault classes in this world.
     pub classes: Vec<Class>,
-    /// In a world where nothing else goes wrong: the one class that does.
+    /// The only fault class, in a world with a single one.
     pub trap: Option<Class>,
     /// How the calls of the clients drive their connections.
     pub drivers: Drivers,
@@ -168,7 +169,7 @@ fn ms(millis: u64) -> Duration {
 }
 
 impl Plan {
-    /// What this seed says.
+    /// The plan of this seed.
     #[must_use]
     pub fn of(seed: u64) -> Self {
         let mut random = Random::new(seed ^ 0x7236_776f_726c_6421);
@@ -196,7 +197,7 @@ impl Plan {
     }
 }
 
-/// What is left of a scenario when a controller is started at this time.
+/// The rest of a scenario for a controller that starts at this time.
 #[must_use]
 pub fn rest_of(scenario: &Scenario, since: Duration) -> Scenario {
     let mut rest = scenario.clone();

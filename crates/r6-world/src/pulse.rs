@@ -1,5 +1,5 @@
-//! Whether the clock of a world still goes: a host that goes round and round without ever waiting keeps it from going, and the world from
-//! ending.
+//! Watches that the clock of a world advances. A host that loops without waiting stops the clock, and the
+//! world never ends.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -7,21 +7,23 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread;
 use std::time::Duration;
 
-/// One step of a world takes a millisecond or less of real time: on no computer, however busy, so many seconds.
+/// One step of a world takes a millisecond or less of real time. Even on a busy computer it never takes this
+/// long.
 const STANDS_STILL: Duration = Duration::from_secs(30);
 
-/// Looks after the clock of a world, from a thread of its own, until this is dropped.
+/// Watches the clock of a world from a separate thread, until this value is dropped.
 ///
-/// Nobody can end a thread that never waits: where the clock stands, the seed is told and the process ends.
+/// A thread that never waits cannot be ended from outside. If the clock stops, the watcher prints the seed
+/// and ends the process.
 #[derive(Debug)]
 pub struct Pulse {
     steps: Arc<AtomicU64>,
-    /// Its end is told by dropping it.
+    /// Dropping it ends the watcher.
     _over: Sender<()>,
 }
 
 impl Pulse {
-    /// Looks after the world of this seed; `kind`: what `make sim` is told besides.
+    /// Watches the world of this seed. `kind`: the other arguments of `make sim`.
     #[must_use]
     pub fn of(seed: u64, kind: String) -> Self {
         let steps = Arc::new(AtomicU64::new(0));
@@ -40,7 +42,7 @@ impl Pulse {
         Self { steps, _over: over }
     }
 
-    /// The world has gone on by one step.
+    /// The world has advanced by one step.
     pub fn beat(&self) {
         self.steps.fetch_add(1, Ordering::Relaxed);
     }

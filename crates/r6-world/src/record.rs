@@ -1,4 +1,4 @@
-//! What happened in a world: a sum of all of it, the last of it in words, and the first promise that was broken.
+//! The record of a world: a checksum of all events, the last events as text, and the first broken promise.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -6,17 +6,17 @@ use std::time::Duration;
 
 use crate::fault::{CLASSES, Class, PROMISES, Promise};
 
-/// So many events are told with a failure.
+/// How many events are printed with a failure.
 const TOLD: usize = 60;
 
-/// The first promise that was broken.
+/// The first broken promise.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
-    /// Which.
+    /// The promise.
     pub promise: Promise,
     /// When, since the world began.
     pub at: Duration,
-    /// What was seen.
+    /// The observation.
     pub text: String,
 }
 
@@ -27,39 +27,39 @@ impl fmt::Display for Violation {
     }
 }
 
-/// What became of one class of faults.
+/// The counts of one fault class.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Faults {
-    /// Worlds whose seed says that it is there.
+    /// Worlds whose seed includes this class.
     pub drawn_in: u64,
     /// Worlds in which it took effect.
     pub felt_in: u64,
-    /// How often it did, as [`CLASSES`] counts it.
+    /// How often it took effect, as [`CLASSES`] counts it.
     pub strikes: u64,
 }
 
-/// Counts of what was done, for the table.
+/// Counts for the table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tally {
     /// How often each promise was checked.
     pub checks: [u64; PROMISES.len()],
-    /// Each class of faults.
+    /// The counts of each fault class.
     pub faults: [Faults; CLASSES.len()],
-    /// Milliseconds of the world's time.
+    /// Simulated time in milliseconds.
     pub millis: u64,
     /// Frames to and from the clients.
     pub frames: u64,
-    /// Motions that came to their end, and those that did not.
+    /// Motions that succeeded, and motions that failed.
     pub motions: [u64; 2],
-    /// Stops that were confirmed, and those that were not.
+    /// Stops that were confirmed, and stops that were not.
     pub stops: [u64; 2],
-    /// Requests with an answer, those that were not sent or refused, and those whose outcome is unknown.
+    /// Requests with a reply, requests not sent or refused, and requests with an unknown outcome.
     pub requests: [u64; 3],
-    /// Instructions that were carried out.
+    /// Executed instructions.
     pub instructions: u64,
     /// Controllers that were killed, and whose power was cut.
     pub restarts: [u64; 2],
-    /// Connections that were made anew by clients.
+    /// Reconnects of clients.
     pub reconnects: u64,
     /// Replies that did not come in time, and frames that answered nothing or could not be read.
     pub felt: [u64; 2],
@@ -93,7 +93,7 @@ impl Default for Tally {
 }
 
 impl Tally {
-    /// Adds another world's.
+    /// Adds the counts of another world.
     pub fn add(&mut self, other: &Self) {
         for (sum, more) in self.faults.iter_mut().zip(&other.faults) {
             sum.drawn_in += more.drawn_in;
@@ -118,30 +118,30 @@ impl Tally {
     }
 }
 
-/// What happened in one world.
+/// The events of one world.
 #[derive(Debug)]
 pub struct Record {
     told: VecDeque<String>,
     sum: u64,
     aloud: bool,
-    /// The first promise that was broken.
+    /// The first broken promise.
     pub violation: Option<Violation>,
     /// Counts.
     pub tally: Tally,
 }
 
 impl Record {
-    /// An empty one; `aloud`: every event is printed.
+    /// Creates an empty record. `aloud`: every event is printed.
     #[must_use]
     pub fn new(aloud: bool) -> Self {
         let (told, tally) = Default::default();
         Self { told, sum: 0xcbf2_9ce4_8422_2325, aloud, violation: None, tally }
     }
 
-    /// Something happened.
+    /// Records an event.
     pub fn tell(&mut self, at: Duration, what: fmt::Arguments<'_>) {
         let text = format!("{:>12.6} {what}", at.as_secs_f64());
-        // FNV-1a: nothing depends on more than that another event gives another sum.
+        // FNV-1a is enough, because a different event only needs to give a different sum.
         for byte in text.bytes() {
             self.sum = (self.sum ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
         }
@@ -154,7 +154,7 @@ impl Record {
         self.told.push_back(text);
     }
 
-    /// A promise was looked at.
+    /// Records the check of a promise.
     pub fn check(&mut self, promise: Promise, at: Duration, holds: bool, text: impl FnOnce() -> String) {
         self.tally.checks[promise.index()] += 1;
         if !holds && self.violation.is_none() {
@@ -164,18 +164,18 @@ impl Record {
         }
     }
 
-    /// The seed says that a fault of this class is there.
+    /// Records that the seed includes a fault of this class.
     pub fn draws(&mut self, class: Class) {
         self.tally.faults[class.index()].drawn_in = 1;
     }
 
-    /// A fault of this class took effect.
+    /// Records that a fault of this class took effect.
     pub fn strikes(&mut self, class: Class) {
         let faults = &mut self.tally.faults[class.index()];
         (faults.felt_in, faults.strikes) = (1, faults.strikes + 1);
     }
 
-    /// A sum of all that happened, in its order.
+    /// A checksum of all events in their order.
     #[must_use]
     pub fn sum(&self) -> u64 {
         self.sum

@@ -1,4 +1,4 @@
-//! What many seeds came to, as tables.
+//! The results of many seeds, as tables.
 
 use std::fmt::Write;
 use std::time::Duration;
@@ -11,25 +11,25 @@ use crate::world::Outcome;
 /// How many worlds were run, and how.
 #[derive(Clone, Debug)]
 pub struct Course {
-    /// The first seed that was wanted.
+    /// The first requested seed.
     pub from: u64,
-    /// How many were wanted.
+    /// The number of requested seeds.
     pub wanted: u64,
-    /// How many were run to their end.
+    /// The number of worlds that ran to their end.
     pub done: u64,
     /// Whether each seed ran a world with any faults and one with one trap.
     pub is_mixed: bool,
-    /// How the calls of the clients drove.
+    /// The drivers of the clients' calls.
     pub drivers: Drivers,
-    /// How many failed.
+    /// The number of failed worlds.
     pub failed: usize,
-    /// Worlds at the same time.
+    /// The number of worlds at the same time.
     pub jobs: usize,
     /// How long it took, in real time.
     pub took: Duration,
 }
 
-/// The section of `docs/SIMULATION.md` that tells of a run, as it stands there.
+/// The section of `docs/SIMULATION.md` about a run, ready for that page.
 #[must_use]
 pub fn section(course: &Course, tally: &Tally) -> String {
     let Course { from, wanted, done, is_mixed, drivers, failed, jobs, took } = course;
@@ -57,7 +57,7 @@ pub fn section(course: &Course, tally: &Tally) -> String {
     out
 }
 
-/// What was done in so many worlds, for whoever reads a terminal.
+/// The table of this many worlds, for a terminal.
 #[must_use]
 pub fn table(worlds: u64, tally: &Tally) -> String {
     let mut out = what_was_done(worlds, tally);
@@ -104,7 +104,7 @@ fn listed(numbers: &[u64]) -> String {
     numbers.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
 }
 
-/// What is told of a seed that failed, with the one command that shows all of it.
+/// The report of a failed seed, with the command that shows all its events.
 #[must_use]
 pub fn failure(outcome: &Outcome) -> Option<String> {
     let violation = outcome.violation.as_ref()?;
@@ -117,7 +117,7 @@ pub fn failure(outcome: &Outcome) -> Option<String> {
     Some(out)
 }
 
-/// The command that runs this world alone and shows all of it.
+/// The command that runs only this world and shows all its events.
 #[must_use]
 pub fn command(outcome: &Outcome) -> String {
     format!("make sim SEED={}{}", outcome.seed, kind_of(outcome))
@@ -127,13 +127,13 @@ fn kind_of(outcome: &Outcome) -> String {
     kind(outcome.trap, outcome.drivers)
 }
 
-/// What `make sim` is told besides the seed.
+/// The arguments of `make sim` besides the seed.
 #[must_use]
 pub fn kind(trap: Option<Class>, drivers: Drivers) -> String {
     trap.map_or(String::new(), |trap| format!(" TRAP={trap:?}")) + &chosen(drivers)
 }
 
-/// What `make sim` is told to have these drivers.
+/// The argument of `make sim` for these drivers.
 #[must_use]
 pub fn chosen(drivers: Drivers) -> String {
     if drivers == Drivers::AsTheyCome { String::new() } else { format!(" DRIVERS={drivers}") }

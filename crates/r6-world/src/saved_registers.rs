@@ -1,4 +1,5 @@
-//! Registers that a controller keeps: what it acknowledges is on its disk by then, and there again when it is switched on.
+//! Registers that a controller saves. An acknowledged value must be on its disk, and must be there after the
+//! next start.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,10 +9,10 @@ use crate::disk::SimDisk;
 use crate::fault::Promise;
 use crate::record::Record;
 
-/// The file that a controller keeps its state in.
+/// The file with the state of a controller.
 pub const STATE: &str = "state/controller-1.json";
 
-/// A register that is kept: what was acknowledged last, and what was sent last.
+/// A saved register: the last acknowledged and the last sent value.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SavedRegister {
     /// Acknowledged.
@@ -20,7 +21,7 @@ pub struct SavedRegister {
     pub sent: i64,
 }
 
-/// A value was acknowledged just now: if the power failed in this instant, it would be there.
+/// Checks a value that was just acknowledged: it must survive a power cut at this instant.
 pub fn look_at_disk(disk: &SimDisk, (register, value): (u16, i64), at: Duration, record: &mut Record) {
     let bytes = disk.surely(Path::new(STATE)).unwrap_or_default();
     let found = value_in(&String::from_utf8_lossy(&bytes), register);
@@ -29,7 +30,8 @@ pub fn look_at_disk(disk: &SimDisk, (register, value): (u16, i64), at: Duration,
     });
 }
 
-/// What a controller has that was switched on: the values that were acknowledged last, or some that were sent since.
+/// Checks a controller that was just started: each register must have its last acknowledged value, or a value
+/// that was sent later.
 pub fn compare(
     (name, saved): (&str, &str),
     kept: &BTreeMap<u16, SavedRegister>,
@@ -44,7 +46,7 @@ pub fn compare(
     }
 }
 
-/// The value of a register in a saved state; nought where there is none.
+/// The value of a register in a saved state; 0 if the state does not have it.
 fn value_in(saved: &str, register: u16) -> i64 {
     let saved: serde_json::Value = serde_json::from_str(saved).unwrap_or_default();
     saved["registers"][register.to_string()].as_i64().unwrap_or(0)

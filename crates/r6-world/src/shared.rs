@@ -1,4 +1,4 @@
-//! What everybody in a world sees: one record, one floor for each controller, one line for each client.
+//! The shared state of a world: one record, one `Floor` for each controller, one `Line` for each client.
 
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
@@ -15,18 +15,18 @@ use crate::plan::{Plan, RobotPlan};
 use crate::record::Record;
 use crate::wire::End;
 
-/// The state of a world. Clones are the same; nobody holds its lock while waiting.
+/// The state of a world. Clones share it. No task may hold its lock while it waits.
 #[derive(Clone, Debug)]
 pub struct Shared {
-    /// What the seed says.
+    /// The plan of the seed.
     pub plan: Arc<Plan>,
     state: Arc<Mutex<State>>,
 }
 
-/// The same, while it is held.
+/// The locked state.
 #[derive(Debug)]
 pub struct State {
-    /// What happened.
+    /// The events.
     pub record: Record,
     /// The controllers.
     pub floors: Vec<Floor>,
@@ -34,22 +34,22 @@ pub struct State {
     pub disks: Vec<SimDisk>,
     /// The clients.
     pub lines: Vec<Line>,
-    /// Connections that their controllers reset: from, to.
+    /// Connections that their controllers reset: (from, to).
     pub resets: BTreeSet<(SocketAddr, SocketAddr)>,
-    /// What controllers wrote and clients did not read.
+    /// Bytes that controllers wrote and clients did not read.
     pub pipes: Pipes,
-    /// Whether nothing goes wrong any more.
+    /// Whether the faults are over.
     pub quiet: bool,
 }
 
-/// The time of the world, on the host that asks.
+/// The time of the world on the calling host.
 #[must_use]
 pub fn now() -> Duration {
     turmoil::sim_elapsed().unwrap_or_default()
 }
 
 impl Shared {
-    /// A world before anything happened.
+    /// A world before its first event.
     #[must_use]
     pub fn new(plan: Plan, aloud: bool) -> Self {
         let state = State {
@@ -64,28 +64,28 @@ impl Shared {
         Self { plan: Arc::new(plan), state: Arc::new(Mutex::new(state)) }
     }
 
-    /// Takes hold of it.
+    /// Locks the state.
     pub fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Something happened.
+    /// Records an event.
     pub fn tell(&self, what: std::fmt::Arguments<'_>) {
         self.state().record.tell(now(), what);
     }
 
-    /// A promise was looked at.
+    /// Records the check of a promise.
     pub fn check(&self, promise: Promise, holds: bool, text: impl FnOnce() -> String) {
         self.state().record.check(promise, now(), holds, text);
     }
 
-    /// Whether nothing goes wrong any more.
+    /// Whether the faults are over.
     #[must_use]
     pub fn is_quiet(&self) -> bool {
         self.state().quiet
     }
 
-    /// A connection was made; its number.
+    /// A connection was made. Returns its number.
     pub fn connected(&self, end: End, robot: usize, ends: Option<Ends>) -> usize {
         let at = now();
         let mut state = self.state();
@@ -99,7 +99,7 @@ impl Shared {
         number
     }
 
-    /// Bytes left.
+    /// Bytes were sent.
     pub fn sent(&self, end: End, number: usize, bytes: &[u8]) {
         let at = now();
         let mut state = self.state();
@@ -121,7 +121,7 @@ impl Shared {
         }
     }
 
-    /// Bytes came.
+    /// Bytes arrived.
     pub fn received(&self, end: End, number: usize, bytes: &[u8]) {
         let at = now();
         let mut state = self.state();
@@ -134,7 +134,7 @@ impl Shared {
         lines[client].received(at, number, bytes, record);
     }
 
-    /// The number of the robot that somebody is connected to.
+    /// The number of the robot that this end is connected to.
     #[must_use]
     pub fn robot_number(&self, end: End) -> usize {
         match end {
@@ -155,7 +155,7 @@ impl Shared {
         }
     }
 
-    /// The robot that answers whoever dials from this end now.
+    /// The robot that answers a connection attempt from this end now.
     #[must_use]
     pub fn dials(&self, end: End) -> usize {
         match end {
@@ -164,7 +164,7 @@ impl Shared {
         }
     }
 
-    /// Whether this connection was ended by what is between its ends.
+    /// Whether the network ended this connection.
     #[must_use]
     pub fn is_cut(&self, end: End, number: usize) -> bool {
         match end {
@@ -173,7 +173,7 @@ impl Shared {
         }
     }
 
-    /// Whether nothing is read at this end now; then it is told when that is over.
+    /// Whether nothing is read at this end now. If so, the task is woken when that is over.
     pub fn is_deaf(&self, end: End, number: usize, cx: &Context<'_>) -> bool {
         match end {
             End::Client(client) => self.state().lines[client].is_deaf(number, cx),

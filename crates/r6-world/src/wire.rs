@@ -1,4 +1,4 @@
-//! The wires of a world: TCP of the simulated network, with somebody who reads along on the client's end.
+//! The wires of a world: TCP of the simulated network, observed at the client's end.
 
 use std::fmt;
 use std::io;
@@ -20,7 +20,7 @@ pub const PORT: u16 = 9760;
 /// The port that cameras listen on.
 pub const CAMERA_PORT: u16 = 9000;
 
-/// Who is at this end of a wire.
+/// The owner of this end of a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// A client of the plan.
@@ -29,15 +29,15 @@ pub enum End {
     Camera(usize),
 }
 
-/// Makes the connections of a client: to its robot, or, for a camera that is dialled, by waiting for it.
+/// Makes the connections of a client to its robot. For a camera that is dialled, it waits for the robot.
 pub struct Dialler {
-    /// What everybody sees.
+    /// The shared state.
     pub shared: Shared,
-    /// Who dials.
+    /// The end that dials.
     pub end: End,
     /// The name of the host.
     pub robot: String,
-    /// Where it is waited for, by who is dialled.
+    /// The listener of a camera that is dialled.
     pub listener: Option<TcpListener>,
 }
 
@@ -92,7 +92,7 @@ impl Attempt<'_> {
 }
 
 impl Drop for Attempt<'_> {
-    /// Whoever tried has no more patience.
+    /// The attempt timed out.
     fn drop(&mut self) {
         if self.is_answered {
             return;
@@ -112,7 +112,7 @@ pub struct Tapped {
     end: End,
     number: usize,
     ends: Option<Ends>,
-    /// It was asked for bytes while it read nothing.
+    /// Whether a read was tried while nothing was read here.
     waited: bool,
 }
 
@@ -153,7 +153,8 @@ impl AsyncRead for Tapped {
 }
 
 impl Tapped {
-    /// The simulated network knows no reset on purpose: who wants one says so, and the end that comes is taken for it.
+    /// The simulated network has no deliberate reset. The controller's end registers one, and the next end of
+    /// the connection counts as that reset.
     fn is_reset(&self) -> bool {
         match (self.stream.local_addr(), self.stream.peer_addr()) {
             (Ok(near), Ok(far)) => self.shared.state().resets.remove(&(far, near)),
@@ -198,7 +199,7 @@ impl Drop for Tapped {
 pub struct Served {
     /// The connection.
     pub stream: TcpStream,
-    /// What everybody sees.
+    /// The shared state.
     pub shared: Shared,
 }
 
@@ -239,14 +240,14 @@ impl AsyncWrite for Served {
     }
 }
 
-/// Every whole object in these bytes, nested ones too: where it begins and where it ends. What a reader with other rules for broken frames
-/// could take for a frame is among them.
+/// Every complete object in these bytes, including nested ones, with its start and its end. This includes
+/// everything that a reader with other rules for broken frames could take for a frame.
 pub fn whole_frames(bytes: &[u8]) -> impl Iterator<Item = (usize, usize)> + '_ {
     let begins = bytes.iter().enumerate().filter(|(_, byte)| **byte == b'{').map(|(at, _)| at);
     begins.filter_map(|begin| Some((begin, begin + length(&bytes[begin..])?)))
 }
 
-/// How long the object is that these bytes begin with.
+/// The length of the object at the beginning of the bytes.
 fn length(bytes: &[u8]) -> Option<usize> {
     let (mut depth, mut in_text, mut escaped) = (0_u32, false, false);
     for (at, byte) in bytes.iter().enumerate() {

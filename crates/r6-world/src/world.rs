@@ -1,4 +1,4 @@
-//! One world from its beginning to its end.
+//! One world from its start to its end.
 
 use std::cell::RefCell;
 use std::time::{Duration, SystemTime};
@@ -12,34 +12,34 @@ use crate::record::{Tally, Violation};
 use crate::shared::{Shared, State};
 use crate::{cabinet, camera, client};
 
-/// One step of the world: each host runs for so long before the next does.
+/// One step of the world. Each host runs this long before the next one runs.
 const STEP: Duration = Duration::from_millis(1);
 
-/// What was held up by a fault is through this long after it.
+/// Packets held up by a fault arrive within this time after it.
 const HELD_UP: Duration = Duration::from_millis(3500);
 
-/// When the faults are over, everything works again, one client after the other, in this time.
+/// After the faults are over, everything must work again, one client after the other, within this time.
 const ENDS_WITHIN: Duration = Duration::from_secs(200);
 
-/// Segments that wait at one end of a connection; then its writer waits.
+/// How many segments can wait at one end of a connection before its writer has to wait.
 const SEGMENTS: usize = 512;
 
 thread_local! {
     static PANICS: RefCell<Vec<String>> = const { RefCell::new(Vec::new()) };
 }
 
-/// What became of a world.
+/// The result of a world.
 #[derive(Debug)]
 pub struct Outcome {
     /// The seed.
     pub seed: u64,
-    /// The class of a world with one trap.
+    /// The class, in a world with one trap.
     pub trap: Option<Class>,
-    /// How the calls of its clients drove.
+    /// The drivers of its clients' calls.
     pub drivers: Drivers,
-    /// The first promise that was broken.
+    /// The first broken promise.
     pub violation: Option<Violation>,
-    /// A sum of all that happened.
+    /// A checksum of all events.
     pub sum: u64,
     /// Counts.
     pub tally: Tally,
@@ -47,7 +47,7 @@ pub struct Outcome {
     pub last: Vec<String>,
 }
 
-/// Has panics of this process told as broken promises of the worlds that they happen in.
+/// Turns panics of this process into broken promises of the world where they occur.
 pub fn catch_panics() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     ONCE.call_once(|| {
@@ -57,13 +57,13 @@ pub fn catch_panics() {
     });
 }
 
-/// Runs the world of a seed; `aloud`: prints everything that happens.
+/// Runs the world of a seed. `aloud`: prints every event.
 #[must_use]
 pub fn run(seed: u64, aloud: bool) -> Outcome {
     run_plan(Plan::of(seed), aloud)
 }
 
-/// Runs the world of a plan; `aloud`: prints everything that happens.
+/// Runs the world of a plan. `aloud`: prints every event.
 #[must_use]
 pub fn run_plan(plan: Plan, aloud: bool) -> Outcome {
     let (seed, trap, drivers) = (plan.seed, plan.trap, plan.drivers);
@@ -191,7 +191,8 @@ impl<'s> World<'s> {
         }
     }
 
-    /// A host is gone at once. Nobody is told: what is under way is lost, and what its sockets would say when they end.
+    /// Removes a host at once, without notice to the others. Packets in transit are lost, and so is what its
+    /// sockets would send when they close.
     fn crash(&mut self, name: &str) {
         let others: Vec<_> = self.hosts.iter().filter(|host| *host != name).cloned().collect();
         others.iter().for_each(|other| self.sim.partition(name, other.as_str()));
@@ -200,7 +201,7 @@ impl<'s> World<'s> {
         others.iter().for_each(|other| self.sim.repair(name, other.as_str()));
     }
 
-    /// Something strikes from outside.
+    /// Applies an event from outside.
     fn strike(&mut self, blow: Blow) {
         let at = self.sim.elapsed();
         self.shared.state().record.tell(at, format_args!("{blow:?}"));
@@ -241,7 +242,7 @@ impl<'s> World<'s> {
     }
 }
 
-/// What of a table has to show at least once with these drivers, and does not: the faults that took effect, and the promises that were
+/// What these drivers must show at least once but did not: faults that took effect, and promises that were
 /// checked.
 #[must_use]
 pub fn never_seen(tally: &Tally, drivers: Drivers) -> Vec<String> {

@@ -1,4 +1,5 @@
-//! Worlds whose calls drive badly: dropped at any await, or slow. Each is kept by its drivers, its trap, and its seed.
+//! Worlds whose calls drive badly: dropped at any await, or slow. Each is stored as its drivers, its trap,
+//! and its seed.
 
 use r6_world::fault::{Class, Promise};
 use r6_world::plan::{Drivers, Plan};
@@ -6,7 +7,7 @@ use r6_world::record::Tally;
 use r6_world::report;
 use r6_world::world::{self, Outcome};
 
-/// Worlds that hold.
+/// Worlds that must hold.
 const HOLD: [(Drivers, Option<Class>, u64); 16] = {
     use Class::*;
     use Drivers::*;
@@ -22,10 +23,10 @@ const HOLD: [(Drivers, Option<Class>, u64); 16] = {
         (All, None, 7),
         (All, None, 8),
         (All, Some(E8), 1),
-        // A motion left for what was seen seconds ago (I3).
+        // A motion was sent that relied on a status seconds old (I3).
         (All, None, 167),
         (All, Some(E5), 202),
-        // These broke with earlier worlds: a call that was slow raised an alarm when the machine had been seen to.
+        // These failed with earlier worlds: a slow call raised an alarm after the machine had been restored.
         (All, None, 1),
         (All, None, 112),
         (Slow, None, 24),
@@ -53,7 +54,7 @@ fn worlds_with_bad_drivers_hold() {
     assert!(tally.checks[Promise::Driven.index()] > 1000, "hardly anybody looks whether it is driven");
 }
 
-/// The same seed gives the same bytes and the same log; other drivers give others.
+/// The same seed gives the same bytes and the same log. Other drivers give other bytes.
 #[test]
 fn drivers_are_drawn_from_the_seed() {
     let sums = [Drivers::AsTheyCome, Drivers::Dropped, Drivers::Slow, Drivers::All].map(|drivers| {

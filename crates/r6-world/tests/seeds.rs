@@ -1,18 +1,19 @@
-//! Some dozens of worlds hold; `make sim` runs a thousand. Seeds that once found a fault stay here.
+//! Some dozens of worlds must hold; `make sim` runs a thousand. Seeds that once found a fault stay here.
 
 use r6_world::plan::Drivers;
 use r6_world::record::Tally;
 use r6_world::report;
 use r6_world::world;
 
-/// Worlds that see what worlds once found, where it is broken again: a motion that goes on over the next connection (27, 39 and 46 here, 7, 8 and
-/// 23 among the first), a list that is sent again after an unknown outcome (44, 46 and 48 here, 22 among the first). Which worlds do so changes
-/// with what clients do: `docs/SIMULATION.md` tells how that is tried. In 1844 a value was shown at a wrong address, after lists of wrong
-/// lengths; in 1235, too, after a reply that nobody had asked for. In 1198 steps were told as
-/// done while the arm made those of another master.
+/// Worlds that once found a fault and would find it again: a motion that continues over the next connection
+/// (27, 39 and 46 here, 7, 8 and 23 among the first), and a list that is sent again after an unknown outcome
+/// (44, 46 and 48 here, 22 among the first). Which worlds do so changes with the behaviour of clients:
+/// `docs/SIMULATION.md` says how to test it. In 1844 a value was shown at a wrong address, after lists of
+/// wrong lengths; also in 1235, after an unrequested reply. In 1198 steps counted as done while the arm
+/// executed those of another master.
 const FOUND: [u64; 8] = [27, 39, 44, 46, 48, 1198, 1235, 1844];
 
-/// Worlds of which at least two feel each class of faults.
+/// In at least two of these worlds, each class of faults takes effect.
 const FEEL: [u64; 15] = [5, 17, 21, 26, 30, 31, 33, 39, 41, 48, 58, 68, 71, 75, 244];
 
 fn hold(seeds: impl IntoIterator<Item = u64>) -> Tally {
@@ -27,12 +28,13 @@ fn hold(seeds: impl IntoIterator<Item = u64>) -> Tally {
     tally
 }
 
-/// Each class of faults takes effect, and each promise is looked at. Where another history has made it otherwise, `make sim` tells which
-/// seeds feel what.
+/// Each class of faults must take effect, and each promise must be checked. If a change moves the effects to
+/// other seeds, `make sim` shows which seeds have which.
 #[test]
 fn every_fault_is_felt() {
     let mut never = world::never_seen(&hold(FEEL), Drivers::AsTheyCome);
-    // Whoever compares two runs of a seed counts I9; the others belong to worlds with one trap (`traps.rs`).
+    // The comparison of two runs of a seed counts I9. The other promises belong to worlds with one trap
+    // (`traps.rs`).
     let elsewhere = |name: &str| name == "I9" || ["Owned", "Soon"].contains(&name) || name.starts_with('E');
     never.retain(|name| !elsewhere(name));
     assert!(never.is_empty(), "{never:?}");
@@ -53,12 +55,14 @@ fn worlds_that_see_what_was_once_found_hold() {
     hold(FOUND);
 }
 
-/// The same seed gives the same bytes on every wire and the same log, whatever ran before on the same thread, and another seed others.
+/// The same seed gives the same bytes on every wire and the same log, whatever ran before on the same thread.
+/// Another seed gives others.
 #[test]
 fn a_seed_says_everything() {
     world::catch_panics();
     let run = |seed| world::run(seed, false);
-    // In 6, 7 and 8 acknowledgements wait for the same write of a disk: woken in any order, they would leave in another one each time.
+    // In 6, 7 and 8 several acknowledgements wait for the same write to a disk. If they were woken in a
+    // random order, they would be sent in a different order each time.
     let (kills, cuts) = (6, 13);
     let [killed, cut, ..] = [kills, cuts, 7, 8].map(|seed| {
         let (one, again) = (run(seed), run(seed));

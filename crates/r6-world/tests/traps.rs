@@ -1,4 +1,5 @@
-//! Worlds in which one thing goes wrong that deceives a statement about an arm. Each is kept as a plan: the class and the seed say everything.
+//! Worlds with a single fault that deceives a statement about an arm. Each is stored as a plan: the class and
+//! the seed determine everything.
 
 use r6_world::fault::{CLASSES, Class, PROMISES, Promise};
 use r6_world::plan::{Plan, TRAPS};
@@ -6,7 +7,7 @@ use r6_world::record::Tally;
 use r6_world::report;
 use r6_world::world::{self, Outcome};
 
-/// Plans that hold.
+/// Plans that must hold.
 const HOLD: [(Class, u64); 47] = {
     use Class::*;
     [
@@ -28,7 +29,8 @@ const HOLD: [(Class, u64); 47] = {
         (E6, 19),
         (P10, 2),
         // The following plans broke a promise with an earlier client.
-        // Stopped: two reads of an arm that dwelt counted as proof of a standstill.
+        //
+        // Stopped: two reads of an arm that stood for a while counted as proof of a standstill.
         (E1, 1),
         (E1, 3),
         (E1, 14),
@@ -36,18 +38,19 @@ const HOLD: [(Class, u64); 47] = {
         // Soon: the stop waited for the timeouts of the deaf connection.
         (E3, 3),
         (E3, 4),
-        // Fresh: values of a connection that had ended stayed fresh.
+        // Fresh: values of an ended connection stayed fresh.
         (E3, 9),
         (E3, 16),
         // Stopped: the controller took a list after the stop had read an empty list.
         (E4, 1),
         (E4, 2),
         (E4, 3),
-        // Whole, by an earlier check: the list was cleared when the arm was as good as at its target.
+        // Whole, by an earlier check: the list was cleared when the arm had almost reached its target.
         (E5, 16),
         (E5, 17),
-        // Gapless: another client cleared the list, this one appended to it, and the cleared steps counted as carried out. 43 breaks
-        // it when `PathProgress` believes every length of the list (`make breaks`), the others broke it with an earlier client.
+        // Gapless: another client cleared the list, this one appended to it, and the cleared steps counted as
+        // executed. 43 breaks it if `PathProgress` trusts every length of the list (`make breaks`); the
+        // others broke it with an earlier client.
         (E5, 37),
         (E5, 43),
         (E5, 88),
@@ -60,12 +63,12 @@ const HOLD: [(Class, u64); 47] = {
         (E6, 4),
         (E6, 7),
         (E6, 12),
-        // Owned: the rest of a motion without an owner never left.
+        // Owned: the rest of a motion without an owner was never sent.
         (E7, 1),
         (E7, 9),
         (E8, 1),
         (E8, 9),
-        // Whole: accepted steps counted as carried out.
+        // Whole: accepted steps counted as executed.
         (P10, 1),
         (P10, 4),
     ]

@@ -69,11 +69,14 @@ const OFFLINE: [&str; 8] = ["up", "sim", "discover", "plot", "panel", "alarm", "
 /// The whole command line, for the parser and for the completions.
 fn command_line() -> clap::Command {
     let mut command = Cli::command();
-    let robot = command.get_arguments().find(|argument| argument.get_id() == "robot").cloned();
-    for (name, robot) in OFFLINE.into_iter().zip(std::iter::repeat(robot)) {
-        if let Some(robot) = robot {
-            command = command.mut_subcommand(name, |subcommand| subcommand.arg(robot.hide(true)));
-        }
+    let of_robots =
+        |argument: &&clap::Arg| ["robot", "type_key", "ds_id"].contains(&argument.get_id().as_str());
+    let of_robots: Vec<_> = command.get_arguments().filter(of_robots).cloned().collect();
+    for name in OFFLINE {
+        // `discover` asks robots, but not the robot of --robot.
+        let hidden = of_robots.iter().filter(|argument| name != "discover" || argument.get_id() == "robot");
+        let hidden: Vec<_> = hidden.map(|argument| argument.clone().hide(true)).collect();
+        command = command.mut_subcommand(name, |subcommand| subcommand.args(hidden));
     }
     command
 }
@@ -99,6 +102,7 @@ fn parse() -> Result<(Cli, ArgMatches), Box<clap::Error>> {
 /// Starts the log and runs the subcommand.
 fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     hint::remember(cli.robot.address(), robot_typed);
+    cli.robot.remember();
     if robot_typed && let Some(refused) = asks_no_robot(&cli.subcommand, cli.robot.address()) {
         return Err(refused);
     }

@@ -1,7 +1,11 @@
 //! Which robot a command is for, and the connection to it.
 
+use std::sync::OnceLock;
+
 use clap::Args;
 use r6_client::{RequestError, Robot, RobotSettings};
+use r6_proto::dialect::DsIdForm;
+use r6_proto::message::TypeKey;
 
 use crate::exit::{Exit, Failure};
 use crate::output::problem::Code;
@@ -22,14 +26,47 @@ pub struct RobotArgs {
         help_heading = "Global options"
     )]
     robot: String,
+    /// The key of a request's type, for firmware that wants another one
+    #[arg(
+        long,
+        global = true,
+        value_name = "KEY",
+        value_parser = ["reqType", "cmdType"],
+        default_value = "reqType",
+        hide_possible_values = true,
+        help_heading = "Global options"
+    )]
+    type_key: String,
+    /// The form of `dsID`, for older firmware: long or short (HCRemoteMonitor)
+    #[arg(
+        long,
+        global = true,
+        value_name = "FORM",
+        value_parser = ["long", "short"],
+        default_value = "long",
+        hide_possible_values = true,
+        help_heading = "Global options"
+    )]
+    ds_id: String,
 }
+
+/// The settings of this run of r6, once the command line is read.
+static SETTINGS: OnceLock<RobotSettings> = OnceLock::new();
 
 /// The settings of every connection to a robot.
 pub fn settings() -> RobotSettings {
-    RobotSettings::default()
+    SETTINGS.get().cloned().unwrap_or_default()
 }
 
 impl RobotArgs {
+    /// Keeps what the command line says of the wire, for [`settings`].
+    pub fn remember(&self) {
+        let type_key = if self.type_key == "cmdType" { TypeKey::CmdType } else { TypeKey::ReqType };
+        let ds_id = if self.ds_id == "short" { DsIdForm::Short } else { DsIdForm::Long };
+        // The first call counts, and there is no second.
+        let _ = SETTINGS.set(RobotSettings { type_key, ds_id, ..RobotSettings::default() });
+    }
+
     /// The address of the controller, as the user gave it.
     pub fn address(&self) -> &str {
         &self.robot

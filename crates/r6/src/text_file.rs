@@ -22,7 +22,7 @@ pub fn read_from(from: impl Read, source: &str, what: &str, most: usize) -> Resu
     }
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
-        format!("{source} cannot be read: {what} is UTF-8 text, and byte {at} is none")
+        format!("{source} cannot be read: {what} is UTF-8 text, and byte {at} is not")
     })
 }
 
@@ -39,6 +39,6 @@ mod tests {
         assert_eq!(read, Err("stdin is too long: a program has 4 bytes at most".to_owned()));
         assert_eq!(read_from("字字".as_bytes(), "stdin", "a program", 6), Ok("字字".to_owned()));
         let read = read_from(&b"ab\xffc"[..], "stdin", "a program", 6);
-        assert_eq!(read, Err("stdin cannot be read: a program is UTF-8 text, and byte 2 is none".to_owned()));
+        assert_eq!(read, Err("stdin cannot be read: a program is UTF-8 text, and byte 2 is not".to_owned()));
     }
 }

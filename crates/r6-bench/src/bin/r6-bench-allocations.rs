@@ -1,6 +1,6 @@
-//! Counts allocations per frame in steady state: one line for each path, the count first.
+//! Counts allocations per frame in the steady state. It prints one line for each path, the count first.
 //!
-//! Started by `make bench ARGS=allocations`.
+//! `make bench ARGS=allocations` starts it.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -37,10 +37,10 @@ use samples::Samples;
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
 
-/// Frames that count; as many come before them.
+/// The number of counted frames. The same number of frames comes before them.
 const FRAMES: usize = samples::FRAMES;
 
-/// Prints how often memory is asked for in each of so many frames, once as many have passed.
+/// Prints the average number of allocations per frame, after a warm-up with as many frames.
 fn tell(what: &str, mut each: impl FnMut(usize)) {
     (0..FRAMES).for_each(&mut each);
     let count = u32::try_from(allocations_during(|| (0..FRAMES).for_each(&mut each))).unwrap_or(u32::MAX);
@@ -70,12 +70,12 @@ fn codec() {
     }
 }
 
-/// The reply to a query, written as controllers write it.
+/// Writes the reply to a query as controllers write it.
 fn reply(writer: ReplyWriter<'_>, query: &Query<'_>, values: &[f64], out: &mut Vec<u8>) {
     writer.query(query.addresses, out, |data| values.iter().for_each(|value| data.decimal(*value)));
 }
 
-/// A query leaves, its reply comes and every value is read.
+/// Sends a query, receives its reply and reads every value.
 fn client(samples: &Samples) {
     let mut session = ClientSession::new(ClientSettings::default());
     let (mut decoder, mut answer) = (Decoder::new(), Vec::new());
@@ -103,7 +103,7 @@ fn client(samples: &Samples) {
     });
 }
 
-/// The frames of these requests, each with a number of its own.
+/// The frames of these requests, each with its own number.
 fn frames(samples: &Samples, request: impl Fn(usize, &mut Vec<u8>, &Addressing<'_>)) -> Vec<Vec<u8>> {
     let each = |at: usize| {
         let (mut frame, pack_id) = (Vec::new(), samples.pack_ids[at].as_str());
@@ -119,7 +119,7 @@ fn queries(samples: &Samples) -> Vec<Vec<u8>> {
     })
 }
 
-/// A query comes, every address of it is read, and its reply leaves.
+/// Receives a query, reads all its addresses and sends the reply.
 fn server(samples: &Samples) {
     let queries = queries(samples);
     let mut session = ServerSession::new(Limits::default());
@@ -143,17 +143,18 @@ fn server(samples: &Samples) {
     });
 }
 
-/// Time from one request to the next at a controller: long enough for what it was told to do, and for its answer.
+/// Time between two requests at a controller: long enough for the work and for the reply.
 const APART: Duration = Duration::from_secs(600);
 
-/// Whole virtual controllers: a request comes, its answer leaves, and what it asks for is done until the next one comes.
+/// Complete virtual controllers: a request arrives, the reply leaves, and the work is done before the next
+/// request.
 fn controller() {
     let few = Samples::new(1);
     let many = Samples::new(50);
     let lists = |samples: &Samples| {
         frames(samples, |at, frame, addressing| {
             let mut instructions = samples.lists[at].clone();
-            // Within the limits of every arm, and quick.
+            // Within the limits of every arm, and fast.
             for instruction in &mut instructions {
                 if let Action::AxisMove(motion) = &mut instruction.action {
                     let small: Vec<f64> = AxisIndex::ALL
@@ -180,10 +181,10 @@ fn controller() {
     answers("AddPoints of 8", &points, b"[\"AddPoints\",\"8\"]");
 }
 
-/// Counts for such requests; in every answer stands what is `said`.
+/// Counts for such requests. Every reply must contain `said`.
 fn answers(what: &str, requests: &[Vec<u8>], said: &[u8]) {
     let model = RobotModel::named("BRTIRUS0707A").expect("a model that comes with r6-motion").clone();
-    // No limit of length: fifty instructions are one frame here.
+    // No limit on the length, because fifty instructions are one frame here.
     let profile = Profile {
         add_rcc_silent_over: None,
         add_rcc_reset_over: None,
@@ -206,7 +207,7 @@ fn answers(what: &str, requests: &[Vec<u8>], said: &[u8]) {
     assert!(controller.machine().alarm() == 0, "{what}: it was done");
 }
 
-/// A handle asks, and has its answer.
+/// A query through a handle, with its reply.
 fn sdk() {
     let addresses = echo::addresses();
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");

@@ -1,6 +1,8 @@
-//! Polls twelve addresses over memory so often, and tells how long each took: `r6-bench-polls [COUNT]`, a million by default.
+//! Polls twelve addresses over memory and prints how long each poll took: `r6-bench-polls [COUNT]`, by
+//! default a million.
 //!
-//! For a profiler, which shows where a query goes: `valgrind --tool=callgrind target/release/r6-bench-polls 20000`.
+//! Use it with a profiler to see where the time of a query goes:
+//! `valgrind --tool=callgrind target/release/r6-bench-polls 20000`.
 
 use std::time::Instant;
 
@@ -20,7 +22,8 @@ fn main() {
     let asking = async move {
         let robot =
             Robot::connect_with(memory::Memory, RobotSettings::default()).await.expect("memory connects");
-        // The first query waits until it is known who answers; this end says nothing of itself, so that takes half a second.
+        // The first query waits for the identity of the controller. This end does not answer that, so it
+        // takes half a second.
         let mut result = robot.query(&addresses).await.expect("an answer");
         let begun = Instant::now();
         for _ in 0..count {

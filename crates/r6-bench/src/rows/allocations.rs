@@ -1,14 +1,14 @@
-//! How often memory is asked for. Counted in a process of its own, `r6-bench-allocations`: counting has its price, too.
+//! Counts allocations in a separate process, `r6-bench-allocations`, because counting has a cost.
 
 use std::env;
 use std::process::Command;
 
 use crate::report::{Figure, Goal, Row};
 
-/// The program that counts, beside this one.
+/// The program that counts, in the same folder as this one.
 const COUNTER: &str = "r6-bench-allocations";
 
-/// A row for each line that it prints: the count for each frame, and of what.
+/// One row for each line that it prints: the count per frame, and the path.
 pub fn rows() -> Vec<Row> {
     let program = env::current_exe().expect("this program has a path").with_file_name(COUNTER);
     let output = Command::new(&program).output().expect("it was built together with this");
@@ -27,11 +27,11 @@ pub fn rows() -> Vec<Row> {
     text.lines().map(row).collect()
 }
 
-/// What asks for memory.
+/// What allocates, as the reason for a missed goal.
 fn in_the_way(what: &str) -> &'static str {
     match what.split(", ").next() {
         Some("SDK") => {
-            "the way of the answer to whoever waits, the list of addresses, and the values that are handed out: they are the caller's and outlive the frame"
+            "the way of the answer to its caller, the list of addresses, and the values that are handed out: they are the caller's and outlive the frame"
         }
         Some("virtual controller") => {
             "what is asked for is kept: the instructions in the list and the plan of each move, some ten pieces of a motion"

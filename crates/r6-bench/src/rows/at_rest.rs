@@ -1,4 +1,4 @@
-//! A thousand virtual controllers that nobody talks to.
+//! A thousand virtual controllers without clients.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -14,20 +14,21 @@ use crate::serve::{Server, told};
 
 const CONTROLLERS: u16 = 1000;
 
-/// How long they are watched.
+/// How long they are observed.
 const WATCHED: Duration = Duration::from_secs(5);
 
-/// What counts as noise: a five-thousandth of a core. A timer of each that went off once in that time would cost several times as much.
+/// The limit for noise: a five-thousandth of a core. If the timer of each controller fired once in that time,
+/// the cost would be several times as much.
 const NOISE_MS: f64 = 1.0;
 
-/// Their process: a thousand controllers on ports of their own, of which it tells the first; it reads nothing else.
+/// The server process: a thousand controllers on separate ports. It prints their addresses.
 pub fn serve() {
     let runtime = Builder::new_current_thread().enable_all().build().expect("a runtime");
     let settings = SimSettings { count: CONTROLLERS, ..SimSettings::default() };
     let simulation = runtime.block_on(Simulation::start(settings)).expect("it starts");
     let addresses: Vec<SocketAddr> =
         simulation.controllers().iter().map(|controller| controller.address()).collect();
-    // They live on this thread, the end of the input is waited for on another.
+    // The controllers run on this thread. Another thread waits for the end of the input.
     let (end, ended) = tokio::sync::oneshot::channel();
     std::thread::spawn(move || {
         let ports: Vec<String> = addresses.iter().map(ToString::to_string).collect();
@@ -37,7 +38,7 @@ pub fn serve() {
     runtime.block_on(ended).ok();
 }
 
-/// Processor time and resident memory, after each was asked something once.
+/// Processor time and resident memory, after each controller has answered one query.
 pub fn rows() -> Vec<Row> {
     let server = Server::AtRest.start();
     for address in &server.addresses {
@@ -45,7 +46,7 @@ pub fn rows() -> Vec<Row> {
         stream.write_all(echo::query_bytes().as_bytes()).expect("it is read");
         assert_ne!(stream.read(&mut [0; 4096]).expect("a reply"), 0);
     }
-    // The ends of these connections are work, too.
+    // Wait, because closing these connections is work too.
     std::thread::sleep(Duration::from_secs(1));
     let before = processor_time_of(server.process());
     std::thread::sleep(WATCHED);

@@ -1,4 +1,5 @@
-//! Decoding and encoding beside serde_json and sonic-rs, and finding frames beside a loop over the bytes.
+//! Compares decoding and encoding with serde_json and sonic-rs, and finding frames with a loop over the
+//! bytes.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -19,18 +20,18 @@ mod stream;
 
 use samples::FRAMES;
 
-/// Places of the others in a case.
+/// The positions of the others in a case.
 const SERDE_JSON: usize = 1;
 const SONIC_RS: usize = 2;
 
-/// A contender that takes the frames in turn; its figure is the mean time of one, nanoseconds.
+/// A contender that takes the frames in turn. Its figure is the mean time of one frame, in nanoseconds.
 fn taking_turns<'c>(mut take: impl FnMut(usize) + 'c) -> Contender<'c> {
     let frames = f64::from(u32::try_from(FRAMES).unwrap_or(u32::MAX));
     let mut slice = timed(move || (0..FRAMES).for_each(&mut take));
     Box::new(move || slice().into_iter().map(|figure| figure / frames).collect())
 }
 
-/// How much of our time each of the others takes.
+/// The time of each other contender as a multiple of ours.
 fn against_ours(contenders: Vec<Contender<'_>>) -> Vec<Ratio> {
     let mut contenders = contenders;
     compare(&mut contenders).into_iter().flatten().collect()
@@ -39,7 +40,7 @@ fn against_ours(contenders: Vec<Contender<'_>>) -> Vec<Ratio> {
 /// Every kind of frame, decoded and encoded.
 pub fn rows() -> Vec<Row> {
     let mut rows = Vec::new();
-    // As fast as the fastest library that reads and writes JSON in general; more than that no user would feel.
+    // The goal is the speed of the fastest general JSON library. A user would not notice more.
     let beside = |what: String, ratios: &[Ratio]| {
         [
             (SONIC_RS, "sonic-rs, typed structs", Goal::AtLeastFast(1.0)),
@@ -75,7 +76,7 @@ pub fn rows() -> Vec<Row> {
     rows
 }
 
-/// Frames of a mixed stream, in pieces of several sizes.
+/// Finds the frames of a mixed stream, in pieces of several sizes.
 pub fn frames() -> Vec<Row> {
     let stream = stream::stream();
     let expected = (stream::FRAMES, stream.len());
@@ -109,7 +110,8 @@ pub fn frames() -> Vec<Row> {
     ]
 }
 
-/// Whether the work for a frame that comes byte by byte grows with its length alone: the same bytes as one frame and as four.
+/// Whether the work for a frame that arrives byte by byte depends only on its length: the same bytes as one
+/// frame and as four.
 fn piecemeal() -> Row {
     let frame = |items: usize| format!("{{\"a\":[{}1]}}", "1,".repeat(items)).into_bytes();
     let (long, short) = (frame(30_000), frame(7_497));
@@ -131,7 +133,7 @@ fn piecemeal() -> Row {
     }
 }
 
-/// A contender that does one thing again and again; its figure is the mean time, nanoseconds.
+/// A contender that repeats one call. Its figure is the mean time in nanoseconds.
 fn timed<'c>(mut once: impl FnMut() + 'c) -> Contender<'c> {
     let mut slice = move || {
         let begun = Instant::now();

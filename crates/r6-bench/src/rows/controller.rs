@@ -1,4 +1,4 @@
-//! What the virtual controller costs its machine.
+//! The cost of the virtual controller.
 
 use std::time::Duration;
 
@@ -10,7 +10,8 @@ use crate::measure::{Contender, beside, compare, processor_time};
 use crate::report::{Figure, Goal, Row};
 use crate::serve::Server;
 
-/// Its frames per second of processor time, many under way, beside a server that only copies.
+/// Its frames per second of processor time, with many requests in flight, compared with a server that only
+/// copies.
 pub fn rows() -> Vec<Row> {
     let (canned, controller) = (Server::Canned.start(), Server::Controller.start());
     let (mut canned, mut controller) = (Load::of_queries(&canned), Load::of_queries(&controller));
@@ -25,10 +26,11 @@ pub fn rows() -> Vec<Row> {
     }]
 }
 
-/// Time that one run of a moving arm covers.
+/// The simulated time of one run of a moving arm.
 const SIMULATED: Duration = Duration::from_secs(3600);
 
-/// How many simulated seconds a second of the processor is, with an arm that moves and is polled ten times a second.
+/// How many simulated seconds one second of the processor covers, with a moving arm that is polled ten times
+/// a second.
 pub fn simulated() -> Vec<Row> {
     let speed = || {
         let before = processor_time();
@@ -54,7 +56,7 @@ fn an_hour() {
         ControllerSettings { start: StartState::Waiting, ..ControllerSettings::new(profile, model) };
     let mut controller = Controller::new(settings, Instant::ORIGIN);
     let id = controller.connect(Instant::ORIGIN);
-    // Its steps are kept, so the list begins again and again.
+    // Its steps stay in the list, so the list repeats.
     let step = |j1: i32| {
         format!(
             r#"{{"oneshot":"0","action":"4","m0":"{j1}","m1":"10","m2":"-20","m3":"0","m4":"30","m5":"0","ckStatus":"0x3F","speed":"50","delay":"0","smooth":"3"}}"#

@@ -1,5 +1,5 @@
-//! The least that can be on the other end of a connection: it answers every query of twelve addresses with the same values, and reads
-//! nothing of it but its `packID`.
+//! The simplest possible server. It answers every query of twelve addresses with the same values, and reads
+//! only the `packID`.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -7,14 +7,14 @@ use std::thread;
 
 use r6_proto::Address;
 
-/// What is asked for: position of axes and tool, as a viewer does.
+/// The addresses of the query: position of axes and tool, as for a viewer.
 pub fn addresses() -> Vec<Address> {
     let axes = (0..6).map(|axis| format!("axis-{axis}"));
     let world = (0..6).map(|part| format!("world-{part}"));
     axes.chain(world).map(|name| name.parse().expect("an address")).collect()
 }
 
-/// The query of them as the SDK sends it, but for its `packID`.
+/// The query of these addresses as the SDK sends it, except for its `packID`.
 pub fn query_bytes() -> String {
     let names: Vec<String> = addresses().iter().map(|address| format!("\"{address}\"")).collect();
     format!(
@@ -23,7 +23,7 @@ pub fn query_bytes() -> String {
     )
 }
 
-/// How long the reply to [`query_bytes`] is.
+/// The length of the reply to [`query_bytes`].
 pub fn reply_length() -> usize {
     let mut reply = Vec::new();
     answer(query_bytes().as_bytes(), &mut reply);
@@ -33,12 +33,12 @@ pub fn reply_length() -> usize {
 const HEAD: &[u8] = br#"{"dsID":"www.hc-system.com.RemoteMonitor","packID":""#;
 const TAIL: &[u8] = br#"","queryAddr":["axis-0","axis-1","axis-2","axis-3","axis-4","axis-5","world-0","world-1","world-2","world-3","world-4","world-5"],"queryData":["10.250000","-20.125000","30.500000","0.015400","-82.820000","0.018500","1500.035000","-125.633000","1461.035000","179.984000","0.805000","-179.992000"],"reqType":"query"}"#;
 
-/// The server of this row, on a free port.
+/// Starts the server of this row on a free port.
 pub fn start() -> SocketAddr {
     listen(serve)
 }
 
-/// Listens on a free port until the process ends, with a thread for each connection.
+/// Listens on a free port until the process ends, with one thread for each connection.
 pub fn listen(serve: fn(TcpStream)) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
     let address = listener.local_addr().expect("it is bound");
@@ -67,10 +67,10 @@ pub fn serve(mut stream: TcpStream) {
     }
 }
 
-/// Answers every whole query and tells how many bytes those had.
+/// Answers every complete query. Returns how many bytes the queries had.
 pub fn answer(input: &[u8], output: &mut Vec<u8>) -> usize {
     let mut taken = 0;
-    // A query has one object and no brace in its texts.
+    // A query is one object, and its texts contain no brace.
     while let Some(length) = input[taken..].iter().position(|byte| *byte == b'}') {
         output.extend_from_slice(HEAD);
         output.extend_from_slice(pack_id(&input[taken..taken + length]));

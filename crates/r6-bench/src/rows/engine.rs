@@ -1,4 +1,4 @@
-//! What the SDK itself costs: complete polls over a transport that is memory, so that no system call is in it.
+//! The cost of the SDK alone: complete polls over an in-memory transport, without system calls.
 
 use std::time::Instant;
 
@@ -10,7 +10,7 @@ use super::memory::Memory;
 use crate::measure::{SLICE, beside, time_of_this_thread};
 use crate::report::{Figure, Goal, Row};
 
-/// Nanoseconds of one of a million in a second.
+/// Nanoseconds per poll at a million polls a second.
 const A_MILLIONTH: f64 = 1000.0;
 
 /// Nanoseconds of processor time for each poll of twelve addresses through a handle, one after the other.
@@ -20,7 +20,8 @@ fn nanoseconds_per_poll() -> f64 {
     runtime.block_on(async {
         let robot = Robot::connect_with(Memory, RobotSettings::default()).await.expect("memory connects");
         let asking = tokio::spawn(async move {
-            // The first query waits until it is known who answers; this end says nothing of itself, so that takes half a second.
+            // The first query waits for the identity of the controller. This end does not answer that, so it
+            // takes half a second.
             let mut result = robot.query(&addresses).await.expect("an answer");
             let (begun, before) = (Instant::now(), time_of_this_thread());
             let mut polls = 0_u32;
@@ -37,7 +38,7 @@ fn nanoseconds_per_poll() -> f64 {
     })
 }
 
-/// Beside a million polls a second.
+/// Compares it with a million polls a second.
 pub fn rows() -> Vec<Row> {
     let ratio = beside(A_MILLIONTH, Box::new(|| vec![nanoseconds_per_poll()]));
     vec![Row {

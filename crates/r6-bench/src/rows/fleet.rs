@@ -1,4 +1,4 @@
-//! One process that polls a thousand robots: what a poll costs through the SDK.
+//! One process that polls a thousand robots: the cost of a poll through the SDK.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -14,13 +14,14 @@ use crate::serve::Server;
 
 const ROBOTS: usize = 1000;
 
-/// Ten times a second.
+/// Each robot is polled ten times a second.
 const EVERY: Duration = Duration::from_millis(100);
 
-/// A slice of this row: several polls of each robot.
+/// The slice of this row, which holds several polls of each robot.
 const LONG_SLICE: Duration = Duration::from_secs(1);
 
-/// Processor time of this process for each poll, bare and through the SDK; the robots are another process.
+/// Processor time of this process for each poll, over bare sockets and through the SDK. The robots are in
+/// another process.
 pub fn rows() -> Vec<Row> {
     let robots = Server::Echo.start();
     let mut streams: Vec<TcpStream> = (0..ROBOTS)
@@ -36,7 +37,7 @@ pub fn rows() -> Vec<Row> {
         let before = processor_time();
         let begun = Instant::now();
         let mut polls = 0_u32;
-        // At the same pace: a machine that rests between two polls has colder caches.
+        // At the same pace, because a machine that rests between two polls has colder caches.
         while begun.elapsed() < LONG_SLICE {
             let round = Instant::now();
             for stream in &mut streams {
@@ -65,7 +66,7 @@ pub fn rows() -> Vec<Row> {
         runtime.block_on(async {
             let (polls, before) = (polled(), processor_time());
             tokio::time::sleep(LONG_SLICE).await;
-            // To count costs more than a poll.
+            // Read the time first, because counting costs more than a poll.
             let spent = processor_time() - before;
             let polls = u32::try_from(polled() - polls).unwrap_or(u32::MAX);
             if f64::from(polls) < 9.0 * ROBOTS as f64 {

@@ -1,4 +1,4 @@
-//! A server kept busy: connections that have many requests under way, each answered in its turn.
+//! Keeps a server busy: several connections with many requests in flight, each answered in order.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -8,31 +8,31 @@ use super::echo;
 use crate::measure::{SLICE, processor_time_of};
 use crate::serve::Running;
 
-/// Connections, and requests that are under way on each.
+/// The number of connections, and of requests in flight on each.
 const CONNECTIONS: usize = 16;
 pub const IN_FLIGHT: usize = 16;
 
-/// Programs that keep many requests under way.
+/// Connections with many requests in flight.
 pub struct Load {
     process: u32,
     streams: Vec<TcpStream>,
     batch: Vec<u8>,
-    /// A byte that each reply has once.
+    /// A byte that occurs once in each reply.
     mark: u8,
 }
 
 impl Load {
-    /// Queries to one of our servers, and one batch of each connection answered.
+    /// Sends queries to one of our servers, and runs one warm-up slice.
     pub fn of_queries(server: &Running) -> Self {
-        // A reply has one object and no brace in its texts.
+        // A reply is one object, and its texts contain no brace.
         Self::of(server.process(), server.address, echo::query_bytes().as_bytes(), b'}')
     }
 
-    /// One request again and again to the server that this process is; each reply has the byte `mark` once.
+    /// Repeats one request to the server in the process `process`. Each reply has the byte `mark` once.
     pub fn of(process: u32, address: SocketAddr, request: &[u8], mark: u8) -> Self {
         let streams = (0..CONNECTIONS).map(|_| connect(address)).collect();
         let mut load = Self { process, streams, batch: request.repeat(IN_FLIGHT), mark };
-        // Once for warmth.
+        // A warm-up slice.
         load.cost();
         load
     }

@@ -1,4 +1,4 @@
-//! A connection that is memory: no system call is in what is measured over it.
+//! An in-memory connection, so that measurements contain no system calls.
 
 use std::fmt;
 use std::io;
@@ -10,7 +10,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
 use super::echo;
 
-/// A connection whose other end has answered as soon as a query is written.
+/// A connection whose other end answers as soon as a query is written.
 #[derive(Default)]
 pub struct Answering {
     input: Vec<u8>,
@@ -63,7 +63,7 @@ impl AsyncRead for Answering {
     }
 }
 
-/// Connects to it.
+/// Connects to an [`Answering`] connection.
 pub struct Memory;
 
 impl fmt::Display for Memory {

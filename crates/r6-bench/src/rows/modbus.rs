@@ -1,4 +1,4 @@
-//! The same poll by the Modbus libraries that people use: twelve registers, which are twelve words of two bytes.
+//! The same poll with widely used Modbus libraries: twelve registers, which are twelve words of two bytes.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -13,16 +13,16 @@ use super::{echo, round_trip};
 use crate::measure::{Contender, compare};
 use crate::report::{Figure, Goal, Row};
 
-/// The registers that are read, from the first on.
+/// The number of registers to read, from the first on.
 const REGISTERS: u16 = 12;
 
-/// What each of them holds.
+/// The value of each register.
 const VALUE: u16 = 0x0102;
 
-/// A request to read them, with its header of seven bytes.
+/// The length of a read request, with its header of seven bytes.
 const REQUEST_BYTES: usize = 12;
 
-/// From `perf` over the two.
+/// From `perf` on both.
 const BEYOND_TOKIO: &str = "both are the kernel's to nine tenths, which carries 576 bytes of text here and 45 there; the SDK reads \
      twelve texts into their types, and keeps what stops, heartbeats and other callers need";
 const BEYOND_PYMODBUS: &str = "the kernel's part, which no client is without, is by itself about a third of what `pymodbus` takes: a bare blocking socket hardly \
@@ -30,12 +30,12 @@ const BEYOND_PYMODBUS: &str = "the kernel's part, which no client is without, is
 
 const SCRIPT: &str = "crates/r6-python/benches/modbus.py";
 
-/// The least that can be on the other end: it answers every request with the same twelve registers, and reads nothing of it but its
-/// number.
+/// The simplest possible server. It answers every request with the same twelve registers, and reads only the
+/// request's number.
 fn serve(mut stream: TcpStream) {
     stream.set_nodelay(true).expect("small frames leave at once");
     let mut request = [0; REQUEST_BYTES];
-    // Length of what follows, unit 1, function 3, 24 bytes of values.
+    // Length of the rest, unit 1, function 3, 24 bytes of values.
     let mut reply = vec![0, 0, 0, 0, 0, 27, 1, 3, 24];
     reply.extend(VALUE.to_be_bytes().repeat(usize::from(REGISTERS)));
     while stream.read_exact(&mut request).is_ok() {
@@ -73,7 +73,7 @@ fn sdk<'c>(address: SocketAddr) -> Contender<'c> {
     Box::new(slice)
 }
 
-/// A Python program that measures a slice of what it is told to, as often as it is.
+/// A Python program that measures one slice of the requested contender each time it is asked.
 struct Script {
     child: Child,
     input: ChildStdin,
@@ -94,7 +94,7 @@ impl Script {
         Self { child, input, output }
     }
 
-    /// A slice of this contender: the median, nanoseconds.
+    /// One slice of this contender: the median, in nanoseconds.
     fn slice(&mut self, contender: &str) -> Vec<f64> {
         writeln!(self.input, "{contender}").expect("it reads");
         let mut line = String::new();
@@ -110,7 +110,7 @@ impl Drop for Script {
     }
 }
 
-/// The SDK beside both.
+/// Compares the SDK with both libraries.
 pub fn rows() -> Vec<Row> {
     let (modbus, robots) = (echo::listen(serve), echo::start());
     let ratio = compare(&mut [tokio_modbus(modbus), sdk(robots)]).remove(0).remove(0);
@@ -132,7 +132,7 @@ pub fn rows() -> Vec<Row> {
     rows
 }
 
-/// The SDK from Rust, and from Python.
+/// The SDK from Rust and from Python, compared with `pymodbus`.
 fn beside_pymodbus(modbus: SocketAddr, robots: SocketAddr) -> [Figure; 2] {
     let there = |module: &str| {
         let import =

@@ -1,4 +1,5 @@
-//! The round trip from Python, beside what people write by hand. Python does the measuring; here it is started and judged.
+//! The round trip from Python, compared with code written by hand. Python measures; this program starts it
+//! and judges the result.
 
 use std::path::Path;
 use std::process::Command;
@@ -9,7 +10,7 @@ use crate::measure::judge;
 use crate::report::{Figure, Goal, Row};
 use crate::serve::Server;
 
-/// Where `tools/python/run` has put the package.
+/// Where `tools/python/run` installs the package.
 pub const PYTHON: &str = "target/tools/python/venv/bin/python";
 const SCRIPT: &str = "crates/r6-python/benches/round_trip.py";
 

@@ -1,4 +1,4 @@
-//! The virtual controller beside a server that is known for its speed, both kept busy in the same way.
+//! Compares the virtual controller with a server that is known for its speed, both under the same load.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -10,26 +10,26 @@ use crate::measure::{Contender, compare};
 use crate::report::{Figure, Goal, Row};
 use crate::serve::Server;
 
-/// What `redis-benchmark -t get` asks for: a value of three bytes.
+/// The requests of `redis-benchmark -t get`: a value of three bytes.
 const SET: &[u8] = b"*3\r\n$3\r\nSET\r\n$3\r\nkey\r\n$3\r\nabc\r\n";
 const GET: &[u8] = b"*2\r\n$3\r\nGET\r\n$3\r\nkey\r\n";
 
-/// Each reply to [`GET`] has one of it.
+/// A byte that occurs once in each reply to [`GET`].
 const MARK: u8 = b'$';
 
-/// Time that it has to start.
+/// How long the server may take to start.
 const START: Duration = Duration::from_secs(5);
 
-/// A server of its own, that keeps nothing on the disk and ends with this.
+/// A separate server that writes nothing to the disk and ends with this value.
 struct Redis {
     child: Child,
     address: SocketAddr,
 }
 
 impl Redis {
-    /// `None` where it is not installed.
+    /// Starts the server; `None` if it is not installed.
     fn start() -> Option<Self> {
-        // It tells nobody which free port it took, so it is told one.
+        // The server does not report a free port that it chooses, so it gets one here.
         let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
         let address = free.expect("a free port");
         let child = Command::new("redis-server")

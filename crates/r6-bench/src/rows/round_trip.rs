@@ -13,17 +13,17 @@ use super::echo;
 use crate::measure::{Contender, SLICE, compare, repeated};
 use crate::report::{Figure, Goal, Row};
 
-/// From `strace` and `perf` over these rows.
+/// From `strace` and `perf` on these rows.
 const IN_THE_WAY: &str = "of the SDK's own instructions (callgrind) nearly half find the reply, hold it against the query and read twelve values into their \
      types, and a quarter take the request through the lanes, the checks and the session; the rest is locks, wakers, the timer and the \
      buffers that are handed out. The async client makes an `epoll_wait` for the reply, as any tokio socket";
 
 const FLOOR: &str = "blocking socket, same bytes";
 
-/// Values of a reply, as they must be: both sides have to have read the same.
+/// The expected first value of a reply. Both sides must have read the same values.
 const FIRST: f64 = 10.25;
 
-/// A blocking socket that writes a query and reads until the reply's end.
+/// A blocking socket that writes a query and reads to the end of the reply.
 fn socket(address: SocketAddr) -> impl FnMut() {
     let query = echo::query_bytes();
     let mut stream = std::net::TcpStream::connect(address).expect("it listens");
@@ -49,7 +49,7 @@ pub async fn query(robot: &Robot, addresses: &[Address]) {
     assert_eq!(result.decimal(addresses[0]), Some(FIRST));
 }
 
-/// The SDK, blocking and async, each against the bare socket.
+/// The SDK, blocking and async, each compared with the bare socket.
 pub fn rows() -> Vec<Row> {
     let server = echo::start();
     let addresses = echo::addresses();
@@ -75,7 +75,7 @@ pub fn rows() -> Vec<Row> {
     ];
     contenders.push(bare_tokio(server));
     let ratios = compare(&mut contenders);
-    // Of these contenders the last is the yardstick of the one before it.
+    // The last of these contenders is the yardstick of the one before it.
     let mut both: Vec<_> = contenders.drain(2..).rev().collect();
     let beside_tokio = compare(&mut both);
     let row = |what: &str, goal, ratio| Row {
@@ -107,7 +107,7 @@ pub fn rows() -> Vec<Row> {
     ]
 }
 
-/// The least that async costs: a tokio socket that writes and reads the same bytes, without a task of its own.
+/// The lower bound for async: a tokio socket that writes and reads the same bytes, without a separate task.
 fn bare_tokio<'c>(address: SocketAddr) -> Contender<'c> {
     let runtime = runtime();
     let query = echo::query_bytes();
@@ -130,7 +130,7 @@ fn bare_tokio<'c>(address: SocketAddr) -> Contender<'c> {
     Box::new(durations)
 }
 
-/// One task that does something again and again for a slice, as an async program does: percentiles 50 and 99.
+/// One task that repeats a call for a slice, like an async program. Returns the percentiles 50 and 99.
 pub async fn slice_async(mut once: impl AsyncFnMut()) -> Vec<f64> {
     let mut durations = Vec::with_capacity(1 << 16);
     let begun = Instant::now();
@@ -145,7 +145,7 @@ pub async fn slice_async(mut once: impl AsyncFnMut()) -> Vec<f64> {
     [50, 99].map(|percent| durations[durations.len() * percent / 100].as_secs_f64() * 1e9).to_vec()
 }
 
-/// Sixty-four tasks with a handle each on one connection against one.
+/// Compares sixty-four tasks, each with a handle, on one connection with one task.
 pub fn handles() -> Vec<Row> {
     const HANDLES: usize = 64;
     let server = echo::start();
@@ -153,7 +153,7 @@ pub fn handles() -> Vec<Row> {
     let robot =
         runtime.block_on(Robot::connect(&server.to_string(), RobotSettings::default())).expect("it listens");
     let addresses = echo::addresses();
-    // The time per query, nanoseconds.
+    // Returns the time per query, in nanoseconds.
     let slice = |handles: usize| {
         let (robot, addresses) = (robot.clone(), addresses.clone());
         let begun = Instant::now();

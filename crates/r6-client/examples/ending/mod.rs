@@ -1,6 +1,6 @@
-//! Ctrl-C and SIGTERM: both end a program, and neither may leave an arm that goes on with its list.
+//! Ctrl-C and SIGTERM: both end a program, and neither may leave an arm that continues with its list.
 
-/// Waits for one of them. From its first poll on they no longer kill the program.
+/// Waits for one of them. From its first poll they no longer kill the program.
 #[cfg(unix)]
 pub async fn told_to_end() {
     use tokio::signal::unix::{SignalKind, signal};
@@ -9,7 +9,7 @@ pub async fn told_to_end() {
             _ = tokio::signal::ctrl_c() => {}
             _ = terminate.recv() => {}
         },
-        // A system that gives no signals still may have Ctrl-C.
+        // A system without signals may still have Ctrl-C.
         Err(_none) => drop(tokio::signal::ctrl_c().await),
     }
 }

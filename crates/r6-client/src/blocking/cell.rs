@@ -1,4 +1,4 @@
-//! What a robot shares with the rest of its cell: registers, cameras, targets that move.
+//! What a robot shares with the rest of its cell: registers, cameras and moving targets.
 
 use futures_util::future::AbortHandle;
 use tokio::sync::{mpsc, oneshot};
@@ -9,18 +9,18 @@ use crate::{
 };
 
 impl Robot {
-    /// As [`crate::Robot::read_registers`].
+    /// The blocking form of [`crate::Robot::read_registers`].
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     pub fn read_registers(&self, first: RegisterIndex, count: usize) -> Result<Vec<i64>, RegisterError> {
         self.block_on(self.as_async().read_registers(first, count))
     }
 
-    /// As [`crate::Robot::write_registers`].
+    /// The blocking form of [`crate::Robot::write_registers`].
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     pub fn write_registers(
         &self,
         first: RegisterIndex,
@@ -30,8 +30,9 @@ impl Robot {
         self.block_on(self.as_async().write_registers(first, values, keep))
     }
 
-    /// As [`crate::Robot::serve_photos`]: it keeps this thread until it cannot go on. `look` runs on it, may take its time and may call
-    /// this robot: stops of other threads, heartbeats and motions go on meanwhile.
+    /// The blocking form of [`crate::Robot::serve_photos`]. It blocks this thread until the service ends.
+    /// `look` runs on this thread. It may take its time and may call this robot: meanwhile stops of other
+    /// threads, heartbeats and motions continue.
     pub fn serve_photos(&self, mut look: impl FnMut(i64) -> Shot) -> PhotosEnded {
         let (ask, mut asked) = mpsc::channel::<(i64, oneshot::Sender<Shot>)>(1);
         let robot = self.as_async().clone();
@@ -42,7 +43,7 @@ impl Robot {
                     let ask = ask.clone();
                     async move {
                         let (tell, told) = oneshot::channel();
-                        // Whoever looked is gone only if this is about to end, too.
+                        // The receiver is gone only when this service is ending too.
                         ask.send((cam_id, tell)).await.ok();
                         told.await.unwrap_or(Shot::NotMine)
                     }
@@ -56,12 +57,12 @@ impl Robot {
                 tokio::select! {
                     biased;
                     Some(asked) = asked.recv() => Ok(asked),
-                    // The errand does not panic; one that is no longer there was given up with the connection.
+                    // The errand does not panic. If it is gone, it was given up together with the connection.
                     ended = &mut ended => Err(ended.unwrap_or(PhotosEnded::Closed)),
                 }
             };
             match self.block_on(self.as_async().drive(next)) {
-                // Outside, so that the connection is driven meanwhile.
+                // `look` runs outside the future, so that the connection is driven meanwhile.
                 Ok((cam_id, tell)) => {
                     tell.send(look(cam_id)).ok();
                     serving.look_after();
@@ -71,17 +72,18 @@ impl Robot {
         }
     }
 
-    /// As [`crate::Robot::follow`]: it keeps this thread until the sender is gone; another one sends.
+    /// The blocking form of [`crate::Robot::follow`]. It blocks this thread until the sender is dropped;
+    /// another thread sends the targets.
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     #[expect(clippy::result_large_err, reason = "made once a motion")]
     pub fn follow(&self, targets: Targets, options: FollowOptions) -> Result<Followed, MotionError> {
         self.block_on(self.as_async().follow(targets, options))
     }
 }
 
-/// The errand that serves; it ends with this, where a `look` panics, too.
+/// The errand that serves photos. Dropping this ends it, also when `look` panics.
 struct Serving<'r> {
     errand: AbortHandle,
     robot: &'r Robot,

@@ -1,4 +1,4 @@
-//! Waiting in slices, for threads that have something else to look after meanwhile.
+//! Waits in time slices, for threads that must do something else from time to time.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -10,10 +10,12 @@ use crate::drive::Hand as _;
 use crate::error::RequestError;
 use crate::hands::blocking::StdHand;
 
-/// Drives the connection of a [`crate::Robot`] in the threads that wait for it. Clones drive the same connection.
+/// Drives the connection of a [`crate::Robot`] in the threads that wait for it. All clones drive the same
+/// connection.
 ///
-/// Most programs want [`super::Robot`], which does this for each call. A `Driver` is for code that must come back from time to time, such as
-/// an extension of an interpreter that looks for signals: a call that is not over waits on with the next [`Self::block_on_for`].
+/// Most programs want [`super::Robot`], which does this for each call. A `Driver` is for code that must
+/// regain control from time to time, such as an extension of an interpreter that checks for signals. A call
+/// that has not ended continues with the next [`Self::block_on_for`].
 ///
 /// ```
 /// # let controller = r6_sim::VirtualController::start_blocking()?;
@@ -40,26 +42,29 @@ use crate::hands::blocking::StdHand;
 pub struct Driver(Arc<StdHand>);
 
 impl Driver {
-    /// Connects as [`super::Robot::connect`] does. Dropping the last clone of the handle closes the connection in the background; the
-    /// driver does not keep it open.
+    /// Connects as [`super::Robot::connect`] does. Dropping the last clone of the handle closes the
+    /// connection in the background; the driver does not keep it open.
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     pub fn connect(address: &str, settings: RobotSettings) -> Result<(Self, crate::Robot), RequestError> {
         let (robot, hand) = StdHand::connect(address, settings)?;
         Ok((Self(hand), robot))
     }
 
-    /// Runs a future on this thread for so long, and drives the connection meanwhile; `None` if the future has not ended by then. The
-    /// system may round the time up by some milliseconds; a signal to this thread may end it early.
+    /// Runs a future on this thread for at most this time, and drives the connection meanwhile. Returns
+    /// `None` if the future has not ended by then. The system may round the time up by some milliseconds. A
+    /// signal to this thread may end it early.
     ///
-    /// The future may be run on later, by this, by another thread or by any executor; dropping it gives it up. It should wait for this
-    /// connection alone: what another connection or executor makes happen is seen with the next reply, or when the time is over.
+    /// The future may continue later: with another call of this method, in another thread, or in any
+    /// executor. Dropping the future cancels it. The future should wait for this connection only. It notices
+    /// what another connection or executor does only with the next reply or at the end of the time.
     pub fn block_on_for<F: Future + ?Sized>(&self, time: Duration, future: Pin<&mut F>) -> Option<F::Output> {
         self.0.block_on_for(time, future)
     }
 
-    /// Has the connection looked after soon, because something was begun that no call waits for, such as [`crate::Robot::pushed`].
+    /// Has the connection checked soon. Call this after starting something that no call waits for, such as
+    /// [`crate::Robot::pushed`].
     pub fn look_after(&self) {
         self.0.nudge();
     }

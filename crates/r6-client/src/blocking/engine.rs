@@ -1,12 +1,13 @@
-//! What makes async code run where nothing is async: whoever waits drives, and a thread drives while nobody waits.
+//! Runs async code where nothing is async: a waiting caller drives it, and a thread drives it while no caller
+//! waits.
 //!
 //! ```text
-//! a call:     the caller's thread drives the runtime itself, sockets and timers included: no other thread has to wake up
-//! no call:    the keeper's thread drives it: subscriptions are read, heartbeats leave, motions are streamed on
+//! a call:   the caller's thread drives the runtime with its sockets and timers; no other thread wakes up
+//! no call:  the keeper's thread drives it: it reads subscriptions, sends heartbeats, and streams motions
 //! ```
 //!
-//! The keeper takes over when no call was made for a moment. The first call after that takes the runtime back, which costs one
-//! wake-up of each of the two threads.
+//! The keeper takes over when no call was made for a moment. The first call after that takes the runtime
+//! back, which wakes each of the two threads once.
 
 use std::future::{Future, poll_fn};
 use std::io;
@@ -22,21 +23,22 @@ use tokio::time::{Instant, sleep};
 
 use crate::StopsUnderWay;
 
-/// How long no call must have been made before the keeper takes over. What it does is needed within 20 ms, the shortest period
-/// of a subscription; calls that follow each other faster than this never wake it.
+/// The keeper takes over when no call was made for this long. Its work has to be done within 20 ms, the
+/// shortest period of a subscription. Calls that follow each other faster than this never wake the keeper.
 const FIRST_PAUSE: Duration = Duration::from_millis(1);
 
-/// The keeper looks for the end of a long call at least so often.
+/// The keeper checks at least this often whether a long call has ended.
 const LONGEST_PAUSE: Duration = Duration::from_millis(10);
 
-/// What is left to do at the end gets so much time: a stop that is being confirmed, and then a closing connection, which takes half a
-/// second.
+/// The time allowed for remaining work at the end: confirming a stop, and then closing a connection, which
+/// takes half a second.
 const FAREWELL: Duration = StopsUnderWay::WITHIN.saturating_add(Duration::from_secs(1));
 
-/// Runs the async client for threads that are not async. Clones are the same engine; it ends when the last is gone.
+/// Runs the async client for threads that are not async. All clones are the same engine; it ends when the
+/// last one is dropped.
 ///
-/// Each [`super::Robot`] has one of its own, unless it is given one to share. Sharing saves a thread for each robot; calls to
-/// robots of one engine are driven by one thread at a time.
+/// Each [`super::Robot`] has its own engine, unless the caller gives it one to share. Sharing saves one
+/// thread per robot. The calls to robots that share an engine are driven by one thread at a time.
 #[derive(Clone, Debug)]
 pub struct Engine(Arc<Owner>);
 
@@ -50,11 +52,11 @@ struct Owner {
 #[derive(Debug)]
 struct Shared {
     runtime: Runtime,
-    /// Calls that wait now.
+    /// The number of calls that wait now.
     waiting: AtomicUsize,
-    /// Counts the calls.
+    /// The number of calls that have begun so far.
     calls: AtomicU64,
-    /// Whether the keeper drives, or is about to.
+    /// Whether the keeper drives the runtime, or is about to.
     kept: AtomicBool,
     /// Tells the keeper to let go.
     let_go: Notify,
@@ -65,7 +67,7 @@ impl Engine {
     /// Starts an engine and its thread.
     ///
     /// # Errors
-    /// What the system says if it has no thread or no file for it.
+    /// An error of the system, if it has no thread or no file for the engine.
     pub fn start() -> io::Result<Self> {
         let shared = Arc::new(Shared {
             runtime: Builder::new_current_thread().enable_all().build()?,
@@ -83,14 +85,15 @@ impl Engine {
     /// Runs a future to its end on this thread.
     ///
     /// # Panics
-    /// Where a tokio runtime runs on this thread: nothing may wait there.
+    /// If a tokio runtime runs on this thread: nothing may block there.
     pub fn block_on<F: Future>(&self, future: F) -> F::Output {
         let shared = &self.0.shared;
         let mut future = pin!(future);
         let mut call = None;
         shared.runtime.block_on(poll_fn(|cx| {
             let polled = future.as_mut().poll(cx);
-            // What is ready at once drives nothing: a loop of such calls must not keep the keeper away.
+            // A future that is ready at once drives nothing. So a loop of such calls must not keep the keeper
+            // away.
             if polled.is_pending() {
                 call.get_or_insert_with(|| Call::begin(shared));
             }
@@ -98,13 +101,13 @@ impl Engine {
         }))
     }
 
-    /// Runs what needs a runtime around it but does not wait.
+    /// Runs a function inside the runtime. The function must not wait.
     pub fn enter<T>(&self, what: impl FnOnce() -> T) -> T {
         let _inside = self.0.shared.runtime.enter();
         what()
     }
 
-    /// Where to spawn what is to go on between the calls.
+    /// The handle for spawning tasks that continue between the calls.
     #[must_use]
     pub fn handle(&self) -> &Handle {
         self.0.shared.runtime.handle()
@@ -132,25 +135,26 @@ impl Drop for Call<'_> {
 }
 
 impl Shared {
-    /// The keeper's thread.
+    /// The main function of the keeper's thread.
     fn keep(mut self: Arc<Self>) {
         while self.wait_for_silence() {
             self.kept.store(true, Ordering::SeqCst);
-            // A call that came between the two did not see that it has to ask; this one sees the call.
+            // A call that came between these two steps did not see the flag, so it did not ask the keeper to
+            // let go. But the keeper sees the call here.
             if self.waiting.load(Ordering::SeqCst) == 0 {
                 self.runtime.block_on(self.let_go.notified());
             }
             self.kept.store(false, Ordering::SeqCst);
         }
         self.runtime.block_on(self.farewell());
-        // The runtime must end here: where the last engine is dropped, another runtime may run.
+        // The runtime must end on this thread, because the last engine may be dropped inside another runtime.
         while let Err(shared) = Arc::try_unwrap(self) {
             self = shared;
             thread::park_timeout(FIRST_PAUSE);
         }
     }
 
-    /// Waits until no call was made for a moment; `false` at the end.
+    /// Waits until no call was made for a moment. Returns `false` when the engine ends.
     fn wait_for_silence(&self) -> bool {
         let mut pause = FIRST_PAUSE;
         loop {
@@ -166,7 +170,7 @@ impl Shared {
         }
     }
 
-    /// Lets the tasks end by themselves.
+    /// Waits until the tasks have ended, at most for [`FAREWELL`].
     async fn farewell(&self) {
         let until = Instant::now() + FAREWELL;
         while self.runtime.metrics().num_alive_tasks() > 0 && Instant::now() < until {

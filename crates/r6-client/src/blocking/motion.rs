@@ -1,4 +1,4 @@
-//! The handle of a motion that runs, without `async`.
+//! The handle of a running motion, without `async`.
 
 use std::fmt;
 use std::sync::Arc;
@@ -12,14 +12,16 @@ use crate::error::RequestError;
 use crate::handle::{Progress, StepState};
 use crate::{Done, MotionError, StopReport};
 
-/// As [`crate::MotionHandle`]. Dropping it does not end the motion: it is streamed on to its end in the background.
+/// The blocking form of [`crate::MotionHandle`]. Dropping it does not end the motion: the client streams it
+/// to its end in the background.
 #[must_use = "if the handle is dropped, only wait_until_done reports that the motion failed"]
 pub struct MotionHandle {
     handle: crate::MotionHandle,
     connection: Attentive,
 }
 
-/// Looks, when it is dropped, at once at what that ends: a handle that stops the arm does not wait for the keeper.
+/// On drop, handles at once what the drop ends, so that a handle that stops the arm does not wait for the
+/// keeper.
 struct Attentive(Arc<Connection>);
 
 impl Drop for Attentive {
@@ -39,42 +41,44 @@ impl MotionHandle {
         Self { handle, connection: Attentive(connection) }
     }
 
-    /// As [`crate::MotionHandle::number`].
+    /// The blocking form of [`crate::MotionHandle::number`].
     #[must_use]
     pub fn number(&self) -> u64 {
         self.handle.number()
     }
 
-    /// As [`crate::MotionHandle::progress`].
+    /// The blocking form of [`crate::MotionHandle::progress`].
     #[must_use]
     pub fn progress(&self) -> Progress {
         self.handle.progress()
     }
 
-    /// As [`crate::MotionHandle::steps`].
+    /// The blocking form of [`crate::MotionHandle::steps`].
     #[must_use]
     pub fn steps(&self) -> &[Instruction] {
         self.handle.steps()
     }
 
-    /// Waits so long at most; whether the motion has ended, well or not. For a loop that shows the progress.
+    /// Waits at most this long. Returns whether the motion has ended, well or not. For a loop that shows the
+    /// progress.
     #[must_use]
     pub fn ended_within(&self, time: Duration) -> bool {
         let mut progress = self.handle.watch();
         let ended = self.connection.0.robot.within(time, progress.wait_for(|progress| progress.ended));
-        // A sender that is gone has nothing more to tell.
+        // If the sender is gone, no more progress will come.
         self.connection.0.runner.block_on(ended).is_ok()
     }
 
-    /// As [`crate::MotionHandle::step`].
+    /// The blocking form of [`crate::MotionHandle::step`].
     #[must_use]
     pub fn step(&self, step: usize) -> Option<StepHandle> {
         let step = self.handle.step(step)?;
         Some(StepHandle { step, connection: Arc::clone(&self.connection.0) })
     }
 
-    /// As [`crate::MotionHandle::watch`], one value after the other: how far the motion is now, then each change, the end last. Between two
-    /// calls of `next` changes are left out, and only the latest is told.
+    /// The blocking form of [`crate::MotionHandle::watch`]: an iterator over the present progress, then each
+    /// change, and the end last. It skips the changes between two calls of `next` and returns only the
+    /// latest.
     #[must_use]
     pub fn watch(&self) -> ProgressWatch {
         let mut progress = self.handle.watch();
@@ -82,39 +86,40 @@ impl MotionHandle {
         ProgressWatch { progress, ended: false, connection: Arc::clone(&self.connection.0) }
     }
 
-    /// As [`crate::MotionHandle::finished`].
+    /// The blocking form of [`crate::MotionHandle::finished`].
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     #[expect(clippy::result_large_err, reason = "made once a motion")]
     pub fn finished(self) -> Result<Done, MotionError> {
         self.connection.0.runner.block_on(self.handle.finished())
     }
 
-    /// As [`crate::MotionHandle::wait`]: the handle stays, and may be asked again.
+    /// The blocking form of [`crate::MotionHandle::wait`]. The handle stays valid and may be used again.
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     #[expect(clippy::result_large_err, reason = "made once a motion")]
     pub fn wait(&mut self) -> Result<Done, MotionError> {
         self.connection.0.runner.block_on(self.handle.wait())
     }
 
-    /// As [`crate::MotionHandle::release`].
+    /// The blocking form of [`crate::MotionHandle::release`].
     pub fn release(self) -> Progress {
         self.connection.0.runner.block_on(self.handle.release())
     }
 
-    /// As [`crate::MotionHandle::stop`].
+    /// The blocking form of [`crate::MotionHandle::stop`].
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     pub fn stop(self) -> Result<StopReport, RequestError> {
         self.connection.0.runner.block_on(self.handle.stop())
     }
 }
 
-/// The progress of a motion, as it changes ([`MotionHandle::watch`]). It ends behind the value that has `ended`.
+/// The progress of a motion as it changes ([`MotionHandle::watch`]). The iterator ends after the value that
+/// has `ended`.
 pub struct ProgressWatch {
     progress: watch::Receiver<Progress>,
     ended: bool,
@@ -134,7 +139,7 @@ impl Iterator for ProgressWatch {
         if self.ended {
             return None;
         }
-        // A sender that is gone has nothing more to tell.
+        // If the sender is gone, no more progress will come.
         self.connection.runner.block_on(self.progress.changed()).ok()?;
         let progress = *self.progress.borrow_and_update();
         self.ended = progress.ended;
@@ -142,7 +147,7 @@ impl Iterator for ProgressWatch {
     }
 }
 
-/// As [`crate::StepHandle`].
+/// The blocking form of [`crate::StepHandle`].
 pub struct StepHandle {
     step: crate::StepHandle,
     connection: Arc<Connection>,
@@ -155,24 +160,24 @@ impl fmt::Debug for StepHandle {
 }
 
 impl StepHandle {
-    /// As [`crate::StepHandle::number`].
+    /// The blocking form of [`crate::StepHandle::number`].
     #[must_use]
     pub fn number(&self) -> usize {
         self.step.number()
     }
 
-    /// As [`crate::StepHandle::state`].
+    /// The blocking form of [`crate::StepHandle::state`].
     #[must_use]
     pub fn state(&self) -> StepState {
         self.step.state()
     }
 
-    /// As [`crate::StepHandle::started`].
+    /// The blocking form of [`crate::StepHandle::started`].
     pub fn started(&mut self) -> bool {
         self.connection.runner.block_on(self.step.started())
     }
 
-    /// As [`crate::StepHandle::done`].
+    /// The blocking form of [`crate::StepHandle::done`].
     pub fn done(&mut self) -> bool {
         self.connection.runner.block_on(self.step.done())
     }

@@ -1,4 +1,4 @@
-//! What the calls of a blocking robot run on.
+//! The runtime or thread that runs the calls of a blocking robot.
 
 use std::future::Future;
 use std::sync::Arc;
@@ -6,11 +6,11 @@ use std::sync::Arc;
 use super::Engine;
 use crate::hands::blocking::StdHand;
 
-/// What drives the connection while a call waits.
+/// Drives the connection while a call waits.
 pub(super) enum Runner {
-    /// The thread that calls.
+    /// The calling thread.
     Own(Arc<StdHand>),
-    /// A runtime inside.
+    /// A tokio runtime inside this client.
     Engine(Engine),
 }
 
@@ -23,16 +23,16 @@ impl Runner {
         }
     }
 
-    /// Looks at once at what was begun or given up outside of [`Self::block_on`].
+    /// Handles at once what was started or given up outside of [`Self::block_on`].
     pub fn look_after(&self) {
         match self {
             Self::Own(hand) => hand.look_after(),
-            // Its thread is woken.
+            // The engine's thread is woken by the change.
             Self::Engine(_) => {}
         }
     }
 
-    /// Closes the connection once nothing is streamed over it any more.
+    /// Closes the connection once no motion is streamed over it any more.
     pub fn close_later(&self, robot: &crate::Robot) {
         let closing = robot.clone();
         match self {

@@ -1,6 +1,6 @@
-//! For tests of this client: a blocking connection whose clock, threads and sockets a test makes itself.
+//! For tests of this client: a blocking connection with a clock, threads and sockets that the test provides.
 //!
-//! This is no part of the public interface; it changes as the tests need it.
+//! This is not part of the public interface. It changes as the tests need it.
 
 use std::future::{Future, poll_fn};
 use std::pin::pin;
@@ -13,15 +13,16 @@ use crate::hands::blocking::system::Std;
 pub use crate::hands::blocking::system::{Parked, Stream, System};
 use crate::settings::RobotSettings;
 
-/// Drives one connection, as [`super::Robot`] does, and keeps no handle: the last handle closes the connection whether this lives or not.
+/// Drives one connection, as [`super::Robot`] does, but holds no handle. Dropping the last handle closes the
+/// connection even while this exists.
 #[derive(Clone, Debug)]
 pub struct Driver(Arc<StdHand>);
 
 impl Driver {
-    /// As [`super::Robot::connect`], in this system; without one, in that of this program.
+    /// Connects as [`super::Robot::connect`] does, in this system; with `None`, in the operating system.
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     pub fn connect(
         system: Option<Arc<dyn System>>,
         address: &str,
@@ -32,7 +33,7 @@ impl Driver {
         Ok((robot, Self(hand)))
     }
 
-    /// As [`super::Robot::block_on`].
+    /// Runs a future to its end, as [`super::Robot::block_on`] does.
     pub fn block_on<F: Future>(&self, future: F) -> F::Output {
         let mut future = pin!(future);
         self.0.block_on(poll_fn(|cx| {

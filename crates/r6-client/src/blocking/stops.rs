@@ -5,7 +5,7 @@ use std::sync::{Arc, Weak};
 use super::{Connection, Robot};
 use crate::{RequestError, StopReport};
 
-/// As [`crate::StopsUnderWay`]. It does not keep the connection open.
+/// The blocking form of [`crate::StopsUnderWay`]. It does not keep the connection open.
 pub struct StopsUnderWay {
     stops: crate::StopsUnderWay,
     connection: Weak<Connection>,
@@ -18,7 +18,7 @@ impl std::fmt::Debug for StopsUnderWay {
 }
 
 impl Robot {
-    /// As [`crate::Robot::stops_under_way`].
+    /// The blocking form of [`crate::Robot::stops_under_way`].
     #[must_use]
     pub fn stops_under_way(&self) -> StopsUnderWay {
         StopsUnderWay { stops: self.robot.stops_under_way(), connection: Arc::downgrade(&self.connection) }
@@ -26,22 +26,23 @@ impl Robot {
 }
 
 impl StopsUnderWay {
-    /// As [`crate::StopsUnderWay::any`].
+    /// The blocking form of [`crate::StopsUnderWay::any`].
     #[must_use]
     pub fn any(&self) -> bool {
         self.stops.any()
     }
 
-    /// As [`crate::StopsUnderWay::are_gone`].
+    /// The blocking form of [`crate::StopsUnderWay::are_gone`].
     #[must_use]
     pub fn are_gone(&self) -> bool {
         self.stops.are_gone()
     }
 
-    /// As [`crate::StopsUnderWay::over`]; `None`, too, if the last handle of the connection is gone, which waited for its stops.
+    /// The blocking form of [`crate::StopsUnderWay::over`]. Also returns `None` if the last handle of the
+    /// connection is gone: that handle has waited for its stops.
     ///
     /// # Errors
-    /// As there.
+    /// The same errors.
     pub fn over(&mut self) -> Option<Result<StopReport, RequestError>> {
         let connection = self.connection.upgrade()?;
         connection.runner.block_on(self.stops.over())

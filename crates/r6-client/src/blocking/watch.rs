@@ -1,4 +1,4 @@
-//! Values and events that come by themselves, without `async`.
+//! Values and events that the client delivers without a request of the caller, without `async`.
 
 use std::fmt;
 use std::sync::Arc;
@@ -11,7 +11,8 @@ use super::Connection;
 use crate::event::Event;
 use crate::{Pushed, Snapshot};
 
-/// As [`crate::Subscription`]. As an iterator it waits for the next values, and ends when the handle is closed.
+/// The blocking form of [`crate::Subscription`]. As an iterator it waits for the next values, and ends when
+/// the handle is closed.
 pub struct Subscription {
     subscription: crate::Subscription,
     connection: Arc<Connection>,
@@ -28,19 +29,20 @@ impl Subscription {
         Self { subscription, connection }
     }
 
-    /// As [`crate::Subscription::addresses`].
+    /// The blocking form of [`crate::Subscription::addresses`].
     #[must_use]
     pub fn addresses(&self) -> &[Address] {
         self.subscription.addresses()
     }
 
-    /// As [`crate::Subscription::latest`].
+    /// The blocking form of [`crate::Subscription::latest`].
     #[must_use]
     pub fn latest(&self) -> Snapshot {
         self.subscription.latest()
     }
 
-    /// As [`crate::Subscription::next`], for so long at most: then the values as they are known, with their ages.
+    /// The blocking form of [`crate::Subscription::next`] with a time limit. At the limit it returns the
+    /// values known so far, with their ages.
     pub fn next_within(&mut self, time: Duration) -> Option<Snapshot> {
         let Self { subscription, connection } = self;
         match connection.runner.block_on(connection.robot.within(time, subscription.next())) {
@@ -58,14 +60,14 @@ impl Iterator for Subscription {
     }
 }
 
-/// What [`crate::Robot::pushed`] gives.
+/// The receiver that [`crate::blocking::Robot::pushed`] returns.
 pub type PushedReceiver = Receiver<Pushed>;
 
-/// What [`crate::Robot::events`] gives.
+/// The receiver that [`crate::blocking::Robot::events`] returns.
 pub type EventReceiver = Receiver<Event>;
 
-/// What happens without being asked for. As an iterator it waits for the next, passes over what was missed, and ends when the handle
-/// is closed.
+/// Receives events and messages. As an iterator it waits for the next one, skips what was missed, and ends
+/// when the handle is closed.
 pub struct Receiver<T> {
     receiver: broadcast::Receiver<T>,
     connection: Arc<Connection>,
@@ -82,19 +84,20 @@ impl<T: Clone> Receiver<T> {
         Self { receiver, connection }
     }
 
-    /// Waits for the next.
+    /// Waits for the next one.
     ///
     /// # Errors
-    /// `Lagged(n)`: so many were missed, the next call goes on behind them. `Closed`: the handle is closed.
+    /// `Lagged(n)`: the receiver missed this many; the next call continues after them. `Closed`: the handle
+    /// is closed.
     pub fn recv(&mut self) -> Result<T, RecvError> {
         let Self { receiver, connection } = self;
         connection.runner.block_on(next(receiver, connection))
     }
 
-    /// The same, for so long at most; then `None`.
+    /// Waits for the next one, at most this long. Returns `None` at the time limit.
     ///
     /// # Errors
-    /// As [`Self::recv`].
+    /// The same errors as [`Self::recv`].
     pub fn recv_within(&mut self, time: Duration) -> Result<Option<T>, RecvError> {
         let Self { receiver, connection } = self;
         match connection.runner.block_on(connection.robot.within(time, next(receiver, connection))) {
@@ -104,7 +107,8 @@ impl<T: Clone> Receiver<T> {
     }
 }
 
-/// What happens next, or the end of the handle. The sender may outlive that: a subscription keeps it.
+/// Waits for the next one, or for the end of the handle. The sender may outlive the handle, because a
+/// subscription keeps it.
 async fn next<T: Clone>(
     receiver: &mut broadcast::Receiver<T>,
     connection: &Connection,

@@ -9,10 +9,11 @@ use super::{NotSent, RequestError};
 use crate::guard::violation::Violation;
 use crate::moves::step_error::StepError;
 
-/// Why a request cannot be sent as it is. Nothing was sent, and sending the same again fails again: the caller has to change it.
+/// Why a request cannot be sent as it is. Nothing was sent, and sending it again fails again: the caller has
+/// to change it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Invalid {
-    /// The text is no address.
+    /// The text is not an address.
     BadAddress {
         /// As given.
         address: String,
@@ -30,9 +31,9 @@ pub enum Invalid {
     },
     /// A step of the motion is wrong.
     Step(StepError),
-    /// A list goes beyond the envelope of the handle's guard.
+    /// A list goes beyond the envelope of this handle's guard.
     OutsideEnvelope(Violation),
-    /// It was a stop ([`crate::Robot::stop`]): the arm may go on with what is in its list.
+    /// The request was a stop ([`crate::Robot::stop`]): the arm may continue with what is in its list.
     NotStopped(Box<Invalid>),
 }
 

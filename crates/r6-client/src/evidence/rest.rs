@@ -1,4 +1,4 @@
-//! The statement "the arm is at rest": it stands, without alarm, and nothing is left in its list as far as is known.
+//! The statement "the arm is at rest": it stands, without alarm, and its list is empty as far as is known.
 
 use std::time::Duration;
 
@@ -9,10 +9,12 @@ use crate::done::{WaitError, WaitOptions};
 use crate::error::RequestError;
 use crate::evidence::{About, Observation, Sample};
 
-/// How long alarm or mode may stay without a value: one odd reply passes, but an arm nobody can judge is not waited for.
+/// How long alarm or mode may have no value. One odd reply is tolerated. But the client does not wait longer
+/// for an arm whose state it cannot judge.
 const UNREADABLE_FOR: Duration = Duration::from_secs(1);
 
-/// Judges observations of one robot over one connection, one after the other.
+/// Judges observations of one robot over one connection, one after the other. Answers whether the arm is at
+/// rest.
 #[derive(Debug)]
 pub(crate) struct Rest {
     pub options: WaitOptions,
@@ -34,22 +36,22 @@ impl Rest {
         self.last.and_then(|last| last.list_length)
     }
 
-    /// A read failed: stillness has to be seen anew.
+    /// A read failed: stillness has to be seen again from the start.
     pub fn missed(&mut self) {
         self.still_since = None;
         self.last = None;
     }
 
-    /// `Ok(true)` once the arm is at rest.
+    /// Judges one observation. Returns `Ok(true)` once the arm is at rest.
     ///
     /// # Errors
-    /// [`WaitError`]: an alarm, a mode in which nothing runs, values without which nobody can judge the arm, or an
-    /// observation of another robot or over another connection ([`WaitError::AnotherConnection`]).
+    /// [`WaitError`]: an alarm, a mode in which nothing runs, values without which the arm cannot be judged,
+    /// or an observation of another robot or over another connection ([`WaitError::AnotherConnection`]).
     pub fn judge(&mut self, observation: &Observation, now: Instant) -> Result<bool, WaitError> {
         let sample = observation.values;
         if !observation.is_about(&self.about) {
             self.missed();
-            // An alarm, or a mode in which nothing runs, says more.
+            // An alarm, or a mode in which nothing runs, says more than "another connection".
             sample.check(self.options.idle_mode)?;
             return Err(WaitError::AnotherConnection);
         }
@@ -69,7 +71,7 @@ impl Rest {
         }
         self.unreadable_since = None;
         let stands = self.last.is_some_and(|last| sample.stands_since(&last));
-        // A length below zero is no empty list.
+        // A negative length is not an empty list.
         let more_to_come = sample.list_length.is_some_and(|length| length != 0);
         self.moved |= sample.moving == Some(true) || more_to_come || (self.last.is_some() && !stands);
         self.last = Some(sample);
@@ -78,9 +80,9 @@ impl Rest {
             return Ok(false);
         }
         let still_for = now - *self.still_since.get_or_insert(now);
-        // A list that is known to be empty cannot be standing in a corner.
+        // If the list is known to be empty, the arm cannot be standing in a corner of its path.
         let settled = sample.list_length.is_some() || still_for >= self.options.settle;
-        // A controller may answer a list before it says that it moves.
+        // A controller may answer a list before it reports that the arm moves.
         let started = self.moved || now - self.begun >= self.options.start_within;
         Ok(settled && started)
     }
@@ -139,7 +141,7 @@ mod tests {
         }
     }
 
-    /// Feeds samples 50 ms apart; how many it took to be done.
+    /// Feeds samples 50 ms apart. Returns the index of the sample that ended the motion.
     fn done_after(samples: impl IntoIterator<Item = Sample>) -> Result<Option<usize>, WaitError> {
         let begun = Instant::ORIGIN + Duration::from_secs(100);
         let mut watch = Rest::new(WaitOptions::default(), about(), begun);
@@ -177,7 +179,7 @@ mod tests {
         let corner = [unknown(STANDING); 7];
         let samples = [unknown(moving(1.0))].into_iter().chain(corner).chain([unknown(moving(2.0))]);
         assert_eq!(done_after(samples), Ok(None));
-        // The corner is first seen to stand in the read after it began; 500 ms later it is the end.
+        // Standstill is first seen in the second read of the corner. 500 ms later it counts as the end.
         let samples = [unknown(moving(1.0))].into_iter().chain([unknown(STANDING); 20]);
         assert_eq!(done_after(samples), Ok(Some(12)));
     }

@@ -1,5 +1,5 @@
-//! The statement "the controller was started anew". It is made of a motion that was under way when its connection was lost. A motion that was
-//! reported as done before is never said to have been cut short.
+//! The statement "the controller was restarted". It needs a motion that was under way when its connection was
+//! lost. The client never says that a motion was cut short after it reported that motion as done.
 
 use std::fmt;
 
@@ -7,23 +7,26 @@ use r6_proto::OperationMode;
 
 use crate::status::{AlarmAdvice, Status};
 
-/// What a controller shows that lost its list together with the connection: it was switched off and on, or somebody stopped it and
-/// cleared its list before the connection was made anew. Nothing on the wire tells the two apart.
+/// The state of a controller that lost its list while the connection was lost. Either the controller was
+/// switched off and on, or somebody stopped it and cleared its list before the client reconnected. The
+/// protocol cannot tell these two apart.
 ///
-/// Said only where the same robot answers over another connection, in a mode in which no program runs, with an empty list; or, where the
-/// firmware does not tell the length of its list, without its origin.
+/// The client says this only if all of these hold: the same robot answers over another connection, it is in a
+/// mode in which no program runs, and its list is empty. If the firmware does not report the length of its
+/// list, the origin has to be lost instead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Restart {
     /// The mode it is in now.
     pub mode: OperationMode,
-    /// Its alarm; 0: none, `None`: it could not be read.
+    /// The alarm number; 0: no alarm, `None`: it could not be read.
     pub alarm: Option<i64>,
-    /// Whether it does not know its origin any more.
+    /// Whether the controller no longer knows its origin.
     pub origin_lost: bool,
 }
 
 impl Restart {
-    /// What this state says, of a robot that ran a motion over an earlier connection and waits for instructions in `idle_mode`.
+    /// Judges the state of a robot that ran a motion over an earlier connection and waits for instructions in
+    /// `idle_mode`.
     pub(crate) fn of(status: &Status, idle_mode: OperationMode) -> Option<Self> {
         let mode = status.mode.filter(|mode| !mode.may_run() && *mode != idle_mode)?;
         let origin_lost = status.homed == Some(false);
@@ -63,13 +66,13 @@ mod tests {
     fn an_empty_list_or_a_lost_origin_in_a_mode_that_does_not_run_tells_of_it() {
         assert!(after(3, Some(0), true).is_some_and(|restart| !restart.origin_lost));
         assert!(after(1, None, false).is_some_and(|restart| restart.origin_lost));
-        // It was stopped, and kept its list.
+        // It was stopped, but it still has its list.
         assert_eq!(after(3, Some(4), true), None);
         assert_eq!(after(3, Some(4), false), None);
-        // It runs: nothing tells.
+        // It is in a running mode, so this proves nothing.
         assert_eq!(after(7, Some(0), true), None);
         assert_eq!(after(3, None, true), None);
-        // It waits for instructions as ever.
+        // It waits for instructions, as usual in this idle mode.
         let idle = Status { mode: Some(OperationMode::Auto), list_length: Some(0), ..Status::default() };
         assert_eq!(Restart::of(&idle, OperationMode::Auto), None);
     }

@@ -1,20 +1,22 @@
 //! The statement "the arm stands", made after a stop.
 //!
-//! Two reads at rest prove nothing while the machine runs: real arms stand for a third of a second at each point that is
-//! not blended, and programs wait for inputs. So a standstill is proved by what cannot be true of a running machine:
+//! Two reads at rest prove nothing while the machine runs: real arms stand for a third of a second at each
+//! point that is not blended, and programs wait for inputs. So the proof needs a state that a running machine
+//! cannot have:
 //!
 //! ```text
-//!  a stop left ──▶ watching ──(mode 0, 1, 2 or 3, and two reads at rest)──────────────────────────▶ NotRunning
-//!                     │
-//!                     └─(only where the user says that this controller stays in mode 7: every means was
-//!                        tried, a stop was answered ok, mode 7, and for two seconds at rest with the list
-//!                        seen empty)───────────────────────────────────────────────────────────────▶ EmptyList
+//!  a stop was sent ──▶ watching ──(mode 0, 1, 2 or 3, and two reads at rest)──────────────────▶ NotRunning
+//!                         │
+//!                         └─(only if the user says that this controller stays in mode 7: every means was
+//!                            sent, a stop was answered ok, mode 7, and for two seconds at rest with the
+//!                            list empty)──────────────────────────────────────────────────────▶ EmptyList
 //! ```
 //!
-//! The second proof does not exclude a taught program: it may wait for an input, with the arm at rest, for any time. So it counts only
-//! where the settings say that the controller stays in mode 7. Every other controller that stays there counts as not stopped.
+//! The second proof does not exclude a taught program: such a program may wait for an input for any time,
+//! with the arm at rest. So this proof counts only if the settings say that the controller stays in mode 7.
+//! Every other controller that stays in mode 7 counts as not stopped.
 //!
-//! A read of another robot or over another connection begins the watching anew and proves nothing.
+//! A read of another robot or over another connection restarts the watch and proves nothing.
 
 use std::time::Duration;
 
@@ -23,8 +25,8 @@ use r6_proto::time::Instant;
 
 use crate::evidence::{About, Observation};
 
-/// How long an arm has to stand where the mode says that a program runs: six times the longest dwell that was seen at a
-/// point without blending (0.33 s, reported, unit A).
+/// How long an arm has to stand while the mode says that a program runs: six times the longest dwell seen at
+/// a point without blending (0.33 s, reported, unit A).
 pub(crate) const LONGER_THAN_ANY_DWELL: Duration = Duration::from_secs(2);
 
 /// What proves that the arm stands.
@@ -32,31 +34,32 @@ pub(crate) const LONGER_THAN_ANY_DWELL: Duration = Duration::from_secs(2);
 pub enum StandProof {
     /// The controller is in a mode in which no program runs, and the arm was at rest in two reads.
     NotRunning(OperationMode),
-    /// The controller stays in mode 7, as [`crate::RobotSettings::stays_in_mode_7`] says that it does; it said ok to a stop, and for
-    /// this long the arm was at rest with the instruction list seen empty. A program that was taught on the pendant may still run, and
-    /// may move the arm.
+    /// The controller stays in mode 7, which [`crate::RobotSettings::stays_in_mode_7`] announced. It answered
+    /// a stop with ok. For this long the arm was at rest and the instruction list was empty. A program that
+    /// was taught on the pendant may still run, and may move the arm.
     EmptyList(Duration),
 }
 
-/// What was tried so far, as far as the proof depends on it.
+/// The stop attempts so far, as far as the proof depends on them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Tried {
-    /// Whether each means of stopping has left.
+    /// Whether every means of stopping was sent.
     pub all: bool,
-    /// Whether a stop or a pause was answered with ok. A cleared list ends no program.
+    /// Whether a stop or a pause was answered with ok. Clearing the list does not count, because it ends no
+    /// program.
     pub accepted: bool,
     /// Whether the controller is known to stay in mode 7.
     pub stays_in_mode_7: bool,
 }
 
-/// Watches one robot over one connection since a stop left on it.
+/// Watches one robot over one connection after a stop was sent on it.
 #[derive(Debug)]
 pub(crate) struct Standstill {
     about: About,
-    /// When the stop was handed over: what was asked for before says nothing.
+    /// When the stop was handed over. Values requested before that prove nothing.
     since: Instant,
     last: Option<Observation>,
-    /// Since when the arm is at rest with an empty list.
+    /// When the arm was first seen at rest with an empty list.
     empty_since: Option<Instant>,
 }
 
@@ -65,13 +68,13 @@ impl Standstill {
         Self { about, since, last: None, empty_since: None }
     }
 
-    /// A read failed: the rest has to be seen anew.
+    /// A read failed: the arm has to be seen at rest again from the start.
     pub fn missed(&mut self) {
         self.last = None;
         self.empty_since = None;
     }
 
-    /// Takes in one observation; `Some` once it is proved that the arm stands.
+    /// Takes in one observation. Returns `Some` once it proves that the arm stands.
     pub fn see(&mut self, observation: &Observation, tried: Tried) -> Option<StandProof> {
         if !observation.is_about(&self.about) || observation.asked_at < self.since {
             self.missed();
@@ -168,7 +171,7 @@ mod tests {
                 assert_eq!(film.see(ms, mode, Some(3)), None, "{mode}: steps are left");
             }
             for ms in (10_000..20_000).step_by(50) {
-                assert_eq!(film.see(ms, mode, None), None, "{mode}: nobody knows what is left");
+                assert_eq!(film.see(ms, mode, None), None, "{mode}: what is left is unknown");
             }
         }
     }
@@ -188,7 +191,7 @@ mod tests {
             let observation = film.at(9000, OperationMode::Running, Some(0), 0.0);
             assert_eq!(film.watch.see(&observation, tried), None, "{tried:?}");
         }
-        // A program that was taught makes one pass in mode 9: it may wait for an input as long as it likes.
+        // A taught program makes one pass in mode 9 and may wait for an input for any time.
         assert_eq!(film.see(20_000, OperationMode::SingleCycle, Some(0)), None);
     }
 
@@ -202,14 +205,14 @@ mod tests {
         for wrong in [other, elsewhere, before] {
             assert_eq!(film.watch.see(&wrong, ALL), None);
             assert_eq!(film.watch.see(&wrong, ALL), None, "{wrong:?}");
-            // What was seen of others does not count as the first of two reads.
+            // A read of another robot or connection does not count as the first of two reads.
             assert_eq!(film.watch.see(&stands, ALL), None);
             film.watch.missed();
         }
     }
 
     proptest! {
-        /// Whatever was seen before: it is never said of an arm that moved between the last two reads.
+        /// After any earlier reads, an arm that moved between the last two reads is never said to stand.
         #[test]
         fn an_arm_that_moved_is_never_said_to_stand(
             reads in prop::collection::vec((0_u64..3000, 0_i64..10, prop::option::of(0_i64..3), 0_u8..3), 1..60),

@@ -8,17 +8,18 @@ use crate::moves::Motion;
 use crate::moves::step_error::StepError;
 use crate::units::{AxisCoordinate, AxisPosition, Degrees, Millimetres};
 
-/// How much a corner is rounded where steps follow each other without a stop: little, for the steps are small.
+/// How much a corner is rounded where steps follow each other without a stop: little, because the steps are
+/// small.
 const BLEND: u8 = 3;
 
-/// One step, and where all axes are after it.
+/// One step, and the position of all axes after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Step {
     pub to: AxisPosition,
     pub end: [Option<f64>; AXES],
 }
 
-/// The way that each axis of the target has to go; `None` if it is not known where one of them is.
+/// How far each axis of the target has to move; `None` if the position of one of them is not known.
 fn ways(from: &[Option<f64>; AXES], target: &AxisPosition) -> Option<Vec<(AxisIndex, AxisCoordinate, f64)>> {
     let way = |axis: AxisIndex| {
         let to = target.at(axis)?;
@@ -34,7 +35,8 @@ pub(super) fn farthest(from: &[Option<f64>; AXES], target: &AxisPosition) -> Opt
     Some(ways(from, target)?.iter().map(|(_, _, way)| way.abs()).fold(0.0, largest))
 }
 
-/// The step from here towards the target; `None` if it would be too small, or it is not known where an axis is.
+/// The next step from here towards the target; `None` if it would be too small, or the position of an axis is
+/// not known.
 pub(super) fn towards(
     from: &[Option<f64>; AXES],
     target: &AxisPosition,
@@ -42,7 +44,7 @@ pub(super) fn towards(
 ) -> Option<Step> {
     let farthest = farthest(from, target)?;
     if !farthest.is_finite() {
-        // The wire cannot carry it, and says so.
+        // The wire cannot carry it: encoding the step reports the error.
         return Some(Step { to: *target, end: *from });
     }
     if farthest <= 0.0 || farthest < options.smallest_step.value() {

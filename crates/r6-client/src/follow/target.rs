@@ -1,4 +1,4 @@
-//! The targets that are followed, each with its age.
+//! The targets that the arm follows, each with its age.
 
 use std::fmt;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ pub struct TargetSender(watch::Sender<Sent>);
 #[derive(Debug)]
 pub struct Targets(watch::Receiver<Sent>);
 
-/// A target, and how long ago it was sent by now; `None` before the first one.
+/// A target, and a function that returns its present age; `None` before the first target.
 #[derive(Clone)]
 struct Sent {
     target: AxisPosition,
@@ -37,19 +37,19 @@ impl fmt::Debug for Sent {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LastTarget {
     pub target: AxisPosition,
-    /// `None` before the first one.
+    /// `None` before the first target.
     pub at: Option<Instant>,
 }
 
 impl TargetSender {
-    /// A sender that has sent no target yet, and the receiver for [`crate::Robot::follow`].
+    /// Creates a sender that has sent no target yet, and the receiver for [`crate::Robot::follow`].
     #[must_use]
     pub fn new() -> (Self, Targets) {
         let (sender, targets) = watch::channel(Sent { target: AxisPosition::none(), age: None });
         (Self(sender), Targets(targets))
     }
 
-    /// Sends a target whose age is told by this.
+    /// Sends a target together with a function that returns its age.
     pub(crate) fn send_aged(&self, target: AxisPosition, age: impl Fn() -> Duration + Send + Sync + 'static) {
         self.0.send_replace(Sent { target, age: Some(Arc::new(age)) });
     }

@@ -1,4 +1,4 @@
-//! How far an arc reaches.
+//! Calculates how far an arc reaches.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,7 +7,7 @@ type Point = [f64; 3];
 /// Three points whose triangle is flatter than this, mm², lie on a line.
 const FLAT: f64 = 1e-9;
 
-/// The least and the most of X, Y and Z on the arc from one point through another to the third.
+/// The minimum and maximum of X, Y and Z on the arc from one point through another to the third.
 pub(super) fn arc_extremes(from: Point, middle: Point, to: Point) -> [(f64, f64); 3] {
     let mut reached = vec![from, middle, to];
     let (first, second) = (minus(middle, from), minus(to, from));
@@ -22,7 +22,8 @@ pub(super) fn arc_extremes(from: Point, middle: Point, to: Point) -> [(f64, f64)
             0.5 / squared,
         );
         let centre = plus(from, to_centre);
-        // The arc is centre + across·cos + along·sin, from 0 on; about the normal it goes from `from` to `middle` to `to`.
+        // The arc is centre + across·cos + along·sin, starting at angle 0. Around the normal it goes from
+        // `from` through `middle` to `to`.
         let across = times(to_centre, -1.0);
         let along = times(cross(normal, across), 1.0 / squared.sqrt());
         let at_end = minus(to, centre);

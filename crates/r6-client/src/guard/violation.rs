@@ -1,23 +1,23 @@
-//! What goes beyond an envelope.
+//! Describes a step that goes beyond an envelope.
 
 use std::fmt;
 
 use r6_proto::axis::AxisIndex;
 
-/// A step that goes beyond an envelope; nothing of its list was sent.
+/// A step that goes beyond an envelope. Nothing of its list was sent.
 #[derive(Clone, Copy, Debug)]
 pub struct Violation {
-    /// The step, counted from 1; 0 where the limits themselves are wrong.
+    /// The step, counted from 1; 0 if the limits themselves are wrong.
     pub step: usize,
-    /// What goes beyond.
+    /// The value that goes beyond the envelope.
     pub what: Checked,
-    /// Its value; `None` where it cannot be told, which counts as beyond.
+    /// The number; `None` if it is not known, which counts as beyond.
     pub value: Option<f64>,
-    /// The least and the most that is allowed, in the same unit.
+    /// The minimum and the maximum allowed, in the same unit.
     pub limit: (f64, f64),
 }
 
-/// What is held against an envelope.
+/// A value that the guard compares with an envelope.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Checked {
     /// The `speed` of a move, percent.
@@ -28,17 +28,18 @@ pub enum Checked {
     Axis(AxisIndex, bool),
     /// How far a move turns an axis, degrees, or, if it slides, mm.
     AxisStep(AxisIndex, bool),
-    /// The unit of an axis; `true` if the envelope has it slide, in mm, `false` if it turns there, in degrees.
+    /// The unit of an axis; `true` if the envelope has the axis slide, in mm, `false` if the envelope has it
+    /// turn, in degrees.
     Unit(AxisIndex, bool),
     /// X, Y or Z of the tool, mm.
     Place(AxisIndex),
     /// How far a move goes, mm.
     Distance,
-    /// The way of a curve that begins at an unknown place.
+    /// The path of a curve that begins at an unknown place.
     Arc,
-    /// The frame that a pose refers to: another one than that of the envelope.
+    /// The frame that a pose refers to: a different one than that of the envelope.
     Frame,
-    /// The frame in use: this connection has told a tool or a workbench since the guard was made.
+    /// The frame in use: this connection has selected a tool or a workbench since the guard was made.
     FrameUnknown,
     /// The kind of instruction, by its action number.
     Action(i64),
@@ -54,7 +55,7 @@ impl PartialEq for Violation {
     }
 }
 
-// Numbers are compared bit by bit: even what is no number equals itself.
+// Numbers are compared bit by bit, so even NaN equals itself.
 impl Eq for Violation {}
 
 impl fmt::Display for Violation {
@@ -109,7 +110,7 @@ impl fmt::Display for Violation {
             ),
             (Checked::FrameUnknown, _) => f.write_str(
                 "a tool or a workbench was told over this connection since the guard was made, and whether the limits are told for it is \
-                 not known: make a guard for the one that is in use (with_guard of a handle without a guard)",
+                 not known: make a guard for the tool and workbench in use (with_guard of a handle without a guard)",
             ),
             (Checked::Action(number), _) => write!(f, "action {number} is not allowed"),
         }
@@ -117,7 +118,7 @@ impl fmt::Display for Violation {
 }
 
 impl Violation {
-    /// The limits themselves are the wrong way round.
+    /// Writes the message for limits that are themselves wrong, such as a minimum above the maximum.
     fn wrong_limits(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (lowest, highest) = self.limit;
         match self.what {
@@ -151,7 +152,7 @@ struct Value(Option<f64>);
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            // A step that was computed has digits that nobody set.
+            // A calculated step has more digits than the user entered.
             Some(value) => ((value * 1e6).round() / 1e6).fmt(f),
             None => f.write_str("?"),
         }

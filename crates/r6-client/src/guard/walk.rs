@@ -1,4 +1,4 @@
-//! A list held against an envelope, step by step.
+//! Checks a list against an envelope, step by step.
 
 use r6_proto::axis::{AXES, AxisIndex, AxisMask};
 use r6_proto::message::instruction::{Action, Coordinates, Instruction, Manner};
@@ -9,20 +9,20 @@ use crate::guard::{Envelope, Reckoning};
 use crate::units::position::AxisUnits;
 use crate::units::{AxisCoordinate, Degrees, Millimetres};
 
-/// A list, step by step.
+/// The state of the check of one list, step by step.
 pub(super) struct Walk<'e> {
     envelope: &'e Envelope,
-    /// Counted from 1.
+    /// The present step, counted from 1.
     step: usize,
-    /// Where the step begins, as far as is known.
+    /// The axes where the step begins, as far as they are known.
     pub axes: [Option<f64>; AXES],
     pub pose: [Option<f64>; AXES],
-    /// Whether it may begin anywhere: the first move is then not measured.
+    /// Whether the list may begin anywhere. Then the length of the first move is not checked.
     pub start_is_open: bool,
     other_frame: bool,
-    /// A frame was told before this list.
+    /// Whether the frame was changed before this list.
     frame_is_unknown: bool,
-    /// An input may stop any move: where it ends is not known.
+    /// Whether an input may stop any move. Then the end of a move is not known.
     may_be_cut: bool,
     path_speed: bool,
 }
@@ -44,8 +44,8 @@ impl<'e> Walk<'e> {
 }
 
 impl Walk<'_> {
-    /// A list from its beginning to its end; where it repeats, from there through a second round, too. Steps beyond `units` were given as
-    /// bare numbers.
+    /// Checks a list from its beginning to its end. If it repeats, also checks a second round, starting where
+    /// the first ends. Steps beyond the end of `units` count as given in bare numbers.
     pub fn list(&mut self, steps: &[Instruction], units: &[AxisUnits]) -> Result<(), Violation> {
         let rounds = if steps.iter().any(|step| !step.oneshot) { 2 } else { 1 };
         for _ in 0..rounds {
@@ -112,7 +112,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Positions in another frame, or of another tool, do not compare.
+    /// Checks the frames of a move. Positions in another frame, or of another tool, cannot be compared.
     fn frames(&self, manner: &Manner) -> Result<(), Violation> {
         if self.envelope.workspace.is_none() && self.envelope.largest_distance.is_none() {
             return Ok(());
@@ -147,7 +147,7 @@ impl Walk<'_> {
             };
             if let Some(largest) = largest {
                 let by = self.axes.get(at).copied().flatten().map(|from| (to - from).abs());
-                // What is no number is not within either.
+                // NaN is not within the limit either.
                 if !by.map_or(self.start_is_open, |by| by <= largest) {
                     return Err(self.beyond(Checked::AxisStep(axis, slides(limits)), by, (0.0, largest)));
                 }
@@ -157,7 +157,7 @@ impl Walk<'_> {
             }
         }
         self.start_is_open = false;
-        // Where the tool is then, nobody can tell without a model of the arm.
+        // After an axis move, the position of the tool is not known without a model of the arm.
         self.pose = [None; AXES];
         Ok(())
     }
@@ -197,7 +197,8 @@ impl Walk<'_> {
 }
 
 impl Walk<'_> {
-    /// Millimetres do not compare with degrees. What is not said to slide turns.
+    /// Checks the unit of an axis, because millimetres cannot be compared with degrees. An axis without
+    /// limits in mm counts as turning.
     fn unit(
         &self,
         axis: AxisIndex,
@@ -214,7 +215,8 @@ impl Walk<'_> {
         Ok(())
     }
 
-    /// Whether the way stays in the workspace. A straight one does if its end is there, as its start was.
+    /// Whether the path stays in the workspace. A straight path does if its end is inside, because its start
+    /// was.
     fn workspace(
         &self,
         mask: AxisMask,
@@ -237,7 +239,7 @@ impl Walk<'_> {
             let at = axis.index();
             let reached = match &arc {
                 Some(arc) => arc.get(at).copied(),
-                // A component that the move leaves alone stays where it is.
+                // A component that the move does not change stays where it is.
                 None if mask.contains(axis) => to.get(at).copied().flatten().map(|to| (to, to)),
                 None => None,
             };

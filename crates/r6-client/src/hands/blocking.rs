@@ -1,23 +1,28 @@
-//! The hand of programs without async: blocking sockets, driven by the threads that wait for an answer.
+//! The driver ("hand") of programs without async: blocking sockets, driven by the threads that wait for a
+//! reply.
 //!
 //! ```text
-//!  a call:   polls its operation, which writes ──▶ reads until its own answer is there, or waits while another thread reads
-//!  no call:  the keeper, a thread of the connection, reads and keeps the deadlines if anything is under way; else it looks now and
-//!            then whether the connection has ended
+//!  a call:   polls its operation, which writes ──▶ reads until its reply is there, or waits while another
+//!            thread reads
+//!  no call:  the keeper, a thread of the connection, reads and keeps the deadlines if anything is under way;
+//!            otherwise it checks now and then whether the connection has ended
 //! ```
 //!
-//! Only reading needs a turn ([`Turns`] tells whose it is). Whatever else is to be done, any thread does: [`StdHand::serve`] writes and
-//! keeps the deadlines of the connection, under its lock; [`StdHand::attend`] drives the errands, one thread at a time.
+//! Only reading needs a turn; [`Turns`] decides which thread reads. Any thread may do everything else:
+//! [`StdHand::serve`] writes and keeps the deadlines of the connection, under its lock. [`StdHand::attend`]
+//! drives the errands, one thread at a time.
 //!
 //! ```text
-//!  read ──▶ serve ──▶ errands, if something happened ──▶ the own answer is there? ──▶ yes: stand, and call the next
-//!   ▲                                                            │ no
-//!   └────────────────────────────────────────────────────────────┘
+//!  read ──▶ serve ──▶ errands, if something happened ──▶ own reply there? ──▶ yes: stand, call the next
+//!   ▲                                                           │ no
+//!   └───────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! A thread that reads polls nothing of its caller's, so a slow caller keeps nobody waiting: it has given the reading away by then. What
-//! a stranger to the connection makes happen (a thread that waits for something else, another executor) is looked at by a parked thread
-//! or the keeper. If both read at that moment, they see it when they come back, after 50 ms at most.
+//! A thread that reads does not poll its caller's future, so a slow caller delays no other thread: by then it
+//! has given up its turn to read. A "stranger" is a thread that does not drive this connection, such as one
+//! that waits for something else, or another executor. When a stranger starts something, a parked thread or
+//! the keeper handles it. If both are reading at that moment, they handle it when they return, after 50 ms at
+//! most.
 
 mod line;
 mod signal;
@@ -53,19 +58,21 @@ use crate::robot::Robot;
 use crate::seats::Seat;
 use crate::settings::RobotSettings;
 
-/// Replies are below 4 KiB; a longer one is read in pieces.
+/// Replies are shorter than 4 KiB; a longer one is read in pieces.
 const READ_BUFFER: usize = 4096;
 
-/// So often the same thread looks again before it does anything else.
+/// The same thread looks again at most this often before it does anything else.
 const MOST_LOOKS: usize = 64;
 
-/// If nobody has read for so long, what has come since is read before anything is written: a connection that has ended takes nothing.
+/// If no thread has read for this long, the client reads what has arrived before it writes, because a
+/// connection that has ended accepts no bytes.
 const UNREAD_FOR: Duration = Duration::from_millis(5);
 
-/// Who reads and finds a deadline over may just have been asleep, like the whole computer: its bytes come first.
+/// Time given to the thread that reads when a deadline is over: that thread may just have been asleep, like
+/// the whole computer, and the bytes that it has read come first.
 const READER_FIRST: Duration = Duration::from_millis(1);
 
-/// No deadline.
+/// Stands for "no deadline".
 const NEVER: u64 = u64::MAX;
 
 /// Drives one connection over a blocking socket.
@@ -76,16 +83,16 @@ pub(crate) struct StdHand {
     target: Tcp,
     turns: Turns,
     line: Mutex<Line>,
-    /// Only for the one who reads.
+    /// Only for the thread that reads.
     buffer: Mutex<Box<[u8; READ_BUFFER]>>,
     errands: Mutex<Errands>,
-    /// Of the errands.
+    /// The waker of the errands.
     waker: Waker,
-    /// The next deadline of connection and line, nanoseconds.
+    /// The next deadline of connection and line, in nanoseconds.
     due: AtomicU64,
     busy: AtomicBool,
     awaits: AtomicBool,
-    /// When somebody last read.
+    /// When a thread last read.
     read_at: AtomicU64,
 }
 
@@ -95,7 +102,7 @@ impl fmt::Debug for StdHand {
     }
 }
 
-/// What the errands wake.
+/// Wakes this driver on behalf of the errands.
 struct Summons(Weak<StdHand>);
 
 impl Wake for Summons {
@@ -111,20 +118,21 @@ impl Wake for Summons {
 }
 
 thread_local! {
-    /// The hand that this thread drives now. It looks at what it makes happen there by itself.
+    /// The driver that this thread runs now. This thread itself handles what it starts there.
     static HERE: Cell<*const StdHand> = const { Cell::new(ptr::null()) };
-    /// Whether this thread has just told the time, and polls its future next.
+    /// Whether this thread has just updated the time and polls its future next.
     static TOLD: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Which connection of a robot one is.
+/// The first or the second connection of a robot.
 enum Which {
     First,
-    /// Made by a stop beside the first, and not made anew. It may know who has to be at its other end.
+    /// Opened by a stop beside the first connection, and never reconnected. The identity of the robot that
+    /// has to be at its other end may be known.
     Second(Option<Identity>),
 }
 
-/// Until this thread drives what it drove before.
+/// Marks this thread as driving a connection. Dropping it restores what the thread drove before.
 struct Here<'h> {
     hand: &'h StdHand,
     before: *const StdHand,
@@ -147,7 +155,7 @@ impl Drop for Here<'_> {
     }
 }
 
-/// Until this thread does not drive the errands any more, in whatever way.
+/// Marks this thread as driving the errands. Dropping it ends that, also on a panic.
 struct Carrying<'h> {
     turns: &'h Turns,
     over: bool,
@@ -162,12 +170,12 @@ impl Drop for Carrying<'_> {
 }
 
 impl StdHand {
-    /// Connects, on this thread.
+    /// Connects, on the calling thread.
     pub fn connect(address: &str, settings: RobotSettings) -> Result<(Robot, Arc<Self>), RequestError> {
         Self::connect_in(Arc::new(Std::start()), address, settings)
     }
 
-    /// The same in another system.
+    /// Connects in another system; see [`System`].
     pub fn connect_in(
         system: Arc<dyn System>,
         address: &str,
@@ -214,7 +222,7 @@ impl StdHand {
             awaits: AtomicBool::new(false),
             read_at: AtomicU64::new(now.as_nanos()),
         });
-        // The first heartbeat leaves before anything else does.
+        // The first heartbeat is sent before anything else.
         hand.serve(None);
         let keeper = Arc::clone(&hand);
         line::spawn(&*system, "r6-keeper", move || keeper.keep())?;
@@ -225,15 +233,15 @@ impl StdHand {
     pub fn block_on<F: Future>(&self, future: F) -> F::Output {
         let mut future = pin!(future);
         loop {
-            // It waits within.
+            // `run` waits inside.
             if let Poll::Ready(output) = self.run(future.as_mut(), None) {
                 return output;
             }
         }
     }
 
-    /// The same for so long; `None` if the future has not ended by then, or when a signal came to this thread. It can go on later, here
-    /// or elsewhere.
+    /// Runs a future on this thread for at most this time. Returns `None` if the future has not ended by
+    /// then, or when a signal came to this thread. The future can continue later, here or elsewhere.
     pub fn block_on_for<F: Future + ?Sized>(&self, time: Duration, future: Pin<&mut F>) -> Option<F::Output> {
         self.tell_time();
         match self.run(future, Some(self.shared.hub.time.now() + time)) {
@@ -244,7 +252,8 @@ impl StdHand {
 
     fn run<F: Future + ?Sized>(&self, mut future: Pin<&mut F>, until: Option<Instant>) -> Poll<F::Output> {
         let _here = Here::begin(self);
-        // Where a runtime runs: its way to give other tasks a turn would let this thread wait for ever.
+        // `unconstrained`, because inside a tokio runtime, tokio's way to let other tasks run would make this
+        // thread wait for ever.
         let whole = tokio::task::unconstrained(poll_fn(|_| {
             Signal::with(&*self.system, |me, waker| {
                 loop {
@@ -262,7 +271,8 @@ impl StdHand {
         pin!(whole).poll(&mut Context::from_waker(Waker::noop()))
     }
 
-    /// Reads, or waits for the thread that does, until the future of this thread can go on; `false` if that time, or a signal, came first.
+    /// Reads, or waits for the thread that reads, until the future of this thread can continue. Returns
+    /// `false` if the time or a signal came first.
     fn wait(&self, me: &Arc<Signal>, until: Option<Instant>) -> bool {
         let mut reads = false;
         let mut sits = false;
@@ -283,7 +293,8 @@ impl StdHand {
             match (reads, reads_until) {
                 (true, Some(reads_until)) => self.turns.read_on(reads_until, now.due),
                 (true, None) => {
-                    // There is no connection, or a deadline is near that a read would miss. This thread can be called then.
+                    // There is no connection, or a read would miss a near deadline. Other threads can call
+                    // this thread while it is parked.
                     reads = false;
                     self.turns.stop_reading(now);
                 }
@@ -305,7 +316,7 @@ impl StdHand {
                 && self.read(socket, now, until)
                 && until.is_some()
             {
-                // Whoever waits for a while has something else to look after.
+                // A caller with a time limit has something else to do after a signal.
                 break;
             }
         }
@@ -315,7 +326,8 @@ impl StdHand {
         me.is_woken()
     }
 
-    /// Waits for bytes, until that time at most, and takes them in; whether a signal came to this thread instead. It is this thread's turn.
+    /// Waits for bytes until the given time at most, and takes them in. Returns whether a signal came to this
+    /// thread instead. The caller must hold the turn to read.
     fn read(&self, socket: &Arc<Socket>, now: Now, until: Option<Instant>) -> bool {
         socket.set_time_out(now, until);
         let mut buffer = self.buffer();
@@ -334,12 +346,12 @@ impl StdHand {
         }
     }
 
-    /// Takes in what is there, without waiting. It is this thread's turn.
+    /// Takes in the bytes that are there, without waiting. The caller must hold the turn to read.
     fn glance(&self) {
         for _ in 0..MOST_LOOKS {
             let mut buffer = self.buffer();
             self.note_read();
-            // Nobody writes meanwhile: the line is locked.
+            // No thread writes meanwhile, because the line is locked.
             let glanced = self.line().glance(buffer.as_mut_slice());
             let Some((socket, read)) = glanced else { return };
             let goes_on = read.as_ref().is_ok_and(|bytes| *bytes > 0);
@@ -351,7 +363,7 @@ impl StdHand {
         }
     }
 
-    /// The same, if nobody reads and nobody has for a while.
+    /// Takes in the bytes that are there, if no thread reads now and none has read for a while.
     fn glance_if_unread(&self) {
         let read_at = Instant::from_nanos(self.read_at.load(Ordering::Relaxed));
         let now = self.shared.hub.time.now();
@@ -361,7 +373,7 @@ impl StdHand {
         }
     }
 
-    /// A deadline is over. What has come by then counts first.
+    /// Handles a deadline that is over. Bytes that have arrived by then count first.
     fn tick(&self, reads: bool) {
         self.pass_time();
         if reads {
@@ -375,12 +387,12 @@ impl StdHand {
         self.serve(None);
     }
 
-    /// Takes in what was read, and does what is to be done on the connection now.
+    /// Takes in what was read, and does what is due on the connection now.
     fn serve(&self, read: Option<(&Arc<Socket>, io::Result<&[u8]>)>) {
         let mut connection = self.shared.connection();
         let now = self.shared.hub.time.now();
         let mut line = self.line();
-        // What was read over an earlier socket counts for nothing.
+        // Bytes that were read over an earlier socket do not count.
         if let Some((socket, read)) = read
             && line.is(socket)
         {
@@ -441,7 +453,7 @@ impl StdHand {
         }
     }
 
-    /// What a thread that connects calls at its end.
+    /// Returns the function that a connecting thread calls at its end.
     fn summoning(&self) -> impl FnOnce() + Send + 'static {
         let me = Weak::clone(&self.me);
         move || {
@@ -451,7 +463,8 @@ impl StdHand {
         }
     }
 
-    /// Drives the errands as far as they go without waiting, and does what comes of that; `false` if another thread does.
+    /// Drives the errands as far as possible without waiting, and serves what they started. Returns `false`
+    /// if another thread drives them.
     fn attend(&self) -> bool {
         if !self.turns.begin() {
             return false;
@@ -472,7 +485,7 @@ impl StdHand {
         true
     }
 
-    /// The keeper's thread. It ends with the connection.
+    /// The main function of the keeper's thread. It ends with the connection.
     fn keep(&self) {
         let _here = Here::begin(self);
         let me = Signal::here(&*self.system);
@@ -518,7 +531,7 @@ impl StdHand {
         }
     }
 
-    /// Looks at once at what this thread, a stranger, made happen.
+    /// Handles at once what this thread, a stranger, started.
     pub fn look_after(&self) {
         self.turns.note();
         drop(Here::begin(self));
@@ -539,7 +552,7 @@ impl StdHand {
         Instant::ORIGIN + self.system.now()
     }
 
-    /// Tells the time, for this thread has waited.
+    /// Updates the time after this thread has waited.
     fn pass_time(&self) {
         TOLD.set(false);
         self.shared.hub.time.pass(self.clock());
@@ -553,7 +566,7 @@ impl StdHand {
         ptr::eq(HERE.get(), self)
     }
 
-    /// Locked behind the connection, if that is needed too.
+    /// Locks the line. A caller that needs the connection too must lock that first.
     fn line(&self) -> MutexGuard<'_, Line> {
         self.line.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -565,7 +578,7 @@ impl StdHand {
 
 impl Hand for StdHand {
     fn tell_time(&self) {
-        // The one who has just read has told it.
+        // The thread that has just read has already updated the time.
         if !(TOLD.take() && self.is_here()) {
             self.pass_time();
         }
@@ -578,7 +591,7 @@ impl Hand for StdHand {
             self.attend_if_needed();
             return false;
         }
-        // Another executor polls this; the keeper reads for it.
+        // Another executor polls this operation; the keeper reads for it.
         if seat.0.replace(0).is_none() {
             self.turns.stranger_came();
         }
@@ -608,7 +621,7 @@ impl Hand for StdHand {
             let (target, within) = (self.target.clone(), settings.connect_timeout);
             let system = Arc::clone(&self.system);
             line::spawn(&*self.system, "r6-connect", move || {
-                // Nobody waits any more: it is closed.
+                // If the receiver is gone, the connection is closed.
                 tell.send(line::dial(&*system, &target, within)).ok();
             })?;
             let over = NotSent::ConnectTimedOut { address: self.target.to_string(), after: within };

@@ -1,15 +1,17 @@
-//! The hand of other event loops: a loop that is not tokio's owns the socket and the clock, and calls [`CallbackHand`].
+//! The driver ("hand") for other event loops: a loop other than tokio's owns the socket and the clock, and
+//! calls [`CallbackHand`].
 //!
 //! ```text
 //!  the loop calls:  connected, not_connected, received, lost, writable, due, run ──▶ CallbackHand
 //!  the hand calls:  connect, write, end, let_go, call_at, soon, another          ──▶ EventLoop
 //! ```
 //!
-//! Each call of the loop carries as far as it goes: what came in, what can leave, the operations, the next deadline. No thread is
-//! started, and no lock is held while [`EventLoop`] is called, so it may call back at once: that is seen before the outer call returns.
+//! Each call of the loop does all that can be done now: it takes in bytes, sends, runs the operations, and
+//! sets the next deadline. No thread is started. No lock is held while [`EventLoop`] is called, so
+//! [`EventLoop`] may call back at once; the outer call handles that before it returns.
 //!
-//! The robot's methods are futures like any other. [`CallbackHand::call`] has the loop itself run one: a query then costs two turns of
-//! the loop and no other thread.
+//! The robot's methods are ordinary futures. [`CallbackHand::call`] makes the loop itself run one: a query
+//! then costs two turns of the loop and no other thread.
 
 mod turn;
 
@@ -38,59 +40,65 @@ use crate::robot::Robot;
 use crate::seats::Seat;
 use crate::settings::RobotSettings;
 
-/// So often one call looks again before the loop has its turn.
+/// One call looks again at most this often before it returns to the loop.
 const MOST_LOOKS: usize = 64;
 
 /// What an event loop does for one connection.
 ///
-/// Only [`Self::now`] and [`Self::soon`] are called from any thread. The others are called from within the methods of
-/// [`CallbackHand`].
+/// Any thread may call [`Self::now`] and [`Self::soon`]. The other methods are called only from within the
+/// methods of [`CallbackHand`].
 pub trait EventLoop: Send + Sync + 'static {
-    /// The time since an origin of the loop's choice. It never goes back.
+    /// The time since an origin that the loop chooses. It never goes back.
     fn now(&self) -> Duration;
 
-    /// Has [`CallbackHand::run`] called soon, from the loop. It does nothing else: the caller may hold locks of the client.
+    /// Schedules a call of [`CallbackHand::run`] from the loop. It must do nothing else, because the caller
+    /// may hold locks of the client.
     fn soon(&self);
 
-    /// Writes as many of these bytes as there is room for, and tells how many. After fewer than all, the loop calls
-    /// [`CallbackHand::writable`] once there is room.
+    /// Writes as many of these bytes as there is room for, and returns how many. After a partial write, the
+    /// loop calls [`CallbackHand::writable`] once there is room.
     ///
-    /// Bytes that were taken cannot be called back, and a stop waits behind them: a loop with a buffer of its own takes none while that
-    /// buffer is not empty.
+    /// Accepted bytes cannot be taken back, and a stop waits behind them. So a loop with its own buffer
+    /// accepts no bytes while that buffer is not empty.
     fn write(&self, bytes: &[u8]) -> usize;
 
-    /// Begins to make a connection, which ends in [`CallbackHand::connected`] or [`CallbackHand::not_connected`], or by
-    /// [`Self::let_go`]: that comes at the latest after [`RobotSettings::connect_timeout`].
+    /// Begins to connect. The attempt ends with [`CallbackHand::connected`] or
+    /// [`CallbackHand::not_connected`], or with [`Self::let_go`], which is called after
+    /// [`RobotSettings::connect_timeout`] at the latest.
     fn connect(&self);
 
-    /// Ends this side of the connection once what was written has left. The other side's end, [`CallbackHand::lost`], is waited for.
+    /// Shuts down this side of the connection once everything written has been sent. The client then waits
+    /// for the other side to end, which is reported by [`CallbackHand::lost`].
     fn end(&self);
 
-    /// Lets go of the connection, or of the attempt to make one, at once. What comes of it later must not be told.
+    /// Drops the connection, or the attempt to connect, at once. The loop must not report any later result of
+    /// it.
     fn let_go(&self);
 
-    /// Has [`CallbackHand::due`] called at this time of [`Self::now`], and at no other that was asked for before.
+    /// Schedules a call of [`CallbackHand::due`] at this time of [`Self::now`]. It replaces the time that was
+    /// set before.
     fn call_at(&self, at: Duration);
 
-    /// Begins to make a second connection beside this one: a stop wants it where nothing comes back over the first. A loop that
-    /// makes none drops the request.
+    /// Begins to open a second connection beside this one. A stop wants it when nothing comes back over the
+    /// first connection. A loop that does not support this drops the request.
     fn another(&self, another: Another) {
         drop(another);
     }
 }
 
-/// Drives a client for an [`EventLoop`]. Dropping it lets go of the connection, and all who wait are told.
+/// Drives a client for an [`EventLoop`]. Dropping it drops the connection and wakes all waiting calls with an
+/// error.
 ///
-/// Its methods belong to the loop: it calls them one after the other, in whatever thread it runs.
+/// Its methods belong to the loop: the loop calls them one after the other, in any thread.
 pub struct CallbackHand(Arc<Inner>);
 
-/// An operation that the loop runs. Dropping this changes nothing: the operation goes on.
+/// An operation that the loop runs. Dropping this handle does not end the operation.
 pub struct Call {
     abort: AbortHandle,
     inner: Arc<Inner>,
 }
 
-/// A second connection that is wanted. Dropping this says that it is not made.
+/// A request for a second connection. Dropping it reports that the connection is not made.
 pub struct Another {
     target: String,
     settings: RobotSettings,
@@ -98,48 +106,48 @@ pub struct Another {
     answer: oneshot::Sender<Result<Driven, NotSent>>,
 }
 
-/// What the hand, the robot's handles and the operations share.
+/// The state shared by the driver, the robot's handles and the operations.
 struct Inner {
     event_loop: Arc<dyn EventLoop>,
     shared: Arc<SharedConnection>,
     connect_timeout: Duration,
-    /// A second connection is not made anew.
+    /// Set for a second connection, which is never reconnected.
     only_once: bool,
     turn: Arc<Turn>,
-    /// Of the turn: what errands wake.
+    /// The waker of the turn, for the errands.
     waker: Waker,
-    /// What the loop told while somebody carried already.
+    /// What the loop reported while a call was already at work.
     came_in: Mutex<Vec<Came>>,
-    /// Second connections that were asked for.
+    /// Second connections that were requested.
     others: Mutex<Vec<Another>>,
-    /// Only who carries has it; empty meanwhile.
+    /// Owned by the call that is at work; empty meanwhile.
     io: Mutex<Io>,
 }
 
-/// What only the one who carries has.
+/// The state that only the call at work has.
 #[derive(Default)]
 struct Io {
     wire: Wire,
     errands: Errands,
-    /// When the loop calls [`CallbackHand::due`]. It is told anew only for an earlier deadline: a request whose reply came leaves the
-    /// loop's timer as it is.
+    /// When the loop calls [`CallbackHand::due`]. It is set again only for an earlier deadline: a reply that
+    /// arrived leaves the loop's timer unchanged.
     call_at: Option<Instant>,
     output: Vec<u8>,
 }
 
-/// The connection, as the loop has it.
+/// The state of the connection in the loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Wire {
     #[default]
     None,
-    /// An attempt to connect is under way, and is given up at that time.
+    /// An attempt to connect is under way. It is given up at this time.
     Attempt(Instant),
     There,
-    /// Our side of it was ended.
+    /// Our side was shut down.
     Ended,
 }
 
-/// What the loop told.
+/// What the loop reported.
 enum Came {
     Connected,
     NotConnected(io::Error),
@@ -149,9 +157,9 @@ enum Came {
 }
 
 impl CallbackHand {
-    /// Drives a connection that is there from now on. The robot is `address` in messages.
+    /// Starts to drive a connection that already exists. Messages call the robot `address`.
     ///
-    /// [`EventLoop::soon`] is called by this.
+    /// This calls [`EventLoop::soon`].
     #[must_use]
     pub fn start(address: &str, settings: RobotSettings, event_loop: Arc<dyn EventLoop>) -> (Self, Robot) {
         let (this, driven) = Self::over(address.to_owned(), &settings, None, false, event_loop);
@@ -180,22 +188,22 @@ impl CallbackHand {
             others: Mutex::default(),
             io: Mutex::new(Io { wire: Wire::There, ..Io::default() }),
         });
-        // A heartbeat may have to leave.
+        // A heartbeat may be due.
         inner.turn.happened();
         (Self(Arc::clone(&inner)), Driven { shared, hand: inner })
     }
 
-    /// The connection that was wanted is there.
+    /// Reports that the requested connection is open.
     pub fn connected(&self) {
         self.0.take_in(Came::Connected);
     }
 
-    /// The connection that was wanted could not be made.
+    /// Reports that the requested connection could not be opened.
     pub fn not_connected(&self, error: io::Error) {
         self.0.take_in(Came::NotConnected(error));
     }
 
-    /// These bytes came over the connection.
+    /// Reports bytes that came over the connection.
     pub fn received(&self, bytes: &[u8]) {
         match self.0.begin() {
             Some(mut carrying) => {
@@ -207,36 +215,38 @@ impl CallbackHand {
         }
     }
 
-    /// The connection has ended: [`LostReason::ClosedByPeer`], or what the operating system said.
+    /// Reports that the connection has ended: with [`LostReason::ClosedByPeer`], or with the error of the
+    /// operating system.
     pub fn lost(&self, reason: LostReason) {
         self.0.take_in(Came::Lost(reason));
     }
 
-    /// There is room to write again.
+    /// Reports that there is room to write again.
     pub fn writable(&self) {
         self.run();
     }
 
-    /// The time of [`EventLoop::call_at`] has come.
+    /// Reports that the time of [`EventLoop::call_at`] has come.
     pub fn due(&self) {
         self.0.take_in(Came::Due);
     }
 
-    /// Carries what there is to carry.
+    /// Does all that can be done now.
     pub fn run(&self) {
         if let Some(mut carrying) = self.0.begin() {
             carrying.carry_all();
         }
     }
 
-    /// Has the loop run an operation to its end, from within these methods: it begins now, and what it sends leaves now.
+    /// Makes the loop run an operation to its end, within these methods. The operation begins now, and what
+    /// it sends is sent now.
     pub fn call(&self, operation: impl Future<Output = ()> + Send + 'static) -> Call {
         let abort = self.0.shared.errands.give_abortable(operation);
         self.run();
         Call { abort, inner: Arc::clone(&self.0) }
     }
 
-    /// Whether the client was closed, and nothing is under way any more: this may be dropped.
+    /// Whether the client is closed and nothing is under way any more: this may then be dropped.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.0.shared.connection().is_closed() && self.0.turn.is_idle() && !self.0.io().errands.any()
@@ -246,7 +256,7 @@ impl CallbackHand {
 impl Drop for CallbackHand {
     fn drop(&mut self) {
         self.0.turn.loop_left();
-        // Who carries sees it before it ends.
+        // A call that is at work sees this before it ends.
         self.run();
     }
 }
@@ -258,8 +268,9 @@ impl fmt::Debug for CallbackHand {
 }
 
 impl Call {
-    /// Drops the operation, as dropping its future does; nothing if it has ended. A request that has not left is taken back. This
-    /// belongs to the loop, as the methods of [`CallbackHand`] do.
+    /// Drops the operation, which has the same effect as dropping its future. Does nothing if the operation
+    /// has ended. A request that was not sent yet is taken back. Like the methods of [`CallbackHand`], this
+    /// must be called by the loop.
     pub fn cancel(&self) {
         match self.inner.begin() {
             Some(mut carrying) => {
@@ -278,13 +289,14 @@ impl fmt::Debug for Call {
 }
 
 impl Another {
-    /// Whether it is still wanted.
+    /// Whether the connection is still wanted.
     #[must_use]
     pub fn is_wanted(&self) -> bool {
         !self.answer.is_closed()
     }
 
-    /// It is there. The clock of its loop is that of the first connection, with the same origin. `None`: nobody wants it any more.
+    /// Reports that the connection is open. Its loop has the clock of the first connection, with the same
+    /// origin. Returns `None` if the connection is no longer wanted.
     #[must_use]
     pub fn connected(self, event_loop: Arc<dyn EventLoop>) -> Option<CallbackHand> {
         if !self.is_wanted() {
@@ -294,7 +306,7 @@ impl Another {
         self.answer.send(Ok(driven)).ok().map(|()| hand)
     }
 
-    /// It could not be made.
+    /// Reports that the connection could not be opened.
     pub fn not_connected(self, error: &io::Error) {
         self.answer.send(Err(unreachable(&self.target, error))).ok();
     }
@@ -306,10 +318,10 @@ impl fmt::Debug for Another {
     }
 }
 
-/// Host and port of an address as [`Robot::connect`] takes it.
+/// Splits an address into host and port, in the form that [`Robot::connect`] takes.
 ///
 /// # Errors
-/// [`Invalid::BadAddress`] if the text is no address.
+/// [`Invalid::BadAddress`] if the text is not an address.
 pub fn host_and_port(address: &str) -> Result<(String, u16), Invalid> {
     Tcp::parse(address).map(|tcp| (tcp.host().to_owned(), tcp.port()))
 }
@@ -329,7 +341,8 @@ impl Inner {
         self.io.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The right to carry; `None` if somebody does already, and looks again before ending.
+    /// Takes the right to work on the connection. Returns `None` if another call has it; that call looks
+    /// again before it ends.
     fn begin(&self) -> Option<Carrying<'_>> {
         if !self.turn.begin() {
             return None;
@@ -352,7 +365,8 @@ impl Hand for Inner {
     }
 
     fn carry(&self, _seat: &mut Seat, _cx: &mut Context<'_>) -> bool {
-        // The operation is woken by its own reply. Here it may have given a request, or wait for a time.
+        // The operation is woken by its own reply. Here it may have given a request, or it may wait for a
+        // time.
         self.nudge();
         false
     }
@@ -363,7 +377,7 @@ impl Hand for Inner {
         if !self.turn.loop_is_gone() {
             self.turn.happened();
         } else if let Some(mut carrying) = self.begin() {
-            // Nobody else does it any more: whoever begins something now is told so.
+            // The loop is gone, so this call does the work. An operation that begins now gets the error.
             carrying.carry_all();
         }
     }
@@ -388,7 +402,7 @@ impl Hand for Inner {
     }
 }
 
-/// The one who carries.
+/// The call that is at work.
 struct Carrying<'i> {
     inner: &'i Inner,
     io: Io,
@@ -405,11 +419,11 @@ impl Drop for Carrying<'_> {
 }
 
 impl Carrying<'_> {
-    /// Carries until nothing more can be done without waiting.
+    /// Works until nothing more can be done without waiting.
     fn carry_all(&mut self) {
         for _ in 0..MOST_LOOKS {
             self.carry();
-            // Put back before the end, for the next one begins right after it.
+            // Put back before the end, because the next call may begin right after it.
             *self.inner.io() = mem::take(&mut self.io);
             if self.inner.turn.end() {
                 self.over = true;
@@ -419,7 +433,7 @@ impl Carrying<'_> {
         }
     }
 
-    /// Once: what came in, what leaves, the errands, the deadline.
+    /// Does one round: takes in what was reported, sends, runs the errands, sets the deadline.
     fn carry(&mut self) {
         let inner = self.inner;
         if inner.turn.loop_is_gone() {
@@ -432,7 +446,7 @@ impl Carrying<'_> {
             Wants::Connect => self.connect(),
             Wants::Nothing => self.let_go(),
         }
-        // Errands begin what leaves next time: that they went on brings that about.
+        // Errands may start something to send. The turn notices that, and the next round sends it.
         self.io.errands.drive(&inner.shared.errands, &mut Context::from_waker(&inner.waker));
         let others = mem::take(&mut *inner.others.lock().unwrap_or_else(PoisonError::into_inner));
         for another in others.into_iter().filter(|_| !inner.only_once) {
@@ -441,7 +455,7 @@ impl Carrying<'_> {
         self.call_in_time();
     }
 
-    /// Takes in what the loop told. Each call of the loop brings the time.
+    /// Takes in what the loop reported. Also updates the time.
     fn take_in_all(&mut self) {
         self.inner.tell_time();
         let came_in = mem::take(&mut *self.inner.came_in.lock().unwrap_or_else(PoisonError::into_inner));
@@ -471,7 +485,7 @@ impl Carrying<'_> {
                 self.io.wire = Wire::None;
                 inner.shared.connection().lost(reason, now);
             }
-            // It was let go before it came.
+            // The connection was dropped before this was reported.
             (Came::Connected | Came::NotConnected(_) | Came::Lost(_), _) => {}
         }
     }
@@ -499,7 +513,7 @@ impl Carrying<'_> {
         connection.wants()
     }
 
-    /// Has an attempt to connect made, and ends one that takes too long.
+    /// Begins an attempt to connect, or ends the attempt that takes too long.
     fn connect(&mut self) {
         let inner = self.inner;
         let now = inner.shared.hub.time.now();
@@ -517,7 +531,7 @@ impl Carrying<'_> {
                 inner.turn.happened();
             }
             Wire::None | Wire::There | Wire::Ended => {
-                // A stop wants the next connection as soon as the one before is lost.
+                // A stop requests the next connection as soon as the one before is lost.
                 self.let_go();
                 self.io.wire = Wire::Attempt(now + inner.connect_timeout);
                 inner.event_loop.connect();
@@ -566,7 +580,7 @@ impl Carrying<'_> {
         }
     }
 
-    /// Has the loop call in time for the next deadline.
+    /// Schedules a call of the loop for the next deadline.
     fn call_in_time(&mut self) {
         let inner = self.inner;
         let time = &inner.shared.hub.time;
@@ -587,7 +601,7 @@ impl Carrying<'_> {
         }
     }
 
-    /// The loop is gone. Whoever waits is told.
+    /// Ends everything after the loop has gone. All waiting calls get an error.
     fn abandon(&mut self) {
         let inner = self.inner;
         inner.tell_time();
@@ -597,7 +611,7 @@ impl Carrying<'_> {
             inner.shared.connection().abandoned();
             drop(errands);
         }
-        // What begins now hears that it is closed.
+        // Operations that begin now get the error that the connection is closed.
         self.io.errands.drive(&inner.shared.errands, &mut Context::from_waker(&inner.waker));
         inner.others.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }

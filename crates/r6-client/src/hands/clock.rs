@@ -1,10 +1,10 @@
-//! The runtime's clock, seen as the pure parts see time.
+//! Converts the runtime's clock to the time type of the pure state machine.
 
 use std::time::Duration;
 
 use r6_proto::time::Instant;
 
-/// Maps the runtime's clock to nanoseconds since this was made.
+/// Maps the runtime's clock to nanoseconds since this clock was created.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clock(tokio::time::Instant);
 
@@ -18,12 +18,12 @@ impl Clock {
         self.of(tokio::time::Instant::now())
     }
 
-    /// A point of the runtime's time; the origin for all that was before.
+    /// Converts a time of the runtime. Times before the start of this clock become the origin.
     pub fn of(self, at: tokio::time::Instant) -> Instant {
         Instant::ORIGIN + at.saturating_duration_since(self.0)
     }
 
-    /// A deadline in the runtime's time; without one, far away.
+    /// Converts a deadline to the runtime's time. `None` becomes a time far in the future.
     pub fn at(self, deadline: Option<Instant>) -> tokio::time::Instant {
         const FAR: Duration = Duration::from_secs(86_400);
         match deadline {

@@ -17,30 +17,33 @@ use crate::error::{Invalid, NotSent};
 /// The port that controllers listen on unless the pendant says otherwise.
 pub const DEFAULT_PORT: u16 = 9760;
 
-/// Makes the connections of a handle ([`crate::Robot::connect_with`]). What it displays is what messages call the controller.
+/// Opens the connections of a handle ([`crate::Robot::connect_with`]). Messages use its `Display` text as the
+/// name of the controller.
 ///
-/// [`crate::Robot::connect`] does it over TCP. This is for whoever simulates the network, or reaches the controller through
-/// something else that carries bytes in order.
+/// [`crate::Robot::connect`] does this over TCP. Implement `Connect` to simulate the network, or to reach the
+/// controller over something else that carries bytes in order.
 pub trait Connect: fmt::Display + Send + 'static {
-    /// A connection: bytes in order, both ways, until one side ends it.
+    /// The connection: it carries bytes in order, both ways, until one side ends it.
     type Stream: AsyncRead + AsyncWrite + Unpin + Send + 'static;
 
-    /// Makes one connection. It is given up after [`crate::RobotSettings::connect_timeout`] by dropping the future.
+    /// Opens one connection. After [`crate::RobotSettings::connect_timeout`] the client gives up and drops
+    /// the future.
     fn connect(&mut self) -> impl Future<Output = io::Result<Self::Stream>> + Send;
 
-    /// Whether the controllers dial, as with [`crate::Listen`], so that the next connection may come from another robot. Then a stop opens
-    /// no second connection before the robot has said who it is. A `Connect` that wraps another one has to pass this on.
+    /// Whether the controllers dial, as with [`crate::Listen`], so that the next connection may come from
+    /// another robot. In that case a stop opens no second connection before the robot is identified. A
+    /// `Connect` that wraps another one has to pass this on.
     fn takes_whoever_comes(&self) -> bool {
         false
     }
 }
 
-/// A connection whose kind does not matter.
+/// A connection of any kind.
 pub(crate) trait Carrier: AsyncRead + AsyncWrite + Unpin + Send {}
 
 impl<S: AsyncRead + AsyncWrite + Unpin + Send> Carrier for S {}
 
-/// Makes the connections of one handle, one attempt at a time.
+/// Opens the connections of one handle, one attempt at a time.
 pub(crate) struct Dialer<C> {
     target: Mutex<C>,
     name: String,
@@ -56,15 +59,15 @@ impl<C> fmt::Debug for Dialer<C> {
 /// An attempt to connect that is under way.
 pub(crate) type Dialling<'d> = Pin<Box<dyn Future<Output = Result<Box<dyn Carrier>, NotSent>> + Send + 'd>>;
 
-/// The same, whatever makes them: for a second connection beside the first.
+/// A [`Dialer`] of any kind, for a second connection beside the first.
 pub(crate) trait Dial: fmt::Debug + Send + Sync {
-    /// One attempt to connect, within a time.
+    /// Makes one attempt to connect, within this time.
     fn dial(&self, within: Duration) -> Dialling<'_>;
 
-    /// What messages call the controller.
+    /// The name of the controller in messages.
     fn name(&self) -> &str;
 
-    /// As [`Connect::takes_whoever_comes`].
+    /// The same as [`Connect::takes_whoever_comes`].
     fn takes_whoever_comes(&self) -> bool;
 }
 
@@ -74,7 +77,7 @@ impl<C: Connect> Dialer<C> {
         Self { target: Mutex::new(target), name, takes_whoever_comes }
     }
 
-    /// One attempt to connect, within a time.
+    /// Makes one attempt to connect, within this time.
     pub async fn connect(&self, within: Duration) -> Result<C::Stream, NotSent> {
         let attempt = timeout(within, async { self.target.lock().await.connect().await }).await;
         let address = self.name.clone();
@@ -102,7 +105,7 @@ impl<C: Connect> Dial for Dialer<C> {
     }
 }
 
-/// A connection that was made already, and no other after it.
+/// A connection that is already open and is never reconnected.
 pub(crate) struct Once {
     name: String,
 }
@@ -127,8 +130,8 @@ impl fmt::Display for Once {
     }
 }
 
-/// Checks that a text names a controller as [`crate::Robot::connect`] takes it: `host`, `host:port`, `[v6]`, `[v6]:port` or a
-/// bare IPv6 address. Nothing is looked up and nothing is connected.
+/// Checks that a text is an address that [`crate::Robot::connect`] takes: `host`, `host:port`, `[v6]`,
+/// `[v6]:port` or a bare IPv6 address. It looks nothing up and does not connect.
 ///
 /// # Errors
 /// [`Invalid::BadAddress`] says what is wrong with it.
@@ -136,7 +139,7 @@ pub fn check_address(address: &str) -> Result<(), Invalid> {
     Tcp::parse(address).map(drop)
 }
 
-/// A controller that is reached over TCP.
+/// A controller that is reached over TCP, by host and port.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Tcp {
     host: String,
@@ -144,7 +147,7 @@ pub(crate) struct Tcp {
 }
 
 impl Tcp {
-    /// Reads `host`, `host:port`, `[v6]`, `[v6]:port` or a bare IPv6 address.
+    /// Parses `host`, `host:port`, `[v6]`, `[v6]:port` or a bare IPv6 address.
     pub fn parse(address: &str) -> Result<Self, Invalid> {
         let bad = |problem| Invalid::BadAddress { address: address.chars().take(256).collect(), problem };
         let (host, port) = match address.strip_prefix('[') {
@@ -195,7 +198,7 @@ impl Connect for Tcp {
 
     async fn connect(&mut self) -> io::Result<TcpStream> {
         let stream = TcpStream::connect((self.host.as_str(), self.port)).await?;
-        // A frame that waits for the acknowledgement of the one before costs up to 200 ms.
+        // Otherwise a frame waits for the acknowledgement of the one before, which costs up to 200 ms.
         stream.set_nodelay(true)?;
         Ok(stream)
     }

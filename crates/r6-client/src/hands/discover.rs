@@ -1,4 +1,4 @@
-//! Who answers at which address: asked, never guessed.
+//! Asks the given addresses which controllers answer.
 
 use tokio::task::JoinSet;
 
@@ -7,25 +7,26 @@ use crate::identity::Identity;
 use crate::robot::Robot;
 use crate::settings::{Heartbeat, RobotSettings};
 
-/// Addresses that are asked at the same time: more than cells have, few enough for any switch.
+/// Addresses that are asked at the same time: more than a cell has, and few enough for any switch.
 const AT_ONCE: usize = 16;
 
-/// What was found at one address.
+/// The result for one address.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Discovered {
-    /// As it was given.
+    /// The address as the caller gave it.
     pub address: String,
-    /// Who answered, or why nobody did.
+    /// The identity of the controller, or why there is no answer.
     pub who: Result<Identity, RequestError>,
 }
 
-/// Asks at these addresses who is there (`version`, `machineName`, `axisNum`), each over one connection that is closed in order.
-/// The answers come in the order of the addresses. It only reads: no heartbreak is sent, whatever [`RobotSettings::heartbeat`] says.
+/// Asks each of these addresses for its identity (`version`, `machineName`, `axisNum`). It opens one
+/// connection per address and closes it in order. The results have the order of the addresses. This only
+/// reads: it sends no heartbreak, even if [`RobotSettings::heartbeat`] asks for one.
 ///
-/// Name the addresses where controllers may be, and the ports that their pendants may be set to (9760; others were seen on
-/// 9700, 502, 503, 3388 and 8888). Do not scan a network: controllers have very few connections, and one that is left half
-/// open can make the port useless until the controller is switched off and on (reported, unit A). An address at which another
-/// program is connected already may not answer.
+/// Name only addresses where controllers may be, with the ports that their pendants may be set to (9760;
+/// others were seen on 9700, 502, 503, 3388 and 8888). Do not scan a network. Controllers have very few
+/// connections, and a half-open connection can make the port useless until the controller is switched off and
+/// on (reported, unit A). An address to which another program is connected may not answer.
 ///
 /// ```
 /// # #[tokio::main(flavor = "current_thread")]
@@ -56,7 +57,7 @@ pub async fn discover(addresses: &[&str], settings: &RobotSettings) -> Vec<Disco
                 (at, Discovered { address, who })
             });
         }
-        // A task fails only where the runtime ends.
+        // A task fails only if the runtime ends.
         let Some(asked) = asking.join_next().await else { break };
         if let Ok((at, discovered)) = asked
             && let Some(slot) = found.get_mut(at)
@@ -68,7 +69,7 @@ pub async fn discover(addresses: &[&str], settings: &RobotSettings) -> Vec<Disco
 }
 
 async fn ask(address: &str, settings: RobotSettings) -> Result<Identity, RequestError> {
-    // The first heartbreak would arm a watchdog that raises an alarm once this connection is closed.
+    // The first heartbreak would start a watchdog, which raises an alarm once this connection is closed.
     let settings = RobotSettings { heartbeat: Heartbeat::Off, ..settings };
     let robot = Robot::connect(address, settings).await?;
     let read = robot.status().await;

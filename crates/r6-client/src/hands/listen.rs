@@ -10,15 +10,17 @@ use tokio::net::{TcpListener, TcpStream};
 
 use crate::hands::connect::Connect;
 
-/// Waits for a controller that dials: for [`Robot::connect_with`](crate::Robot::connect_with).
+/// Waits for a controller that dials. For [`Robot::connect_with`](crate::Robot::connect_with).
 ///
-/// A port of a controller is bound to one use (monitor, camera, instructions) on its pendant, in server or in client mode. In client
-/// mode the controller connects to the address that is set there, again and again while nobody listens. After a lost
-/// connection the next one is waited for, [`crate::RobotSettings::connect_timeout`] at a time; give it longer than the
-/// controller takes to dial again. Of several that wait the newest counts: the others are what a controller left behind
-/// when it lost its power.
+/// The pendant assigns each port of a controller to one use (monitor, camera, instructions), in server or in
+/// client mode. In client mode the controller connects to the address that is set there. If no program
+/// listens, it tries again and again. After a lost connection the client waits for the next one,
+/// [`crate::RobotSettings::connect_timeout`] at a time. Set this longer than the time that the controller
+/// takes to dial again. If several connections wait, the newest counts: the others are left over from a
+/// controller that lost its power.
 ///
-/// There is no login: whoever reaches the port is taken for the controller, so name the one that may ([`Self::only_from`]).
+/// There is no login: any peer that reaches the port is taken for the controller. So set the address that is
+/// allowed ([`Self::only_from`]).
 ///
 /// ```
 /// # #[tokio::main(flavor = "current_thread")]
@@ -42,22 +44,22 @@ impl Listen {
     /// Listens on this address and port, such as `0.0.0.0:9760`.
     ///
     /// # Errors
-    /// What the system says: the port is in use, the address is none of this machine.
+    /// The error of the system: the port is in use, or the address does not belong to this machine.
     pub async fn on(address: &str) -> io::Result<Self> {
         Ok(Self { listener: TcpListener::bind(address).await?, only_from: None })
     }
 
-    /// Takes connections from this machine alone; others are closed at once.
+    /// Accepts connections from this machine only; others are closed at once.
     #[must_use]
     pub fn only_from(mut self, controller: IpAddr) -> Self {
         self.only_from = Some(controller);
         self
     }
 
-    /// Where it listens: with port 0, the one that was free.
+    /// The address it listens on. With port 0, it contains the free port that the system chose.
     ///
     /// # Errors
-    /// What the system says.
+    /// The error of the system.
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }
@@ -70,7 +72,7 @@ impl Listen {
         meant
     }
 
-    /// A connection that waits already.
+    /// Accepts a connection that already waits.
     async fn waiting(&self) -> Option<(TcpStream, SocketAddr)> {
         poll_fn(|context| match self.listener.poll_accept(context) {
             Poll::Ready(Ok(accepted)) => Poll::Ready(Some(accepted)),

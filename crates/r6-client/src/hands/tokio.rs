@@ -1,4 +1,4 @@
-//! The hand of async programs: tokio's sockets and timers, and a task as keeper.
+//! The driver ("hand") of async programs: tokio's sockets and timers, and a task as keeper.
 
 use std::fmt;
 use std::future::{Future, poll_fn};
@@ -26,10 +26,10 @@ use crate::robot::Robot;
 use crate::seats::{Seat, Seats};
 use crate::settings::{Heartbeat, RobotSettings};
 
-/// Replies are below 4 KiB; a longer one is read in pieces.
+/// Replies are shorter than 4 KiB; a longer one is read in pieces.
 const READ_BUFFER: usize = 4096;
 
-/// So often the same call looks before others on its thread have a turn.
+/// The same call looks at most this often before other tasks on its thread run.
 const MOST_LOOKS: usize = 32;
 
 /// Drives one connection over tokio.
@@ -40,15 +40,16 @@ pub(crate) struct TokioHand {
     settings: RobotSettings,
     runtime: Handle,
     seats: Arc<Seats>,
-    /// Of the seats: what sockets, timers and errands wake.
+    /// The waker of the seats: sockets, timers and errands wake it.
     waker: Waker,
     io: Mutex<Io>,
 }
 
-/// So many reads follow each other before anything is written: no flood of input delays a stop for longer.
+/// At most this many reads follow each other before something is written, so that a flood of input does not
+/// delay a stop any longer.
 const MOST_READS: usize = 4;
 
-/// What came of reading.
+/// The result of reading.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Read {
     Nothing,
@@ -57,17 +58,18 @@ enum Read {
     More,
 }
 
-/// What only the one who carries has.
+/// The state that only the call at work has.
 struct Io {
     stream: Option<Box<dyn Carrier>>,
-    /// Whether our side of the connection was ended.
+    /// Whether our side of the connection was shut down.
     shut: bool,
     attempt: Option<Attempt>,
     errands: Errands,
-    /// One timer for all waits. It is set again only for an earlier deadline: a request whose reply came leaves the timer as
-    /// it is, and the timer's waking for nothing, once in a reply's time-out, is cheaper than setting it for each.
+    /// One timer for all waits. It is set again only for an earlier deadline: a reply that arrived leaves the
+    /// timer unchanged. Then the timer wakes once per reply timeout for nothing, which is cheaper than
+    /// setting it for each request.
     timer: Pin<Box<Sleep>>,
-    /// Whether the timer wakes the seats when it goes off.
+    /// Whether the timer wakes the seats when it expires.
     armed: bool,
     buffer: Box<[u8; READ_BUFFER]>,
 }
@@ -82,7 +84,7 @@ impl fmt::Debug for TokioHand {
 }
 
 impl TokioHand {
-    /// Drives this connection from now on, on the present runtime.
+    /// Starts to drive this connection on the present runtime.
     fn start(
         dial: Arc<dyn Dial>,
         stream: Box<dyn Carrier>,
@@ -116,7 +118,7 @@ impl TokioHand {
         Driven { shared, hand }
     }
 
-    /// Carries until nothing more can be done without waiting; whether anything came in.
+    /// Works until nothing more can be done without waiting. Returns whether anything came in.
     fn carry_all(&self) -> bool {
         if !self.seats.begin() {
             return false;
@@ -140,13 +142,13 @@ impl TokioHand {
         came_in
     }
 
-    /// Only who carries has it.
+    /// Only the call at work locks it.
     fn io(&self) -> MutexGuard<'_, Io> {
         self.io.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Until the one who carries has ended, in whatever way.
+/// Marks the work of one call. Dropping it ends that work, also on a panic.
 struct Carrying<'s> {
     seats: &'s Seats,
     over: bool,
@@ -161,8 +163,8 @@ impl Drop for Carrying<'_> {
 }
 
 impl Io {
-    /// Carries errands, bytes and time; whether anything came in. `looks`: how
-    /// often it may still look; `busy`: whether anything is left to do for which nobody may wait.
+    /// Handles errands, bytes and time. Returns whether anything came in. `looks`: how many rounds are left.
+    /// `busy`: whether work is left for which perhaps no call waits.
     fn carry(&mut self, hand: &TokioHand, looks: &mut usize, busy: &mut bool) -> bool {
         let shared = &*hand.shared;
         let cx = &mut Context::from_waker(&hand.waker);
@@ -173,7 +175,7 @@ impl Io {
             let now = shared.hub.time.now();
             let mut connection = shared.connection();
             connection.tick(now);
-            // What came in first: a connection that has ended takes nothing any more.
+            // Input first: a connection that has ended accepts no bytes.
             let read = self.read(&mut connection, now, cx);
             connection.go_on(now);
             let wants = connection.wants();
@@ -202,7 +204,7 @@ impl Io {
         came_in
     }
 
-    /// Reads until there is nothing more, or so often.
+    /// Reads until no bytes are left, or [`MOST_READS`] times.
     fn read(&mut self, connection: &mut Connection, now: Instant, cx: &mut Context<'_>) -> Read {
         for turn in 0..MOST_READS {
             let seen = if turn == 0 { Read::Nothing } else { Read::Something };
@@ -222,7 +224,7 @@ impl Io {
         Read::More
     }
 
-    /// Writes what waits; whether the connection ended by that.
+    /// Writes what waits. Returns whether this ended the connection.
     fn write(
         &mut self,
         connection: &mut Connection,
@@ -260,14 +262,14 @@ impl Io {
         true
     }
 
-    /// Goes on with an attempt to connect; whether it is over.
+    /// Continues an attempt to connect. Returns whether it is over.
     fn connect(&mut self, hand: &TokioHand, now: Instant, cx: &mut Context<'_>) -> bool {
         let attempt = self.attempt.get_or_insert_with(|| {
             let (dial, within) = (Arc::clone(&hand.dial), hand.settings.connect_timeout);
             Box::pin(async move { dial.dial(within).await })
         });
         let polled = {
-            // The call may be on a thread without a runtime.
+            // The calling thread may have no runtime.
             let _inside = hand.runtime.enter();
             attempt.as_mut().poll(cx)
         };
@@ -284,7 +286,7 @@ impl Io {
         true
     }
 
-    /// Whether the next deadline is over; if not, the timer is set for it.
+    /// Whether the next deadline is over. If not, sets the timer for it.
     fn is_due(&mut self, deadline: Option<Instant>, hand: &TokioHand, cx: &mut Context<'_>) -> bool {
         let time = &hand.shared.hub.time;
         let Some(deadline) = [deadline, time.deadline()].into_iter().flatten().min() else { return false };
@@ -299,10 +301,11 @@ impl Io {
         if self.armed && !self.timer.is_elapsed() {
             return false;
         }
-        // Whatever the caller's task has used up of its turn: otherwise the timer would wait without knowing whom to wake.
+        // `unconstrained`, because the caller's task may have used up its share of this turn. Then the timer
+        // would be pending without a waker registered.
         while pin!(unconstrained(self.timer.as_mut())).poll(cx).is_ready() {
             if deadline <= self.timer.deadline() {
-                // It is later than it was told.
+                // More time has passed than the client knew.
                 hand.tell_time();
                 return true;
             }
@@ -313,7 +316,7 @@ impl Io {
     }
 }
 
-/// How a connection ended that takes or gives nothing any more.
+/// Why a connection ended that can no longer be read or written.
 fn reason(ended: io::Result<usize>) -> LostReason {
     ended.map_or_else(|error| LostReason::Io(error.kind()), |_none| LostReason::ClosedByPeer)
 }
@@ -353,22 +356,23 @@ impl Hand for TokioHand {
 }
 
 impl Robot {
-    /// Connects to a controller: `host` or `host:port`, port 9760 where none is given.
+    /// Connects to a controller: `host` or `host:port`. The default port is 9760.
     ///
-    /// Nothing is sent: who is there is asked with the first [`Robot::status`], or else before the first query or command. Needs
-    /// a tokio runtime with time and network.
+    /// This sends nothing. The client asks for the identity of the controller with the first
+    /// [`Robot::status`], or else before the first query or command. Needs a tokio runtime with time and
+    /// network.
     ///
     /// # Errors
-    /// [`Invalid::BadAddress`](crate::Invalid::BadAddress) if the text is no address, [`RequestError::NotSent`] if no connection can
-    /// be made within [`RobotSettings::connect_timeout`].
+    /// [`Invalid::BadAddress`](crate::Invalid::BadAddress) if the text is not an address,
+    /// [`RequestError::NotSent`] if no connection can be opened within [`RobotSettings::connect_timeout`].
     pub async fn connect(address: &str, settings: RobotSettings) -> Result<Self, RequestError> {
         Self::connect_with(Tcp::parse(address)?, settings).await
     }
 
-    /// The same over connections that the caller makes.
+    /// Connects over connections that the caller opens.
     ///
     /// # Errors
-    /// As [`Self::connect`].
+    /// The same errors as [`Self::connect`].
     pub async fn connect_with<C: Connect>(target: C, settings: RobotSettings) -> Result<Self, RequestError> {
         let dialer = Dialer::new(target);
         let stream = dialer.connect(settings.connect_timeout).await?;
@@ -382,7 +386,7 @@ pub(super) fn seed_from_clock() -> u64 {
     since.as_secs() ^ u64::from(since.subsec_nanos()) << 32
 }
 
-/// Drives while nobody waits, and whatever callers do not.
+/// The background task: drives the connection while no call waits, and does what the calls do not.
 struct Keeper(Arc<TokioHand>);
 
 impl Future for Keeper {
@@ -400,7 +404,7 @@ impl Future for Keeper {
 
 impl Drop for Keeper {
     fn drop(&mut self) {
-        // Whoever waits on another runtime is told.
+        // Operations that wait on another runtime get an error.
         let (errands, stream) = {
             let mut io = self.0.io();
             (std::mem::take(&mut io.errands), io.stream.take())

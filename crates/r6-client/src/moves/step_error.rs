@@ -1,20 +1,20 @@
-//! What is wrong with a step of a motion, in words.
+//! Errors in a step of a motion, in words.
 
 use std::fmt;
 
 use r6_proto::error::EncodeError;
 use r6_proto::grid::Nearest;
 
-/// What is wrong with a step of a motion.
+/// An error in a step of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepError {
-    /// The step, counted from 1; 0 where the whole motion is meant.
+    /// The step, counted from 1; 0 if the error concerns the whole motion.
     pub step: usize,
-    /// The field, by its name on the wire; of options, by their own.
+    /// The name of the field on the wire; for an option, the name of the option.
     pub field: &'static str,
-    /// What it has to be.
+    /// The condition that the field has to meet.
     pub wanted: &'static str,
-    /// The values that can be sent, where it lies between two of them.
+    /// The nearest values that can be sent, if the value lies between two of them.
     pub nearest: Option<Nearest>,
 }
 
@@ -35,7 +35,7 @@ impl fmt::Display for StepError {
     }
 }
 
-/// What a field of the wire is to people; `None` where it goes by its own name.
+/// The name of a wire field in plain words; `None` if its own name is used.
 fn in_words(field: &str) -> Option<&'static str> {
     Some(match field {
         "m0" => "J1 (X of a pose)",

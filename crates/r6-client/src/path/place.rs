@@ -1,4 +1,4 @@
-//! Where a step ends, as far as positions tell.
+//! Where a step ends, as far as its position tells.
 
 use std::fmt;
 
@@ -20,24 +20,26 @@ const POSITION_TOLERANCE: f64 = 0.1;
 pub(crate) enum Place {
     /// These axes at these angles.
     Axes(Coordinates, AxisMask),
-    /// The tool at this position. Orientation is not compared: one orientation has many triples of angles.
+    /// The tool at this position. The orientation is not compared, because one orientation has many triples
+    /// of angles.
     Position(Coordinates, AxisMask),
     /// The step does not move the arm.
     Same,
-    /// It moves, and nobody can tell from here where it ends: the position refers to another tool or work frame.
+    /// The step moves the arm, but its end is not known here, because the position refers to another tool or
+    /// work frame.
     Unknown,
 }
 
-/// An axis or a component of the pose that is not where the motion should have ended.
+/// An axis, or a component of the pose, that is not where the motion should have ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Missed {
-    /// Which one.
+    /// The axis or component.
     pub axis: AxisIndex,
-    /// Whether it is a component of the pose (mm) and no axis (degrees).
+    /// Whether it is a component of the pose (mm) and not an axis (degrees).
     pub of_pose: bool,
-    /// Where it should be.
+    /// The position where it should be.
     pub wanted: f64,
-    /// Where it is; `None` if that could not be read.
+    /// The position where it is; `None` if it could not be read.
     pub found: Option<f64>,
 }
 
@@ -81,7 +83,7 @@ impl Place {
         Self::Position(end, moved(manner, &end).and(AxisMask::POSITION))
     }
 
-    /// What is compared, axis by axis: which one, where it should be, where it is.
+    /// The pairs to compare, axis by axis: the axis, where it should be, where it is.
     fn compared(&self, sample: &Sample) -> impl Iterator<Item = (AxisIndex, f64, Option<f64>)> {
         let (wanted, mask, values) = match self {
             Self::Axes(wanted, mask) => (*wanted, *mask, sample.axes),
@@ -93,13 +95,13 @@ impl Place {
         )
     }
 
-    /// The first axis that is not where the step ends, or else the first that could not be read; `None` if the arm is there, or nothing
-    /// can be compared.
+    /// The first axis that is not where the step ends, or else the first axis that could not be read. `None`
+    /// if the arm is there, or if nothing can be compared.
     pub fn missed(&self, sample: &Sample) -> Option<Missed> {
         let of_pose = matches!(self, Self::Position(..));
         let tolerance = if of_pose { POSITION_TOLERANCE } else { AXIS_TOLERANCE };
         let missed = |(axis, wanted, found)| Missed { axis, of_pose, wanted, found };
-        // What is no number is not there either.
+        // NaN is not at the wanted position either.
         let is_there =
             |missed: &Missed| missed.found.is_some_and(|found| (found - missed.wanted).abs() <= tolerance);
         let is_known = |missed: &Missed| missed.found.is_some();
@@ -109,8 +111,8 @@ impl Place {
             .or_else(|| self.compared(sample).map(missed).find(|missed| !is_known(missed)))
     }
 
-    /// Whether all that the step moves can be compared with what is read: axes beyond the sixth are not read, nor is a turn of the tool
-    /// compared.
+    /// Whether everything that the step moves can be compared with the values read. Axes beyond the sixth are
+    /// not read, and a turn of the tool is not compared.
     pub fn is_compared(&self) -> bool {
         let is_read = |mask: &AxisMask| {
             mask.axes().next().is_some() && mask.axes().all(|axis| axis.index() < ASKED_AXES)
@@ -121,7 +123,8 @@ impl Place {
         }
     }
 
-    /// Where the sample has what this place is told in: for each coordinate the end of the step and the present value.
+    /// For each coordinate, the end of the step and the present value; `None` if the sample lacks one of
+    /// them.
     pub fn beside(&self, sample: &Sample) -> Option<Vec<(AxisIndex, f64, f64)>> {
         let all: Option<Vec<_>> =
             self.compared(sample).map(|(axis, wanted, found)| Some((axis, wanted, found?))).collect();

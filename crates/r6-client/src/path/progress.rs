@@ -1,4 +1,5 @@
-//! How far along a path the arm is: by the length of the controller's list, or else by where the arm is.
+//! How far the arm is along a path: by the length of the controller's list, or else by the position of the
+//! arm.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -13,11 +14,12 @@ use crate::path::place::{Missed, Place};
 use crate::path::track::{Track, standing_time};
 use crate::path::way::Way;
 
-/// Two segments that the arm is as near to as this, degrees or mm, are equally near: corners are rounded. The earlier
-/// one counts, so that the list is rather thought too full than too empty.
+/// If the arm is this near to two segments, degrees or mm, they count as equally near, because corners are
+/// rounded. The earlier segment counts, so that the client rather overestimates the list than underestimates
+/// it.
 const EQUALLY_NEAR: f64 = 0.05;
 
-/// How long arms stand in a corner that is not blended, at most (0.25 to 0.33 s, reported, unit A).
+/// The longest time that arms stand in a corner that is not blended (0.25 to 0.33 s, reported, unit A).
 const CORNER: Duration = Duration::from_millis(350);
 
 /// A path that is being run.
@@ -26,35 +28,37 @@ pub(crate) struct PathProgress {
     track: Track,
     /// The last look.
     before: Sample,
-    /// Steps that the controller took.
+    /// Steps that the controller has accepted.
     pub accepted: usize,
     /// Steps that are over.
     pub done: usize,
     since_fed: SinceFed,
-    /// Steps with a move that went out of the list between two looks, at most.
+    /// The highest number of moving steps that left the list between two looks.
     at_once: usize,
     pace: Pace,
-    /// Something was appended since the last look, and the steps up to this one were in the list before that. If another client cleared
-    /// the list before the append, none of these steps is left.
+    /// Set if something was appended since the last look: the steps up to this one were in the list before
+    /// that. If another client cleared the list before the append, all of these steps are gone.
     held_until: Option<usize>,
-    /// Whether the list that was last seen to be empty can have been worked through; `None`: none was seen since.
+    /// Whether the empty list that was seen last can have been worked through; `None`: no empty list was
+    /// seen. An append, or a list that is not empty, resets it.
     worked_through: Option<bool>,
-    /// Whether the list was seen to count the step that is under way.
+    /// Whether the list was seen to count the step under way.
     counts_running: bool,
-    /// The steps that went out of the list faster than the arm can have made them.
+    /// The steps that left the list faster than the arm can have made them.
     skipped: Option<Range<usize>>,
 }
 
-/// What was seen since a list was last accepted.
+/// What was seen since the controller last accepted a list.
 #[derive(Clone, Copy, Debug)]
 struct SinceFed {
     /// The first step of that list.
     first: usize,
     /// The last look before it.
     from: Sample,
-    /// Whether the arm was seen to move.
+    /// Whether the arm was seen to move since.
     moved: bool,
-    /// How many steps the list had when it was last seen not to be empty; at first all that should be in it.
+    /// How many steps the list had when it was last seen not empty. At first, all the steps that should be in
+    /// it.
     length: usize,
 }
 
@@ -84,9 +88,9 @@ impl PathProgress {
         &self.track
     }
 
-    /// The controller took a list; so many steps are accepted now.
+    /// Notes that the controller accepted a list. `accepted`: the number of steps accepted so far.
     pub fn fed(&mut self, accepted: usize) {
-        // The first list replaces what was there.
+        // The first list replaces the old contents.
         if self.accepted > 0 {
             self.held_until.get_or_insert(self.accepted);
         }
@@ -96,27 +100,29 @@ impl PathProgress {
         self.worked_through = None;
     }
 
-    /// Steps in the controller's list, as far as is known. The arm leaves a step's way at the corner, some time before the
-    /// step is over: where only the place tells, one more counts.
+    /// The number of steps in the controller's list, as far as is known. The arm leaves the path of a step at
+    /// the corner, some time before the step is over. So if only the position tells, one more step counts.
     pub fn in_list(&self) -> usize {
         let at_corner = self.before.list_length.is_none() && self.done < self.accepted;
         self.accepted - self.done.saturating_sub(usize::from(at_corner))
     }
 
-    /// Whether the list is empty, and nothing proves that what was in it was carried out: what is appended now would hide that.
+    /// Whether the list is empty and nothing proves that its steps were carried out. A list appended now
+    /// would hide that.
     pub fn is_unproved(&self) -> bool {
         self.before.list_length == Some(0) && self.done < self.accepted
     }
 
-    /// The first axis that is not where the arm has to stand when all that was accepted is over.
+    /// The first axis that is not where the arm has to stand when all accepted steps are over.
     pub fn missed(&self, sample: &Sample) -> Option<Missed> {
         self.track.end_of(self.accepted).0.missed(sample)
     }
 
-    /// The statement "all that was accepted was carried out": what proves it, in a look at an arm whose list is empty as far as is
-    /// known. `rests`: it was seen to stand.
+    /// The proof of the statement "everything accepted was carried out". It is taken from one look at an arm
+    /// whose list is empty as far as is known. `rests`: the arm was seen at rest.
     ///
-    /// A list that was accepted proves nothing, and neither does an empty one: somebody else may have cleared it.
+    /// An accepted list proves nothing, and neither does an empty one, because another client may have
+    /// cleared it.
     pub fn end(&self, sample: &Sample, rests: bool) -> Option<EndProof> {
         if sample.list_length.is_some_and(|length| length != 0) {
             return None;
@@ -138,8 +144,8 @@ impl PathProgress {
         }
     }
 
-    /// Whether an arm at the end of the last list must have gone there: it was seen to move, or was elsewhere before, or no step
-    /// leads away from where it was.
+    /// Whether an arm at the end of the last list must have moved there: it was seen to move, or it was
+    /// elsewhere before, or no step leads away from where it was.
     fn was_gone(&self) -> bool {
         let SinceFed { first, from, moved, .. } = &self.since_fed;
         let is_elsewhere = |place: &Place| *place == Place::Unknown || place.missed(from).is_some();
@@ -147,8 +153,9 @@ impl PathProgress {
         *moved || self.missed(from).is_some() || !listed.iter().any(is_elsewhere)
     }
 
-    /// Whether the list was seen to be worked through step by step, down to one move, or at the pace at which it was before; and the arm to
-    /// move. Firmware that does not tell the length of its list can prove that of one move only.
+    /// Whether the arm was seen to move and the list was seen to be worked through. The list must have shrunk
+    /// step by step down to one move, or at the pace seen before. Firmware that does not report the length of
+    /// its list can prove this for one move only.
     fn was_consumed(&self, sample: &Sample) -> bool {
         let first = match sample.list_length {
             Some(_) => self.accepted.saturating_sub(self.since_fed.length),
@@ -158,22 +165,23 @@ impl PathProgress {
         self.since_fed.moved && self.track.moves(first..self.accepted) <= at_once
     }
 
-    /// Whether the arm was seen to go on often enough to tell what it cannot have made.
+    /// Whether the arm was seen to move often enough to judge which steps it cannot have made.
     pub fn knows_pace(&self) -> bool {
         self.pace.is_known()
     }
 
-    /// The steps that are gone from the list, although the arm cannot have made them: somebody else cleared it.
+    /// The steps that left the list although the arm cannot have made them: another client cleared it.
     pub fn skipped(&self) -> Option<Range<usize>> {
         self.skipped.clone()
     }
 
-    /// Takes in one read. `rests`: it was seen to stand, with an empty list as far as is known.
+    /// Takes in one read. `rests`: the arm was seen at rest, with an empty list as far as is known.
     pub fn see(&mut self, sample: &Sample, rests: bool, looked: Looked) {
         self.since_fed.moved |= sample.moving == Some(true) || sample.went_on_from(&self.since_fed.from.axes);
         let done = match sample.list_length {
-            // An empty list elsewhere than at the end of what was accepted: it was taken and not carried out, was cleared by somebody
-            // else, or counts only what has not begun.
+            // If the list is empty while the arm is not at the end of the accepted steps, there are three
+            // explanations: the list was accepted and not carried out, another client cleared it, or the list
+            // counts only steps that have not begun.
             Some(0) => {
                 self.emptied(sample, looked);
                 if self.end(sample, rests).is_some() { self.accepted } else { self.done }
@@ -191,7 +199,7 @@ impl PathProgress {
         self.held_until = None;
     }
 
-    /// Takes in an empty list: whether it can have been worked through since the last look.
+    /// Takes in an empty list. Decides whether it can have been worked through since the last look.
     fn emptied(&mut self, sample: &Sample, looked: Looked) {
         if self.worked_through.is_none() {
             let beyond_first = self.track.way_of(self.done + 1..self.accepted);
@@ -200,21 +208,22 @@ impl PathProgress {
         }
     }
 
-    /// Whether these steps, if they only wait, can have waited for as long as they say. The first one may have been over soon.
+    /// Whether these steps, if they are only waits, can have waited as long as they say. The first step may
+    /// have been over soon.
     fn can_have_stood(&self, steps: &Range<usize>, looked: Looked) -> bool {
         let beyond_first = self.track.way_of(steps.start + 1..steps.end);
         self.track.moves(steps.clone()) > 0 || self.pace.allows_standing(&beyond_first, looked)
     }
 
-    /// Takes in the length of a list that is not empty; the steps that are over.
+    /// Takes in the length of a list that is not empty. Returns the number of steps that are over.
     fn count(&mut self, length: usize, sample: &Sample, looked: Looked) -> usize {
         let over = |length: usize| self.accepted.saturating_sub(length);
         let gone = over(self.since_fed.length)..over(length);
         let since = self.done..over(length);
-        // If the arm moves and the list is as long as all that was sent, the list counts the step that is under way.
+        // If the arm moves and the list is as long as everything sent, the list counts the step under way.
         self.counts_running |= length == self.accepted && sample.moving == Some(true);
         let way = self.way_since(&since);
-        // A controller that clears its list may keep the step that it carries out just then.
+        // A controller that clears its list may keep the step that it is carrying out.
         let may_be_cleared = since.end + 1 >= self.held_until.unwrap_or(self.accepted);
         if may_be_cleared && !self.can_have_made(&since, &way, sample, looked) {
             self.skipped = Some(since);
@@ -233,18 +242,19 @@ impl PathProgress {
         over(length)
     }
 
-    /// Whether the arm can have made these steps since the last look, by its pace and its place.
+    /// Whether the arm can have made these steps since the last look, by its pace and its position.
     fn can_have_made(&self, steps: &Range<usize>, way: &pace::Way, sample: &Sample, looked: Looked) -> bool {
         let on_the_old = self.track.is_near(steps.start, sample, &self.before);
         let on_the_new = self.track.is_near(steps.end, sample, &self.before);
         let by_place = on_the_new && !on_the_old;
-        // Where it is not on its new way, its list may run ahead of it, as it did before.
+        // If the arm is not on its new path, its list may be ahead of it, as it was before.
         let by_pace = self.pace.allows(way, looked, on_the_new && on_the_old);
         (by_place || by_pace) && self.can_have_stood(steps, looked)
     }
 
-    /// The way that the arm has gone at least since the last look if it has made these steps. It may be on the last one still, where corners are
-    /// rounded; and where the list tells only what has not begun, it may have just left the first one.
+    /// The minimum path that the arm has made since the last look, if it has made these steps. It may still
+    /// be on the last step, because corners are rounded. If the list counts only steps that have not begun,
+    /// the arm may have just left the first one.
     fn way_since(&self, steps: &Range<usize>) -> pace::Way {
         let between = self.track.way_of(steps.start + 1..steps.end.saturating_sub(1));
         if self.counts_running && steps.len() > 1 {
@@ -254,11 +264,11 @@ impl PathProgress {
         }
     }
 
-    /// The step that the arm is on: the earliest of those that lead where it goes and that it is nearest to. An arm that is on none of
-    /// them is on the way of somebody else's step, which says nothing of ours.
+    /// The step that the arm is on: the earliest of the steps that lead in its direction and are nearest to
+    /// it. An arm that is on none of them is on a step of another client, which says nothing about our steps.
     fn passed(&self, sample: &Sample) -> usize {
         if !sample.went_on_from(&self.before.axes) {
-            // It stands: perhaps in a wait, of which no place tells that it is over.
+            // The arm stands, perhaps in a wait. No position tells that a wait is over.
             return self.done;
         }
         let ways: Vec<(usize, Way)> = (self.done..self.accepted)
@@ -271,14 +281,14 @@ impl PathProgress {
             .map_or(self.done, |(at, _)| *at)
     }
 
-    /// How long the arm may stand because the step whose turn it is says so; `None`: for ever.
+    /// How long the present step may let the arm stand; `None`: for ever.
     pub fn may_stand(&self) -> Option<Duration> {
         let step = self.steps().get(self.done).filter(|_| self.done < self.accepted);
         step.map_or(Some(Duration::ZERO), standing_time)
     }
 
-    /// How long the steps that are in the list may let the arm stand, together; `None`: for ever. Around a wait, the corners count too: a move that
-    /// leads nowhere is one.
+    /// How long the steps in the list may let the arm stand, together; `None`: for ever. If there is a wait,
+    /// corners count too: a move that leads nowhere is also a corner.
     pub fn all_may_stand(&self) -> Option<Duration> {
         let listed = self.steps().get(self.done..self.accepted).unwrap_or_default();
         let waits = listed.iter().try_fold(Duration::ZERO, |sum, step| Some(sum + standing_time(step)?))?;
@@ -287,7 +297,7 @@ impl PathProgress {
     }
 }
 
-/// The value that changed most between two looks: by how much.
+/// The largest change of a value between two looks.
 fn largest_change(before: &[Option<f64>], now: &[Option<f64>]) -> f64 {
     let both = before.iter().zip(now);
     both.filter_map(|(before, now)| Some(((*now)? - (*before)?).abs())).fold(0.0, f64::max)
@@ -332,14 +342,14 @@ mod tests {
         path
     }
 
-    /// A look a second after the path began.
+    /// A look one second after the path began.
     fn just_now() -> Looked {
         let at = (Instant::ORIGIN + Duration::from_secs(100)) + Duration::from_secs(1);
         Looked { asked_at: at, answered_at: at }
     }
 
-    /// Runs a path of eight steps, 10 degrees each, at 100 degrees a second, and looks every 50 ms, `looks` times. The next look finds a list
-    /// of `length`. Returns the steps that are not believed.
+    /// Runs the first eight steps of a path, 10 degrees each, at 100 degrees a second, and looks every 50 ms,
+    /// `looks` times. The next look finds a list of `length` steps. Returns the steps that are not believed.
     fn skipped_after(looks: u32, length: i64) -> Option<Range<usize>> {
         let mut path = path(&[[10.0, 0.0], [0.0, 0.0]].repeat(8));
         path.accepted = 0;
@@ -365,12 +375,13 @@ mod tests {
         assert_eq!(skipped_after(7, 1), Some(3..8));
         assert_eq!(skipped_after(7, 5), None);
         assert_eq!(skipped_after(7, 4), None);
-        // Its pace is not known yet, but no arm is as fast as that.
+        // Its pace is not known yet, but no arm is that fast.
         assert_eq!(skipped_after(2, 1), Some(1..8));
         assert_eq!(skipped_after(2, 5), None);
     }
 
-    /// Ten steps to new places, nine of which are gone after 50 ms: more than any pace allows. The next look finds the arm at `j1`.
+    /// Ten steps to new places. Nine of them are gone after 50 ms, which is more than any pace allows. The
+    /// next look finds the arm at `j1`.
     fn skipped_where(j1: f64) -> Option<Range<usize>> {
         let targets: Vec<[f64; 2]> = (1..=10).map(|n| [f64::from(n) * 30.0, 0.0]).collect();
         let mut path = path(&targets);
@@ -388,7 +399,7 @@ mod tests {
         assert_eq!(skipped_where(275.0), None);
     }
 
-    /// Five steps of this action, of which four are gone after 50 ms.
+    /// Five steps with this action. Four of them are gone after 50 ms.
     fn skipped_standing(action: Action) -> Option<Range<usize>> {
         let steps = vec![Instruction { oneshot: true, action }; 5];
         let asked_at = Instant::ORIGIN + Duration::from_secs(100);
@@ -423,7 +434,7 @@ mod tests {
         assert_eq!(seen(&mut path, &[[7.0, 0.0], [3.0, 0.0]]), 3);
     }
 
-    /// Another master's steps stand in the same list.
+    /// The steps of another master are in the same list.
     #[test]
     fn an_arm_on_the_way_of_somebody_else_says_nothing_of_ours() {
         let mut path = path(&[[20.0, 0.0], [13.0, 0.0], [28.0, 0.0], [14.0, 0.0]]);

@@ -1,4 +1,5 @@
-//! The steps of a path as places and ways: where each begins and ends, how long it is, and how near to it the arm is.
+//! The steps of a path as places and lines: where each step begins and ends, how long it is, and how near the
+//! arm is to it.
 
 use std::ops::Range;
 use std::time::Duration;
@@ -12,11 +13,12 @@ use crate::path::pace;
 use crate::path::place::Place;
 use crate::path::way::{Sums, Way};
 
-/// An arm that is further than this from the way of a step, degrees or mm, and than this share of its length, is not on it.
+/// An arm is not on the line of a step if it is farther away than this, in degrees or mm, plus [`ROUNDED`]
+/// times the length of the line.
 const OFF_THE_WAY: f64 = 0.5;
 const ROUNDED: f64 = 0.1;
 
-/// A way that comes as near to a place as this, degrees or mm, leads through it.
+/// A line that comes this near to a place, degrees or mm, counts as leading through it.
 const THROUGH: f64 = 0.1;
 
 /// The steps of a path, and where each of them ends.
@@ -50,7 +52,8 @@ impl Track {
         self.places.get(steps).unwrap_or_default()
     }
 
-    /// Where the arm stands when all that was accepted is over, and whether an input may have cut that move short.
+    /// Where the arm stands when all accepted steps are over, and whether an input may have cut that move
+    /// short.
     pub fn end_of(&self, accepted: usize) -> (Place, bool) {
         let places = self.places.iter().zip(&self.watched).take(accepted);
         places
@@ -64,15 +67,15 @@ impl Track {
         self.places.get(steps).unwrap_or_default().iter().filter(|place| **place != Place::Same).count()
     }
 
-    /// Whether an arm that stands where the path ends may have come there before: the way of an earlier step, of those that are not proved to be
-    /// over, leads through that place.
+    /// Whether an arm that stands where the path ends may have passed this place before. This is so if an
+    /// earlier step that is not proved to be over leads through that place.
     pub fn passes_its_end(&self, open: Range<usize>) -> bool {
         let places = self.places.iter().enumerate().take(open.end);
         let Some((last, end)) = places.rev().find(|(_, place)| **place != Place::Same) else { return false };
         (open.start..last).any(|at| self.passes(at, end))
     }
 
-    /// Whether the way of this step leads through that place, in the coordinates that both are told in.
+    /// Whether the line of this step leads through that place, in the coordinates that both have.
     fn passes(&self, at: usize, end: &Place) -> bool {
         let Some(place) = self.places.get(at) else { return false };
         let (values, mask, wanted, also) = match (place, end) {
@@ -91,7 +94,7 @@ impl Track {
         way.way().distance <= THROUGH
     }
 
-    /// The speed of this step as a share of the fastest; 1 where the step does not say.
+    /// The speed of this step as a share of the fastest speed; 1 if the step does not give one.
     pub fn speed(&self, at: usize) -> f64 {
         let speed = match self.steps.get(at).map(|step| &step.action) {
             Some(Action::AxisMove(step) | Action::LinearMove(step)) => step.manner.speed,
@@ -101,19 +104,21 @@ impl Track {
         speed.map_or(1.0, |percent| (percent / 100.0).clamp(0.001, 1.0))
     }
 
-    /// Whether the arm is on the way of this step, or of the one before or after it: corners are rounded. `true` where nobody can tell.
+    /// Whether the arm is on the line of this step, or of the step before or after it, because corners are
+    /// rounded. `true` if this cannot be judged.
     pub fn is_near(&self, step: usize, sample: &Sample, before: &Sample) -> bool {
         let near = |at| self.way(at, sample, before).is_none_or(|way| is_along(&way));
         (step.saturating_sub(1)..=step + 1).any(near)
     }
 
-    /// Whether an arm that is as near to the way of this step as that can be on it. A curve leads away from the line between its ends.
+    /// Whether an arm this near to the line of this step can be on the step. A curve leads away from the line
+    /// between its ends.
     pub fn is_on(&self, step: usize, way: &Way) -> bool {
         let is_curve = matches!(self.steps.get(step).map(|step| &step.action), Some(Action::CurveMove(_)));
         is_curve || is_along(way)
     }
 
-    /// The way from where the arm was seen last to the end of this step.
+    /// The path from where the arm was last seen to the end of this step.
     pub fn rest_of(&self, step: usize, before: &Sample) -> pace::Way {
         let Some(place) = self.places.get(step) else { return pace::Way::default() };
         let rest = place.beside(before).unwrap_or_default();
@@ -126,7 +131,7 @@ impl Track {
         }
     }
 
-    /// The way of these steps.
+    /// The path length of these steps.
     pub fn way_of(&self, steps: Range<usize>) -> pace::Way {
         let mut sum = pace::Way::default();
         for at in steps {
@@ -152,7 +157,7 @@ impl Track {
         sum
     }
 
-    /// How near the arm is to the way of this step.
+    /// How near the arm is to the line of this step.
     pub fn way(&self, at: usize, sample: &Sample, before: &Sample) -> Option<Way> {
         let place = self.places.get(at)?;
         let now = place.beside(sample)?;
@@ -165,7 +170,7 @@ impl Track {
         Some(way.way())
     }
 
-    /// Where this coordinate was when the step began.
+    /// The value of this coordinate when the step began.
     fn start(&self, at: usize, place: &Place, axis: AxisIndex) -> Option<f64> {
         let earlier = self.places.get(..at)?;
         for earlier in earlier.iter().rev() {
@@ -184,18 +189,19 @@ impl Track {
     }
 }
 
-/// Whether an arm that is this near to a way is on it.
+/// Whether an arm this near to a line is on it.
 fn is_along(way: &Way) -> bool {
     way.distance <= OFF_THE_WAY + way.length * ROUNDED
 }
 
-/// What was seen of this axis, in the coordinates that the place is told in.
+/// The value that was seen of this axis, in the coordinates of the place.
 fn value(place: &Place, seen: &Sample, axis: AxisIndex) -> Option<f64> {
     let values = if matches!(place, Place::Axes(..)) { &seen.axes } else { &seen.pose };
     values.get(axis.index()).copied().flatten()
 }
 
-/// Where each step ends, and whether an input may cut it short. Nobody can tell of poses once the work frame changes.
+/// Where each step ends, and whether an input may cut it short. The end of a pose is not known once the work
+/// frame changes.
 fn places(steps: &[Instruction]) -> (Vec<Place>, Vec<bool>) {
     let (mut may_stop, mut other_frame) = (false, false);
     let is_of_tool = |manner: &Manner| manner.tool.is_some() || manner.coord.is_some();
@@ -203,7 +209,7 @@ fn places(steps: &[Instruction]) -> (Vec<Place>, Vec<bool>) {
         match &step.action {
             Action::StopOnSignal(stop) => may_stop = stop.in_use,
             Action::Workbench(_) | Action::Unknown(_) => other_frame = true,
-            // Whether the tool and the frame of a move stay in use after it is not known.
+            // It is not known whether the tool and the frame of a move stay in use after it.
             Action::LinearMove(step) => other_frame |= is_of_tool(&step.manner),
             Action::CurveMove(curve) => other_frame |= is_of_tool(&curve.manner),
             Action::AxisMove(_)
@@ -238,7 +244,7 @@ pub(crate) fn standing_time(step: &Instruction) -> Option<Duration> {
     Some(Duration::try_from_secs_f64(seconds).unwrap_or_default())
 }
 
-/// How long a step takes that waits for nothing but time, seconds; 0 for every other one.
+/// How long a step takes that waits for time only, seconds; 0 for every other step.
 fn time_alone(action: &Action) -> f64 {
     match action {
         Action::Wait(Wait { source: WaitSource::Time, unlimited: false, limit, .. }) => *limit,

@@ -1,29 +1,29 @@
-//! How near a point is to the straight way of a step, in the coordinates that the step is told in.
+//! How near a point is to the straight line of a step, in the coordinates of the step.
 
-/// Below this, degrees or mm, a difference between two reads is no direction.
+/// A difference between two reads below this, degrees or mm, shows no direction.
 const NO_DIRECTION: f64 = 1e-3;
 
-/// How near a point is to a way.
+/// The relation of a point to the line of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Way {
     pub length: f64,
     pub distance: f64,
-    /// Whether the arm goes along it, and not back; an arm that stands agrees with every way.
+    /// Whether the arm moves along the line and not back. An arm that stands agrees with every line.
     pub agrees: bool,
 }
 
-/// Sums over the coordinates.
+/// Sums over all coordinates.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sums {
-    /// Way times way.
+    /// Line times line: the squared length.
     ww: f64,
-    /// From the start of the way to the point, squared.
+    /// The squared distance from the start of the line to the point.
     pp: f64,
-    /// That times the way.
+    /// Scalar product of the point, seen from the start, and the line.
     pw: f64,
-    /// The last motion times the way.
+    /// Scalar product of the last motion and the line.
     mw: f64,
-    /// The last motion squared.
+    /// The last motion, squared.
     mm: f64,
 }
 

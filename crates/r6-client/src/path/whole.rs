@@ -1,7 +1,8 @@
 //! The statement "a list that was sent as a whole was carried out".
 //!
-//! Such a list goes behind others, or repeats. What is in the controller's list besides is not known here, so the length of that list
-//! does not tell how far this one is. What can be seen is where the arm stands when nothing is left.
+//! Such a list is appended behind others, or repeats. The client does not know what else is in the
+//! controller's list, so the length of that list does not tell how far this one is. The client can only see
+//! where the arm stands when nothing is left.
 
 use std::time::Duration;
 
@@ -13,13 +14,14 @@ use crate::path::track::{Track, standing_time};
 use crate::stream::error::{Cause, NotProved};
 
 impl PathProgress {
-    /// What proves that the appended list was carried out, in a look at an arm that is at rest. `moved`: it was seen to move since.
+    /// Judges one look at an arm at rest, and returns the proof that the appended list was carried out.
+    /// `moved`: the arm was seen to move since the list was sent.
     ///
-    /// An "ok" proves nothing, and an empty list does not either: controllers drop instructions that they answered with ok, and another
-    /// client may have cleared the list.
+    /// An "ok" proves nothing, and neither does an empty list: controllers drop instructions that they
+    /// answered with ok, and another client may have cleared the list.
     ///
     /// # Errors
-    /// [`Cause::Elsewhere`] if the arm stands elsewhere, [`Cause::NotProved`] if nobody can tell.
+    /// [`Cause::Elsewhere`] if the arm stands elsewhere, [`Cause::NotProved`] if it cannot be judged.
     pub fn carried_out(&self, sample: &Sample, moved: bool) -> Result<EndProof, Cause> {
         let (place, watched) = self.track().end_of(self.accepted);
         if place == Place::Same {
@@ -38,7 +40,7 @@ impl PathProgress {
         }
     }
 
-    /// How long the arm stands before its first move because the steps say so; `None`: for ever.
+    /// How long the steps let the arm stand before its first move; `None`: for ever.
     pub fn lead_time(&self) -> Option<Duration> {
         let steps = self.track().steps();
         let first = steps.iter().position(|step| Place::of(&step.action) != Place::Same);
@@ -50,10 +52,11 @@ impl PathProgress {
     }
 }
 
-/// Whether an arm at the end of the list must have gone there: it was elsewhere before, or was seen to move, or no step leads away.
+/// Whether an arm at the end of the list must have moved there: it was elsewhere before, or was seen to move,
+/// or no step leads away.
 fn was_gone(track: &Track, accepted: usize, end: &Place, now: &Sample, moved: bool) -> bool {
     let before = track.begun_at();
-    // What moves an arm that was moving may be what was in the list before.
+    // If the arm was already moving, the earlier contents of the list may move it.
     let stood = before.moving == Some(false) && before.list_length.is_none_or(|length| length == 0);
     let was_elsewhere = end.missed(before).is_some_and(|missed| missed.found.is_some());
     let leads_away = track.places(0..accepted).iter().any(|place| match place {
@@ -104,7 +107,7 @@ mod tests {
         step(Action::StopOnSignal(StopOnSignal { in_use, input: 0, on: true }))
     }
 
-    /// What is said of a list that was appended while the arm was `from` there, and that ends with it `now` here.
+    /// Judges a list that was appended while the arm was at `from`, and that ends with the arm at `now`.
     fn judged(steps: &[Instruction], from: Sample, now: Sample, moved: bool) -> Result<EndProof, Cause> {
         let mut path = PathProgress::new(steps.to_vec(), from, Instant::ORIGIN);
         path.accepted = steps.len();
@@ -118,12 +121,12 @@ mod tests {
     #[test]
     fn an_arm_at_the_end_must_have_gone_there() {
         assert_eq!(judged(&[to(30.0)], at(0.0), at(30.001), false), Ok(EndProof::Reached));
-        // There before, and no step leads away.
+        // The arm was there before, and no step leads away.
         assert_eq!(judged(&[to(30.0)], at(30.0), at(30.0), false), Ok(EndProof::Reached));
         let there_and_back = [to(30.0), to(0.0)];
         assert_eq!(judged(&there_and_back, at(0.0), at(0.0), false), not_proved(NotProved::WasThere));
         assert_eq!(judged(&there_and_back, at(0.0), at(0.0), true), Ok(EndProof::Reached));
-        // What was in the list before may be what moved it.
+        // The earlier contents of the list may have moved it.
         for before in [Sample { moving: Some(true), ..at(0.0) }, Sample { list_length: Some(1), ..at(0.0) }] {
             assert_eq!(judged(&there_and_back, before, at(0.0), true), not_proved(NotProved::WasThere));
         }
@@ -137,10 +140,10 @@ mod tests {
         assert_eq!(missed.to_string(), "J1 is at 12.000, not at 30.000 deg");
         let unread = Sample { axes: [None; AXES], ..at(30.0) };
         let Err(Cause::Elsewhere(missed)) = judged(&[watch(true), to(30.0)], at(0.0), unread, true) else {
-            panic!("nobody knows where it is");
+            panic!("its place is unknown");
         };
         assert_eq!(missed.found, None);
-        // What is known to be wrong says more than what could not be read.
+        // A value that is known to be wrong says more than a value that could not be read.
         let mut both = Sample { axes: [None; AXES], ..at(0.0) };
         both.axes[1] = Some(f64::NAN);
         let two = Action::AxisMove(Move {

@@ -1,4 +1,5 @@
-//! How many addresses one query can have: neither its frame nor the reply may be longer than the controller takes.
+//! How many addresses fit into one query: neither its frame nor its reply may be longer than the controller
+//! accepts.
 
 use r6_proto::address::Address;
 use r6_proto::request::Request;
@@ -6,38 +7,38 @@ use r6_proto::request::Request;
 use crate::query::parts::Part;
 use crate::settings::{LONGEST_PACK_ID, RobotSettings};
 
-/// What a value is taken to need in a reply, quotes and comma included: the longest captured position,
-/// `"-2597.112793"`, needs 15.
+/// The space that a value is assumed to need in a reply, quotes and comma included: the longest captured
+/// position, `"-2597.112793"`, needs 15.
 const BYTES_PER_VALUE: usize = 16;
 
-/// The longest name, `counter-999999999`, with what stands around it and its value, bytes.
+/// The space for the longest name, `counter-999999999`, with its quotes, its comma and its value, bytes.
 const MOST_NEEDED: usize = 17 + "\"\",".len() + BYTES_PER_VALUE;
 
-/// The room in the longest frames of one robot.
+/// The space in the longest frames of one robot.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct QueryFrames {
-    /// What all addresses with their values may need, bytes.
+    /// The space for all addresses with their values, bytes.
     room: usize,
 }
 
 impl QueryFrames {
-    /// By these settings.
+    /// Calculates the space from these settings.
     pub fn of(settings: &RobotSettings) -> Self {
         let mut frame = Vec::new();
-        // A query without addresses has nothing that could fail to be encoded. The reply has `queryData` besides.
+        // A query without addresses always encodes. The reply contains `queryData` in addition.
         Request::Query(&[]).encode(&settings.addressing(LONGEST_PACK_ID), &mut frame).ok();
         let around = frame.len() + "\"queryData\":[],".len();
         Self { room: settings.max_frame_bytes.saturating_sub(around) }
     }
 
-    /// Whether a query of these is one frame, and its reply another.
+    /// Whether a query for these addresses is one frame, and its reply another.
     pub fn fit(self, addresses: &[Address]) -> bool {
-        // Most are so few that it does not matter how long each is.
+        // Most queries are so short that the length of each name does not matter.
         addresses.len() * MOST_NEEDED <= self.room
             || addresses.iter().copied().map(needs).sum::<usize>() <= self.room
     }
 
-    /// Parts whose requests and replies stay below the longest frame.
+    /// Splits the addresses into parts whose requests and replies stay below the longest frame.
     pub(super) fn split(self, addresses: Part) -> Vec<Part> {
         let mut parts: Vec<Part> = Vec::new();
         let mut bytes = 0;
@@ -55,7 +56,7 @@ impl QueryFrames {
     }
 }
 
-/// What an address and its value take of the longest frame, bytes.
+/// The space that an address and its value need in the longest frame, bytes.
 fn needs(address: Address) -> usize {
     address.name_len() + "\"\",".len() + BYTES_PER_VALUE
 }
@@ -64,7 +65,7 @@ fn needs(address: Address) -> usize {
 mod tests {
     use super::*;
 
-    /// What a request has of an address, and room for its value in the reply.
+    /// The request contains the address in quotes; the reply needs space for its value.
     #[test]
     fn an_address_needs_its_name_in_quotes_and_its_value() {
         for address in [Address::Version, Address::Counter(17), Address::Counter(u32::MAX)] {

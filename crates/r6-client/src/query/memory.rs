@@ -1,4 +1,5 @@
-//! What queries tell of the controller besides their values: who it is, what it lacks, whether its lists can be believed.
+//! What queries tell about the controller besides their values: its identity, the addresses it lacks, whether
+//! its lists can be believed.
 
 use r6_proto::address::Address;
 
@@ -9,18 +10,20 @@ use crate::link::{Lane, STATE};
 use crate::query::parts::{is_everywhere, may_be_missing};
 use crate::query::result::QueryResult;
 
-/// Unsupported addresses that are remembered for a connection: more than the table of addresses has, registers apart.
+/// The most unsupported addresses remembered per connection: more than the table of addresses has, without
+/// registers.
 const MAX_REMEMBERED: usize = 256;
 
-/// Addresses that had a value, registers included: as many as there are.
+/// The most addresses remembered that had a value, with registers: as many as there are.
 const MAX_SUPPORTED: usize = 2048;
 
-/// Replies in a row without the value of an address that the controller should have, until it counts as missing: more than odd replies
-/// explain. From then on lists without it are believed again, and an odd firmware is not asked for each address alone for ever.
+/// After this many replies in a row without a value, an address that the controller should have counts as
+/// missing. Odd replies do not explain more than this. From then on, lists without the address are believed
+/// again, so that the client does not ask an odd firmware for each address alone for ever.
 const MOST_EMPTY: u8 = 8;
 
 impl Hub {
-    /// What was answered once is there: no odd reply hides it later.
+    /// Remembers addresses that had a value once, so that no odd reply hides them later.
     pub(super) fn remember_supported(&self, connection: u64, addresses: impl Iterator<Item = Address>) {
         let mut told = addresses.filter(|address| may_be_missing(*address)).peekable();
         if told.peek().is_none() {
@@ -37,8 +40,8 @@ impl Hub {
         }
     }
 
-    /// Whether a reply without a value is to be believed to say that the controller lacks the address. What every controller has,
-    /// or had a value here, is believed to be missing only after many such replies in a row.
+    /// Whether a reply without a value proves that the controller lacks the address. If every controller has
+    /// the address, or it had a value here, this takes many such replies in a row.
     pub(super) fn may_lack(&self, connection: u64, address: Address) -> bool {
         let mut known = self.known();
         let has = known.supported.contains(&address) || is_everywhere(address);
@@ -53,14 +56,14 @@ impl Hub {
         *empty > MOST_EMPTY
     }
 
-    /// Whether values in lists may stand at the wrong addresses: a reply showed it after `doubts` were counted, or before that and no
-    /// whole query passed well since.
+    /// Whether values in lists may belong to the wrong addresses. A reply showed this after `doubts` were
+    /// counted, or it showed this earlier and no whole query has passed well since.
     pub(super) fn doubted_since(&self, doubts: u64) -> bool {
         let known = self.known();
         known.doubts_lists || known.doubts != doubts
     }
 
-    /// Ends the doubt, unless it was raised anew after `doubts` were counted.
+    /// Ends the doubt, unless it was raised again after `doubts` were counted.
     pub(super) fn believe_lists(&self, connection: u64, doubts: u64) {
         let mut known = self.known();
         if known.connection == connection && known.doubts == doubts {
@@ -68,8 +71,8 @@ impl Hub {
         }
     }
 
-    /// An address that every controller has is never remembered, nor one that had a value: one odd reply must not hide alarm and
-    /// mode for good.
+    /// Remembers that an address is unsupported. Never does so for an address that every controller has or
+    /// that had a value, because one odd reply must not hide alarm and mode for good.
     pub(super) fn remember_unsupported(&self, connection: u64, address: Address) {
         if !may_be_missing(address) {
             return;
@@ -81,7 +84,7 @@ impl Hub {
         }
     }
 
-    /// Keeps what a query tells of the controller besides its values, and refuses the values of another robot.
+    /// Keeps what a query tells about the controller besides its values. Rejects the values of another robot.
     pub(super) fn remember(&self, lane: Lane, result: &QueryResult) -> Result<(), RequestError> {
         let connection = result.connection;
         self.remember_firmware(connection, result);
@@ -98,8 +101,8 @@ impl Hub {
         }
     }
 
-    /// After a caller has read mode and alarm, the robot that answers now counts as the one that is meant. Reads of subscriptions and
-    /// stops do not count.
+    /// Once a caller has read mode and alarm, the robot that answers now counts as the intended one. Reads of
+    /// subscriptions and stops do not count.
     fn remember_look(&self, lane: Lane, result: &QueryResult) {
         let mut known = self.known();
         let looked = || STATE.into_iter().all(|address| result.reading(address).is_some());
@@ -109,27 +112,29 @@ impl Hub {
         }
     }
 
-    /// On a first connection a query may tell who is there; on others that is known before any query is sent. Who was taken for
-    /// another because of an odd reply is himself again once he says so.
+    /// Remembers the identity that a query contains. On a first connection a query may tell it; on others it
+    /// is known before any query is sent. A robot that an odd reply made look like another one is recognized
+    /// again once it tells its identity.
     ///
-    /// Returns the connection and the identity where nobody knew before who is meant.
+    /// Returns the connection and the identity if the intended robot was not known before.
     pub(super) fn remember_identity(&self, connection: u64, result: &QueryResult) -> Option<(u64, Identity)> {
         let identity = Identity::of(result)?;
         let mut known = self.known();
-        // Then who is there may be known in part only.
+        // In this case the identity may be known only in part.
         let first = known.expected.is_none();
         let meant = known.expected.as_ref() == Some(&identity);
         if known.connection == connection && (meant || first || known.present.is_none()) {
             known.expected.get_or_insert_with(|| identity.clone());
             known.present = Some(identity.clone());
         } else if known.connection != connection {
-            // The connection ended right behind this answer: it tells who was there first, and so is meant.
+            // The connection ended right after this answer. The answer tells which robot was there first, so
+            // that robot is the intended one.
             known.expected.get_or_insert_with(|| identity.clone());
         }
         first.then_some((connection, identity))
     }
 
-    /// The list that told this identity is not believed any more: the robot is unknown, as it was before.
+    /// Forgets an identity that came from a list that is not believed any more. The robot is unknown again.
     pub(super) fn forget_identity(&self, connection: u64, identity: &Identity) {
         let mut known = self.known();
         if known.connection == connection {

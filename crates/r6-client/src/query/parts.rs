@@ -1,32 +1,33 @@
-//! The parts that a query is asked for in, and whether the numbers of values in their replies agree.
+//! Splits a query into parts, and checks whether the numbers of values in the replies agree.
 //!
-//! A controller leaves out the values that it does not have, so a list of values may be too short. Three replies have no such
-//! reason: one with too many values, one with too few although no address is missing, and one without a value that was there
-//! before. After such a reply the client believes no list of this controller. Even in a list of the right length, values may
-//! stand at the wrong addresses. A single value for a single address cannot.
+//! A controller leaves out the values that it does not have, so a list of values may be too short. Three
+//! kinds of reply cannot be explained like this: one with too many values, one with too few although no
+//! address is missing, and one without a value that was there before. After such a reply the client believes
+//! no list of this controller. Even in a list of the right length, values may belong to the wrong addresses.
+//! A single value for a single address cannot.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use r6_proto::address::{Address, Ports};
 
-/// Addresses of one frame, each with its place in the whole query.
+/// The addresses of one frame, each with its place in the whole query.
 pub(super) type Part = Vec<(usize, Address)>;
 
-/// What is left to be asked of one query.
+/// The parts of one query that are still to be asked.
 #[derive(Debug)]
 pub(super) struct Parts {
     open: Vec<Part>,
-    /// Places of what was answered in a list, which is believed only while all lists agree.
+    /// The places of addresses that were answered in a list. They are believed only while all lists agree.
     in_lists: BTreeMap<usize, Address>,
-    /// Places of what has no value when it is asked for alone.
+    /// The places of addresses that have no value when they are asked for alone.
     missing: BTreeSet<usize>,
-    /// Lists that were too short: the places that were asked for, and how many values they lacked.
+    /// Lists that were too short: the places asked for, and how many values the list lacked.
     short: Vec<(Vec<usize>, usize)>,
     contradicted: bool,
 }
 
 impl Parts {
-    /// These parts, in their order.
+    /// Takes these parts, in their order.
     pub fn new(mut parts: Vec<Part>) -> Self {
         parts.reverse();
         Self {
@@ -38,8 +39,8 @@ impl Parts {
         }
     }
 
-    /// What to ask for next; `None` once all is answered. Where the lists do not agree, or are doubted because of another query, their
-    /// addresses are asked for once more, each alone.
+    /// The next part to ask for; `None` once all are answered. If the lists do not agree, or are doubted
+    /// because of another query, each of their addresses is asked for once more, alone.
     pub fn next(&mut self, doubted: bool) -> Option<Part> {
         if self.open.is_empty() {
             if !self.short.iter().all(|list| self.is_explained(list)) {
@@ -51,20 +52,20 @@ impl Parts {
         self.open.pop()
     }
 
-    /// Whether any reply had a number of values that nothing explains.
+    /// Whether any reply had an unexplained number of values.
     pub fn contradicted(&self) -> bool {
         self.contradicted
     }
 
-    /// A part had as many values as addresses.
+    /// Notes that a part had as many values as addresses.
     pub fn answered(&mut self, part: &[(usize, Address)]) {
         if part.len() > 1 {
             self.in_lists.extend(part.iter().copied());
         }
     }
 
-    /// A part had another number of values than addresses. `lacked`: where it was one address that had no value, whether the
-    /// controller may be believed to lack it.
+    /// Notes that a part had a different number of values than addresses. `lacked`: for a single address
+    /// without a value, whether the controller is believed to lack it.
     pub fn mismatched(&mut self, part: &[(usize, Address)], values: usize, lacked: bool) {
         let places = || part.iter().map(|(at, _)| *at);
         match (part.len().checked_sub(values), part.len()) {
@@ -91,7 +92,7 @@ impl Parts {
         self.ask_alone();
     }
 
-    /// Lists are not believed any more: asks for each address alone that was not yet.
+    /// Stops believing lists: asks alone for each address that was not asked for alone yet.
     fn ask_alone(&mut self) {
         self.short.clear();
         let mut left = std::mem::take(&mut self.in_lists);
@@ -101,12 +102,13 @@ impl Parts {
     }
 }
 
-/// Each address in a part of its own.
+/// Puts each address into its own part.
 pub(super) fn alone(part: Part) -> Vec<Part> {
     part.into_iter().map(|asked| vec![asked]).collect()
 }
 
-/// Two parts, neither empty: what every controller has and what some lack, or else two halves.
+/// Splits a part into two non-empty parts: the addresses that every controller has and those that some lack,
+/// or else two halves.
 fn divide(part: &[(usize, Address)]) -> (Part, Part) {
     let (first, second): (Vec<_>, Vec<_>) =
         part.iter().copied().partition(|(_, address)| is_everywhere(*address));
@@ -117,12 +119,14 @@ fn divide(part: &[(usize, Address)]) -> (Part, Part) {
     (first.to_vec(), second.to_vec())
 }
 
-/// Whether a controller may lack the address for good. Counters can be made at any time.
+/// Whether a controller may lack the address for good. Counters do not count, because they can be created at
+/// any time.
 pub(super) fn may_be_missing(address: Address) -> bool {
     !is_everywhere(address) && !matches!(address, Address::Counter(_))
 }
 
-/// Whether the oldest manual has the address, on both ports. Counters have to be made first.
+/// Whether the oldest manual has the address, on both ports. Counters do not count, because they have to be
+/// created first.
 pub(super) fn is_everywhere(address: Address) -> bool {
     let info = address.info();
     info.is_in_first_manual() && info.ports == Ports::Both && !matches!(address, Address::Counter(_))
@@ -138,8 +142,8 @@ mod tests {
         (0..count).map(|number| (number as usize, Address::Counter(number))).collect()
     }
 
-    /// Plays a controller: `values` says how many values it sends for a part, from the number of the part and its addresses. Returns how
-    /// many addresses each part had.
+    /// Plays a controller. `values` returns how many values it sends for a part, given the number of the part
+    /// and its addresses. Returns how many addresses each part had.
     fn lengths(parts: &mut Parts, mut values: impl FnMut(usize, &Part) -> usize) -> Vec<usize> {
         let mut lengths = Vec::new();
         while let Some(part) = parts.next(false) {
@@ -157,7 +161,7 @@ mod tests {
     #[test]
     fn what_was_answered_alone_is_not_asked_for_again() {
         let mut parts = Parts::new(vec![asked(6)]);
-        // 6: one too few. 3: one too few. 1: there. 2: one too many.
+        // Part of 6: one value too few. Part of 3: one too few. Part of 1: complete. Part of 2: one too many.
         let found = lengths(&mut parts, |turn, part| match turn {
             0 | 1 => part.len() - 1,
             3 => 3,
@@ -188,7 +192,7 @@ mod tests {
     }
 
     proptest! {
-        /// A controller that leaves out what it does not have is believed, and asked as seldom as ever.
+        /// A controller that leaves out the values it does not have is believed, and is not asked more often.
         #[test]
         fn missing_addresses_contradict_nothing(missing in prop::collection::btree_set(0_usize..20, 0..20)) {
             let mut parts = Parts::new(vec![asked(20)]);
@@ -200,7 +204,8 @@ mod tests {
             prop_assert!(found.len() <= 1 + missing.len() * 10, "{:?}", found);
         }
 
-        /// Whatever it answers: it ends, and where anything does not add up, no value of a list is left.
+        /// For any replies, the query ends. If the replies contradict each other, no value from a list is
+        /// kept.
         #[test]
         fn where_lists_disagree_each_value_came_alone(told in prop::collection::vec(0_usize..9, 100)) {
             let mut parts = Parts::new(vec![asked(8)]);

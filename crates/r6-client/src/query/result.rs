@@ -1,4 +1,4 @@
-//! What a query gives: the values of its addresses, and when each was asked for.
+//! The result of a query: the values of its addresses, and when each was requested.
 
 use std::fmt;
 use std::sync::Arc;
@@ -14,21 +14,22 @@ pub(crate) type Rows = Vec<(Address, Result<Reading, NoReading>)>;
 
 /// The values of some addresses, each with its address.
 ///
-/// Values that took several frames to read are not of one instant. All of them came over one connection, so they are of one robot.
+/// Values that took several frames to read were not read at one instant. All came over one connection, so
+/// they belong to one robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct QueryResult {
-    /// What was asked for: each row has it again.
+    /// The addresses asked for; each row contains its address again.
     pub(super) addresses: Arc<[Address]>,
     pub(super) rows: Rows,
     pub(super) took: Duration,
-    /// The connection that all replies came over.
+    /// The connection over which all replies came.
     pub(super) connection: u64,
 }
 
-/// When the values of a query were asked for: they are no older.
+/// When the values of a query were requested: they are not older than this.
 #[derive(Debug)]
 pub(crate) enum AskedAt {
-    /// All at once.
+    /// All at the same time.
     Once(Instant),
     /// Each at its own time, in the order of the addresses.
     Each(Vec<Instant>),
@@ -43,7 +44,7 @@ impl AskedAt {
         }
     }
 
-    /// When the first of them was asked for.
+    /// When the first value was requested.
     pub fn oldest(&self) -> Instant {
         match self {
             Self::Once(at) => *at,
@@ -57,7 +58,7 @@ impl AskedAt {
 pub enum NoReading {
     /// The controller does not support the address, or has no such counter: it leaves the value out.
     Unsupported,
-    /// The value cannot be one of this address.
+    /// The value is not valid for this address.
     Unreadable(FieldError),
 }
 
@@ -83,17 +84,17 @@ impl QueryResult {
         }
     }
 
-    /// The number of the connection that all of it was answered over.
+    /// The number of the connection over which all replies came.
     pub(crate) fn connection(&self) -> u64 {
         self.connection
     }
 
-    /// Each address with its value, in the order asked.
+    /// Each address with its value, in the order of the request.
     pub fn rows(&self) -> &[(Address, Result<Reading, NoReading>)] {
         &self.rows
     }
 
-    /// The value of an address, if it was asked for and has one.
+    /// The value of an address, if it was requested and has one.
     #[must_use]
     pub fn reading(&self, address: Address) -> Option<&Reading> {
         self.rows.iter().find(|(asked, _)| *asked == address)?.1.as_ref().ok()

@@ -1,4 +1,4 @@
-//! Giving a request to the connection, and what its caller waits for.
+//! Gives a request to the connection and waits for the answer.
 
 use r6_proto::message::{Command, PhotoAnswer};
 
@@ -15,7 +15,7 @@ impl Robot {
     /// Sends a command (manual 4.2). A stop or a pause overtakes everything that waits.
     ///
     /// # Errors
-    /// [`RequestError`]. It is never sent twice by itself, and only a stop or a pause makes a lost connection anew.
+    /// [`RequestError`]. The client never resends it. Only stop and pause reconnect a lost connection.
     pub async fn command(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
         self.drive(self.command_now(command)).await
     }
@@ -30,34 +30,36 @@ impl Robot {
             }
             Effect::Reads | Effect::Changes | Effect::Moves => Lane::Ordinary,
         };
-        // A list that was checked leaves before the frame changes, or is checked after that.
+        // A checked list is sent before the frame changes, or is checked again after that.
         let _turn = if changes_frame { Some(self.lists().await) } else { None };
         self.accepted(work, lane).await
     }
 
-    /// Sends the points that cameras found (manual 5.2); [`Accepted::points`] tells how many were taken.
+    /// Sends the points that cameras found (manual 5.2); [`Accepted::points`] tells how many were accepted.
     ///
     /// # Errors
-    /// [`RequestError`]. It is never sent twice by itself: a program may wait for these points to move.
+    /// [`RequestError`]. The client never resends it, because a program may wait for these points to move.
     pub async fn add_points(&self, cameras: Vec<CameraSet>) -> Result<Accepted, RequestError> {
         self.drive(self.accepted(Work::AddPoints(cameras), Lane::Ordinary)).await
     }
 
-    /// Answers a photo request (manual 5.1). The controller does not reply: `Ok` says that the answer has left.
+    /// Answers a photo request (manual 5.1). The controller does not reply: `Ok` means that the answer was
+    /// sent.
     ///
     /// # Errors
-    /// [`RequestError::NotSent`], or [`RequestError::OutcomeUnknown`] if the connection ended within the frame.
+    /// [`RequestError::NotSent`], or [`RequestError::OutcomeUnknown`] if the connection ended within the
+    /// frame.
     pub async fn answer_photo(&self, answer: PhotoAnswer) -> Result<(), RequestError> {
         self.drive(self.ask(Work::PhotoAnswer(answer), Lane::Ordinary)).await.map(|_left| ())
     }
 
-    /// Sends a request that the controller answers with yes or no.
+    /// Sends a request that the controller accepts or refuses.
     pub(crate) async fn accepted(&self, work: Work, lane: Lane) -> Result<Accepted, RequestError> {
         self.accepted_on(Terms::default(), work, lane).await
     }
 
-    /// The same; it leaves on these terms only, or is refused: later as [`crate::NotSent::Busy`], on another connection as
-    /// [`crate::NotSent::Disconnected`].
+    /// Sends such a request on these terms only. Otherwise it is refused: too late as
+    /// [`crate::NotSent::Busy`], on another connection as [`crate::NotSent::Disconnected`].
     pub(crate) async fn accepted_on(
         &self,
         terms: Terms,
@@ -92,7 +94,7 @@ impl Robot {
         self.answered(self.give(terms, work, lane)).await
     }
 
-    /// Gives a query to the connection and waits for its answer, whose values go into this room.
+    /// Gives a query to the connection and waits for its answer. The values go into `room`.
     pub(crate) async fn ask_into(&self, room: Rows, work: Work, lane: Lane) -> Result<Answer, RequestError> {
         self.answered(self.give_with_room(room, Terms::default(), work, lane)).await
     }
@@ -103,7 +105,8 @@ impl Robot {
         answer
     }
 
-    /// Gives a request to the connection: what is given later over the same lane leaves later.
+    /// Gives a request to the connection. Requests of the same lane are sent in the order in which they are
+    /// given.
     pub(crate) fn give(&self, terms: Terms, work: Work, lane: Lane) -> Given {
         self.give_with_room(Rows::new(), terms, work, lane)
     }
@@ -122,7 +125,7 @@ impl Robot {
     }
 }
 
-/// A request that the connection has.
+/// A request that was given to the connection.
 #[derive(Debug)]
 pub(crate) struct Given {
     request: Sent,
@@ -130,9 +133,10 @@ pub(crate) struct Given {
 }
 
 impl Given {
-    /// Waits for its answer.
+    /// Waits for the answer to the request.
     pub async fn answer(&mut self) -> Result<Answer, RequestError> {
-        // The connection answers every request. Only one that nobody drives any more does not: its runtime was shut down.
+        // The connection answers every request, unless its runtime was shut down and nothing drives it any
+        // more.
         let reason = LostReason::ClosedHere;
         let ended = OutcomeUnknown::ConnectionLost { request: self.request, reason };
         (&mut self.reply).await.unwrap_or(Err(ended.into()))

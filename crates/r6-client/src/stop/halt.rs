@@ -1,4 +1,4 @@
-//! Halting over one connection: one means after the other, and reads of the state all the while.
+//! Stops the arm over one connection: tries one means after the other, and reads the state all the time.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -19,25 +19,26 @@ use crate::robot::requests::Given;
 use crate::stop::report::{ListAfterStop, NotTried, SecondConnection, StopMeans, StopReport};
 use crate::stop::stopping::{CONFIRM_WITHIN, READ_EVERY};
 
-/// An arm that is not seen to stand this long after a means left gets the next one: a paused arm was seen to take half a second.
+/// If the arm is not seen at rest this long after a means was sent, the next means is sent. A paused arm was
+/// seen to take half a second.
 const NEXT_AFTER: Duration = Duration::from_millis(500);
 
-/// The pause after a stop that did not reach the controller: a connection that is refused at once must not become
-/// a flood of attempts.
+/// The pause after a stop that did not reach the controller: a connection that is refused at once must not
+/// cause a flood of attempts.
 const PAUSE_AFTER_FAILURE: Duration = Duration::from_millis(250);
 
-/// Stops that may wait for their answers at once: behind a link that has stalled, each of them arrives later, and may then end
-/// a motion that nobody wants to end.
+/// How many stops may wait for their answers at once. Behind a link that has stalled, each of them arrives
+/// later and may then end a motion that should continue.
 const MOST_UNANSWERED: usize = 2;
 
-/// A read of the state that is under way, or a pause before it.
+/// A read of the state that is under way, or the pause before it.
 type Reading = Pin<Box<dyn Future<Output = Result<Observation, RequestError>> + Send>>;
 
-/// A stop over one connection, until it is proved that the arm stands or the time is up.
+/// A stop over one connection. It ends when it is proved that the arm stands, or when the time is up.
 #[derive(Debug)]
 pub(super) struct Halt {
     deadline: Instant,
-    /// The place in the order of means of the next one.
+    /// The index of the next means in the order of means.
     next: usize,
     next_at: Instant,
     watch: Option<(About, Standstill)>,
@@ -45,25 +46,25 @@ pub(super) struct Halt {
     halted: Halted,
 }
 
-/// What became of it.
+/// The result of a [`Halt`].
 #[derive(Debug)]
 pub(super) struct Halted {
-    /// The handle whose connection it was.
+    /// The handle of that connection.
     pub robot: Robot,
     pub proof: Option<StandProof>,
-    /// The last means that left before the standstill was proved.
+    /// The last means that was sent before the standstill was proved.
     pub means: Option<StopMeans>,
     pub attempts: u32,
-    /// Whether a stop was answered, with yes or no.
+    /// Whether a stop was answered, accepted or refused.
     pub answered: bool,
-    /// Whether one was answered with yes, over the present connection.
+    /// Whether a stop was accepted over the present connection.
     accepted: bool,
     pub seen: Option<Observation>,
     pub failed: Option<RequestError>,
 }
 
 impl Halted {
-    /// Before anything was tried.
+    /// The result before anything was tried.
     pub fn nothing(robot: Robot) -> Self {
         Self {
             robot,
@@ -86,12 +87,12 @@ impl Halted {
         self.answered || self.seen.is_some()
     }
 
-    /// Whether the handle is closed: nothing will ever be sent on it again.
+    /// Whether the handle is closed, so that nothing can be sent on it any more.
     pub fn is_closed(&self) -> bool {
         self.failed == Some(NotSent::Closed.into())
     }
 
-    /// What is told of it.
+    /// Makes the report of this stop.
     pub fn report(
         self,
         took: Duration,
@@ -122,7 +123,7 @@ impl Halted {
         }
         Ok(report)
     }
-    /// The standstill had to be proved once more: what that says in this report.
+    /// The standstill had to be proved again. Updates the report with this result.
     pub fn prove_again(self, report: &mut StopReport) {
         report.attempts += self.attempts;
         let same = self.seen.as_ref().is_some_and(|seen| seen.connection == report.connection);
@@ -134,12 +135,12 @@ impl Halted {
         }
     }
 
-    /// What to tell where nothing came back at all.
+    /// The error to return if nothing came back at all.
     fn into_error(self) -> RequestError {
         let request = Work::Command(Command::ActionStop).sent();
         let timed_out = || OutcomeUnknown::TimedOut { request, after: CONFIRM_WITHIN, heard: None }.into();
         match self.failed {
-            // One that left may be carried out, whatever became of the others.
+            // A stop that was sent may still be carried out, even if the others failed.
             Some(failed) if failed.nothing_left() && self.attempts > 0 => timed_out(),
             Some(failed) => failed,
             None => timed_out(),
@@ -159,7 +160,7 @@ impl Halt {
         }
     }
 
-    /// Sends and looks until the end.
+    /// Sends stops and reads the state until the end.
     pub async fn run(mut self) -> Halted {
         let time = Arc::clone(&self.halted.robot.hub().time);
         let mut answers = FuturesUnordered::new();
@@ -187,7 +188,7 @@ impl Halt {
         self.halted
     }
 
-    /// Hands the next means to the connection. What is read from then on is read after it.
+    /// Gives the next means to the connection. Only reads that are requested from now on count for the proof.
     fn send(&mut self) -> (StopMeans, Given) {
         let now = self.halted.robot.hub().time.now();
         let means = StopMeans::nth(self.next);
@@ -195,7 +196,7 @@ impl Halt {
         self.next_at = now + NEXT_AFTER;
         let about = self.about();
         if self.watch.as_ref().is_none_or(|(watched, _)| *watched != about) {
-            // A stop over another connection says nothing of the robot on this one.
+            // A stop over another connection proves nothing about the robot on this one.
             self.tried.clear();
             self.halted.accepted = false;
             self.watch = Some((about.clone(), Standstill::new(about, now)));
@@ -207,7 +208,7 @@ impl Halt {
         (means, given)
     }
 
-    /// Who is to be stopped: the robot that is meant, over the present connection.
+    /// The robot to be stopped: the intended robot, over the present connection.
     fn about(&self) -> About {
         let known = self.halted.robot.hub().known();
         About { connection: known.connection, robot: known.expected.clone() }
@@ -233,7 +234,8 @@ impl Halt {
         }
     }
 
-    /// A means that did not leave was not tried. The list cannot be cleared before the state is read; that does not hold the others up.
+    /// Takes back a means that was not sent, because it does not count as tried. The list cannot be cleared
+    /// before the state is read; that does not delay the other means.
     fn take_back(&mut self, means: StopMeans) {
         if let Some(at) = self.tried.iter().rposition(|tried| *tried == means) {
             self.tried.remove(at);
@@ -247,8 +249,8 @@ impl Halt {
 
     fn failed(&mut self, error: RequestError) {
         self.halted.failed = Some(match self.halted.failed.take() {
-            // A stop that left may be carried out, even if a later one could not be sent. So its error is
-            // kept.
+            // A stop that was sent may be carried out, even if a later one could not be sent. So the first
+            // error is kept.
             Some(left @ RequestError::OutcomeUnknown(_))
                 if !matches!(error, RequestError::OutcomeUnknown(_)) =>
             {
@@ -276,7 +278,7 @@ impl Halt {
         if let Some((about, watch)) = &mut self.watch {
             self.halted.proof = watch.see(&seen, tried);
             if seen.connection != about.connection {
-                // No stop has left over this connection yet.
+                // No stop was sent over this connection yet.
                 (self.next, self.next_at) = (0, self.halted.robot.hub().time.now());
             }
         }

@@ -1,4 +1,4 @@
-//! What became of a stop.
+//! The report of a stop.
 
 use std::fmt;
 use std::time::Duration;
@@ -12,27 +12,27 @@ use crate::evidence::standstill::StandProof;
 use crate::identity::Identity;
 use crate::job::Work;
 
-/// What became of a stop.
+/// The result of a stop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StopReport {
     /// Whether it is proved that the arm stands ([`Self::proof`]).
     pub confirmed: bool,
     /// What proves it.
     pub proof: Option<StandProof>,
-    /// The last means that left before the standstill was proved, or before the time was up.
+    /// The last means that was sent before the standstill was proved, or before the time was up.
     pub means: Option<StopMeans>,
     /// How many stops were sent, of all means together.
     pub attempts: u32,
-    /// The time until the standstill was proved for the first time, or until that was given up. Clearing the
-    /// list, and further stops while a frame is in doubt, come after it.
+    /// The time until the standstill was first proved, or until the client gave up. Clearing the list comes
+    /// after it, and so do further stops while a frame is in doubt.
     pub took: Duration,
-    /// The robot that this is about; `None` where nobody has read who it is.
+    /// The robot of this report; `None` if its identity was not read.
     pub robot: Option<Identity>,
-    /// The number of the connection that it is about: all that is told here was read over it. A second
-    /// connection ([`SecondConnection::Used`]) counts its own numbers, from 0: they cannot be compared with
-    /// those of the first.
+    /// The number of the connection over which all values of this report were read. A second connection
+    /// ([`SecondConnection::Used`]) counts its own numbers, from 0. They cannot be compared with those of the
+    /// first.
     pub connection: u64,
-    /// What became of a second connection, where the first answer was late.
+    /// The result of a second connection, if the first answer was late.
     pub second: Option<SecondConnection>,
     /// `isMoving` at the end.
     pub moving: Option<bool>,
@@ -42,13 +42,14 @@ pub struct StopReport {
     pub alarm: Option<i64>,
     /// `RemoteCmdLen` at the end.
     pub list_length: Option<i64>,
-    /// What became of the instructions that were left.
+    /// What happened to the instructions that were left.
     pub list: ListAfterStop,
-    /// Frames that can move the arm were unanswered when the stop began: what became of them. `None` without one.
+    /// Set if frames that can move the arm were unanswered when the stop began: what happened to them. `None`
+    /// without such frames.
     pub doubt: Option<DoubtAfterStop>,
 }
 
-/// A means of stopping, in the order in which they are tried.
+/// A means of stopping, in the order in which the client tries them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopMeans {
     /// The command `actionStop`.
@@ -57,23 +58,23 @@ pub enum StopMeans {
     StopButton,
     /// The command `actionPause`.
     ActionPause,
-    /// An empty instruction list in the place of the present one.
+    /// The command `AddRCC` with an empty instruction list, which replaces the present list.
     ClearList,
 }
 
 impl StopMeans {
-    /// The order in which they are tried: real arms stop at once by the first; `stopButton` was seen not to stop a linear
-    /// move, `actionPause` once had no effect (reported, unit B); an empty list raises an alarm while the arm moves (reported,
-    /// unit A).
+    /// The order in which the client tries them, because: real arms stop at once with the first; `stopButton`
+    /// was seen not to stop a linear move, `actionPause` once had no effect (reported, unit B); an empty list
+    /// raises an alarm while the arm moves (reported, unit A).
     pub const IN_ORDER: [Self; 4] = [Self::ActionStop, Self::StopButton, Self::ActionPause, Self::ClearList];
 
-    /// The one whose turn it is after so many; after the last comes the first again.
+    /// The means with this number. After the last one the first follows again.
     pub(super) fn nth(number: usize) -> Self {
         let [first, ..] = Self::IN_ORDER;
         Self::IN_ORDER.into_iter().cycle().nth(number % Self::IN_ORDER.len()).unwrap_or(first)
     }
 
-    /// Its word on the wire.
+    /// The word for it on the wire.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -94,54 +95,54 @@ impl StopMeans {
     }
 }
 
-/// What became of a second connection, which a stop opens when the first answer takes longer than 300 ms.
+/// The result of a second connection, which a stop opens when the first answer takes longer than 300 ms.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SecondConnection {
-    /// It answered, and what the report tells was read over it.
+    /// It answered, and all values of the report were read over it.
     Used,
-    /// It answered, too, but the report is about the first.
+    /// It answered too, but the report is about the first connection.
     Answered,
-    /// It was made, and nothing came back over it.
+    /// It was opened, but nothing came back over it.
     Silent,
-    /// It was not there yet when the first one answered.
+    /// It was still opening when the first connection answered.
     Opening,
-    /// It could not be made.
+    /// It could not be opened.
     NotMade(NotSent),
-    /// It was not opened: the handle takes whichever controller dials, and this one has not said who it is yet. The next one might be
-    /// another robot.
+    /// The client did not open it: the handle accepts any controller that dials, and this controller is not
+    /// identified yet. The next one might be another robot.
     Unidentified,
 }
 
-/// Frames that can move the arm and had no answer when a stop began: a controller may take them late.
+/// Frames that can move the arm and had no answer when a stop began. A controller may accept them late.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DoubtAfterStop {
-    /// Whether one is still unanswered: it may be carried out yet.
+    /// Whether one of them is still unanswered and may still be carried out.
     pub still_open: bool,
-    /// What became of clearing the list once more after that.
+    /// The result of clearing the list once more after that.
     pub cleared: ListAfterStop,
 }
 
-/// What became of the instruction list after a stop.
+/// What happened to the instruction list after a stop.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ListAfterStop {
-    /// The controller said that it was empty.
+    /// The controller reported that it was empty.
     WasEmpty,
-    /// It was cleared, and the controller said ok.
+    /// It was cleared, and the controller answered ok.
     Cleared,
-    /// The controller refused to clear it, with its reason where it gives one.
+    /// The controller refused to clear it. Contains the reason, if the controller gave one.
     Refused(Option<String>),
-    /// Clearing it was sent, and nobody knows what became of it.
+    /// The request to clear it was sent, but its outcome is not known.
     Unknown(OutcomeUnknown),
-    /// Clearing it was not tried.
+    /// The client did not try to clear it.
     NotTried(NotTried),
 }
 
-/// Why clearing the list was not tried.
+/// Why the client did not try to clear the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NotTried {
-    /// It is not proved that the arm stands: replacing the list of an arm that moves raises an alarm.
+    /// It is not proved that the arm stands. Replacing the list of a moving arm raises an alarm.
     NotStanding,
-    /// The controller takes no instructions in this mode.
+    /// The controller accepts no instructions in this mode.
     Mode(OperationMode),
     /// It could not be sent.
     NotSent(NotSent),
@@ -150,7 +151,7 @@ pub enum NotTried {
 }
 
 impl StopReport {
-    /// Takes in what was seen last.
+    /// Takes in the values that were read last.
     pub(super) fn see(&mut self, seen: &Observation) {
         self.moving = seen.values.moving;
         self.mode = seen.values.mode;
@@ -158,7 +159,7 @@ impl StopReport {
         self.list_length = seen.values.list_length;
     }
 
-    /// Whether this shows a machine that runs although the report says that it stands.
+    /// Whether this read shows a running machine although the report says that it stands.
     pub(super) fn is_contradicted_by(&self, seen: &Observation) -> bool {
         let runs = seen.values.mode.is_some_and(OperationMode::may_run);
         match self.proof {
@@ -170,7 +171,7 @@ impl StopReport {
         }
     }
 
-    /// The machine was seen to run after the proof.
+    /// Removes the proof, because the machine was seen to run after it.
     pub(super) fn disprove(&mut self) {
         self.proof = None;
         self.confirmed = false;
@@ -241,7 +242,7 @@ impl fmt::Display for SecondConnection {
             Self::Opening => f.write_str("was being opened: the first one answered before it was there"),
             Self::NotMade(error) => write!(f, "could not be made ({error})"),
             Self::Unidentified => f.write_str(
-                "was not opened: this controller has not said who it is yet, and the next one that dials may be another robot",
+                "was not opened: this controller has not said who it is yet, and another robot may dial next",
             ),
         }
     }

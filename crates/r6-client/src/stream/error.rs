@@ -1,4 +1,4 @@
-//! Why a motion did not come to its end.
+//! Why a motion did not reach its end.
 
 use std::fmt;
 use std::time::Duration;
@@ -14,47 +14,49 @@ use crate::progress::Progress;
 use crate::status::{AlarmAdvice, Unmet};
 use crate::stop::report::StopReport;
 
-/// A motion that did not come to its end: why, what became of its steps, and what became of the arm.
+/// A motion that did not reach its end: the cause, what happened to its steps, and what happened to the arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionError {
-    /// Why.
+    /// The cause.
     pub cause: Cause,
-    /// What became of its steps; [`Progress::current`] is the one whose turn it was.
+    /// What happened to its steps; [`Progress::current`] is the step in turn.
     pub progress: Progress,
-    /// What became of the arm, where it was stopped.
+    /// The result of the stop, if the arm was stopped.
     pub stop: Option<Box<Result<StopReport, RequestError>>>,
 }
 
-/// Why a motion did not come to its end.
+/// Why a motion did not reach its end.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cause {
-    /// A step is wrong, or an option; nothing was sent.
+    /// A step or an option is wrong; nothing was sent.
     Step(StepError),
     /// A step goes beyond the envelope of the guard; nothing was sent.
     OutsideEnvelope(Violation),
-    /// The machine is not ready, nothing was sent: what is not met, in the order in which it is to be dealt with.
+    /// The machine is not ready; nothing was sent. Lists the unmet conditions in the order in which the user
+    /// should handle them.
     NotReady(Vec<Unmet>),
-    /// The list that was left over could not be cleared; nothing of the motion was sent.
+    /// The old list could not be cleared; nothing of the motion was sent.
     NotCleared(RequestError),
     /// Another motion is being streamed over this connection; nothing was sent.
     AnotherRuns,
-    /// The motion before this one did not come to its end, and nobody has asked what became of it; nothing was sent. It is told once:
-    /// look where the arm is, then run this one again.
+    /// The motion before this one did not reach its end, and no caller has asked for its result; nothing was
+    /// sent. The client reports this once: check where the arm is, then run this motion again.
     EarlierFailed(Box<MotionError>),
-    /// A list could not be sent. Those before it were.
+    /// A list could not be sent. The lists before it were sent.
     NotSent(NotSent),
-    /// A list cannot be sent as it is: a value that the wire cannot carry, or a frame that is too long. Those before it were sent.
+    /// A list cannot be sent as it is: it contains a value that the wire cannot carry, or its frame is too
+    /// long. The lists before it were sent.
     Invalid(Invalid),
-    /// The controller said no to a list.
+    /// The controller refused a list.
     Refused(Refused),
-    /// A list left, and nobody knows whether the controller has it. It was not sent again.
+    /// A list was sent, and it is not known whether the controller has it. The client did not resend it.
     OutcomeUnknown(OutcomeUnknown),
     /// There is an alarm.
     AlarmRaised {
         /// Its number.
         code: i64,
     },
-    /// The program does not run any more: somebody stopped or paused it, or changed the mode.
+    /// The program no longer runs: somebody stopped or paused it, or changed the mode.
     Stopped {
         /// The mode the controller is in.
         mode: OperationMode,
@@ -63,45 +65,51 @@ pub enum Cause {
     Restarted(Restart),
     /// A handle of this connection sent a stop or a pause.
     StoppedHere,
-    /// The handle of the motion was dropped, and the motion was to be stopped then ([`crate::RunOptions::stop_on_drop`]).
+    /// The handle of the motion was dropped, and the options asked for a stop then
+    /// ([`crate::RunOptions::stop_on_drop`]).
     Dropped,
-    /// The handle of the motion ended the streaming ([`crate::MotionHandle::release`]): the arm may go on with what is in its list.
+    /// The handle of the motion ended the streaming ([`crate::MotionHandle::release`]): the arm may continue
+    /// with what is in its list.
     Released,
-    /// The robot's handle was closed ([`crate::Robot::close`]) before all of the motion had left.
+    /// The robot's handle was closed ([`crate::Robot::close`]) before the whole motion was sent.
     Closed,
-    /// The lists were accepted and are gone from the controller's list, but nothing proves that all of it was carried out: somebody else
-    /// may have cleared the list. The arm stands, or steps went faster than the arm can have made them.
+    /// The lists were accepted and are gone from the controller's list, but nothing proves that they were
+    /// carried out completely: another client may have cleared the list. The arm stands, or steps left the
+    /// list faster than the arm can have made them.
     NotSeen,
-    /// What was appended was accepted and the arm stands, but nothing proves that it was carried out.
+    /// The appended list was accepted and the arm stands, but nothing proves that the list was carried out.
     NotProved(NotProved),
-    /// There are more instructions in the controller's list than this handle has sent: somebody else sends some, too.
+    /// The controller's list has more instructions than this handle has sent: another client sends
+    /// instructions too.
     AnotherList {
         /// `RemoteCmdLen`.
         length: i64,
     },
     /// The lists were accepted and the arm stands, but not where it should.
     Elsewhere(Missed),
-    /// The arm stands and nothing goes on.
+    /// The arm stands, and there is no progress.
     Stalled {
         /// For how long.
         after: Duration,
     },
-    /// The state cannot be read; the motion may go on. With [`NotSent::Disconnected`]: all of it had left when the connection was lost,
-    /// and what another one shows does not tell whether it came to its end.
+    /// The state cannot be read; the motion may continue. With [`NotSent::Disconnected`]: the whole motion
+    /// was sent before the connection was lost, and a later connection does not show whether it reached its
+    /// end.
     Unreadable(RequestError),
-    /// The runtime ended; the motion may go on.
+    /// The runtime ended; the motion may continue.
     Abandoned,
 }
 
-/// Why nothing proves that a list was carried out of which nobody can see how far it is ([`crate::RunOptions::append`]).
+/// Why nothing proves that an appended list was carried out. The progress of such a list cannot be seen
+/// ([`crate::RunOptions::append`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NotProved {
-    /// Where its last move ends cannot be compared with where the arm stands: it has another tool or work frame, turns the tool only, or
-    /// moves an axis that is not read.
+    /// The end of its last move cannot be compared with where the arm stands: the move has another tool or
+    /// work frame, turns the tool only, or moves an axis that is not read.
     NoTarget,
-    /// The arm stands at its end, but nothing shows that this list moved it there.
+    /// The arm stands at the end, but nothing shows that this list moved it there.
     WasThere,
-    /// The arm stands elsewhere, and the list watches an input that may have cut its last move short.
+    /// The arm stands elsewhere. The list watches an input that may have cut its last move short.
     MayBeCut(Missed),
 }
 
@@ -121,16 +129,18 @@ impl fmt::Display for NotProved {
     }
 }
 
-/// Reads, or attempts to send, that may fail in a row: one lost reply says nothing about the arm, and what cannot be seen is not fed.
+/// How many reads, or attempts to send, may fail in a row. One lost reply says nothing about the arm. But the
+/// client does not feed a motion that it cannot see.
 pub(crate) const MAX_FAILED: u32 = 3;
 
 impl Cause {
-    /// Whether this program itself ended the motion so.
+    /// Whether this program itself ended the motion in this way.
     pub(crate) fn was_asked_for(&self) -> bool {
         matches!(self, Self::StoppedHere | Self::Dropped | Self::Released | Self::Closed)
     }
 
-    /// Why a motion ends with the read that failed just now, so many in a row with it, if it does.
+    /// Decides whether a failed read ends the motion. `in_a_row`: how many reads have failed in a row, this
+    /// one included.
     pub(crate) fn of_failed_read(error: RequestError, in_a_row: u32) -> Result<(), Self> {
         if in_a_row >= MAX_FAILED || error == RequestError::NotSent(NotSent::Closed) {
             return Err(Self::Unreadable(error));
@@ -170,7 +180,7 @@ impl From<RequestError> for Cause {
 }
 
 impl MotionError {
-    /// Whether nothing of the motion has left.
+    /// Whether nothing of the motion was sent.
     #[must_use]
     pub fn nothing_left(&self) -> bool {
         self.progress.left == 0
@@ -180,12 +190,12 @@ impl MotionError {
 impl fmt::Display for MotionError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let progress = &self.progress;
-        // An arm that goes on comes before everything else.
+        // An arm that may still move comes before everything else.
         if let Some(Err(error)) = self.stop.as_deref() {
             write!(f, "{error}; the motion: ")?;
         }
         match &self.cause {
-            // The step that goes beyond is none of those that were sent.
+            // The step that goes beyond the envelope was not sent.
             Cause::OutsideEnvelope(violation) if !self.nothing_left() => {
                 write!(f, "{violation}; this step was not sent")?;
             }
@@ -197,7 +207,7 @@ impl fmt::Display for MotionError {
         if !self.nothing_left() {
             let sent = progress.under_way();
             write!(f, "; {} done, {sent} sent and not seen to be done", progress.done)?;
-            // Of a target that is followed there is always one more step; a path has so many.
+            // A followed target always has one more step, so its number of open steps says nothing.
             let queued = progress.total - progress.left;
             if queued > 0 || !matches!(self.cause, Cause::OutsideEnvelope(_)) {
                 write!(f, ", {queued} never sent")?;
@@ -230,7 +240,7 @@ impl fmt::Display for Cause {
             ),
             Self::EarlierFailed(earlier) => write!(
                 f,
-                "nothing was sent: the motion before this one did not come to its end, and nobody has asked what became of it \
+                "nothing was sent: the motion before this one did not come to its end, and the program has not asked what became of it \
                  ({earlier}); look where the arm is, then run this one again"
             ),
             Self::NotSent(error) => error.fmt(f),
@@ -272,7 +282,7 @@ impl fmt::Display for Cause {
                  motion came to its end: look where the arm is",
             ),
             Self::Unreadable(error) => write!(f, "the state cannot be read: {error}"),
-            Self::Abandoned => f.write_str("the runtime ended, and nobody watches the motion any more"),
+            Self::Abandoned => f.write_str("the runtime ended, and the motion is no longer watched"),
         }
     }
 }

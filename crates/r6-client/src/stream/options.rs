@@ -1,4 +1,4 @@
-//! How a motion is streamed: paces, room, and what becomes of the arm where it fails.
+//! How a motion is streamed: timing, list size, and what happens to the arm if the motion fails.
 
 use std::time::Duration;
 
@@ -10,39 +10,46 @@ use crate::done::WaitOptions;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunOptions {
     /// The pause between the answer to one read of the state and the next read. Default 50 ms, which real
-    /// controllers bear for hours. There is no minimum: with 0 the state is read as fast as answers come.
+    /// controllers tolerate for hours. There is no minimum: with 0 the state is read as fast as answers come.
     pub interval: Duration,
-    /// Instructions in one frame at most, within [`crate::RobotSettings::max_frame_bytes`]. Default 8: eight were always
-    /// answered, ten to sixteen never on one unit (reported, unit A), and nobody knows whether their number counts or
-    /// their bytes.
+    /// The maximum number of instructions in one frame, within [`crate::RobotSettings::max_frame_bytes`].
+    /// Default 8: on one unit, frames of eight were always answered, and frames of ten to sixteen never
+    /// (reported, unit A). It is not known whether their number or their bytes matter.
     pub frame_instructions: usize,
-    /// Instructions in the controller's list at most. Default 24: three frames, so that one can be late by the time of
-    /// sixteen moves. How much room real lists have is not known; 17 in one go were streamed (reported, unit A).
+    /// The maximum number of instructions in the controller's list. Default 24: three frames, so that one may
+    /// be late by the time of sixteen moves. The capacity of real lists is not known; 17 in one go were
+    /// streamed (reported, unit A).
     ///
-    /// What is in the list runs on when the connection breaks. What is appended, or repeats, is not streamed: it has to fit as a whole.
+    /// The arm continues with what is in the list when the connection breaks. A motion that is appended or
+    /// repeats is not streamed: it has to fit as a whole.
     pub room: usize,
-    /// As [`WaitOptions::settle`].
+    /// The same as [`WaitOptions::settle`].
     pub settle: Duration,
-    /// How long after a list was accepted the arm may stand elsewhere than at its end, with an empty list. Default 1 s.
+    /// How long after a list was accepted the arm may stand elsewhere than at its end, with an empty list.
+    /// Default 1 s.
     pub start_within: Duration,
-    /// How long the arm may stand without progress, waits and delays of the motion apart. Default 5 s. Not for what is appended or
-    /// repeats: nobody can see how far that is.
+    /// How long the arm may stand without progress, not counting waits and delays of the motion. Default 5 s.
+    /// Does not apply to a motion that is appended or repeats, because its progress cannot be seen.
     pub stall_within: Duration,
-    /// As [`WaitOptions::idle_mode`].
+    /// The same as [`WaitOptions::idle_mode`].
     pub idle_mode: OperationMode,
-    /// Whether a list that is left from before is cleared first, if nothing else is in the way. Default: no, it is told.
+    /// Whether the client first clears a list that is left from before, if no other condition is unmet.
+    /// Default: no, the leftover list is reported as an error.
     pub clear_leftover: bool,
-    /// Whether the motion goes behind what is in the controller's list, which may be running. Default: no, it replaces the list, which has to
-    /// be empty. A motion that this handle itself is running has to be released first ([`crate::MotionHandle::release`]).
+    /// Whether the motion is appended to the controller's list, which may be running. Default: no, it
+    /// replaces the list, which has to be empty. A motion that this handle itself is running has to be
+    /// released first ([`crate::MotionHandle::release`]).
     ///
-    /// It is sent at once and as a whole, and `done` of its [`crate::Progress`] stays 0 until the end. What proves the end is told by
-    /// [`crate::EndProof`]; where nothing does, the motion ends with [`crate::Cause::NotProved`].
+    /// It is sent at once and as a whole, and `done` of its [`crate::Progress`] stays 0 until the end.
+    /// [`crate::EndProof`] tells what proves the end. Without a proof the motion ends with
+    /// [`crate::Cause::NotProved`].
     pub append: bool,
-    /// Whether the arm is stopped and its list cleared ([`crate::Robot::stop`]) when the motion fails after something has left:
-    /// outcome unknown, alarm, another mode, no progress. Default: yes.
+    /// Whether the client stops the arm and clears its list ([`crate::Robot::stop`]) when the motion fails
+    /// after something was sent: outcome unknown, alarm, another mode, no progress. Default: yes.
     pub stop_on_failure: bool,
-    /// Whether the arm is stopped when the handle is dropped, or the robot's handle is closed ([`crate::Robot::close`]). Default: no. A motion
-    /// whose handle was dropped is then streamed on to its end; one whose robot was closed ends with what is in its list.
+    /// Whether the client stops the arm when the handle is dropped, or the robot's handle is closed
+    /// ([`crate::Robot::close`]). Default: no. Then a motion with a dropped handle is streamed to its end,
+    /// and a motion with a closed robot ends with what is in its list.
     pub stop_on_drop: bool,
 }
 
@@ -66,7 +73,7 @@ impl Default for RunOptions {
 }
 
 impl RunOptions {
-    /// Instructions in one frame at most: no more than there is room for.
+    /// The maximum number of instructions in one frame, limited by the list size.
     pub(crate) fn frame_length(&self) -> usize {
         self.frame_instructions.min(self.room).max(1)
     }

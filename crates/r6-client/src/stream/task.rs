@@ -1,4 +1,4 @@
-//! The errand that streams one motion: it looks, sends what there is room for, and looks again.
+//! The errand that streams one motion: it reads the state, sends what fits into the list, and reads again.
 
 use std::collections::VecDeque;
 use std::future;
@@ -25,7 +25,7 @@ use crate::robot::Robot;
 use crate::stream::error::{Cause, MAX_FAILED, MotionError};
 use crate::stream::options::RunOptions;
 
-/// What the owner of a motion wishes before it has come to its end.
+/// What the owner of a motion may request before the motion ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wish {
     /// The arm stops.
@@ -38,16 +38,16 @@ pub(crate) enum Wish {
 #[derive(Clone, Debug)]
 pub(crate) struct Ended {
     pub result: Result<Done, MotionError>,
-    /// Whether it was stopped because its handle asked for that, and for no other reason.
+    /// Whether it was stopped only because its handle asked for that.
     pub stopped_as_asked: bool,
 }
 
-/// How a motion goes that is sent at once, however far the arm is.
+/// How a motion runs that is sent at once, without regard to the progress of the arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Whole {
-    /// Behind what is in the list.
+    /// It is appended to the list.
     Appended,
-    /// Over and over.
+    /// It repeats.
     Repeats,
 }
 
@@ -66,30 +66,30 @@ impl Whole {
 #[derive(Debug)]
 pub(super) struct Task {
     robot: Robot,
-    /// The robot and connection that it was looked at over before the motion began: no other gets any of it. Whoever answers on another
-    /// may have lost its list, or stand elsewhere.
+    /// The robot and connection that were checked before the motion began. No other connection gets any part
+    /// of it, because a robot that answers there may have lost its list, or stand elsewhere.
     about: About,
     /// The number of the motion.
     number: u64,
     options: RunOptions,
-    /// `None`: it is streamed.
+    /// `None`: the motion is streamed.
     whole: Option<Whole>,
     path: PathProgress,
-    /// Until the first list is answered: it begins where the arm was seen to be.
+    /// Held until the first list is answered, because that list begins where the arm was seen.
     lists: Option<OwnedMutexGuard<()>>,
-    /// What was not sent yet.
+    /// The frames that were not sent yet.
     frames: VecDeque<Range<usize>>,
-    /// Steps of a frame that may have left and was not answered.
+    /// Steps of a frame that may have been sent and was not answered.
     in_doubt: usize,
     progress: watch::Sender<Progress>,
     begun: Instant,
     rest: Rest,
     /// When a list was last accepted.
     fed: Instant,
-    /// When the last look was asked for.
+    /// When the last read was requested.
     looked_at: Instant,
     failed: u32,
-    /// When something last went on, how many steps were over, and where the axes were.
+    /// When there was last progress, how many steps were over, and where the axes were.
     went_on: (Instant, usize, [Option<f64>; AXES]),
 }
 
@@ -134,8 +134,8 @@ impl Task {
         }
     }
 
-    /// Runs the motion until it has ended, in whatever way. `ended` is told when the arm is to stop, or is dropped: then the motion
-    /// goes on to its end, unless it is to be stopped.
+    /// Runs the motion until it has ended, for any reason. `ended` receives the wish of the owner, or is
+    /// dropped. If it is dropped, the motion continues to its end, unless the options ask for a stop.
     pub async fn run(
         self,
         ended: oneshot::Receiver<Wish>,
@@ -208,7 +208,7 @@ impl Task {
                     self.rest.missed();
                     self.failed += 1;
                     Cause::of_failed_read(error, self.failed)?;
-                    // What cannot be seen is not fed.
+                    // The client does not feed a motion that it cannot see.
                     self.robot.hub().time.sleep(self.options.interval).await;
                     continue;
                 }
@@ -234,8 +234,8 @@ impl Task {
         self.frames.front().is_some_and(fits)
     }
 
-    /// Sends what there is room for. Every frame leaves once, whatever becomes of it; only one of which nothing has left is tried
-    /// again.
+    /// Sends the frames that fit. Every frame is sent once. A frame is retried only if nothing of it was
+    /// sent.
     async fn feed(&mut self) -> Result<(), Cause> {
         while self.failed == 0
             && self.has_room()
@@ -256,7 +256,8 @@ impl Task {
                     self.path.fed(frame.end);
                     self.fed = self.now();
                     self.publish(false);
-                    // Until the arm is seen to keep its pace, it is looked at after each list: then nobody can clear one unseen.
+                    // Until the pace of the arm is known, the client reads the state after each list, so that
+                    // no other client can clear the list unseen.
                     if self.whole.is_none() && !self.path.knows_pace() {
                         return Ok(());
                     }
@@ -281,8 +282,8 @@ impl Task {
         Ok(())
     }
 
-    /// Whether the last look says enough of the machine for a list to leave: this program may have stood still since. The first list was
-    /// checked against that look, and does not leave after it.
+    /// Whether the last read is recent enough for a list to be sent: this program may have been suspended
+    /// since. The first list was checked against that read, so it is never sent after the read is too old.
     fn looked_lately(&self) -> Result<bool, Cause> {
         let lately = self.robot.is_recent(self.looked_at);
         if !lately && self.path.accepted == 0 {
@@ -291,10 +292,10 @@ impl Task {
         Ok(lately)
     }
 
-    /// Takes in one look; what proves the end once the motion has come to it.
+    /// Takes in one read. Returns the proof of the end once the motion has ended.
     fn judge(&mut self, seen: &Observation, now: Instant) -> Result<Option<EndProof>, Cause> {
         let sample = &seen.values;
-        // Without the length of the list, a wait in it looks like its end.
+        // If the length of the list is unknown, a wait in it looks like its end.
         self.rest.options.settle = match (sample.list_length, self.path.all_may_stand()) {
             (Some(_), _) => self.options.settle,
             (None, Some(time)) => self.options.settle + time,
@@ -304,7 +305,7 @@ impl Task {
         if let Some(whole) = self.whole {
             return self.judge_whole(whole, sample, judged?, now);
         }
-        // What ended the motion is told with the step that it ended in.
+        // The error that ended the motion contains the step in which it ended.
         let looked = Looked { asked_at: seen.asked_at, answered_at: now };
         self.path.see(sample, judged == Ok(true), looked);
         self.publish(false);
@@ -324,7 +325,7 @@ impl Task {
         Ok(None)
     }
 
-    /// What proves the end of a motion whose steps nobody can count, once the arm `rests`.
+    /// Returns the proof of the end of a motion whose steps cannot be counted, once the arm `rests`.
     fn judge_whole(
         &mut self,
         whole: Whole,
@@ -337,7 +338,8 @@ impl Task {
             return Ok(None);
         }
         let proof = match whole {
-            // Its steps are gone, and none of them goes by itself.
+            // Its steps are gone, but the steps of a repeating list never leave it without a cause from
+            // outside.
             Whole::Repeats => return Err(Cause::NotSeen),
             Whole::Appended => self.path.carried_out(sample, self.rest.moved)?,
         };
@@ -345,7 +347,7 @@ impl Task {
         Ok(Some(proof))
     }
 
-    /// Fails when nothing goes on, although no step says that the arm shall stand.
+    /// Fails if there is no progress although no step lets the arm stand.
     fn notice_progress(&mut self, sample: &Sample, now: Instant) -> Result<(), Cause> {
         let (since, done, axes) = self.went_on;
         if sample.went_on_from(&axes) || done != self.path.done {
@@ -379,7 +381,8 @@ impl Task {
     }
 }
 
-/// Ends when the motion's own handle wants the arm to stop. One that is dropped wants that only if it was said before.
+/// Waits until the motion's own handle asks to end it. Dropping the handle counts only if the options ask for
+/// a stop then.
 async fn asked(ended: &mut oneshot::Receiver<Wish>, stop_on_drop: bool) -> Cause {
     match ended.await {
         Ok(Wish::Stop) => Cause::StoppedHere,
@@ -389,11 +392,11 @@ async fn asked(ended: &mut oneshot::Receiver<Wish>, stop_on_drop: bool) -> Cause
     }
 }
 
-/// Ends when somebody wants the arm to stop.
+/// Waits until a stop or a pause is announced on this connection.
 async fn stopped(stops: &mut watch::Receiver<u64>) -> Cause {
     match stops.changed().await {
         Ok(()) => Cause::StoppedHere,
-        // The task has a handle, so the sender is there.
+        // The task holds a handle, so the sender exists.
         Err(_gone) => future::pending().await,
     }
 }

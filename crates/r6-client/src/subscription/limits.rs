@@ -1,26 +1,27 @@
-//! How much can be subscribed to, and what is told where that is exceeded.
+//! The limits of subscriptions, and the errors for exceeding them.
 
 use std::fmt;
 use std::time::Duration;
 
-/// Subscriptions of one robot, its clones together: screens, recorders and checks of one program. Each costs some
-/// hundred bytes and a wake-up per poll.
+/// The maximum number of subscriptions of one robot, including its clones: screens, recorders and checks of
+/// one program. Each costs some hundred bytes and a wake-up per poll.
 pub(crate) const MAX_SUBSCRIPTIONS: usize = 256;
 
-/// Addresses of one subscription: more than all that are not registers.
+/// The maximum number of addresses of one subscription: more than all addresses that are not registers.
 pub(crate) const MAX_ADDRESSES: usize = 256;
 
-/// Addresses of all subscriptions of one robot. Some fifty fit into a query, and a reply takes 18 ms: all of these take
-/// a controller a third of a second.
+/// The maximum number of addresses of all subscriptions of one robot. Some fifty fit into a query, and a
+/// reply takes 18 ms, so a controller needs a third of a second for all of these.
 pub(crate) const MAX_POLLED: usize = 1024;
 
-/// No address is asked for more often: a viewer of the maker's asks for 26 addresses every 20 ms, and a reply takes that long.
+/// The shortest period of an address. A viewer of the manufacturer asks for 26 addresses every 20 ms, and a
+/// reply takes that long.
 pub(super) const SHORTEST_PERIOD: Duration = Duration::from_millis(20);
 
-/// No address is asked for less often: whoever needs it once a day asks for it himself.
+/// The longest period of an address. A program that needs it once a day can query it directly.
 pub(super) const LONGEST_PERIOD: Duration = Duration::from_secs(3600);
 
-/// Why there is no subscription.
+/// Why a subscription was not created.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NotSubscribed {
     /// No address, or more than 256.
@@ -30,16 +31,16 @@ pub enum NotSubscribed {
     },
     /// The period is shorter than 20 ms or longer than an hour.
     Period {
-        /// As asked for.
+        /// The period that was requested.
         asked: Duration,
     },
     /// 256 subscriptions of this robot exist.
     Subscriptions,
     /// All subscriptions of a robot together ask for 1 024 addresses at most.
     Polled {
-        /// So many are asked for already.
+        /// How many addresses are polled already.
         polled: usize,
-        /// So many would be added.
+        /// How many addresses would be added.
         new: usize,
     },
     /// The handle was closed.

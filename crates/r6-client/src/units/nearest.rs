@@ -1,4 +1,4 @@
-//! Angles that mean the same orientation: of −180° and 180° the one that is near.
+//! Angles with the same orientation: chooses the nearer one of, for example, −180° and 180°.
 
 use crate::units::{Degrees, Millimetres, Pose};
 
@@ -6,9 +6,11 @@ use crate::units::{Degrees, Millimetres, Pose};
 const TURN: f64 = 360.0;
 
 impl Degrees {
-    /// The same angle, full turns added or taken away, that is nearest to another: at most half a turn from it.
+    /// Adds or subtracts full turns, so that the result is the same angle at most half a turn from another
+    /// one.
     ///
-    /// For U, V and W, and for an axis that may turn on; not for one whose limits leave no choice.
+    /// For U, V and W, and for an axis that may turn without limits. Not for an axis whose limits leave no
+    /// choice.
     ///
     /// ```
     /// use r6_client::units::Degrees;
@@ -23,10 +25,10 @@ impl Degrees {
 }
 
 impl Pose {
-    /// The same pose with U, V and W each told as near as possible to the present ones (`world-3` to `world-5`).
+    /// The same pose with U, V and W each as near as possible to the present values (`world-3` to `world-5`).
     ///
-    /// A real arm that read U −180 and was told +180 turned its wrist the long way round (reported). A pose without a turn
-    /// stays as it is.
+    /// A real arm that read U −180 and was commanded to +180 turned its wrist the long way round (reported).
+    /// A pose without a turn is returned unchanged.
     #[must_use]
     pub fn nearest_to(self, present: [Degrees; 3]) -> Self {
         let Some([u, v, w]) = self.turn() else { return self };

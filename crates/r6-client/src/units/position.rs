@@ -1,4 +1,4 @@
-//! Where axes and tool are.
+//! Positions of axes and tool.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use r6_proto::message::instruction::Coordinates;
 
 use crate::units::{Degrees, Millimetres};
 
-/// Where one axis is: an angle, or a length for an axis that slides.
+/// The position of one axis: an angle, or a length for a sliding axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AxisCoordinate {
     /// The axis turns.
@@ -16,7 +16,7 @@ pub enum AxisCoordinate {
     Millimetres(Millimetres),
 }
 
-/// In which unit the axes of a step were given. Those in neither mask were given as bare numbers.
+/// The unit of each axis of a step. Axes in neither mask were given as bare numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct AxisUnits {
     /// Degrees.
@@ -26,7 +26,7 @@ pub(crate) struct AxisUnits {
 }
 
 impl AxisCoordinate {
-    /// The number alone, as `axis-n` and `m0` to `m7` have it.
+    /// The number alone, as in `axis-n` and `m0` to `m7`.
     #[must_use]
     pub const fn value(self) -> f64 {
         match self {
@@ -56,20 +56,20 @@ impl fmt::Display for AxisCoordinate {
     }
 }
 
-/// Where one to eight axes are. An axis that is not named stays where it is.
+/// The position of one to eight axes. An axis that is not named does not move.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AxisPosition {
     coordinates: [Option<AxisCoordinate>; AXES],
 }
 
 impl AxisPosition {
-    /// No axis: for [`Self::with`].
+    /// A position of no axis, to be extended by [`Self::with`].
     #[must_use]
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// J1 and the axes that follow it, degrees. More than eight do not compile.
+    /// The position of J1 and the axes that follow it, in degrees. More than eight values do not compile.
     #[must_use]
     pub fn degrees<const N: usize>(angles: [f64; N]) -> Self {
         const { assert!(N >= 1 && N <= AXES, "an arm has one to eight axes") };
@@ -80,7 +80,7 @@ impl AxisPosition {
         position
     }
 
-    /// The same with one axis elsewhere: [`Degrees`], or [`Millimetres`] for an axis that slides.
+    /// Returns the position with one axis changed: [`Degrees`], or [`Millimetres`] for a sliding axis.
     #[must_use]
     pub fn with(mut self, axis: AxisIndex, to: impl Into<AxisCoordinate>) -> Self {
         if let Some(slot) = self.coordinates.get_mut(axis.index()) {
@@ -89,7 +89,7 @@ impl AxisPosition {
         self
     }
 
-    /// Where this axis is, if it is named.
+    /// The position of this axis, if it is named.
     #[must_use]
     pub fn at(&self, axis: AxisIndex) -> Option<AxisCoordinate> {
         self.coordinates.get(axis.index()).copied().flatten()
@@ -106,7 +106,7 @@ impl AxisPosition {
         all_eight(|axis| self.at(axis).map(AxisCoordinate::value))
     }
 
-    /// In which unit each axis is told.
+    /// The unit of each axis.
     pub(crate) fn units(&self) -> AxisUnits {
         let mut units = AxisUnits::default();
         for axis in AxisIndex::ALL {
@@ -120,7 +120,7 @@ impl AxisPosition {
     }
 }
 
-/// Where the tool is, in the work frame, and how it is turned; or only where.
+/// The position of the tool in the work frame, with or without its orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     place: [Millimetres; 3],
@@ -128,16 +128,16 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// X, Y, Z and U, V, W.
+    /// A pose with X, Y, Z and U, V, W.
     ///
-    /// +180° and −180° are the same orientation and a full turn of the wrist apart: give the one that is nearer to the
-    /// present value, or use [`Self::position`].
+    /// +180° and −180° are the same orientation, but a full turn of the wrist apart. Give the value that is
+    /// nearer to the present one, or use [`Self::position`].
     #[must_use]
     pub const fn new(place: [Millimetres; 3], turn: [Degrees; 3]) -> Self {
         Self { place, turn: Some(turn) }
     }
 
-    /// X, Y, Z; the tool stays turned as it is.
+    /// A pose with X, Y, Z only. The tool keeps its orientation.
     #[must_use]
     pub const fn position(place: [Millimetres; 3]) -> Self {
         Self { place, turn: None }
@@ -183,8 +183,8 @@ impl fmt::Display for Pose {
     }
 }
 
-/// All eight coordinates, 0 for those that are not given: a controller that wants all of them was reported (unit A),
-/// and the mask keeps the others where they are.
+/// All eight coordinates, with 0 for those that are not given. A controller that requires all of them was
+/// reported (unit A). The mask keeps the others unchanged.
 fn all_eight(at: impl Fn(AxisIndex) -> Option<f64>) -> Coordinates {
     Coordinates::from_slice(&AxisIndex::ALL.map(|axis| at(axis).unwrap_or(0.0)))
 }

@@ -13,10 +13,10 @@ use r6_sim::{Clock, VirtualController};
 const THREADS: u16 = 16;
 const CALLS: usize = 120;
 
-/// No call may take longer: a stop takes up to 15 s, anything else much less.
+/// No call may take longer than this: a stop takes up to 15 s, anything else much less.
 const LONGEST: Duration = Duration::from_secs(20);
 
-/// A small generator: each seed is its own sequence.
+/// A small random generator: each seed gives its own sequence.
 struct Random(u64);
 
 impl Random {
@@ -45,7 +45,7 @@ fn call(robot: &Robot, random: &mut Random, thread: u16, answered: &AtomicUsize)
             let written = robot.command(Command::RewriteData { register, savable: false, value });
             let read = robot.query(&[address]);
             if let (Ok(_), Ok(read)) = (&written, &read) {
-                assert_eq!(read.integer(address), Some(value), "nobody else writes there");
+                assert_eq!(read.integer(address), Some(value), "no other program writes there");
             }
             written.is_ok() && read.is_ok()
         }

@@ -1,4 +1,5 @@
-//! The blocking client over its own socket: threads that share a connection, and a connection that nobody looks at.
+//! The blocking client over its own socket: threads that share a connection, and a connection without a
+//! waiting call.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod losses;
@@ -23,7 +24,8 @@ use crate::peer::{Peer, Reply, asked, command_word, is_heartbreak, settings};
 /// Long enough for a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Longer than a thread takes to wake up, also on a loaded machine; shorter than the keeper takes to find what nobody told it.
+/// Longer than a thread takes to wake up, also on a loaded machine. Shorter than the keeper takes to notice
+/// something without a call.
 const AT_ONCE: Duration = Duration::from_millis(45);
 
 fn register(number: u16) -> Address {
@@ -35,7 +37,7 @@ fn assert_reads(robot: &Robot, number: u16) {
     assert_eq!(read.integer(register(number)), Some(i64::from(number)));
 }
 
-/// Waits, with little sleep, until something holds.
+/// Waits until a condition holds, with short sleeps only.
 fn until(what: &str, mut holds: impl FnMut() -> bool) -> Duration {
     let begun = Instant::now();
     while !holds() {
@@ -45,7 +47,7 @@ fn until(what: &str, mut holds: impl FnMut() -> bool) -> Duration {
     begun.elapsed()
 }
 
-/// The time that something takes on a machine that has other work, too: that of the second best of five times.
+/// The time that something takes on a machine that also does other work: the second best of five times.
 fn time_of(mut once: impl FnMut() -> Duration) -> Duration {
     let mut times: Vec<_> = (0..5).map(|_| once()).collect();
     times.sort_unstable();
@@ -55,7 +57,7 @@ fn time_of(mut once: impl FnMut() -> Duration) -> Duration {
 #[test]
 fn each_of_many_threads_gets_its_own_reply() {
     let peer = Peer::start(|request| match asked(request).first() {
-        // Some are slower than those that were asked after them.
+        // Some replies are slower than those to later requests.
         Some(address) if address.ends_with('3') => Reply::After(Duration::from_millis(3)),
         _ => Reply::Now,
     });
@@ -85,10 +87,10 @@ fn a_call_that_is_over_leaves_nobody_without_a_reader() {
     let robot = peer.robot();
     robot.status().unwrap();
     let late = time_of(|| {
-        // No thread of a scope: its end would wake this one.
+        // Not a scoped thread, because the end of a scoped thread would wake this one.
         let reading = thread::spawn({
             let robot = robot.clone();
-            // It reads, for it came first, and has its answer first.
+            // This thread reads, because it came first. It also gets its answer first.
             move || assert_reads(&robot, 801)
         });
         thread::sleep(Duration::from_millis(5));
@@ -98,7 +100,7 @@ fn a_call_that_is_over_leaves_nobody_without_a_reader() {
         reading.join().unwrap();
         late
     });
-    assert!(late < AT_ONCE, "nobody read for {late:?}");
+    assert!(late < AT_ONCE, "no thread read for {late:?}");
 }
 
 #[test]
@@ -206,7 +208,7 @@ fn a_connection_that_ends_while_nobody_looks_is_let_go_of_and_made_anew() {
     assert!(matches!(error, RequestError::NotSent(NotSent::StateNotRead)), "{error}");
 }
 
-/// The controller ends the connection behind our back; what is asked next is not sent into it.
+/// The controller ends the connection unnoticed. The next request is not sent into it.
 #[test]
 fn nothing_is_sent_over_a_connection_that_has_ended() {
     let controller = VirtualController::start_blocking().unwrap();
@@ -246,7 +248,7 @@ fn closing_does_not_wait_for_an_attempt_to_connect() {
     assert!(error.may_send_again(), "{error}");
 }
 
-/// The second connection has no thread that waits on it: its keeper reads.
+/// No thread waits on the second connection: its keeper reads.
 #[test]
 fn a_stop_opens_a_second_connection_where_the_first_one_is_deaf() {
     let controller = VirtualController::start_blocking().unwrap();
@@ -254,7 +256,7 @@ fn a_stop_opens_a_second_connection_where_the_first_one_is_deaf() {
     let robot = Robot::connect(&controller.address().to_string(), impatient).unwrap();
     robot.status().unwrap();
     controller.handle().set_link_faults(vec![LinkFaultNow { fault: LinkFault::HalfOpen, chance: 1.0 }]);
-    // The first frame finds it out; then the controller is well again.
+    // The first frame reveals the fault; then the controller works again.
     robot.query(&[Address::CurMode]).unwrap_err();
     controller.handle().set_link_faults(Vec::new());
     let begun = Instant::now();
@@ -264,7 +266,7 @@ fn a_stop_opens_a_second_connection_where_the_first_one_is_deaf() {
     assert!(begun.elapsed() < Duration::from_secs(5), "{:?}", begun.elapsed());
 }
 
-/// What an operation of another executor waits for is read by the keeper.
+/// The keeper reads the reply that an operation in another executor waits for.
 #[test]
 fn the_async_handle_works_on_any_executor() {
     let peer = Peer::start(|_| Reply::Now);
@@ -279,7 +281,7 @@ fn the_async_handle_works_on_any_executor() {
     assert!(took < AT_ONCE, "{took:?}");
 }
 
-/// A task that blocks is bad manners, but it works: also where tokio would have the task make room for others.
+/// A task that blocks is bad style, but it works, also where tokio would make the task yield to others.
 #[test]
 fn it_may_be_called_where_a_runtime_runs_and_where_none_does() {
     let peer = Peer::start(|_| Reply::Now);
@@ -297,7 +299,7 @@ fn it_may_be_called_where_a_runtime_runs_and_where_none_does() {
     runtime.block_on(task).unwrap();
 }
 
-/// The poller keeps its pace beside a call that waits for long.
+/// The poller keeps its period beside a call that waits for long.
 #[test]
 fn subscribed_values_come_while_a_call_waits() {
     let peer = Peer::start(|request| match asked(request)[..] {

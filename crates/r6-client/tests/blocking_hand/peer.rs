@@ -1,4 +1,4 @@
-//! The other end of the connection: threads that answer as the test says.
+//! The other end of the connection: threads that answer as the test specifies.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -11,14 +11,14 @@ use r6_client::blocking::Robot;
 use r6_client::{Reconnect, RobotSettings};
 use serde_json::{Value, json};
 
-/// What becomes of a request.
+/// How the peer answers a request.
 pub enum Reply {
-    /// The values that its addresses ask for, or a yes.
+    /// At once: with the values of its addresses, or with an acceptance.
     Now,
-    /// The same after a time, while other requests are answered.
+    /// After a time, while other requests are answered.
     After(Duration),
     Never,
-    /// At once, and a while later the controller ends its side of the connection.
+    /// At once. A while later the controller ends its side of the connection.
     Last(Duration),
 }
 
@@ -27,7 +27,7 @@ type Answer = dyn Fn(&Value) -> Reply + Send + Sync;
 /// A controller that listens.
 pub struct Peer {
     pub address: String,
-    /// Connections that are there now, and all that ever were.
+    /// Connections that are open now, and the total number of connections so far.
     open: Arc<AtomicUsize>,
     made: Arc<AtomicUsize>,
 }
@@ -83,7 +83,7 @@ pub fn settings() -> RobotSettings {
     }
 }
 
-/// Until the client has closed the connection, or the test has.
+/// Serves until the client has closed the connection, or the test has.
 fn serve(mut stream: TcpStream, answer: &Answer) {
     stream.set_nodelay(true).unwrap();
     let mut received = Vec::new();
@@ -125,7 +125,7 @@ fn serve(mut stream: TcpStream, answer: &Answer) {
     }
 }
 
-/// The addresses of a query; none for any other request.
+/// The addresses of a query; empty for any other request.
 pub fn asked(request: &Value) -> Vec<&str> {
     request["queryAddr"].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
 }
@@ -139,7 +139,7 @@ pub fn is_heartbreak(request: &Value) -> bool {
     request["reqType"] == "heartbreak"
 }
 
-/// A register's value is its number.
+/// The value of a register is its number.
 fn value_of(address: &str) -> String {
     let number: String = address.chars().filter(char::is_ascii_digit).collect();
     match address {

@@ -1,4 +1,4 @@
-//! Calls that wait for a while at a time.
+//! Calls that wait in time slices.
 
 use std::future::Future;
 use std::pin::{Pin, pin};
@@ -14,14 +14,15 @@ use r6_proto::Address;
 use crate::peer::{Peer, Reply, asked, is_heartbreak, settings};
 use crate::{AT_ONCE, PATIENCE, register, time_of, until};
 
-/// Shorter than a read takes that nobody shortens.
+/// Shorter than the default read timeout.
 const SLICE: Duration = Duration::from_millis(10);
 
 fn connect(peer: &Peer) -> (Driver, r6_client::Robot) {
     Driver::connect(&peer.address, settings()).unwrap()
 }
 
-/// Waits to the end, a slice at a time; how many there were, and how long half of those were at most that ended before.
+/// Waits to the end, in slices. Returns the result, the number of slices, and the median time of the slices
+/// that ended before.
 fn in_slices<F: Future>(driver: &Driver, mut future: Pin<&mut F>) -> (F::Output, usize, Duration) {
     let mut slices = Vec::new();
     loop {
@@ -62,7 +63,7 @@ fn a_call_waits_on_slice_after_slice_and_is_sent_once() {
     assert!(half < SLICE + Duration::from_millis(25), "{half:?}");
 }
 
-/// One of them reads, the others are parked.
+/// One of the threads reads, and the others are parked.
 #[test]
 fn many_threads_come_back_in_time_and_each_has_its_own_reply() {
     let peer = Peer::start(|request| match asked(request)[..] {
@@ -92,7 +93,7 @@ fn many_threads_come_back_in_time_and_each_has_its_own_reply() {
     assert_eq!(peer.made(), 1);
 }
 
-/// The one that is given up had the reading.
+/// The call that is given up had the turn to read.
 #[test]
 fn a_call_that_is_given_up_between_two_slices_takes_no_reply_from_another() {
     const LATER: Duration = Duration::from_millis(150);
@@ -116,14 +117,14 @@ fn a_call_that_is_given_up_between_two_slices_takes_no_reply_from_another() {
             thread::sleep(SLICE / 2);
             let begun = Instant::now();
             let asked = [register(802)];
-            // In one slice: it has to be called to read.
+            // In one slice, so the thread has to be called to read.
             let read = driver.block_on_for(PATIENCE, pin!(robot.query(&asked))).unwrap();
             assert_eq!(read.unwrap().integer(asked[0]), Some(802));
             given_up.try_recv().unwrap();
             begun.elapsed().saturating_sub(LATER)
         })
     });
-    assert!(late < AT_ONCE, "nobody read for {late:?}");
+    assert!(late < AT_ONCE, "no thread read for {late:?}");
     assert_eq!(peer.made(), 1);
 }
 
@@ -147,11 +148,11 @@ fn a_list_whose_call_is_given_up_between_two_slices_is_sent_once() {
     thread::sleep(Duration::from_millis(300));
     let alarm = [Address::CurAlarm];
     let read = in_slices(&driver, pin!(robot.query(&alarm))).0.unwrap();
-    assert_eq!(read.integer(Address::CurAlarm), Some(0), "its late reply is nobody else's");
+    assert_eq!(read.integer(Address::CurAlarm), Some(0), "its late reply goes to no other call");
     assert_eq!((lists.load(Ordering::SeqCst), peer.made()), (1, 1));
 }
 
-/// Whoever has it cannot come back, as where an interpreter is held.
+/// Between two slices the caller's thread drives nothing, as when an interpreter is busy.
 #[test]
 fn heartbeats_leave_and_replies_are_read_between_two_slices() {
     let beats = Arc::<AtomicUsize>::default();
@@ -177,7 +178,7 @@ fn heartbeats_leave_and_replies_are_read_between_two_slices() {
     let beats = beats.load(Ordering::SeqCst);
     assert!((7..=12).contains(&beats), "{beats} beats in a second");
     let read = driver.block_on_for(Duration::ZERO, query.as_mut());
-    // It came long before the call looked, and before its time-out.
+    // The reply came long before the call checked, and before its timeout.
     assert_eq!(read.expect("it was read meanwhile").unwrap().integer(asked[0]), Some(803));
 }
 
@@ -195,7 +196,7 @@ fn the_last_handle_closes_the_connection_whatever_drivers_live() {
     assert!(driver.block_on_for(SLICE, pin!(std::future::pending::<()>())).is_none());
 }
 
-/// The first reads who is there, and then its values: two reads of one wait.
+/// The first call reads the identity, and then its values: two reads in one wait.
 #[test]
 fn every_read_of_a_wait_tells_the_time() {
     const LATER: Duration = Duration::from_millis(20);

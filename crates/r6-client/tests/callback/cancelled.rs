@@ -1,4 +1,4 @@
-//! A thousand calls, of which many are cancelled at random.
+//! A thousand calls, many of which are cancelled at random.
 
 use std::time::Duration;
 
@@ -11,10 +11,10 @@ use crate::world::World;
 
 const CALLS: usize = 1000;
 
-/// No more than so many at once.
+/// The maximum number of calls at the same time.
 const AT_ONCE: usize = 40;
 
-/// What is asked for, and what has to come: where the arm stands.
+/// The addresses queried, and the values that must come back: the position of the arm.
 const ASKED: [(&str, f64); 6] = [
     ("world-0", 500.0),
     ("world-1", 0.0),
@@ -24,7 +24,7 @@ const ASKED: [(&str, f64); 6] = [
     ("world-5", 0.0),
 ];
 
-/// Numbers that are the same each time (SplitMix64).
+/// A number generator with a fixed sequence (SplitMix64).
 struct Numbers(u64);
 
 impl Numbers {
@@ -86,7 +86,7 @@ fn run(seed: u64) {
             cancelled += 1;
         }
         if numbers.below(8) == 0 {
-            // The link takes a few bytes at a time for a while.
+            // For a while the link accepts only a few bytes at a time.
             world.line().own().room = [1, 5, 100, usize::MAX][numbers.below(4)];
         }
         if begun == CALLS {
@@ -107,7 +107,7 @@ fn run(seed: u64) {
     }
     assert_eq!(cancelled + answered, CALLS, "seed {seed}");
     assert!(cancelled > 100 && answered > 100, "seed {seed}: {cancelled} cancelled, {answered} answered");
-    // What was cancelled after it left is answered too, and the next call gets its own answer.
+    // A call that was cancelled after it was sent is answered too, and the next call gets its own answer.
     world.pass(Duration::from_millis(100));
     let last = ask(&world, &robot, &mut numbers);
     judge(world.end(last.told), &last.expected, seed);

@@ -1,4 +1,5 @@
-//! The client on an event loop that is not tokio's, simulated: its clock, its turns, bytes in memory.
+//! The client on a simulated event loop other than tokio's: it has its own clock and turns, and bytes in
+//! memory.
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 
 mod cancelled;
@@ -75,8 +76,8 @@ fn a_command_is_accepted_and_a_motion_runs_to_its_end() {
     assert_eq!(position, 20.0);
 }
 
-/// What leaves first after so many looks of a motion that is longer than the list has room, if the loop stands still before it takes
-/// in the answer.
+/// Returns the first request that leaves after this many looks of a motion that does not fit into the list at
+/// once. The loop stands still for a time before it takes in the answer.
 fn leaves_after(looks: usize, stands_still: Duration) -> Option<Kind> {
     let (mut world, robot) = World::new(Character::default());
     let slow = Percent::new(50.0).unwrap();
@@ -181,7 +182,7 @@ fn an_attempt_to_connect_that_takes_too_long_is_let_go() {
     }
     assert!(world.arm(|_, now| now) - begun < ms(3200));
     assert_eq!(world.line().own().let_go, let_go + 1);
-    // What comes of it after all counts for nothing.
+    // Results of the attempt that arrive later are ignored.
     world.hand().connected();
     world.line().own().answers = true;
     assert_eq!(world.call(name_of(&robot)).unwrap(), "cell 4");

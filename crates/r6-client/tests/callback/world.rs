@@ -1,4 +1,4 @@
-//! An event loop on a clock of its own, wires in memory, and a hostile controller at their other end.
+//! An event loop with its own clock, wires in memory, and a hostile controller at their other end.
 
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, Weak};
@@ -9,7 +9,7 @@ use r6_client::{LostReason, Robot, RobotSettings};
 use r6_testkit::hostile::{Arm, Character, Entry, Kind};
 use tokio::sync::oneshot;
 
-/// No test takes more turns of the loop.
+/// No test takes more turns of the loop than this.
 const MOST_TURNS: usize = 200_000;
 
 /// Clock and controller.
@@ -18,26 +18,26 @@ pub struct Cell {
     pub arm: Arm,
 }
 
-/// The loop's part of one connection.
+/// The part of the loop for one connection.
 pub struct Line {
     cell: Arc<Mutex<Cell>>,
     own: Mutex<Own>,
-    /// Where answers are told from within `write`.
+    /// The driver to which answers are reported from within `write`.
     at_once: OnceLock<Weak<CallbackHand>>,
 }
 
-/// What the loop knows of one connection.
+/// The loop's state of one connection.
 pub struct Own {
     pub connection: Option<u32>,
     pub soon: bool,
     pub call_at: Option<Duration>,
-    /// Bytes that one write takes.
+    /// The number of bytes that one write accepts.
     pub room: usize,
     full: bool,
     wanted: bool,
     ended: bool,
     others: Vec<Another>,
-    /// Whether attempts to connect come to an end.
+    /// Whether attempts to connect end.
     pub answers: bool,
     pub let_go: u32,
     pub asked_soon: u32,
@@ -71,7 +71,7 @@ impl Line {
         self.own.lock().unwrap()
     }
 
-    /// What the controller sends now; `true`: something came.
+    /// Reads what the controller sends now. Returns `true` if something came.
     fn read(&self, hand: &CallbackHand) -> bool {
         let Some(connection) = self.own().connection else { return false };
         let out = {
@@ -86,7 +86,7 @@ impl Line {
         out.ended || !out.frames.is_empty()
     }
 
-    /// One turn; whether anything happened.
+    /// Runs one turn. Returns whether anything happened.
     fn turn(&self, hand: &CallbackHand) -> bool {
         let (soon, wanted, full, ended) = {
             let mut own = self.own();
@@ -203,7 +203,7 @@ impl World {
         &self.lines[0].0
     }
 
-    /// From now on the controller's answers are told from within `write`.
+    /// From now on the controller's answers are reported from within `write`.
     pub fn answer_at_once(&self) {
         let (line, hand) = &self.lines[0];
         line.at_once.set(Arc::downgrade(hand)).expect("once");
@@ -215,12 +215,12 @@ impl World {
         look(&mut cell.arm, now)
     }
 
-    /// Time passes, and the loop does nothing.
+    /// Lets time pass while the loop does nothing.
     pub fn pass(&self, time: Duration) {
         self.cell.lock().unwrap().now += time;
     }
 
-    /// One turn of the loop.
+    /// Runs one turn of the loop.
     pub fn turn(&mut self) {
         let mut happened = false;
         for (line, hand) in &self.lines {
@@ -243,7 +243,7 @@ impl World {
         }
     }
 
-    /// Nothing is to be done before the next time that somebody waits for.
+    /// Nothing is due before the next deadline: moves the clock there.
     fn wait(&self) {
         let next_of = |line: &Line| {
             let own = line.own();
@@ -252,7 +252,7 @@ impl World {
             [own.call_at, reply].into_iter().flatten().min()
         };
         let Some(next) = self.lines.iter().filter_map(|(line, _)| next_of(line)).min() else {
-            // Another thread may have something.
+            // Another thread may have work.
             return std::thread::sleep(Duration::from_millis(1));
         };
         {
@@ -287,7 +287,7 @@ impl World {
         (call, told)
     }
 
-    /// Turns until it has ended.
+    /// Runs turns until the operation has ended.
     pub fn end<T>(&mut self, mut told: oneshot::Receiver<T>) -> T {
         for _ in 0..MOST_TURNS {
             match told.try_recv() {
@@ -308,7 +308,7 @@ impl World {
         self.end(told)
     }
 
-    /// Requests of a kind that arrived.
+    /// The requests of this kind that arrived.
     pub fn arrived(&self, kind: Kind) -> Vec<Entry> {
         self.arm(|arm, _| arm.log().iter().filter(|entry| entry.kind == kind).cloned().collect())
     }

@@ -1,4 +1,4 @@
-//! What is asked for while a connection is being made.
+//! Requests made while a connection is being opened.
 
 use std::fmt;
 use std::io;
@@ -15,7 +15,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::controller::{Peer, command_word, values, verdict};
 
-/// The first connection comes at once, the others after ten seconds.
+/// The first connection opens at once, the others after ten seconds.
 struct Slow(mpsc::UnboundedSender<DuplexStream>, bool);
 
 impl Connect for Slow {
@@ -37,7 +37,7 @@ impl fmt::Display for Slow {
     }
 }
 
-/// A program that asks for a stop again and again, and gives up waiting each time.
+/// A program that requests a stop repeatedly, and each time gives up waiting.
 #[tokio::test(start_paused = true)]
 async fn stops_that_nobody_waits_for_any_more_do_not_pile_up() {
     let (made, mut accepted) = mpsc::unbounded_channel();

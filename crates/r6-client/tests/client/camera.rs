@@ -1,4 +1,4 @@
-//! The camera's side, on the robot's own connection.
+//! The camera service on the robot's own connection.
 
 use r6_client::{
     Address, Command, Invalid, LostReason, PhotosEnded, Point, Refused, RequestError, Robot, Shot,
@@ -38,7 +38,7 @@ async fn a_photo_is_answered_and_its_points_follow_even_between_replies() {
         assert_eq!(points["dsData"][0]["camID"], json!(3));
         assert_eq!(points["dsData"][0]["data"][0]["Y"], json!(-80.5));
         peer.send(verdict(&points, &["AddPoints", "1"])).await;
-        // Whoever has this reply has the one before it.
+        // Once this reply has arrived, the one before it has arrived too.
         let (read, ()) = tokio::join!(robot.query(&[CUR_MODE]), async {
             let request = peer.frame().await;
             peer.send(values(&request, json!(["7"]))).await;
@@ -59,7 +59,7 @@ async fn no_picture_no_part_and_another_camera() {
     });
     let (ended, ()) = tokio::join!(biased; serving, async {
         peer.send(format!("{PHOTO}{PHOTO}{PHOTO}")).await;
-        // Nothing but these two: no points, and no word for somebody else's camera.
+        // Only these two frames: no points, and no answer for another client's camera.
         for ret in [0, 1] {
             let answer = peer.frame().await;
             assert_eq!((&answer["reqType"], &answer["ret"]), (&json!("photo"), &json!(ret)));
@@ -90,7 +90,7 @@ async fn points_that_are_refused_end_it() {
     assert_eq!(ended, PhotosEnded::Request { cam_id: 3, error });
 }
 
-/// "Taken" is a promise of points: nothing is said where they cannot be sent.
+/// "Taken" promises points. So nothing is answered if the points cannot be sent.
 #[tokio::test]
 async fn points_that_cannot_be_sent_are_not_promised() {
     let nowhere = Point { x: f64::NAN, ..part() };
@@ -127,7 +127,7 @@ async fn photos_are_served_by_one_at_a_time() {
     assert_eq!(ended, PhotosEnded::Closed);
 }
 
-/// A service that was dropped has given its turn back.
+/// A dropped service gives its place free.
 #[tokio::test]
 async fn photos_are_served_by_the_next_once_the_first_is_gone() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
@@ -161,7 +161,7 @@ async fn a_picture_of_a_lost_connection_is_not_answered_on_the_next() {
         peer.send(PHOTO).await;
         soon(looking.notified()).await;
         drop(peer);
-        // Meanwhile somebody else's query makes the connection anew.
+        // Meanwhile another caller's query reconnects.
         let (read, peer) = tokio::join!(robot.query(&[CUR_MODE]), async {
             let mut peer = controller.accept().await;
             let request = peer.frame().await;
@@ -181,7 +181,7 @@ async fn a_picture_of_a_lost_connection_is_not_answered_on_the_next() {
     read.unwrap();
 }
 
-/// The next frame is the stop; and behind it there is nothing of a picture.
+/// The next frame is the stop. Behind it there is nothing of a picture.
 async fn only_the_stop_leaves(robot: &Robot, peer: &mut Peer) {
     let (sent, ()) = tokio::join!(robot.command(Command::ActionStop), async {
         let request = peer.frame().await;
@@ -211,7 +211,7 @@ async fn a_stop_while_a_picture_is_looked_at_ends_it_without_points() {
     });
     let other = robot.clone();
     let (ended, mut peer) = tokio::join!(biased; soon(serving), async {
-        // The second request comes before the stop, too.
+        // The second request comes before the stop too.
         peer.send(format!("{PHOTO}{PHOTO}")).await;
         soon(looking.notified()).await;
         only_the_stop_leaves(&other, &mut peer).await;
@@ -240,16 +240,17 @@ async fn a_stop_between_pictures_does_not_end_it() {
 #[tokio::test]
 async fn a_stop_between_the_answer_and_its_points_holds_the_points_back() {
     let (_wires, robot, mut peer) = Wires::with_robot(settings()).await;
-    // Who is there is known, so that nothing but the stop holds the points back.
+    // The identity is known, so only the stop can hold the points back.
     let (read, ()) = tokio::join!(
         robot.query(&[Address::Version, Address::MachineName, Address::AxisNum]),
         peer.introduces()
     );
     read.unwrap();
     let serving = robot.serve_photos(|_| async { Shot::Points(vec![part()]) });
-    // The test is looked at first: its stop comes when the answer has left, and before its points do.
+    // The test's own future is polled first: its stop comes after the answer was sent and before the points
+    // are sent.
     let (mut peer, ended) = tokio::join!(biased; async {
-        // Serving begins.
+        // The service begins.
         tokio::task::yield_now().await;
         peer.send(PHOTO).await;
         let answer = peer.frame().await;

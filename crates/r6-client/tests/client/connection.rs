@@ -1,4 +1,4 @@
-//! How a connection begins, ends, and is made anew.
+//! How a connection begins, ends, and is reopened.
 
 use std::io;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use tokio::net::TcpListener;
 
 use crate::controller::{Controller, asked, command_word, impatient, settings, soon, values, verdict};
 
-/// An address at which nobody listens.
+/// An address on which no program listens.
 async fn nobody() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     listener.local_addr().unwrap().to_string()
@@ -42,7 +42,7 @@ async fn dropping_the_last_clone_ends_the_connection_in_order() {
     result.unwrap();
     drop(clone);
     peer.ends().await;
-    // What the controller still has to say does not turn the end into a reset, which would break the second write.
+    // Unread data from the controller does not turn the end into a reset, which would break the second write.
     for _ in 0..2 {
         peer.send("{\"dsID\":\"www.hc-system.com.cam\",\"reqType\":\"photo\",\"camID\":0}").await;
     }
@@ -124,7 +124,7 @@ async fn a_list_is_never_sent_again_and_brings_no_connection_back() {
     assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::ConnectionLost(_)));
     assert_eq!(soon(robot.clear_list()).await, Err(NotSent::Disconnected.into()));
 
-    // The first thing on the new connection is the query that brought it back.
+    // The first frame on the new connection is the query that caused the reconnection.
     let (result, mut peer) = tokio::join!(robot.query(&[Address::CurMode]), async {
         let mut peer = controller.accept().await;
         let request = peer.frame().await;
@@ -135,7 +135,7 @@ async fn a_list_is_never_sent_again_and_brings_no_connection_back() {
     result.unwrap();
     assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::Reconnected(_)));
 
-    // Nobody has looked at mode and alarm since.
+    // Mode and alarm were not read since.
     assert_eq!(soon(robot.clear_list()).await, Err(NotSent::StateNotRead.into()));
     let (result, ()) = tokio::join!(robot.query(&[Address::CurMode, Address::CurAlarm]), async {
         let request = peer.frame().await;
@@ -158,7 +158,7 @@ async fn one_failed_attempt_answers_everybody_who_waits() {
     let mut pushed = robot.pushed();
     drop((controller, peer));
     assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::ConnectionLost(_)));
-    // From here on time passes only when nothing else can happen.
+    // From here on time passes only when nothing else is ready to run.
     tokio::time::pause();
     let begun = tokio::time::Instant::now();
     let queries = tokio::join!(robot.query(&[Address::CurMode]), robot.query(&[Address::CurAlarm]));
@@ -194,7 +194,7 @@ async fn a_new_connection_forgets_what_the_last_did_not_support() {
 async fn replies_that_cannot_be_told_apart_end_the_connection() {
     let (controller, robot, mut peer) = Controller::with_robot(impatient()).await;
     let mut pushed = robot.pushed();
-    // The controller is seen to send no packID, then leaves a command unanswered.
+    // The client sees that the controller sends no packID. Then the controller leaves a command unanswered.
     let who = [Address::Version, Address::MachineName, Address::AxisNum];
     let (result, ()) = tokio::join!(robot.query(&who), async {
         peer.any_frame().await;
@@ -225,7 +225,7 @@ async fn a_controller_that_never_answers_is_given_up() {
         assert!(error.may_send_again());
     }
     assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::ConnectionLost(LostReason::Unresponsive)));
-    // It was asked twice who it is, and that alone would not have ended the connection.
+    // The client asked twice for the identity. That alone would not have ended the connection.
     for _ in 0..2 {
         assert_eq!(asked(&peer.any_frame().await), ["version", "machineName", "axisNum"]);
     }

@@ -11,18 +11,18 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 
-/// Whatever has not happened after this long never will: the test fails instead of hanging.
+/// An event that has not happened after this time never will: the test fails instead of hanging.
 pub const PATIENCE: Duration = Duration::from_secs(20);
 
-/// A time-out for tests in which nothing answers: short, because it is waited for.
+/// A timeout for tests in which nothing answers. It is short, because the test waits for it.
 pub const SHORT: Duration = Duration::from_millis(150);
 
-/// A listening controller on a port of its own.
+/// A listening controller with its own port.
 pub struct Controller {
     listener: TcpListener,
 }
 
-/// What carries the bytes of a connection.
+/// Carries the bytes of a connection.
 trait Carrier: AsyncRead + AsyncWrite + Send + Unpin {}
 
 impl<S: AsyncRead + AsyncWrite + Send + Unpin> Carrier for S {}
@@ -31,9 +31,9 @@ impl<S: AsyncRead + AsyncWrite + Send + Unpin> Carrier for S {}
 pub struct Peer {
     stream: Box<dyn Carrier>,
     received: Vec<u8>,
-    /// `machineName` as told to a client that asks who is there.
+    /// The `machineName` to answer when the client asks for the identity.
     pub name: &'static str,
-    /// Whether the client is about to ask for the length of the list, as the last of what it asks by itself.
+    /// Whether the client is about to ask for the length of the list, which is the last of its own queries.
     introducing: bool,
 }
 
@@ -54,7 +54,7 @@ pub fn impatient() -> RobotSettings {
     RobotSettings { reply_timeout: SHORT, ..settings() }
 }
 
-/// Waits, but not for ever.
+/// Waits with a time limit.
 pub async fn soon<T>(what: impl Future<Output = T>) -> T {
     timeout(PATIENCE, what).await.expect("it never happened")
 }
@@ -64,7 +64,7 @@ impl Controller {
         Self::listen_at("127.0.0.1:0").await
     }
 
-    /// Listens where a controller has listened before.
+    /// Listens on an address on which a controller listened before.
     pub async fn listen_at(address: &str) -> Self {
         Self { listener: TcpListener::bind(address).await.unwrap() }
     }
@@ -103,7 +103,7 @@ impl Peer {
         Self::over(stream)
     }
 
-    /// The next frame from the client, besides its asking who is there: that is answered.
+    /// The next frame from the client, after answering its identity queries.
     pub async fn frame(&mut self) -> Value {
         loop {
             let frame = self.any_frame().await;
@@ -114,7 +114,7 @@ impl Peer {
         }
     }
 
-    /// The reply to a query by which the client finds out who is there; `None` for anything else.
+    /// The reply to an identity query of the client; `None` for anything else.
     fn introduction(&mut self, request: &Value) -> Option<String> {
         let data = match asked(request).as_slice() {
             ["version", "machineName", "axisNum"] => json!(["F5", self.name, "6"]),
@@ -128,14 +128,14 @@ impl Peer {
         Some(values(request, data))
     }
 
-    /// The client asks who is there, and is told.
+    /// Answers the client's identity query.
     pub async fn introduces(&mut self) {
         let request = self.any_frame().await;
         let reply = self.introduction(&request).expect("who is there?");
         self.send(reply).await;
     }
 
-    /// The next frame from the client.
+    /// The next frame from the client, of any kind.
     pub async fn any_frame(&mut self) -> Value {
         loop {
             let mut frames = serde_json::Deserializer::from_slice(&self.received).into_iter::<Value>();
@@ -155,7 +155,7 @@ impl Peer {
         self.stream.write_all(bytes.as_ref()).await.unwrap();
     }
 
-    /// Sends bytes one at a time, each as a segment of its own as far as the network allows.
+    /// Sends bytes one at a time, each in its own segment as far as the network allows.
     pub async fn dribble(&mut self, bytes: impl AsRef<[u8]>) {
         for byte in bytes.as_ref() {
             self.send([*byte]).await;
@@ -163,14 +163,14 @@ impl Peer {
         }
     }
 
-    /// The client ends the connection in order: an end of file, no reset, and nothing before it.
+    /// Checks that the client ends the connection in order: an end of file, no reset, and nothing before it.
     pub async fn ends(&mut self) {
         let mut bytes = [0; 256];
         assert_eq!(soon(self.stream.read(&mut bytes)).await.expect("an orderly end"), 0);
     }
 
-    /// Answers every frame by `answer` until the client ends the connection; `None` leaves one unanswered. Who is there is
-    /// told without it.
+    /// Answers every frame with `answer` until the client ends the connection; `None` leaves a frame
+    /// unanswered. Identity queries are answered without it.
     pub async fn answer_all(mut self, mut answer: impl FnMut(&Value) -> Option<String>) {
         let mut bytes = [0; 4096];
         loop {
@@ -207,7 +207,7 @@ pub fn verdict(request: &Value, words: &[&str]) -> String {
         .to_string()
 }
 
-/// The addresses of a query; none for any other request.
+/// The addresses of a query; empty for any other request.
 pub fn asked(request: &Value) -> Vec<&str> {
     request["queryAddr"].as_array().into_iter().flatten().filter_map(Value::as_str).collect()
 }
@@ -217,17 +217,18 @@ pub fn command_word(request: &Value) -> &str {
     request["cmdData"][0].as_str().unwrap_or_default()
 }
 
-/// Connections in memory: what one side writes the other can read at once, and a clock that jumps may be used with them.
+/// Connections in memory: the other side can read at once what one side writes. They work with a clock that
+/// jumps.
 pub struct Wires(mpsc::UnboundedSender<Peer>);
 
 impl Wires {
-    /// And where the controller's ends come, one for each connection that is made.
+    /// Also returns the channel with the controller's ends, one for each connection.
     pub fn new() -> (Self, mpsc::UnboundedReceiver<Peer>) {
         let (made, accepted) = mpsc::unbounded_channel();
         (Self(made), accepted)
     }
 
-    /// A robot on the first of them, and the controller's end of it.
+    /// A robot on the first connection, and the controller's end of it.
     pub async fn with_robot(settings: RobotSettings) -> (mpsc::UnboundedReceiver<Peer>, Robot, Peer) {
         let (wires, mut accepted) = Self::new();
         let robot = Robot::connect_with(wires, settings).await.unwrap();

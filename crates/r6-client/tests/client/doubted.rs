@@ -1,4 +1,4 @@
-//! What else is told of a controller whose lists of values are doubted.
+//! Further effects when the lists of a controller are doubted.
 
 use r6_client::Identity;
 use r6_proto::address::Address;
@@ -18,7 +18,8 @@ fn of(name: &str) -> Value {
     }
 }
 
-/// The name was left out and the version was there twice, in a list of the right length. Its query was then found out to be wrong.
+/// The list has the right length, but the name was left out and the version was there twice. Later its query
+/// turns out to be wrong.
 #[tokio::test]
 async fn who_is_there_is_not_taken_from_a_list_that_is_not_believed() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
@@ -43,7 +44,8 @@ async fn who_is_there_is_not_taken_from_a_list_that_is_not_believed() {
     assert_eq!(robot.identity(), Some(Identity { firmware, machine_name, axis_count: Some(6) }));
 }
 
-/// One query shows that lists are wrong, another passes well, each address alone: a list that was on its way meanwhile is still wrong.
+/// One query shows that lists are wrong. Another one passes well, with each address asked alone. A list that
+/// was under way meanwhile is still wrong.
 #[tokio::test]
 async fn a_list_that_came_while_lists_were_doubted_is_not_believed_after_that() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
@@ -90,7 +92,7 @@ async fn a_list_that_came_while_lists_were_doubted_is_not_believed_after_that() 
     assert_eq!(late.integer(Address::CurMode), Some(7));
 }
 
-/// A query that began while lists were doubted ends well after another one has found a list that is wrong.
+/// A query began while lists were doubted. It ends well after another query has found a new wrong list.
 #[tokio::test]
 async fn an_older_query_does_not_end_a_newer_doubt() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
@@ -129,7 +131,7 @@ async fn an_older_query_does_not_end_a_newer_doubt() {
     assert_eq!(asked(&peer.frame().await), ["curAlarm"], "the newer doubt holds for the next query");
 }
 
-/// The first query of a connection asks who is there. Its list is looked at like any other.
+/// The first query of a connection asks for the identity. Its list is checked like any other.
 #[tokio::test]
 async fn too_many_values_for_who_is_there_cast_doubt_on_lists_too() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;

@@ -1,4 +1,4 @@
-//! Who drives the connection: a call that is slow, dropped or flooded harms nobody else.
+//! Driving the connection: a slow, dropped or flooded call does not harm other calls.
 
 use std::future::poll_fn;
 use std::io;
@@ -17,7 +17,7 @@ use tokio::time::{Instant, sleep};
 
 use crate::controller::{Wires, asked, settings, soon, values};
 
-/// Polls it once. Whoever keeps it from then on drives no more.
+/// Polls the call once. While it is kept and not polled, it does not drive the connection.
 pub async fn begun<F: Future>(call: Pin<&mut F>) -> bool {
     let mut call = Some(call);
     poll_fn(|cx| Poll::Ready(call.take().is_some_and(|call| call.poll(cx).is_pending()))).await
@@ -47,7 +47,7 @@ async fn a_call_that_is_polled_once_and_kept_keeps_no_other_from_its_reply() {
     let (mut kept, mut other) =
         (pin!(robot.query(&[Address::CurMode])), pin!(robot.query(&[Address::CurAlarm])));
     assert!(begun(other.as_mut()).await);
-    // It drove last, so it is woken for what comes.
+    // This call drove last, so the next bytes wake it.
     assert!(begun(kept.as_mut()).await);
     let read = soon(other).await.unwrap();
     assert_eq!(read.integer(Address::CurAlarm), Some(1));
@@ -61,12 +61,12 @@ async fn a_call_that_is_polled_once_and_kept_holds_up_no_subscription_that_begin
         (asked(request) != ["axis-0"]).then(|| values(request, vec!["1"; asked(request).len()].into()))
     }));
     robot.query(&[Address::CurMode]).await.unwrap();
-    // It is never answered, so nothing wakes it but what the others do.
+    // This call is never answered, so only the other calls can wake it.
     let mut kept = pin!(robot.query(&[Address::Axis(AxisIndex::ALL[0])]));
     assert!(begun(kept.as_mut()).await);
     let every = Duration::from_millis(50);
     let subscription = robot.subscribe(&[Address::CurAlarm], every).unwrap();
-    // Nobody waits for it: whoever looks at the latest values wants them all the same.
+    // No call waits for it, but the latest values have to come nevertheless.
     sleep(every).await;
     assert_eq!(subscription.latest().fresh(Address::CurAlarm), Some(&Reading::Integer(1)));
 }
@@ -95,7 +95,7 @@ async fn a_call_that_is_dropped_while_it_drives_leaves_the_reply_to_its_owner() 
     {
         let mut dropped = pin!(robot.query(&[Address::CurMode]));
         assert!(begun(dropped.as_mut()).await);
-        // Its waker is the one that is woken for this, and it is gone before it looks.
+        // Its waker is woken for this reply, but the call is dropped before it looks.
         peer.send(values(&request, ["7"].as_slice().into())).await;
     }
     assert_eq!(soon(reading).await.unwrap().unwrap().integer(Address::CurAlarm), Some(7));
@@ -112,7 +112,7 @@ async fn a_stop_whose_call_is_dropped_at_once_leaves_all_the_same() {
     assert_eq!(frame["cmdData"][0], "actionStop", "{frame}");
 }
 
-/// A connection on which garbage comes without end, and which never lets its reader wait.
+/// A connection that receives garbage without end, and whose reader never has to wait.
 struct Endless {
     reads: Arc<AtomicUsize>,
 }
@@ -176,7 +176,7 @@ async fn garbage_without_end_keeps_no_other_task_from_its_turn() {
     asked.abort();
 }
 
-/// A task of tokio that has been served so often in one turn is put off; that must not put off the timer for good.
+/// tokio suspends a task that was served very often in one turn. That must not suspend the timer for good.
 #[tokio::test(start_paused = true)]
 async fn a_caller_that_has_used_up_its_turn_is_told_of_a_time_out_all_the_same() {
     let reply_timeout = Duration::from_millis(300);

@@ -1,4 +1,4 @@
-//! What happens at this side of a connection is told as data.
+//! Events on the client's side of a connection are reported as data.
 
 use r6_client::{Event, LostReason, NotSent, OutcomeUnknown, Pushed, RequestError};
 use r6_proto::Language;
@@ -17,13 +17,13 @@ async fn a_lost_connection_and_another_robot_are_told() {
         peer.send(values(&request, json!(["7", "0"]))).await;
     });
     read.unwrap();
-    // Nobody answers.
+    // The peer does not answer.
     let error = robot.query(&[Address::CurMode]).await.unwrap_err();
     assert!(matches!(error, RequestError::OutcomeUnknown(OutcomeUnknown::TimedOut { .. })), "{error}");
     assert_eq!(soon(events.recv()).await, Ok(Event::NoReply { request: "query", after: SHORT }));
 
     drop(peer);
-    // A frame is still unread: the system may call that a reset.
+    // A frame is still unread, so the system may report a reset.
     let Event::ConnectionEnded { reason } = soon(events.recv()).await.unwrap() else { panic!("no end") };
     assert!(matches!(reason, LostReason::ClosedByPeer | LostReason::Io(_)), "{reason}");
     assert!(matches!(soon(pushed.recv()).await.unwrap(), Pushed::ConnectionLost(_)));
@@ -45,7 +45,7 @@ async fn a_lost_connection_and_another_robot_are_told() {
     assert!(another.text(Language::English).contains("cell 5"), "{another}");
     assert!(another.text(Language::Chinese).contains("cell 5"), "{another}");
 
-    // Nobody listens there any more.
+    // No program listens there any more.
     drop((controller, peer));
     let ended = soon(events.recv()).await.unwrap();
     assert!(matches!(ended, Event::ConnectionEnded { .. }), "{ended:?}");

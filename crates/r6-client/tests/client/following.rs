@@ -1,4 +1,4 @@
-//! Following a target over a link that is in use.
+//! Following a target over a busy link.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::controller::{Peer, Wires, asked, settings, values};
 
-/// Of a machine that is ready and stands.
+/// The reply of a machine that is ready and stands.
 fn reply(request: &Value) -> String {
     let value = |name: &str| match name {
         "curMode" => "7",
@@ -24,7 +24,7 @@ fn reply(request: &Value) -> String {
     )
 }
 
-/// Answers until the state has been asked for so often, and returns the last question unanswered.
+/// Answers until the state has been requested this often. Returns the last request unanswered.
 async fn until_looked(peer: &mut Peer, times: usize) -> Value {
     let mut looks = 0;
     loop {
@@ -38,7 +38,8 @@ async fn until_looked(peer: &mut Peer, times: usize) -> Value {
     }
 }
 
-/// Eight queries of somebody else, of which one more is asked than the link has room for beside what waits for its reply.
+/// Eight queries of another caller: one more than the link has room for beside the read that waits for its
+/// reply.
 fn crowd(robot: &Robot) {
     for _ in 0..8 {
         let robot = robot.clone();
@@ -54,14 +55,14 @@ async fn a_step_does_not_leave_once_its_target_is_old() {
     let (target, targets) = TargetSender::new();
     target.send(AxisPosition::degrees([5.0]));
     let playing = async {
-        // Before it begins, and then the look that the step comes from.
+        // The first read comes before it begins; the second leads to the step.
         let look = until_looked(&mut peer, 2).await;
         crowd(&robot);
         let mut crowd = Vec::new();
         while crowd.len() < 7 {
             crowd.push(peer.any_frame().await);
         }
-        // The eighth waits for this, and the step behind it.
+        // The eighth query waits for this reply, and the step waits behind the query.
         peer.send(reply(&look)).await;
         crowd.push(peer.any_frame().await);
         sleep(fresh * 2).await;

@@ -1,4 +1,4 @@
-//! Who is at the other end, and what happens when it is another than before.
+//! Identity: which robot is at the other end, and what happens when it is a different one than before.
 
 use r6_client::{
     Found, Identity, LostReason, NotSent, OperationMode, OutcomeUnknown, Pushed, RequestError, Robot,
@@ -14,7 +14,7 @@ fn identity(name: &str) -> Identity {
     Identity { firmware, machine_name, axis_count: Some(6) }
 }
 
-/// The next command, with its reply.
+/// Sends a command, and answers it.
 async fn commanded(robot: &Robot, peer: &mut Peer) -> Result<(), RequestError> {
     let (sent, ()) = tokio::join!(robot.command(Command::ClearAlarm), async {
         let request = peer.frame().await;
@@ -24,7 +24,7 @@ async fn commanded(robot: &Robot, peer: &mut Peer) -> Result<(), RequestError> {
     sent.map(|_| ())
 }
 
-/// Somebody reads mode and alarm.
+/// Reads mode and alarm as a caller.
 async fn looked(robot: &Robot, peer: &mut Peer) {
     let (result, ()) = tokio::join!(robot.query(&[Address::CurMode, Address::CurAlarm]), async {
         let request = peer.frame().await;
@@ -108,7 +108,7 @@ async fn on_a_new_connection_who_is_there_is_asked_first_of_all() {
     let identity = identity("cell 4");
     let found = Found { identity, another: false, mode, alarm: Some(42), list_length: Some(5) };
     assert_eq!(reconnected(&mut pushed).await, found);
-    // That this crate has read mode and alarm does not mean that whoever commands has.
+    // The client itself has read mode and alarm. That does not mean that the caller has.
     assert_eq!(soon(robot.command(Command::StartButton)).await, Err(NotSent::StateNotRead.into()));
     looked(&robot, &mut peer).await;
     commanded(&robot, &mut peer).await.unwrap();
@@ -123,7 +123,7 @@ async fn old_firmware_without_a_list_length_is_known_again() {
     lost(&mut pushed).await;
     let (result, ()) = tokio::join!(robot.query(&[Address::IsMoving]), async {
         let mut peer = controller.accept().await;
-        // Everything is left out of the first reply, as one odd reply may do; then all is told one by one.
+        // The first reply leaves out everything, as an odd reply may do. Then all values are sent one by one.
         let request = peer.any_frame().await;
         peer.send(values(&request, serde_json::json!([]))).await;
         for value in ["F5", "cell 4", "6", "7", "0"] {
@@ -156,7 +156,7 @@ async fn two_robots_swapped_on_one_address_do_not_get_each_others_commands() {
         peer.send(values(&request, serde_json::json!(["7", "0"]))).await;
         peer
     });
-    // The values of another robot are not handed out as if they were of the first.
+    // The client does not return the values of another robot as values of the first one.
     let error = result.unwrap_err();
     assert!(matches!(error, RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. })), "{error}");
     assert!(reconnected(&mut pushed).await.another);
@@ -166,7 +166,7 @@ async fn two_robots_swapped_on_one_address_do_not_get_each_others_commands() {
     assert!(text.contains("`cell 5`") && text.contains("`cell 4`") && text.contains("accept"), "{text}");
     let RequestError::NotSent(NotSent::AnotherRobot { expected, found }) = error else { panic!("{error:?}") };
     assert_eq!((*expected, &*found), (identity("cell 4"), &identity("cell 5")));
-    // Looking again does not make it the right one, and it is not stopped either.
+    // Reading again does not make it the right robot. It is not stopped either.
     let (result, ()) = tokio::join!(robot.query(&[Address::CurMode, Address::CurAlarm]), async {
         let request = peer.frame().await;
         peer.send(values(&request, serde_json::json!(["7", "0"]))).await;
@@ -181,7 +181,7 @@ async fn two_robots_swapped_on_one_address_do_not_get_each_others_commands() {
 
     robot.accept_identity(*found);
     commanded(&robot, &mut peer).await.unwrap();
-    // Now the first one is the stranger.
+    // Now the first robot is the stranger.
     drop(peer);
     lost(&mut pushed).await;
     let (result, _peer) = tokio::join!(robot.query(&[Address::CurMode, Address::CurAlarm]), async {
@@ -195,8 +195,8 @@ async fn two_robots_swapped_on_one_address_do_not_get_each_others_commands() {
     assert!(matches!(refused, Err(RequestError::NotSent(NotSent::AnotherRobot { .. }))), "{refused:?}");
 }
 
-/// The client asks who is there, and what it reads is nothing that can be understood, but for what `tells` has a value for; then mode
-/// and alarm are read.
+/// Answers the identity queries with values that cannot be understood, except where `tells` has a value. Then
+/// answers a read of mode and alarm.
 async fn tells_only(peer: &mut Peer, tells: impl Fn(&str) -> Option<&'static str>) {
     loop {
         let request = peer.any_frame().await;
@@ -205,7 +205,7 @@ async fn tells_only(peer: &mut Peer, tells: impl Fn(&str) -> Option<&'static str
             ["curMode", "curAlarm"] => serde_json::json!(["7", "0"]),
             ["curMode"] => serde_json::json!(["7"]),
             ["curAlarm" | "RemoteCmdLen"] => serde_json::json!(["0"]),
-            // Not one value for the one that was asked for.
+            // Two values for the single address that was requested, so that no value fits.
             [one] => tells(one).map_or(serde_json::json!(["?", "?"]), |value| serde_json::json!([value])),
             _ => serde_json::json!(["?"]),
         };
@@ -235,14 +235,14 @@ async fn whoever_cannot_be_read_is_not_taken_for_who_was_there() {
     let error = soon(robot.command(Command::StartButton)).await.unwrap_err();
     assert_eq!(error, NotSent::StateNotRead.into());
     assert!(error.to_string().contains("who it is"), "{error}");
-    // Once it says who it is, it gets commands again.
+    // Once the robot identifies itself, it gets commands again.
     let who = [Address::Version, Address::MachineName, Address::AxisNum];
     let (result, ()) = tokio::join!(robot.query(&who), peer.introduces());
     result.unwrap();
     commanded(&robot, &mut peer).await.unwrap();
 }
 
-/// On the first connection nobody could read who is there; a later query could.
+/// On the first connection the identity could not be read. A later query could read it.
 #[tokio::test]
 async fn whoever_says_who_he_is_after_the_first_question_failed_is_known_again() {
     let (controller, robot, mut peer) = Controller::with_robot(settings()).await;
@@ -338,7 +338,7 @@ async fn whoever_takes_a_connection_and_says_nothing_is_given_up() {
         assert_eq!(*reason, LostReason::Unresponsive);
         assert!(error.to_string().contains("did not say who it is"), "{error}");
     }
-    // It was asked twice, and nothing else.
+    // The client asked twice for the identity, and sent nothing else.
     for _ in 0..2 {
         assert_eq!(asked(&peer.any_frame().await).len(), 5);
     }

@@ -34,7 +34,7 @@ async fn it_is_waited_for_and_waited_for_again() {
     assert_eq!(robot.address(), format!("the controller that dials {address}"));
     reads(&robot, &mut peer).await;
     drop(peer);
-    // The next query takes the next connection.
+    // The next query uses the next connection.
     let mut peer = dial(address).await;
     reads(&robot, &mut peer).await;
 }
@@ -64,7 +64,8 @@ async fn somebody_else_is_sent_away_and_nobody_is_told() {
     assert!(matches!(read, Ok(0) | Err(_)), "{read:?}");
 }
 
-/// The first robot never says who it is. The next one that dials may be another, so it gets no stop that was meant for the first.
+/// The first robot never identifies itself. The next robot that dials may be another, so it gets no stop
+/// that was meant for the first.
 #[tokio::test]
 async fn a_stop_of_one_that_never_said_who_it_is_does_not_reach_the_next_that_dials() {
     let listen = Listen::on("127.0.0.1:0").await.unwrap();
@@ -73,7 +74,7 @@ async fn a_stop_of_one_that_never_said_who_it_is_does_not_reach_the_next_that_di
     let robot = robot.unwrap();
     let mut next = soon(TcpStream::connect(address)).await.unwrap();
     let stopping = tokio::spawn(async move { robot.stop().await });
-    // A second connection would be taken after 300 ms.
+    // A second connection would be used after 300 ms.
     let heard = timeout(Duration::from_millis(700), next.read(&mut [0; 256])).await;
     assert!(heard.is_err(), "{heard:?}");
     stopping.abort();

@@ -1,4 +1,4 @@
-//! The client against a controller whose every byte the test decides.
+//! The client against a controller whose every byte comes from the test.
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 
 mod controller;

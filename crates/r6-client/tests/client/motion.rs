@@ -1,4 +1,4 @@
-//! Waiting for the end of a motion, by state alone.
+//! Waiting for the end of a motion by the state only.
 
 use std::time::Duration;
 
@@ -15,10 +15,11 @@ const QUICK: WaitOptions = WaitOptions {
     idle_mode: OperationMode::Running,
 };
 
-/// What one read finds: moving, alarm, mode, J1, instructions left.
+/// The result of one read: moving, alarm, mode, J1, instructions left.
 type State = (&'static str, &'static str, &'static str, &'static str, &'static str);
 
-/// Plays the states, one for each read, and stays at the last. With `lengths` false there is no `RemoteCmdLen`.
+/// Plays the states, one for each read, and repeats the last one. If `lengths` is false there is no
+/// `RemoteCmdLen`.
 fn play<const N: usize>(peer: Peer, states: &[State; N], lengths: bool) {
     let states = *states;
     let mut reads = 0;
@@ -70,7 +71,7 @@ async fn the_end_is_where_the_arm_stands_with_an_empty_list() {
 #[tokio::test]
 async fn without_a_list_length_standing_has_to_last() {
     let (_controller, robot, peer) = Controller::with_robot(settings()).await;
-    // Finding out that there is no `RemoteCmdLen` takes reads of its own.
+    // The client needs extra reads to find out that there is no `RemoteCmdLen`.
     let moving = ("1", "0", "7", "3.000000", "");
     play(peer, &[moving, moving, moving, moving, ("0", "0", "7", "10.000000", "")], false);
     let done = soon(robot.wait_until_done(QUICK)).await.unwrap();

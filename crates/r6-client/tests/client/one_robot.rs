@@ -1,4 +1,4 @@
-//! All values of a query are of one robot, and what is known of one connection is not told of the next.
+//! All values of a query belong to one robot, and knowledge of one connection is not used for the next.
 
 use r6_client::{LostReason, OutcomeUnknown, Pushed, RequestError};
 use r6_proto::address::Address;

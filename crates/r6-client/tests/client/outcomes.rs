@@ -1,4 +1,4 @@
-//! What a caller is told, sorted by what it must do.
+//! The errors that a caller gets, sorted by what the caller must do.
 
 use r6_client::{Effect, Invalid, OutcomeUnknown, Refused, RequestError};
 use r6_proto::address::Address;
@@ -31,7 +31,7 @@ async fn a_refused_list_warns_that_it_may_run() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
     let (refused, ()) = tokio::join!(robot.add_rcc(true, vec![axis_move()]), async {
         let request = peer.frame().await;
-        // Captured, unit B, of a list that ran.
+        // Captured from unit B: the reply to a list that nevertheless ran.
         peer.send(verdict(&request, &["AddRCC", "err"])).await;
     });
     let error = refused.unwrap_err();

@@ -8,10 +8,10 @@ use std::sync::{Arc, Mutex};
 
 use crate::controller::{Controller, Peer, asked, settings, soon, values};
 
-/// The addresses of each query, in the order of their coming.
+/// The addresses of each query, in the order in which the queries came.
 type Log = Arc<Mutex<Vec<Vec<String>>>>;
 
-/// A controller that leaves out what it does not have, and remembers what it was asked.
+/// A controller that leaves out the values it does not have, and remembers the queries.
 fn leaving_out(missing: &'static [&'static str]) -> (impl FnMut(&Value) -> Option<String> + Send, Log) {
     let log = Log::default();
     let seen = Arc::clone(&log);
@@ -25,7 +25,7 @@ fn leaving_out(missing: &'static [&'static str]) -> (impl FnMut(&Value) -> Optio
     (answer, log)
 }
 
-/// A value that tells its address, so that a mix-up shows.
+/// A value that identifies its address, so that a mix-up is noticed.
 fn of(name: &str) -> Value {
     match name {
         "version" => "v-version".into(),
@@ -61,8 +61,9 @@ async fn missing_values_are_found_out_and_remembered() {
         assert_eq!(result.rows()[3].1, Err(NoReading::Unsupported));
     }
     let log = log.lock().unwrap();
-    // All; what every firmware has; the two doubtful ones together, then singly: an empty answer to several proves nothing
-    // about any one. Then only what is left.
+    // First all addresses; then those that every firmware has; then the two doubtful ones together, then each
+    // alone, because an empty answer to several proves nothing about any one. After that only the remaining
+    // ones.
     assert_eq!(log.len(), 6, "{log:?}");
     assert_eq!(log.first().unwrap().len(), 6);
     assert_eq!(log.last().unwrap(), &["version", "curMode", "curAlarm", "axisNum"], "remembered");
@@ -139,7 +140,8 @@ async fn two_values_for_one_address_are_no_value() {
     assert!(matches!(result.rows()[0].1, Err(NoReading::Unreadable(_))), "{result:?}");
 }
 
-/// The last value is replaced by the one before it: as many values as addresses, and one of them is wrong.
+/// Replaces the last value by the one before it: the list has as many values as addresses, but one of them is
+/// wrong.
 fn with_the_last_one_wrong(names: &[&str]) -> Vec<Value> {
     let mut data: Vec<_> = names.iter().map(|name| of(name)).collect();
     if let [.., before, last] = data.as_mut_slice() {
@@ -163,12 +165,13 @@ fn assert_each_has_its_own(result: &QueryResult) {
     }
 }
 
-/// The values that the names ask for.
+/// The correct values for these names.
 fn right(names: &[&str]) -> Vec<Value> {
     names.iter().map(|name| of(name)).collect()
 }
 
-/// A robot whose values are told by a function of the number of the query, from 1, and the names; and how many names each query had.
+/// A robot whose values come from a function of the number of the query, from 1, and the names. Also returns
+/// how many names each query had.
 async fn answered_by(
     data: impl Fn(usize, &[&str]) -> Vec<Value> + Send + 'static,
 ) -> (Robot, Arc<Mutex<Vec<usize>>>) {
@@ -184,7 +187,8 @@ async fn answered_by(
     (robot, lengths)
 }
 
-/// Found by `make sim SEED=1844`: four addresses had five values, and the first half then two values, of which the second was wrong.
+/// Found by `make sim SEED=1844`: four addresses had five values. The first half then had two values, the
+/// second of which was wrong.
 #[tokio::test]
 async fn after_too_many_values_only_values_that_came_alone_are_believed() {
     let (robot, lengths) = answered_by(|query, names| match query {
@@ -210,11 +214,13 @@ async fn parts_that_lack_nothing_do_not_explain_a_list_that_is_too_short() {
     assert_eq!(*lengths.lock().unwrap(), [4, 2, 2, 1, 1, 1, 1]);
 }
 
-/// Found by `make sim SEED=1844`, too: the one value that a list lacked seemed to be that of an address that had a value before.
+/// Also found by `make sim SEED=1844`: a list lacked one value, which seemed to belong to an address that had
+/// a value before.
 #[tokio::test]
 async fn a_value_that_was_there_before_and_is_not_now_explains_nothing() {
     let (robot, _lengths) = answered_by(|query, names| match query {
-        // All of it, without the last value; what every firmware has, with a wrong value; the last address alone.
+        // First all addresses, without the last value; then those that every firmware has, with a wrong
+        // value; then the last address alone.
         2 => right(&names[..2]),
         3 => with_the_last_one_wrong(names),
         4 => Vec::new(),
@@ -307,7 +313,7 @@ async fn a_result_is_read_again_with_the_values_of_then_also_after_a_call_that_w
     again.unwrap();
     shows(&result, 2);
 
-    // It is given up once it was sent, and its answer comes late.
+    // The caller gives it up once it was sent, and its answer comes late.
     tokio::select! {
         biased;
         again = robot.query_again(&mut result) => panic!("{again:?}"),

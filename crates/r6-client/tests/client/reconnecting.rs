@@ -1,4 +1,4 @@
-//! How often a controller that cannot be kept is asked again.
+//! How often the client reconnects to a controller that drops every connection.
 
 use std::fmt;
 use std::future;
@@ -40,7 +40,7 @@ async fn after_a_connection_that_lived_the_first_wait_comes_again() {
     let settings = defaults();
     let (mut wires, robot, first) = Wires::with_robot(settings.clone()).await;
     drop(first);
-    // The period is so long that the wait of nobody is cut short by it.
+    // The period is so long that it does not shorten any wait.
     let _watching = robot.subscribe(&[Address::CurMode], Duration::from_secs(60)).unwrap();
     for _ in 0..6 {
         let mut peer = wires.recv().await.unwrap();

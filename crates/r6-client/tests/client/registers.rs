@@ -1,4 +1,4 @@
-//! Registers: ok is no proof.
+//! Registers: an ok proves nothing.
 
 use r6_client::{Keep, NotSent, RegisterError, RegisterIndex, RequestError, Robot};
 use serde_json::{Value, json};
@@ -9,7 +9,7 @@ fn register(number: u16) -> RegisterIndex {
     RegisterIndex::new(number).unwrap()
 }
 
-/// Writes two registers on a controller that says ok to all and has these values afterwards.
+/// Writes two registers on a controller that answers ok to everything and then has these values.
 async fn write(written: [i32; 2], afterwards: Value) -> (Result<(), RegisterError>, Vec<Value>) {
     let (_controller, robot, peer) = Controller::with_robot(settings()).await;
     let mut requests = Vec::new();
@@ -17,7 +17,7 @@ async fn write(written: [i32; 2], afterwards: Value) -> (Result<(), RegisterErro
         let serving = peer.answer_all(|request| {
             requests.push(request.clone());
             Some(if command_word(request).is_empty() {
-                // Whoever asks for one register alone gets one value, or none.
+                // A query for one register alone gets one value, or none.
                 match (asked(request).as_slice(), afterwards.as_array()) {
                     ([one], Some(list)) => {
                         let at = usize::from(*one == "Addr-801");

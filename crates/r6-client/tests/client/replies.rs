@@ -80,7 +80,7 @@ async fn old_firmware_answers_without_names_and_numbers() {
         });
     assert_eq!(who.unwrap().text(Address::MachineName), Some("cell 4"));
     let (result, stored, ()) = tokio::join!(biased; robot.query(&[J1, Address::Counter(0)]), robot.command(Command::ClearAlarm), async {
-        // One at a time: where a reply is lost, the next one must not be taken for it.
+        // One request at a time: if a reply is lost, the next one must not be taken for it.
         let query = peer.frame().await;
         assert_eq!(query["cmdType"], "query");
         assert_eq!(query["dsID"], "HCRemoteMonitor");

@@ -1,4 +1,4 @@
-//! What a motion may begin on, what it ends with, and what a stop may say of itself.
+//! The conditions to begin a motion, how a motion ends, and what a stop may claim.
 
 use std::pin::pin;
 use std::sync::{Arc, Mutex};
@@ -18,12 +18,13 @@ use tokio::time::{Instant, sleep};
 use crate::controller::{Peer, Wires, asked, command_word, settings, soon, values, verdict};
 use crate::driving::begun;
 
-/// The answer of a machine that is ready and stands at zero, with so much in its list; its yes to all else.
+/// The reply of a machine that is ready and stands at zero, with this many instructions in its list. It
+/// accepts everything else.
 fn reply(request: &Value, list: usize) -> String {
     reply_at(request, list, "0")
 }
 
-/// The same with J1 elsewhere.
+/// The same reply with J1 at another position.
 fn reply_at(request: &Value, list: usize, j1: &str) -> String {
     if request["reqType"] != "query" {
         let word = request["cmdData"][0].as_str().unwrap_or("AddRCC");
@@ -32,7 +33,7 @@ fn reply_at(request: &Value, list: usize, j1: &str) -> String {
     let value = |name: &str| match name {
         "curMode" => "7".to_owned(),
         "origin" => "1".to_owned(),
-        // As on a connection that is made anew.
+        // As on a reconnection.
         "version" => "F5".to_owned(),
         "machineName" => "cell 4".to_owned(),
         "axisNum" => "6".to_owned(),
@@ -72,7 +73,7 @@ async fn follows(robot: &Robot) -> MotionError {
     }
 }
 
-/// Who is slow to take a reply, while something else drives the connection.
+/// A call that is slow to take its reply, while another call drives the connection.
 #[tokio::test(start_paused = true)]
 async fn a_call_that_was_slow_looks_again_before_its_list_leaves() {
     let slow_for = Duration::from_secs(10);
@@ -110,7 +111,7 @@ async fn a_call_that_was_slow_looks_again_before_its_list_leaves() {
     }
 }
 
-/// What a controller was told, and a stop that it keeps without an answer until it is let.
+/// The requests that a controller received, and a stop that it keeps unanswered until it is released.
 #[derive(Default)]
 struct Kept {
     stop: Option<Value>,
@@ -166,14 +167,14 @@ async fn a_stop_that_left_is_not_said_to_be_unsent() {
     let (wires, robot, mut peer) = Wires::with_robot(settings()).await;
     let (result, ()) = tokio::join!(soon(robot.stop()), async {
         assert_eq!(command_word(&peer.any_frame().await), "actionStop");
-        // Nobody listens from here on.
+        // The peer is gone from here on.
         drop((wires, peer));
     });
     let error = result.unwrap_err();
     assert!(matches!(error, RequestError::OutcomeUnknown(_)), "{error}");
 }
 
-/// Answers what is asked of the state until it is asked in full, and returns that question unanswered.
+/// Answers partial reads of the state. Returns the first complete read unanswered.
 async fn until_looked(peer: &mut Peer, list: usize) -> Value {
     loop {
         let request = peer.any_frame().await;
@@ -184,7 +185,7 @@ async fn until_looked(peer: &mut Peer, list: usize) -> Value {
     }
 }
 
-/// Nine others who ask in what state the machine is: one more than the link has room for.
+/// Nine other callers that query the state of the machine: one more than the link has room for.
 fn crowd(robot: &Robot) {
     for _ in 0..9 {
         let robot = robot.clone();
@@ -204,7 +205,7 @@ async fn a_list_that_was_judged_on_one_connection_does_not_leave_on_another() {
             peer.send(reply(&request, 0)).await;
         }
         soon(known).await.unwrap().unwrap();
-        // A list is left over where it is to be cleared.
+        // A list is left over if the test clears one.
         let list = usize::from(clears);
         let mover = robot.clone();
         let sending = tokio::spawn(async move {
@@ -228,7 +229,7 @@ async fn a_list_that_was_judged_on_one_connection_does_not_leave_on_another() {
         for _ in 0..7 {
             peer.any_frame().await;
         }
-        // Its list waits behind the ninth.
+        // Its list waits behind the ninth query.
         peer.send(reply(&look, list)).await;
         peer.any_frame().await;
         sleep(Duration::from_millis(100)).await;
@@ -247,7 +248,8 @@ async fn a_list_that_was_judged_on_one_connection_does_not_leave_on_another() {
     }
 }
 
-/// Plays a machine until it has all of a motion, and then another connection, with so much in the list and J1 there.
+/// Plays a machine until it has the whole motion. Then plays another connection, with this many instructions
+/// in the list and J1 at this position.
 async fn after_a_break((list, j1): (usize, &'static str), following: bool) -> MotionError {
     let (mut wires, robot, mut peer) = Wires::with_robot(settings()).await;
     let (target, targets) = TargetSender::new();
@@ -276,7 +278,8 @@ async fn after_a_break((list, j1): (usize, &'static str), following: bool) -> Mo
 
 #[tokio::test(start_paused = true)]
 async fn what_another_connection_shows_is_no_progress_of_a_motion() {
-    // A controller that was off and on has nothing in its list, and stands where the motion ends; or has a list of somebody.
+    // A controller that was switched off and on has an empty list and stands where the motion ends, or it has
+    // another client's list.
     for (then, following) in [((0, "0"), false), ((1, "0"), false), ((0, "5"), true)] {
         let error = after_a_break(then, following).await;
         let lost = RequestError::NotSent(NotSent::Disconnected);

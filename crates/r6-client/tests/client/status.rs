@@ -1,4 +1,4 @@
-//! The state at a glance, and what it lacks.
+//! The state at a glance, and the conditions that are unmet.
 
 use r6_client::{OperationMode, Readiness, Status, Unmet, Unproved};
 use r6_proto::address::Address;
@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::controller::{Controller, asked, settings, soon, values};
 
-/// The status read from a controller that has these values, and "0" for all others.
+/// Reads the status of a controller that has these values, and "0" for all others.
 async fn status_of(
     having: &'static [(&'static str, &'static str)],
     lacking: &'static [&'static str],
@@ -59,7 +59,7 @@ async fn every_unmet_condition_is_named_with_its_remedy() {
     assert_eq!(
         status.unmet(),
         [
-            // What would start with the next start comes before what starts it.
+            // Instructions that would start come before the condition that starts them.
             Unmet::Moving,
             Unmet::LeftoverList { length: 4 },
             Unmet::Alarm { code: 135 },
@@ -90,7 +90,7 @@ async fn what_is_not_known_counts_against_it_but_for_the_list() {
     assert_eq!(status.list_length, None);
 }
 
-/// What every value tells goes with any step of any program: only a name that the caller knows makes a proof of it.
+/// The values fit any step of any program. Only a program name that the caller knows proves the wait step.
 #[tokio::test]
 async fn no_value_proves_the_wait_step_but_the_name_of_a_program_that_is_known() {
     const MET: [(&str, &str); 3] = [("curMode", "7"), ("origin", "1"), ("curMold", "wait-for-pc")];
@@ -98,12 +98,12 @@ async fn no_value_proves_the_wait_step_but_the_name_of_a_program_that_is_known()
     assert_eq!(told.readiness(None), Readiness::Unknown(vec![Unproved::RemoteStep]));
     assert_eq!(told.readiness(Some("other")), Readiness::Unknown(vec![Unproved::RemoteStep]));
     assert_eq!(told.readiness(Some("wait-for-pc")), Readiness::Ready);
-    // The mainboard's port does not tell the program.
+    // The mainboard's port does not report the program.
     let untold = status_of(&MET, &["curMold"]).await;
     assert_eq!(untold.readiness(Some("wait-for-pc")), Readiness::Unknown(vec![Unproved::RemoteStep]));
     let list_untold = status_of(&MET, &["RemoteCmdLen"]).await;
     assert_eq!(list_untold.readiness(Some("wait-for-pc")), Readiness::Unknown(vec![Unproved::ListLength]));
-    // What is unmet comes first: a program that does not run waits for nothing.
+    // Unmet conditions come first: a program that does not run waits for nothing.
     let stopped = status_of(&[("curMode", "3"), ("origin", "1"), ("curMold", "wait-for-pc")], &[]).await;
     let unmet = vec![Unmet::Mode { found: OperationMode::Stop }];
     assert_eq!(stopped.readiness(Some("wait-for-pc")), Readiness::NotReady(unmet));

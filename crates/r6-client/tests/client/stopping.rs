@@ -1,4 +1,4 @@
-//! Stopping: ahead of all others, until the arm is seen to stand.
+//! Stopping: ahead of all other requests, until the arm is seen to stand.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -10,9 +10,9 @@ use serde_json::Value;
 
 use crate::controller::{Controller, asked, command_word, settings, soon, values, verdict};
 
-/// A controller with an arm that takes some stops to stand still.
+/// A controller with an arm that needs several stops to stand.
 struct Arm {
-    /// Stops that have no effect yet.
+    /// The number of stops that have no effect yet.
     deaf_to: u32,
     stops: u32,
     list: u32,
@@ -157,13 +157,14 @@ async fn a_stop_that_reaches_nobody_is_an_error() {
     let settings = RobotSettings { connect_timeout: Duration::from_millis(200), ..settings() };
     let (controller, robot, peer) = Controller::with_robot(settings).await;
     drop((controller, peer));
-    // What is written before the end is seen has left, as far as anybody knows.
+    // Bytes written before the end is seen count as sent, because the client cannot know better.
     soon(robot.query(&[Address::CurMode])).await.unwrap_err();
     let error = soon(robot.stop()).await.unwrap_err();
     assert!(matches!(error, RequestError::NotSent(_)), "{error:?}");
 }
 
-/// What drives the connection is shut down while a stop is under way on another runtime: nobody knows what the controller made of it.
+/// The runtime that drives the connection is shut down while a stop is under way on another runtime. Its
+/// outcome is then unknown.
 #[test]
 fn a_stop_whose_runtime_is_shut_down_is_not_said_to_be_unsent() {
     let runtime = || tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();

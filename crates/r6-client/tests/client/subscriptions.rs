@@ -1,4 +1,4 @@
-//! Many watchers, one poller; and how good the link is.
+//! Many subscriptions with one poller, and the quality of the link.
 
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -11,10 +11,10 @@ use serde_json::{Value, json};
 
 use crate::controller::{Controller, Peer, asked, command_word, settings, soon, values, verdict};
 
-/// As fast as subscriptions go.
+/// The shortest period of subscriptions.
 const FAST: Duration = Duration::from_millis(20);
 
-/// So slow that whatever happens in a test was not due yet.
+/// A period so long that nothing in a test becomes due.
 const SLOW: Duration = Duration::from_secs(1000);
 
 const MODE: Address = Address::CurMode;
@@ -24,7 +24,7 @@ const MOLD: Address = Address::CurMold;
 
 type Log = Arc<Mutex<Vec<Vec<String>>>>;
 
-/// A controller without `curMold` that counts up with each query, and remembers what it was asked.
+/// A controller without `curMold` that counts up with each query, and remembers the queries.
 fn counting(peer: Peer) -> Log {
     let log = Log::default();
     let seen = Arc::clone(&log);
@@ -77,7 +77,7 @@ async fn many_watchers_share_one_query() {
         );
         assert!(integer(&snapshot, ALARM) > 0);
     }
-    // What subscriptions came one after another may have been asked for apart, once.
+    // Subscriptions that were created one after another may be polled separately once.
     for asked in log.lock().unwrap().iter().skip(2) {
         assert_eq!(asked, &["curMode", "axisNum", "curAlarm"]);
     }
@@ -89,7 +89,8 @@ async fn at_most_one_poll_is_under_way_and_commands_pass_it() {
     let mut fast = robot.subscribe(&[MODE], FAST).unwrap();
     let poll = peer.frame().await;
     assert_eq!(asked(&poll), ["curMode"]);
-    // The reply stays out. More subscriptions bring no second query, and a command needs no reply to the first.
+    // The reply does not come. More subscriptions cause no second query, and a command does not need the
+    // reply to the first.
     let _second = robot.subscribe(&[ALARM], FAST).unwrap();
     let (sent, ()) = tokio::join!(robot.command(Command::ClearAlarm), async {
         let request = peer.frame().await;
@@ -151,7 +152,7 @@ async fn the_last_subscription_takes_the_poller_with_it() {
     let first = robot.subscribe(&[MODE], FAST).unwrap();
     let second = robot.subscribe(&[MODE, ALARM], SLOW).unwrap();
     let poll = peer.frame().await;
-    // While a poll is under way: it keeps neither the poller nor the connection.
+    // Dropped while a poll is under way: this holds up neither the poller nor the connection.
     drop((first, second));
     let (result, ()) = tokio::join!(robot.query(&[NAME]), async {
         let mut request = peer.frame().await;
@@ -189,7 +190,7 @@ async fn subscriptions_are_restored_at_once_and_commands_are_not() {
     let mode = snapshot.value(MODE).unwrap();
     assert_eq!((&mode.quality, &mode.reading), (&Quality::Stale, &Some(Reading::Integer(7))));
     assert_eq!(snapshot.fresh(MODE), None);
-    // Nobody asks for anything, and the next poll was not due for a quarter of an hour.
+    // No caller asks for anything, and the next poll was not due for a quarter of an hour.
     let mut peer = controller.accept().await;
     polled(&mut peer, &["curMode", "curAlarm"], json!(["3", "42"])).await;
     let mut snapshot = next(&mut slow).await;
@@ -199,7 +200,7 @@ async fn subscriptions_are_restored_at_once_and_commands_are_not() {
     assert_eq!((integer(&snapshot, MODE), integer(&snapshot, ALARM)), (3, 42));
     assert_eq!(snapshot.failure(), None);
     assert_eq!(robot.link_quality().reconnects, 1);
-    // The poller has read mode and alarm; whoever commands has not looked at them.
+    // The poller has read mode and alarm, but the caller that sends the command has not.
     assert_eq!(soon(robot.command(Command::StartButton)).await, Err(NotSent::StateNotRead.into()));
 }
 
@@ -209,7 +210,7 @@ async fn a_poll_that_fails_is_told_and_tried_again() {
     let mut slow = robot.subscribe(&[MODE], SLOW).unwrap();
     polled(&mut peer, &["curMode"], json!(["7"])).await;
     next(&mut slow).await;
-    // Nobody listens for a while: the poller goes on trying.
+    // The controller does not listen for a while: the poller keeps trying.
     let address = controller.address();
     drop((controller, peer));
     let mut snapshot = next(&mut slow).await;
@@ -236,7 +237,7 @@ async fn values_grow_old() {
     polled(&mut peer, &["curMode"], json!(["7"])).await;
     assert_eq!(integer(&next(&mut subscription).await, MODE), 7);
     assert_eq!(robot.link_quality().state, LinkState::Alive);
-    // From here on the controller is silent, and time is counted by hand.
+    // From here on the controller is silent, and the test moves the clock.
     tokio::time::pause();
     let ms = Duration::from_millis;
     let now = |subscription: &Subscription| subscription.latest().value(MODE).unwrap().clone();
@@ -290,7 +291,7 @@ async fn what_would_be_too_much_is_refused_with_advice() {
     robot.subscribe(&[MODE], SLOW).unwrap();
 }
 
-/// A reply to one request says nothing of another one that waits.
+/// A reply to one request says nothing about another request that waits.
 #[tokio::test(start_paused = true)]
 async fn a_link_is_silent_while_one_of_two_requests_waits() {
     let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
@@ -322,7 +323,7 @@ async fn the_link_is_measured() {
         other["packID"] = "4711".into();
         peer.send(values(&other, json!(["3"]))).await;
         peer.send("}}garbage ").await;
-        // Its brackets are in order, and it is no JSON.
+        // Its brackets match, but it is not JSON.
         peer.send("{no json}").await;
         peer.send(values(&request, json!(["7"]))).await;
     });
@@ -341,7 +342,7 @@ async fn the_link_is_measured() {
     });
     result.unwrap();
     let link = robot.link_quality();
-    // Asked again, after the two queries that tell who is there.
+    // Sent again, after the two identity queries.
     assert_eq!((link.requests, link.replies, link.lost, link.reconnects), (5, 4, 1, 1), "{link}");
     assert!(link.to_string().starts_with("link alive, replies within "), "{link}");
 }

@@ -1,4 +1,4 @@
-//! A virtual controller, and what it did.
+//! A virtual controller, and a record of what it did.
 
 use std::time::Duration;
 
@@ -9,7 +9,8 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::TryRecvError;
 use tokio::time::{Instant, sleep};
 
-/// Whatever has not happened after this long never will. The clock of these tests jumps to what is next.
+/// An event that has not happened after this time never will. The clock of these tests jumps to the next
+/// event.
 pub const PATIENCE: Duration = Duration::from_secs(600);
 
 pub struct Cell {
@@ -28,7 +29,7 @@ impl Cell {
         Self::of(VirtualController::builder().stands(start)).await
     }
 
-    /// One that runs a program of those that come with every controller.
+    /// A controller that runs one of the programs that come with every controller.
     pub async fn running(program: &str) -> Self {
         let text = match program {
             "register-move" => include_str!("../../../r6-controller/programs/register-move.toml"),
@@ -51,7 +52,8 @@ impl Cell {
         self.controller.handle()
     }
 
-    /// The lists that it took so far: how many instructions each had, and whether it replaced the one that was there.
+    /// The lists that it has accepted so far: how many instructions each had, and whether it replaced the
+    /// list before it.
     pub fn lists(&mut self) -> Vec<(usize, bool)> {
         loop {
             match self.log.try_recv() {
@@ -66,14 +68,14 @@ impl Cell {
         }
     }
 
-    /// How far the farthest axis is from there.
+    /// How far the axis that is farthest from its target is from it.
     pub fn error(&self, target: &[f64]) -> f64 {
         let axes = self.handle().snapshot().axes;
         axes.iter().zip(target).map(|(at, wanted)| (at - wanted).abs()).fold(0.0, f64::max)
     }
 }
 
-/// Looks at a machine every 10 ms for as long as something else is done.
+/// Looks at a machine every 10 ms while something else runs.
 pub async fn look_on<T>(
     handle: &ControllerHandle,
     mut look: impl FnMut(&r6_controller::ControllerSnapshot),

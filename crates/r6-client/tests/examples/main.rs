@@ -1,4 +1,4 @@
-//! Every example does what it says, on a virtual controller: judged by what the arm did.
+//! Every example does what it says, on a virtual controller. The tests judge by what the arm did.
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 #![allow(clippy::duplicate_mod, reason = "each example has its own way to wait for Ctrl-C, in one file")]
 
@@ -7,7 +7,7 @@ mod motion;
 mod readme;
 mod shared;
 
-// The examples themselves. Their `main` is not run: it reads arguments and waits for Ctrl-C.
+// The examples themselves. Their `main` does not run, because it reads arguments and waits for Ctrl-C.
 #[allow(dead_code, reason = "main and what only main uses")]
 #[path = "../../examples/camera_pick.rs"]
 mod camera_pick;

@@ -64,7 +64,7 @@ async fn stream_path_ends_where_it_should_each_point_once_and_without_a_pause() 
     assert_eq!(cell.lists().iter().map(|(count, _)| count).sum::<usize>(), stream_path::POINTS as usize);
 }
 
-/// How far the arm ever was from the target that moves, and how long the list ever was.
+/// Returns the maximum distance of the arm from the moving target, and the maximum length of the list.
 async fn follow(while_moving: bool) -> (f64, usize, Vec<(usize, bool)>) {
     let mut cell = Cell::new().await;
     let handle = cell.handle().clone();

@@ -1,4 +1,4 @@
-//! What the README shows is what is run here.
+//! The code in the README is the code that runs here.
 
 use std::path::Path;
 

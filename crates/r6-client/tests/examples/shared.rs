@@ -1,4 +1,4 @@
-//! The examples with two arms, and those where a taught program moves the arm.
+//! The examples with two arms, and those in which a taught program moves the arm.
 
 use std::time::Duration;
 

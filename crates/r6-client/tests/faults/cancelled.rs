@@ -1,5 +1,6 @@
-//! K1: futures that are dropped at every point at which they wait, and after every millisecond. Whatever is dropped, nothing hangs,
-//! nothing is carried out twice, what had not left never does, and the next caller finds all in order.
+//! K1: drops futures at every point at which they wait, and after every millisecond. In all cases nothing
+//! hangs and nothing is carried out twice. A request that was not sent before the drop is never sent. The
+//! next caller finds everything in order.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -19,14 +20,14 @@ use crate::hands::{self, On, Time, for_every_hand, pause, run, tasks};
 use crate::tap::{Dialler, Tap};
 use crate::world::{LONGEST_CALL, WRITTEN, connect, controller, ms};
 
-/// The link takes its time, so that there is something to wait for, and replies come in two parts.
+/// The link is slow, so that there is something to wait for, and replies come in two parts.
 const SLOW: &str = "[[fault]]\nfault = \"latency\"\nto_controller = 0.003\nto_client = 0.004\n\
     [[fault]]\nfault = \"stall\"\ndelay = 0.005\n";
 
-/// No future waits more often.
+/// No future waits more often than this.
 const MOST_POLLS: usize = 2000;
 
-/// The value that is written by what is dropped, and where it moves to, degrees.
+/// The value that the dropped call writes, and the positions it moves to, degrees.
 const VALUE: i64 = 424_242;
 const TARGETS: [f64; 4] = [0.5, 1.0, 1.5, 2.0];
 
@@ -39,10 +40,10 @@ struct Cell {
 
 type Dropped = Pin<Box<dyn Future<Output = ()>>>;
 
-/// Makes one.
+/// Creates one of the futures.
 type Call = fn(&Cell) -> Dropped;
 
-/// What is dropped.
+/// The futures that are dropped.
 const CALLS: [(&str, Call); 19] = [
     ("query", |cell| {
         let robot = cell.robot.clone();
@@ -178,7 +179,7 @@ async fn write(robot: &Robot, value: i64) -> Result<(), r6_client::RequestError>
     robot.command(Command::RewriteData { register, savable: false, value }).await.map(|_| ())
 }
 
-/// A future that is dropped once it was polled so often; whether it came to its end before.
+/// A future that is dropped after a number of polls. Returns whether it ended before.
 struct Polls {
     inner: Dropped,
     left: usize,
@@ -200,14 +201,14 @@ impl Future for Polls {
     }
 }
 
-/// When a future is dropped.
+/// When the test drops a future.
 #[derive(Clone, Copy, Debug)]
 enum When {
     Polled(usize),
     After(Duration),
 }
 
-/// Drops a call, and finds all in order afterwards. Whether the call came to its end before.
+/// Drops a call, and checks that everything is in order afterwards. Returns whether the call ended before.
 async fn drop_and_look(call: Call, name: &'static str, when: When) -> bool {
     let scenario = Scenario::read(SLOW).unwrap();
     let (virtual_controller, floor) = controller("hc1", 1, &scenario).await;
@@ -226,7 +227,8 @@ async fn drop_and_look(call: Call, name: &'static str, when: When) -> bool {
         let (robot, _) = connect(cell.controller.handle(), &RobotSettings::default(), None).await;
         robot
     } else {
-        // Tasks of the call are gone; those of another client whose connection was just made, too.
+        // The tasks of the call are gone, and so are those of another client whose connection was just
+        // opened.
         assert!(tasks() <= idle, "{name} {when:?}: {} tasks, {idle} before", tasks());
         cell.robot.clone()
     };
@@ -277,7 +279,7 @@ fn k1_a_future_dropped_wherever_it_waits_leaves_all_in_order(on: On) {
 }
 
 fn k1_a_future_dropped_after_any_time_leaves_all_in_order(on: On) {
-    // What the hands share meets every time on one of them.
+    // The code that all drivers share meets every point on one of them; the other drivers meet some.
     let step = if on == On::Tokio { 2 } else { 7 };
     for (name, call) in CALLS {
         let ends = (0..800).step_by(step).map(ms).find(|time| {

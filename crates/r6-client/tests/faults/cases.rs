@@ -1,4 +1,4 @@
-//! Which faults there are, what goes wrong in each case, and how it is felt.
+//! The list of faults: what fails in each case, and how the client notices it.
 
 use r6_controller::Event;
 use r6_controller::scenario::Happening;
@@ -10,29 +10,29 @@ use crate::tap::Rewrite;
 use crate::work::Fate;
 use crate::world::Outcome;
 
-/// What goes wrong.
+/// The fault of a case.
 #[derive(Clone, Copy, Debug)]
 pub enum Text {
     /// A file of `examples/scenarios`.
     File,
-    /// A scenario of its own.
+    /// A scenario that only this case has.
     Own(&'static str),
 }
 
 /// One case.
 #[derive(Clone, Copy)]
 pub struct Case {
-    /// The fault's number, and what is told apart within it.
+    /// The number of the fault, and the name of this variant.
     pub name: &'static str,
     pub text: Text,
-    /// Firmware that it happens on; without one, on each in turn.
+    /// The firmware on which it happens; `None`: each firmware in turn.
     pub profile: Option<&'static str>,
-    /// How much later than the fault's end what it held up is through, ms.
+    /// How long after the end of the fault the delayed traffic has passed, ms.
     pub held_up: u64,
     pub rewrite: Option<Rewrite>,
-    /// Whether another client is there.
+    /// Whether another client is present.
     pub another: bool,
-    /// Whether the client had to feel it, as this shows. Without the fault it does not.
+    /// Whether the outcome shows that the client noticed the fault. Without the fault this is `false`.
     pub felt: fn(&Outcome) -> bool,
 }
 
@@ -49,7 +49,8 @@ const fn from(case: Case, these: &'static [u8], those: &'static [u8]) -> Case {
     Case { rewrite: Some(Rewrite { these, those, from, until }), ..case }
 }
 
-/// A name in GBK, as Chinese pendants write it: two bytes each, of which the second may be a quote's escape.
+/// A name in GBK, as Chinese pendants write it: two bytes per character. The second byte may be the escape of
+/// a quote.
 const GBK: Rewrite = Rewrite {
     these: b"r6 virtual BRTIRUS0707A",
     those: b"\xbb\xfa\xc6\xf7",
@@ -57,28 +58,28 @@ const GBK: Rewrite = Rewrite {
     until: Duration::from_secs(3600),
 };
 
-/// Something happens, so that a case without a fault of the controller has a length.
+/// An event, so that a case without a fault of the controller has a length.
 const NINE_SECONDS: &str = "[[at]]\ntime = 9\ndo = \"input\"\npoint = \"X010\"\non = true\n";
 
 const UNKNOWN_ALARM: &str = "[[at]]\ntime = 4\ndo = \"alarm\"\nnumber = 4711\nevery = 2\ntimes = 3\n";
 
 const CROSSED: &str = "[[fault]]\nfault = \"crossed-reply\"\nfrom = 3\nfor = 6\n";
 
-/// Whoever is asked to wait after every list gets the replies to what he no longer waits for.
+/// A client that has to wait after every list gets the replies to requests that it no longer waits for.
 const LATE_WITHOUT_NUMBERS: &str =
     "[[fault]]\nfault = \"late-reply\"\ndelay = 2.5\nchance = 0.2\nfrom = 3\nfor = 8\n";
 
 const SHORT_LISTS: &str = "[[fault]]\nfault = \"bad-list\"\nkind = \"short\"\nchance = 0.5\nfrom = 3\nfor = 4\n\
     [[fault]]\nfault = \"bad-list\"\nkind = \"long\"\nchance = 0.5\nfrom = 8\nfor = 4\n";
 
-/// The connection ends within the replies, and comes back to a controller that answers late.
+/// The connection ends within the replies. When it comes back, the controller answers late.
 const RESETS_AND_LATENCY: &str = "[[fault]]\nfault = \"reset-mid-frame\"\nchance = 0.1\nfrom = 3\nfor = 8\n\
     [[fault]]\nfault = \"latency\"\nto_controller = 0.01\nto_client = 0.02\nspread = 0.05\nfrom = 3\nfor = 8\n";
 
 const TINY: &str = "[[fault]]\nfault = \"pieces\"\nbytes = 1\nfrom = 3\nfor = 4\n\
     [[fault]]\nfault = \"slow\"\nbytes_per_second = 2000\nfrom = 3\nfor = 4\n";
 
-/// Every case but those of the client's own (`cancelled.rs`, `killed.rs`).
+/// All cases except those of the client itself (`cancelled.rs`, `killed.rs`).
 pub const CASES: &[Case] = &[
     file("T1-refuse", |seen| seen.line.refused > 2),
     file("T2-black-hole", |seen| seen.line.unanswered > 0),
@@ -95,7 +96,7 @@ pub const CASES: &[Case] = &[
     file("T14-stall", |seen| seen.line.parts > 10),
     file("P1-bad-json", |seen| seen.quality.garbled > 5),
     file("P2-bad-field", |seen| seen.notes.unreadable + seen.notes.failures > 0),
-    // Without numbers nobody can tell a reply that comes twice from the next one.
+    // Without numbers, a reply that comes twice looks the same as the next reply.
     Case { profile: Some("hc1"), ..file("P3-bad-pack-id", |seen| seen.quality.strays > 2) },
     Case { held_up: 5000, ..file("P3-late-reply", |seen| seen.quality.timeouts > 0) },
     Case {
@@ -103,7 +104,7 @@ pub const CASES: &[Case] = &[
         profile: Some("legacy"),
         ..own("P3-late-without-numbers", LATE_WITHOUT_NUMBERS, |seen| seen.quality.timeouts > 0)
     },
-    // Without numbers nobody can tell a reply to another's request from his own.
+    // Without numbers, a reply to another client's request looks the same as an own reply.
     Case {
         profile: Some("hc1"),
         another: true,
@@ -120,7 +121,7 @@ pub const CASES: &[Case] = &[
         rewrite: Some(GBK),
         ..own("P8-gbk", NINE_SECONDS, |seen| seen.machine_name.as_deref() == Some("机器"))
     },
-    // A list that is not carried out may also be ended by somebody's stop before that is noticed.
+    // A list that is not carried out may also be ended by another client's stop before this is noticed.
     file("P10-not-executed", |seen| seen.events.iter().any(not_executed)),
     file("P10-not-acknowledged", |seen| seen.notes.commands(&Fate::Unknown) > 0),
     file("P11-list-full", |seen| seen.notes.ended(|cause| matches!(cause, Cause::Refused(_))) > 0),
@@ -150,7 +151,7 @@ fn another_master(event: &Event) -> bool {
 }
 
 impl Outcome {
-    /// Whether it was learned that this firmware does not say which request it answers.
+    /// Whether the client learned that this firmware does not say which request it answers.
     fn has_no_numbers(&self) -> bool {
         self.learned.echoes_pack_id == Some(false)
     }
@@ -160,27 +161,27 @@ impl Outcome {
         self.quality.latency.map_or(Duration::ZERO, |latency| latency.max)
     }
 
-    /// Queries for one address: what a list was taken apart to.
+    /// The number of queries for one address, which come from splitting a list.
     fn asked_alone(&self) -> usize {
         let alone =
             |frame: &serde_json::Value| frame["queryAddr"].as_array().is_some_and(|asked| asked.len() == 1);
         self.line.frames().iter().filter(|frame| alone(frame)).count()
     }
 
-    /// Motions that another master brought to their end.
+    /// The number of motions that another master ended.
     fn ended_by_others(&self) -> usize {
         self.notes.ended(|cause| matches!(cause, Cause::Stopped { .. } | Cause::Elsewhere(_)))
     }
 }
 
 impl Case {
-    /// The fault that it is a case of.
+    /// The fault that this case belongs to.
     pub fn fault(&self) -> &'static str {
         self.name.split('-').next().unwrap_or_default()
     }
 }
 
-/// Nothing goes wrong.
+/// A case without a fault.
 pub fn nothing() -> Case {
     own("nothing", NINE_SECONDS, |_| false)
 }

@@ -1,5 +1,5 @@
-//! What stands at the controller and counts: which instructions it carried out, where the arm was when, and whether it moved
-//! when nothing may.
+//! An observer at the controller that counts: which instructions it carried out, where the arm was when, and
+//! whether the arm moved when it must not.
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -11,32 +11,33 @@ use r6_sim::ControllerHandle;
 /// How long an arm takes to come to rest after a stop.
 const COMES_TO_REST_NANOS: u64 = 700_000_000;
 
-/// So many observations are kept: some minutes of a busy controller.
+/// The number of observations kept: some minutes of a busy controller.
 const KEPT: usize = 200_000;
 
-/// What was seen at the controller.
+/// What the observer saw at the controller.
 #[derive(Debug, Default)]
 pub struct Seen {
-    /// The targets of J1 of the instructions that were carried out, in their order, in thousandths of a degree.
+    /// The targets of J1 of the instructions that were carried out, in their order, in thousandths of a
+    /// degree.
     pub done: Vec<i64>,
-    /// Instructions that were taken into the list.
+    /// The number of instructions taken into the list.
     pub taken: usize,
-    /// Where J1 was when, degrees.
+    /// The positions of J1 over time, degrees.
     places: Vec<(Instant, f64)>,
     completed: u64,
     current: Option<i64>,
-    /// Nothing may move since then, and where it was then.
+    /// Since when nothing may move. The position at that time follows.
     halted: Option<Instant>,
     pub broken_promises: Vec<String>,
     pub log: Vec<String>,
     pub events: Vec<Event>,
 }
 
-/// Who stands there. Clones are the same.
+/// The observer. All clones are the same observer.
 #[derive(Clone, Debug, Default)]
 pub struct Floor(Arc<Mutex<Seen>>);
 
-/// What an instruction tells of J1, in thousandths of a degree.
+/// Converts an angle of J1 to thousandths of a degree.
 pub fn thousandths(degrees: f64) -> i64 {
     #[expect(clippy::cast_possible_truncation, reason = "an angle")]
     let whole = (degrees * 1000.0).round() as i64;
@@ -55,14 +56,14 @@ impl Floor {
         self.0.lock().unwrap()
     }
 
-    /// From now on nothing may move, until something is sent that may move it.
+    /// From now on nothing may move, until a request is sent that may move it.
     pub fn halt(&self) {
         let mut seen = self.seen();
         let now = seen.places.last().map(|(at, _)| *at);
         seen.halted = now;
     }
 
-    /// Somebody may move it again.
+    /// Allows motion again.
     pub fn release(&self) {
         self.seen().halted = None;
     }
@@ -74,7 +75,8 @@ impl Seen {
         let list = machine.list();
         let j1 = machine.motion().axes.degrees()[0];
         for _ in self.completed..list.completed() {
-            // Each move takes longer than the time between two looks, so it was the one that was seen last.
+            // Each move takes longer than the time between two looks. So the completed instruction is the one
+            // seen in the last look.
             self.done.extend(self.current.take());
         }
         self.completed = list.completed();
@@ -98,7 +100,8 @@ impl Seen {
         }
     }
 
-    /// Whether J1 was at this place at some time between the two; after the last look it stays where it was.
+    /// Whether J1 was at this position at some time between the two. After the last look the arm stays where
+    /// it was.
     pub fn was_at(&self, j1: f64, from: Instant, to: Instant) -> bool {
         let near = |place: f64| (place - j1).abs() < 2e-3;
         let last_before = self.places.iter().rev().find(|(at, _)| *at <= from);
@@ -112,7 +115,7 @@ impl Seen {
                 .any(|(_, place)| near(*place))
     }
 
-    /// Each instruction was carried out once at most, and in its order.
+    /// Checks that each instruction was carried out at most once, and in its order.
     pub fn assert_nothing_twice(&self, ours: impl Fn(i64) -> bool) {
         let ours: Vec<i64> = self.done.iter().copied().filter(|target| ours(*target)).collect();
         assert!(

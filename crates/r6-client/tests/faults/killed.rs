@@ -1,7 +1,9 @@
-//! K2: the process of a client is killed when the controller has carried out instruction n, for each n. The arm finishes what is in
-//! its list and nothing else, or, with a managed heartbeat, the watchdog stops it; a new client connects at once and sees the truth.
+//! K2: kills the process of a client when the controller has carried out instruction n, for each n. The arm
+//! then finishes what is in its list and nothing else, or, with a managed heartbeat, the watchdog stops it. A
+//! new client connects at once and reads the true state.
 //!
-//! The client is this test itself, run once more and told so. Nothing sleeps: what is waited for is what the controller has done.
+//! The client is this test itself, run once more with a variable set. Nothing sleeps: the test waits for the
+//! progress of the controller.
 
 use r6_controller::Event;
 use std::env;
@@ -19,24 +21,25 @@ use tokio::time::timeout;
 use crate::floor::{Floor, thousandths};
 use crate::hands::{self, On, Time, for_every_hand};
 
-/// Tells the test that it is the client: where the controller is, how it is to move, and on which hand.
+/// The variable that makes this test the client: the address of the controller, how to move, and the driver
+/// to use.
 const CHILD: &str = "R6_TEST_KILLED_CLIENT";
 
-/// The test that is run once more.
+/// The test that runs as the client.
 const TEST: &str = "killed::k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends::tokio";
 
-/// Steps of the motion that is killed, and how far each goes, degrees.
+/// The number of steps of the motion that is killed, and the length of each step, degrees.
 const STEPS: usize = 10;
 const STEP: f64 = 0.5;
 
-/// The speed, %, of a motion that the watchdog stops: a step lasts some three seconds, and more than one is left when the client is
-/// killed.
+/// The speed, %, of a motion that the watchdog stops. A step lasts some three seconds, and more than one step
+/// is left when the client is killed.
 const SLOW: f64 = 0.1;
 
 /// Long enough for a loaded machine.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// What the controller has done, told after each thing that happens.
+/// The progress of the controller, sent after each event.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Done {
     instructions: u64,
@@ -54,7 +57,7 @@ fn motion(from: usize, percent: f64) -> Motion {
     })
 }
 
-/// The client that is killed, which never ends by itself.
+/// The client that is killed. It never ends by itself.
 fn client(told: &str) {
     let mut told = told.split(' ');
     let (address, percent) = (told.next().unwrap(), told.next().unwrap().parse().unwrap());
@@ -79,12 +82,12 @@ fn client(told: &str) {
         };
         let handle = robot.run(&motion(0, percent), options).await.unwrap();
         drop(handle.finished().await);
-        // It is killed in any case.
+        // The test kills it in any case.
         std::future::pending::<()>().await;
     });
 }
 
-/// A child that does not outlive the test.
+/// A child process that does not outlive the test.
 struct Client(Child);
 
 impl Client {
@@ -103,7 +106,7 @@ impl Client {
 
 impl Drop for Client {
     fn drop(&mut self) {
-        // One that is gone already says so.
+        // Killing a child that is already gone returns an error, which does not matter.
         drop(self.0.kill());
         drop(self.0.wait());
     }
@@ -145,7 +148,7 @@ impl Cell {
         }
     }
 
-    /// What a client that comes afterwards finds, and does.
+    /// Checks what a later client finds and can do.
     async fn assert_another_takes_over(&self, killed_after: usize) {
         let address = self.address();
         let robot = timeout(PATIENCE, hands::connect(&address, RobotSettings::default()));
@@ -157,7 +160,7 @@ impl Cell {
         assert_eq!(status.list_length, i64::try_from(snapshot.list_length).ok());
         let before = self.floor.seen().done.clone();
         if snapshot.alarm != 0 {
-            // What the watchdog left is cleared before anything is started.
+            // The alarm of the watchdog is cleared before anything is started.
             robot.command(Command::ClearAlarm).await.unwrap();
             let report = robot.stop().await.unwrap();
             assert!(report.confirmed, "{report}");
@@ -207,7 +210,8 @@ fn k2_a_client_that_is_killed_at_any_instruction_leaves_a_list_that_ends(on: On)
         return client(&told);
     }
     hands::run(on, Time::Real, move || async move {
-        // What the hands share meets every instruction on one of them.
+        // The code that all drivers share meets every instruction on one of them; the other drivers meet
+        // some.
         let every = if on == On::Tokio { 1 } else { 4 };
         for killed_after in (0..=STEPS).step_by(every) {
             let mut cell = Cell::start(Clock::Times(4.0), Profile::hc1()).await;
@@ -233,8 +237,8 @@ fn k2_with_a_heartbeat_the_watchdog_stops_what_a_killed_client_left(on: On) {
     hands::run(on, Time::Real, move || async move {
         let most = if on == On::Tokio { 3 } else { 1 };
         for killed_after in 0..most {
-            // A list that lasts longer than the watchdog waits; that is not ten seconds here, and long enough for a client on a
-            // loaded machine to send twenty heartbeats.
+            // The list must last longer than the watchdog waits. The watchdog waits less than ten seconds
+            // here, but long enough for a client on a loaded machine to send twenty heartbeats.
             let profile = Profile { heartbeat_timeout: Duration::from_secs(2), ..Profile::hc1() };
             let mut cell = Cell::start(Clock::Real, profile).await;
             let client = Client::start(on, &cell.address(), SLOW, "heartbeat");

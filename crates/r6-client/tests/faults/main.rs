@@ -1,7 +1,9 @@
-//! A client at work while the link, the replies and the controller are broken on purpose: nothing hangs, nothing is carried out
-//! twice, nothing is shown that is not true, and all is well again as soon as the fault is over.
+//! A client at work while faults are injected into the link, the replies and the controller. Nothing hangs,
+//! nothing is carried out twice, and nothing untrue is shown. As soon as the fault is over, everything works
+//! again.
 //!
-//! Everything runs in one process on a clock that nobody waits for, on each hand (`tests/hands`); the seed says everything that is drawn.
+//! Everything runs in one process on a simulated clock, with each driver (`tests/hands`). The seed determines
+//! every random choice.
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 
 mod cancelled;
@@ -38,7 +40,7 @@ fn scenario(case: &Case) -> Scenario {
     Scenario::read(&text).unwrap_or_else(|error| panic!("{}: {error}", case.name))
 }
 
-/// When the last thing has happened.
+/// The time of the last event.
 fn end_of(scenario: &Scenario) -> Duration {
     let entries = scenario.timeline.iter().map(|entry| {
         let lasts = if let Happening::PowerCut { off, .. } = &entry.what { *off } else { Duration::ZERO };
@@ -48,10 +50,10 @@ fn end_of(scenario: &Scenario) -> Duration {
     entries.chain(windows).max().unwrap_or_default()
 }
 
-/// Every firmware that there is; three of four seeds meet the one that is met most.
+/// All firmware profiles. Three of four seeds use the most common one.
 const PROFILES: [&str; 8] = ["hc1", "hc1", "legacy", "hc1", "r6-host", "hc1", "r6-pendant", "hc1"];
 
-/// Says what was run where a check fails.
+/// Prints what was run when a check fails.
 struct Told(String);
 
 impl Drop for Told {
@@ -62,14 +64,14 @@ impl Drop for Told {
     }
 }
 
-/// The same somewhat later, so that it begins and ends at another time of the client's own periods.
+/// Shifts the scenario, so that the fault begins and ends at another phase of the client's periods.
 fn later(mut scenario: Scenario, by: Duration) -> Scenario {
     scenario.timeline.iter_mut().for_each(|entry| entry.at += by);
     scenario.faults.iter_mut().for_each(|window| window.from += by);
     scenario
 }
 
-/// Runs a case: each seed on another firmware, and at another time.
+/// Runs a case: each seed with another firmware, and at another time.
 fn run(on: On, case: &Case, setup: Setup) -> Outcome {
     let scenario = later(scenario(case), ms(setup.seed * 377 % 1000));
     let turn = usize::try_from(setup.seed).unwrap() % PROFILES.len();
@@ -87,7 +89,8 @@ fn run(on: On, case: &Case, setup: Setup) -> Outcome {
     world::run(on, &scenario, &setup)
 }
 
-/// Seeds of each case, with each of the two setups. What the hands share meets all of them on one hand, and each firmware on the others.
+/// The seeds of each case, with each of the two setups. One driver runs all seeds, because the drivers share
+/// most of the code; the others run each firmware.
 fn seeds(on: On) -> Vec<u64> {
     match on {
         On::Tokio => (0..16).collect(),
@@ -95,11 +98,13 @@ fn seeds(on: On) -> Vec<u64> {
     }
 }
 
-/// By how much earlier than due something may be asked for: so much later than one period the next answer may be.
+/// How much earlier than due an address may be requested. So the next answer may be this much later than one
+/// period.
 const RIDES_ALONG: Duration = Duration::from_millis(50);
 
-/// Runs all cases of a fault. Whoever waits no longer than he must has an answer again within one period of his subscription; whoever
-/// has the usual patience waits for the time-outs of what the fault swallowed besides.
+/// Runs all cases of a fault. A client with short timeouts has an answer again within one period of its
+/// subscription. A client with the usual timeouts also waits for the timeouts of the requests that the fault
+/// swallowed.
 fn holds(on: On, fault: &str) {
     let cases: Vec<_> = CASES.iter().filter(|case| case.fault() == fault).collect();
     assert!(!cases.is_empty(), "no case of {fault}");
@@ -116,7 +121,7 @@ fn holds(on: On, fault: &str) {
             );
             assert!(
                 (case.felt)(&seen),
-                "{}, seed {seed}: nobody felt it: {} {:?}",
+                "{}, seed {seed}: the fault had no effect: {} {:?}",
                 case.name,
                 seen.quality,
                 seen.notes.runs
@@ -134,7 +139,7 @@ fn holds(on: On, fault: &str) {
     }
 }
 
-/// One test for each fault and hand, so that they run side by side and a failure names it.
+/// One test per fault and driver, so that they run in parallel and a failure names both.
 macro_rules! faults {
     ($($test:ident: $fault:literal;)+) => {
         $(fn $test(on: On) { holds(on, $fault); })+
@@ -172,7 +177,7 @@ faults! {
     p14_two_masters: "P14";
 }
 
-/// The faults that the client has to survive, those of its own apart (`cancelled.rs`: K1, `killed.rs`: K2).
+/// All faults that the client has to survive, except its own (`cancelled.rs`: K1, `killed.rs`: K2).
 #[test]
 fn every_fault_has_a_case_and_a_test() {
     let transport = (1..=9).chain([14]).map(|n| format!("T{n}"));
@@ -183,7 +188,7 @@ fn every_fault_has_a_case_and_a_test() {
     assert!(CASES.iter().all(|case| TESTED.contains(&case.fault())), "a case that no test runs");
 }
 
-/// Nothing is felt where nothing is broken: no case passes because of what happens anyway.
+/// Without a fault, no case reports one. So no case passes because of normal events.
 fn without_a_fault_nobody_feels_any(on: On) {
     let nothing = cases::nothing();
     for seed in seeds(on).into_iter().filter(|seed| *seed < 8) {
@@ -191,7 +196,7 @@ fn without_a_fault_nobody_feels_any(on: On) {
             let seen = run(on, &nothing, setup);
             let usual = |case: &&Case| (case.felt)(&seen);
             let felt: Vec<_> = CASES.iter().filter(usual).map(|case| case.name).collect();
-            // Firmware without numbers has none in any case.
+            // Firmware without numbers never has any.
             let felt: Vec<_> =
                 felt.into_iter().filter(|name| !name.starts_with("P8-") || seen.profile == "hc1").collect();
             assert_eq!(felt, Vec::<&str>::new(), "seed {seed}, {}", seen.quality);
@@ -204,7 +209,7 @@ fn without_a_fault_nobody_feels_any(on: On) {
     }
 }
 
-/// The same seed gives the same bytes, at the same times, and another one others.
+/// The same seed gives the same bytes at the same times. A different seed gives different ones.
 fn a_seed_says_everything(on: On) {
     for name in ["T4-and-latency", "P1-bad-json", "P3-bad-pack-id", "T9-slow"] {
         let case = CASES.iter().find(|case| case.name == name).unwrap();

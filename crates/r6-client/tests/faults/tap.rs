@@ -1,5 +1,6 @@
-//! A client's connections in memory, and what went over them: all it sent, and how what it got came. What it gets can be written
-//! anew on the way, where no fault of the controller does it.
+//! A client's connections in memory, and a record of their traffic: all that the client sent, and how its
+//! input arrived. The test can rewrite the input on the way, for faults that the controller cannot produce
+//! itself.
 
 use std::fmt;
 use std::io;
@@ -14,24 +15,24 @@ use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::Instant;
 
-/// What went over the connections of one client.
+/// The traffic over the connections of one client.
 #[derive(Clone, Debug, Default)]
 pub struct Line {
     /// The bytes that were sent over each connection.
     pub sent: Vec<Vec<u8>>,
-    /// Attempts to connect that were refused, and those that were given up.
+    /// Attempts to connect that were refused, and attempts that the client gave up.
     pub refused: u32,
     pub unanswered: u32,
-    /// Reads that ended within a frame, and those with more than one.
+    /// Reads that ended within a frame, and reads with more than one frame.
     pub parts: u32,
     pub together: u32,
-    /// How connections ended.
+    /// How the connections ended.
     pub resets: u32,
     pub ends: u32,
 }
 
 impl Line {
-    /// The whole frames that were sent, in their order, over each connection.
+    /// The complete frames that were sent over each connection, in order.
     pub fn conversations(&self) -> Vec<Vec<Value>> {
         let frames = |bytes: &Vec<u8>| {
             serde_json::Deserializer::from_slice(bytes).into_iter().map_while(Result::ok).collect::<Vec<_>>()
@@ -39,12 +40,13 @@ impl Line {
         self.sent.iter().map(frames).collect()
     }
 
-    /// The same over all of them.
+    /// The complete frames of all connections.
     pub fn frames(&self) -> Vec<Value> {
         self.conversations().concat()
     }
 
-    /// Nothing that may move or change anything was sent over a connection that was made anew before it was asked who is there.
+    /// Checks that on a new connection the client asked for the identity before it sent anything that moves
+    /// or changes something.
     pub fn assert_introduced(&self) {
         const WHO: [&str; 5] = ["version", "machineName", "axisNum", "curMode", "curAlarm"];
         for conversation in self.conversations().iter().skip(1) {
@@ -54,11 +56,11 @@ impl Line {
                     || (frame["reqType"] == "command" && frame["cmdData"][0] != "actionStop")
             };
             let before = conversation.iter().take_while(|frame| !asks_who(frame)).find(|frame| acts(frame));
-            assert_eq!(before, None, "sent to nobody knows whom");
+            assert_eq!(before, None, "sent to an unknown robot");
         }
     }
 
-    /// All that was sent, as text.
+    /// Everything sent, as text.
     pub fn text(&self) -> String {
         self.sent
             .iter()
@@ -68,20 +70,20 @@ impl Line {
     }
 }
 
-/// The same, while it is being used.
+/// The record, while it is in use.
 pub type Tap = Arc<Mutex<Line>>;
 
-/// Bytes to the client that become others, in a time.
+/// Bytes to the client that the test replaces during a period of time.
 #[derive(Clone, Copy, Debug)]
 pub struct Rewrite {
     pub these: &'static [u8],
     pub those: &'static [u8],
-    /// Since the client was made.
+    /// The time since the client was created.
     pub from: Duration,
     pub until: Duration,
 }
 
-/// Makes the connections of a client.
+/// Opens the connections of a client.
 pub struct Dialler {
     pub controller: ControllerHandle,
     pub tap: Tap,
@@ -116,7 +118,7 @@ impl Connect for Dialler {
     }
 }
 
-/// An attempt to connect; one that is dropped got no answer.
+/// An attempt to connect. If it is dropped, it got no answer.
 struct Attempt(Option<Tap>);
 
 impl Drop for Attempt {
@@ -134,7 +136,7 @@ pub struct Tapped {
     tap: Tap,
     rewrite: Option<Rewrite>,
     begun: Instant,
-    /// What was written anew and not read yet.
+    /// The rewritten bytes that were not read yet.
     rest: Vec<u8>,
 }
 
@@ -171,7 +173,7 @@ impl AsyncRead for Tapped {
 }
 
 impl Tapped {
-    /// Has something to read, written anew; whole frames come in one piece.
+    /// Reads the stream and rewrites the bytes. Whole frames come in one piece.
     fn poll_rewritten(
         mut self: Pin<&mut Self>,
         cx: &mut Context<'_>,

@@ -1,4 +1,4 @@
-//! The work of a client, and what it was told of each piece of it.
+//! The work of a client, and the results that it was given.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,16 +21,16 @@ use crate::world::{FIRST, REGISTERS, Setup, WRITTEN, bounded, controller_time, m
 /// Steps of one motion.
 const STEPS: usize = 6;
 
-/// How far J1 goes with each step, degrees: each target is its own, and they only grow.
+/// How far J1 moves with each step, degrees. Each target is different, and the targets only grow.
 const STEP: f64 = 0.25;
 
-/// Where J1 begins, degrees: nobody else sends it to a multiple of the steps from there.
+/// The start position of J1, degrees. No other client sends J1 to a multiple of the steps from there.
 const FIRST_PLACE: i64 = 100;
 
-/// J1 is not sent further, degrees.
+/// J1 does not move beyond this, degrees.
 const FURTHEST: f64 = 150.0;
 
-/// What became of one thing that was sent.
+/// The outcome of one request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Fate {
     Ok,
@@ -50,25 +50,25 @@ impl Fate {
     }
 }
 
-/// A motion, and what was told of it.
+/// A motion, and its reported result.
 #[derive(Clone, Debug)]
 pub struct Run {
     pub targets: Vec<i64>,
     pub states: Vec<StepState>,
-    /// `None`: it came to its end.
+    /// `None`: it ended successfully.
     pub error: Option<MotionError>,
 }
 
-/// All that was told.
+/// All results that the client was given.
 #[derive(Debug, Default)]
 pub struct Notes {
     pub targets: BTreeSet<i64>,
     pub runs: Vec<Run>,
     pub commands: Vec<(i64, Fate)>,
     pub queries: Vec<Fate>,
-    /// What stops told: whether the arm was seen to stand, or that none was answered.
+    /// The result of each stop: whether the arm was seen to stand, or `None` if no stop was answered.
     pub stops: Vec<Option<bool>>,
-    /// When the subscription told something new, and whether all of it was fresh and answered.
+    /// The time of each news of the subscription, and whether all of it was fresh and answered.
     pub news: Vec<(Instant, bool)>,
     pub failures: u32,
     pub not_fresh: u32,
@@ -76,7 +76,7 @@ pub struct Notes {
     pub longest_list: i64,
 }
 
-/// What every task of the client has.
+/// The state that every task of the client shares.
 #[derive(Clone)]
 pub struct Work {
     pub robot: Robot,
@@ -108,7 +108,7 @@ impl Work {
         note(&mut self.notes.lock().unwrap());
     }
 
-    /// Watches the state; whatever is shown as fresh has to be true.
+    /// Watches the state. Every value shown as fresh has to be true.
     pub async fn watch(self) {
         let addresses: Vec<_> = [Address::CurMode, Address::CurAlarm, j1()]
             .into_iter()
@@ -118,7 +118,7 @@ impl Work {
         while !self.is_over() {
             let snapshot = bounded("the subscription", subscription.next()).await.expect("it is open");
             self.check(&snapshot, true);
-            // What nobody has told anew grows old.
+            // Values without news grow old.
             if timeout(self.setup.every, subscription.next()).await.is_err() {
                 self.check(&subscription.latest(), false);
             } else {
@@ -155,7 +155,7 @@ impl Work {
 
     fn check_value(&self, address: Address, reading: &Reading, from: Instant, to: Instant) {
         match (address, reading) {
-            // All axes but the first stand where they begin.
+            // All axes but the first stay at their start position.
             (Address::Axis(axis), Reading::Decimal(at)) if axis.index() > 0 => {
                 assert!(!self.setup.alone || at.abs() < 1e-6, "{address} at {at}: the value of another");
             }
@@ -172,7 +172,7 @@ impl Work {
         }
     }
 
-    /// When the subscription told for the first time since then that all is known.
+    /// Returns when the subscription first reported all values as known since then.
     pub async fn first_answer_since(&self, back: Instant) -> Duration {
         loop {
             let found = self
@@ -190,7 +190,7 @@ impl Work {
         }
     }
 
-    /// Asks for registers, other ones each time: a reply that is matched to another request shows.
+    /// Queries registers, different ones each time, so that a reply matched to another request is noticed.
     pub async fn ask(self) {
         let mut round: u16 = 0;
         while !self.is_over() {
@@ -217,7 +217,7 @@ impl Work {
         }
     }
 
-    /// Writes a register, another value each time, and each once.
+    /// Writes a register, a different value each time, and each value once.
     pub async fn command(self) {
         let mut value = 1_000_000;
         while !self.is_over() {
@@ -225,7 +225,7 @@ impl Work {
             let sent = bounded("a command", self.write(value)).await;
             self.note(|notes| notes.commands.push((value, Fate::of(&sent))));
             if sent.is_err() {
-                // After a reconnect somebody has to look before a command leaves.
+                // After a reconnection a caller has to read the state before a command is sent.
                 drop(bounded("a look", self.robot.query(&[Address::CurMode, Address::CurAlarm])).await);
             }
             pause(ms(130)).await;
@@ -237,14 +237,14 @@ impl Work {
         self.robot.command(Command::RewriteData { register, savable: false, value }).await.map(|_| ())
     }
 
-    /// Another master: commands, a move to a place of its own, now and then a stop and a start.
+    /// Acts as another master: sends commands, moves to its own positions, sometimes stops and starts.
     pub async fn interfere(self) {
         let mut number = 0;
         while !self.is_over() {
             number += 1;
             let register = RegisterIndex::new(WRITTEN + 1).unwrap();
             let command = match number % 24 {
-                // Only while something goes wrong: then all has to be well.
+                // Only while the fault lasts, because everything has to work after it.
                 7 if self.begun.elapsed() < self.setup.over => Command::ActionStop,
                 9 => Command::StartButton,
                 _ => Command::RewriteData { register, savable: false, value: number },
@@ -264,7 +264,7 @@ impl Work {
         }
     }
 
-    /// Runs one motion after the other; stops some of them, and wants the arm to stand then.
+    /// Runs one motion after the other. Stops some of them, and then requires the arm to stand.
     pub async fn move_and_stop(self) {
         let mut number = 0;
         while !self.is_over() {
@@ -301,13 +301,13 @@ impl Work {
         self.note(|notes| notes.longest_list = notes.longest_list.max(status.list_length.unwrap_or(0)));
         for unmet in status.unmet() {
             match unmet {
-                // Each is something that a person decides; here it is always yes.
+                // A person has to decide each of these; here the answer is always yes.
                 Unmet::LeftoverList { .. } => drop(bounded("clearing", self.robot.clear_list()).await),
                 Unmet::Alarm { .. } => {
                     drop(bounded("clearing", self.robot.command(Command::ClearAlarm)).await);
                 }
                 Unmet::Mode { .. } if status.list_length.unwrap_or(0) == 0 => {
-                    // Whatever a stop could not clear may run now.
+                    // Instructions that a stop could not clear may run now.
                     self.floor.release();
                     drop(bounded("starting", self.robot.command(Command::StartButton)).await);
                 }
@@ -329,7 +329,7 @@ impl Work {
             }
         };
         let steps: Vec<_> = (1..=targets.len()).filter_map(|step| handle.step(step)).collect();
-        // Every fourth motion is stopped on its way.
+        // Every fourth motion is stopped while it runs.
         let (error, stopped) = if number % 4 == 3 {
             pause(ms(40 * (self.setup.seed % 7 + 1))).await;
             let stopped = bounded("a stop", handle.stop()).await;
@@ -347,7 +347,7 @@ impl Work {
             let confirmed = stopped.as_ref().ok().map(|report| report.confirmed);
             if confirmed == Some(true) && self.setup.alone {
                 self.floor.halt();
-                // Long enough to see that it stands, and that it goes on standing.
+                // Long enough to see that the arm stands, and that it stays at rest.
                 pause(ms(1200)).await;
             }
             self.note(|notes| notes.stops.push(confirmed));
@@ -359,10 +359,10 @@ impl Work {
         self.note(|notes| notes.runs.push(Run { targets, states, error }));
     }
 
-    /// The fault is over, and somebody has seen to the machine: everything works.
+    /// The fault is over, and an operator has handled the machine: checks that everything works.
     pub async fn assert_all_is_well(&self) {
         let mut status = bounded("the status", self.robot.status()).await.expect("it can be read");
-        // A stop ends the program, and what it left was cleared.
+        // A stop ends the program and clears what was left.
         if status.unmet() == [(Unmet::Mode { found: OperationMode::Auto })] {
             assert_eq!(status.list_length.unwrap_or(0), 0, "{status:?}");
             self.robot.command(Command::StartButton).await.expect("it takes a start");
@@ -384,7 +384,7 @@ impl Work {
 }
 
 impl Notes {
-    /// How many motions ended so.
+    /// The number of motions that ended with such a cause.
     pub fn ended(&self, how: impl Fn(&Cause) -> bool) -> usize {
         self.runs.iter().filter_map(|run| run.error.as_ref()).filter(|error| how(&error.cause)).count()
     }
@@ -397,7 +397,7 @@ impl Notes {
         self.commands.iter().filter(|(_, found)| found == fate).count()
     }
 
-    /// What was told agrees with what went over the line and with what was carried out.
+    /// Checks that the reported results agree with the traffic and with what was carried out.
     pub fn assert_consistent(&self, line: &Line, done: &[i64], executes: bool) {
         line.assert_introduced();
         let text = line.text();
@@ -411,7 +411,7 @@ impl Notes {
             match fate {
                 Fate::NotSent => assert_eq!(times, 0, "{value} was not sent, they say"),
                 Fate::Ok | Fate::Refused => assert_eq!(times, 1, "{value}: {fate:?}"),
-                // It may have left in part.
+                // A part of it may have been sent.
                 Fate::Unknown => assert!(times <= 1, "{value} was sent {times} times"),
             }
         }
@@ -433,7 +433,8 @@ impl Notes {
                     StepState::Sent | StepState::Running | StepState::Lost => {}
                 }
                 assert!(left || !done, "{target} was carried out and never sent");
-                // Of what was taken and never carried out on the way, only the end of the way can tell.
+                // If the controller accepts steps and does not carry them out, only the end of the path can
+                // show it.
                 let is_last = run.targets.last() == Some(target);
                 if run.error.is_none() && (executes || is_last) {
                     assert!(done && *state == StepState::Done, "{target}: {run:?}");

@@ -1,5 +1,5 @@
-//! One client at work on one controller, on a clock that nobody waits for: it watches, asks, commands, moves and stops, while
-//! whatever the scenario says goes wrong; and what must hold all the same.
+//! One client at work on one controller, on a simulated clock: it watches, queries, sends commands, moves and
+//! stops while the faults of the scenario happen. Also checks what must hold in all cases.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, Once};
@@ -18,20 +18,22 @@ use crate::hands::{self, On, Task, Time, pause, spawn, tasks};
 use crate::tap::{Dialler, Line, Rewrite, Tap};
 use crate::work::{Notes, Work};
 
-/// The first register that has a value of its own, how many have one, and the one that commands write.
+/// The first register with its own value, how many such registers there are, and the register that commands
+/// write.
 pub const FIRST: u16 = 800;
 pub const REGISTERS: u16 = 40;
 pub const WRITTEN: u16 = 890;
 
-/// No single call takes longer, whatever is broken: a few attempts to connect, introductions and time-outs.
+/// No single call takes longer than this, with any fault: a few attempts to connect, identity queries and
+/// timeouts.
 pub const LONGEST_CALL: Duration = Duration::from_secs(60);
 
-/// How long a client works on when all is over, to show that all is well.
+/// How long a client continues after the end of the scenario, to show that everything works.
 const AFTERWARDS: Duration = Duration::from_secs(5);
 
 static PANICS: AtomicUsize = AtomicUsize::new(0);
 
-/// What a register says: which one it is.
+/// The value of a register, which identifies the register.
 pub fn value_of(register: u16) -> i64 {
     i64::from(register) * 7 + 1
 }
@@ -48,21 +50,21 @@ pub struct Setup {
     /// The period of its subscription.
     pub every: Duration,
     pub seed: u64,
-    /// Whether values are those of their addresses: nobody can see a list that is shifted.
+    /// Whether values belong to their addresses: the client cannot notice a list that is shifted.
     pub trusts_values: bool,
-    /// Whether nobody else moves the arm.
+    /// Whether no other client moves the arm.
     pub alone: bool,
-    /// Whether the controller carries out what it says it has taken.
+    /// Whether the controller carries out what it says it has accepted.
     pub executes: bool,
-    /// Whether another client asks and commands, too.
+    /// Whether another client sends queries and commands too.
     pub another: bool,
     pub rewrite: Option<Rewrite>,
-    /// When the last thing goes wrong, and how much later what it held up is through.
+    /// When the last fault happens, and how much later the delayed traffic has passed.
     pub over: Duration,
 }
 
 impl Setup {
-    /// As it comes, but for the seed.
+    /// The default settings, except for the seed.
     pub fn usual(seed: u64) -> Self {
         let reconnect = Reconnect { jitter_seed: Some(seed), ..Reconnect::default() };
         Self {
@@ -79,7 +81,7 @@ impl Setup {
         }
     }
 
-    /// One that waits no longer than a controller that is well takes, several times over, and looks once a second.
+    /// Short timeouts: several times what a healthy controller needs. Reads once a second.
     pub fn prompt(seed: u64) -> Self {
         let usual = Self::usual(seed);
         let settings = RobotSettings { reply_timeout: ms(100), connect_timeout: ms(100), ..usual.settings };
@@ -87,7 +89,7 @@ impl Setup {
     }
 }
 
-/// What became of it all.
+/// The results of a run.
 #[derive(Debug)]
 pub struct Outcome {
     pub line: Line,
@@ -95,11 +97,11 @@ pub struct Outcome {
     pub notes: Notes,
     pub log: Vec<String>,
     pub events: Vec<r6_controller::Event>,
-    /// How long after the end of the fault the first answer to the subscription came.
+    /// How long after the end of the fault the subscription got its first answer.
     pub recovered: Duration,
     pub profile: &'static str,
     pub learned: LearnedDialect,
-    /// What the machine calls itself.
+    /// The name that the machine reports.
     pub machine_name: Option<String>,
 }
 
@@ -120,7 +122,7 @@ pub fn run(on: On, scenario: &Scenario, setup: &Setup) -> Outcome {
     outcome
 }
 
-/// A controller in memory and who stands beside it.
+/// A controller in memory, and the observer beside it.
 pub async fn controller(profile: &str, seed: u64, scenario: &Scenario) -> (VirtualController, Floor) {
     let builder = VirtualController::builder().profile(Profile::named(profile).unwrap()).seed(seed);
     let controller = builder.scenario(scenario.clone()).start_in_memory().await.unwrap();
@@ -139,7 +141,8 @@ pub async fn connect(
     (hands::connect_with(dialler, settings.clone()).await.unwrap(), tap)
 }
 
-/// Somebody else, with a connection of his own, who asks, commands and sends a move now and then; and counts from 1, too.
+/// Another client with its own connection. It sometimes sends queries, commands and a move, and also counts
+/// from 1.
 async fn another(controller: &ControllerHandle, work: &Work) -> [Task<()>; 2] {
     let (robot, _) = connect(controller, &work.setup.settings, None).await;
     let notes = Arc::new(Mutex::new(Notes::default()));
@@ -173,7 +176,8 @@ async fn work(scenario: Scenario, setup: Setup) -> Outcome {
     let commanding = spawn(common.clone().command());
     let moving = spawn(common.clone().move_and_stop());
     let other = if setup.another { Some(another(&handle, &common).await) } else { None };
-    // Tasks of the handle, of the motion, and of each connection: none of them grows with what goes wrong.
+    // The tasks of the handle, of the motion, and of each connection. Their number must not grow with the
+    // faults.
     let most = idle + 40;
     let end = begun + setup.over;
     while Instant::now() < end {
@@ -202,7 +206,7 @@ async fn work(scenario: Scenario, setup: Setup) -> Outcome {
     let machine_name = robot.identity().and_then(|identity| identity.machine_name);
     drop(common);
     timeout(LONGEST_CALL, robot.close()).await.expect("closing hangs");
-    // A connection that has gone deaf does not notice the end; all others are gone.
+    // A connection that no longer transmits does not notice the end. All others are gone.
     pause(Duration::from_secs(3)).await;
     let deaf = handle.snapshot().connections;
     assert!(tasks() <= idle + deaf, "{} tasks are left, {idle} at rest", tasks());
@@ -226,7 +230,7 @@ async fn work(scenario: Scenario, setup: Setup) -> Outcome {
     }
 }
 
-/// A person sees to the machine where it needs one.
+/// Acts as an operator: makes the machine ready where that is needed.
 fn make_ready(controller: &ControllerHandle) {
     let seen = controller.snapshot();
     if seen.alarm == 0 && !seen.emergency_stop && seen.program == "remote" {
@@ -239,16 +243,16 @@ fn make_ready(controller: &ControllerHandle) {
         PanelAction::SwitchProgram("remote".to_owned()),
         PanelAction::Press(Button::Start),
     ];
-    // What is not needed is refused.
+    // The controller refuses actions that are not needed.
     actions.iter().for_each(|action| drop(controller.operate(action)));
 }
 
-/// The controller's time, which begins with the test.
+/// Converts to the controller's time, which begins with the test.
 pub fn controller_time(begun: Instant, at: Instant) -> ControllerTime {
     ControllerTime::ORIGIN + at.saturating_duration_since(begun)
 }
 
-/// Waits for a call of the client, but not longer than any may take.
+/// Waits for a call of the client, but not longer than a call may take.
 pub async fn bounded<T>(what: &str, call: impl Future<Output = T>) -> T {
     let begun = Instant::now();
     match timeout(LONGEST_CALL, call).await {

@@ -1,4 +1,4 @@
-//! Connections of any kind, made by the same code for every hand.
+//! Connections of any kind, opened by the same code for every driver.
 
 use std::io;
 use std::pin::Pin;
@@ -9,7 +9,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio::sync::Mutex;
 
-/// What carries the bytes of a connection.
+/// Carries the bytes of a connection.
 pub trait Carrier: AsyncRead + AsyncWrite + Unpin + Send {}
 
 impl<S: AsyncRead + AsyncWrite + Unpin + Send> Carrier for S {}
@@ -17,14 +17,14 @@ impl<S: AsyncRead + AsyncWrite + Unpin + Send> Carrier for S {}
 /// An attempt to connect.
 pub type Attempt = Pin<Box<dyn Future<Output = io::Result<Box<dyn Carrier>>> + Send>>;
 
-/// Makes connections, one attempt at a time.
+/// Opens connections, one attempt at a time.
 pub trait Dial: Send + Sync {
     fn dial(self: Arc<Self>) -> Attempt;
 }
 
 struct Shared<C>(Mutex<C>);
 
-/// What `connect` makes, whatever its type is.
+/// Converts a `connect` of any type.
 pub fn dialler(connect: impl Connect) -> Arc<dyn Dial> {
     Arc::new(Shared(Mutex::new(connect)))
 }

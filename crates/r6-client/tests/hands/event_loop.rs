@@ -1,4 +1,5 @@
-//! An event loop for the callback hand, on the runtime of the test: a task for each connection calls the hand, and nothing else does.
+//! An event loop for the callback driver, on the runtime of the test. One task per connection calls the
+//! driver, and nothing else does.
 
 use std::io;
 use std::pin::{Pin, pin};
@@ -13,13 +14,13 @@ use tokio::time::{Instant, Sleep, sleep_until, timeout};
 
 use super::dial::{Attempt, Carrier, Dial};
 
-/// No deadline.
+/// Stands for "no deadline".
 const FAR: Duration = Duration::from_secs(86_400);
 
-/// So many reads follow each other before other tasks have their turn.
+/// The number of reads in a row before other tasks run.
 const MOST_READS: usize = 16;
 
-/// The loop's part of one connection.
+/// The part of the loop for one connection.
 struct Line {
     begun: Instant,
     dialler: Arc<dyn Dial>,
@@ -36,11 +37,11 @@ struct Own {
     stream: Option<Box<dyn Carrier>>,
     attempt: Option<Attempt>,
     call_at: Option<Instant>,
-    /// Whether the last write took fewer bytes than it was given.
+    /// Whether the last write accepted fewer bytes than it was given.
     is_full: bool,
-    /// What a write found out.
+    /// The failure that a write found.
     broken: Option<LostReason>,
-    /// Whether our side is to be ended, and whether it has been.
+    /// Whether our side has to be shut down, and whether it was.
     ends: bool,
     ended: bool,
     others: Vec<Another>,
@@ -68,7 +69,7 @@ impl Line {
         task.iter().for_each(Waker::wake_by_ref);
     }
 
-    /// The hand is not called while this is held, for it calls back.
+    /// Do not call the driver while this is held, because the driver calls back.
     fn own(&self) -> MutexGuard<'_, Own> {
         self.own.lock().unwrap()
     }
@@ -88,7 +89,7 @@ impl EventLoop for Line {
         let mut own = self.own();
         let own = &mut *own;
         let Some(stream) = &mut own.stream else { return 0 };
-        // Before the first turn nobody has anything to write.
+        // Before the first turn there is nothing to write.
         let Some(waker) = self.task.lock().unwrap().clone() else { return 0 };
         let written = Pin::new(stream).poll_write(&mut Context::from_waker(&waker), bytes);
         let (taken, broken) = match written {
@@ -98,7 +99,7 @@ impl EventLoop for Line {
         };
         own.is_full = taken < bytes.len();
         if own.is_full && (taken > 0 || broken.is_some()) {
-            // Nothing else says when the rest has room, or that there is no connection.
+            // Nothing else reports that there is room for the rest, or that there is no connection.
             own.broken = broken;
             waker.wake();
         }
@@ -134,7 +135,7 @@ impl EventLoop for Line {
     }
 }
 
-/// One turn of the loop for this line; whether anything happened.
+/// Runs one turn of the loop for this line. Returns whether anything happened.
 fn turn(line: &Arc<Line>, hand: &CallbackHand, timer: &mut Pin<&mut Sleep>, cx: &mut Context<'_>) -> bool {
     let soon = std::mem::take(&mut *line.soon.lock().unwrap());
     if soon {
@@ -196,7 +197,7 @@ fn turn(line: &Arc<Line>, hand: &CallbackHand, timer: &mut Pin<&mut Sleep>, cx: 
     soon || connected || read || broke || due
 }
 
-/// Reads what is there; whether anything was.
+/// Reads the bytes that are there. Returns whether there were any.
 fn read(line: &Line, hand: &CallbackHand, cx: &mut Context<'_>) -> bool {
     let mut bytes = [0; 4096];
     for reads in 0..MOST_READS {
@@ -252,7 +253,7 @@ async fn serve_another(another: Another, dialler: Arc<dyn Dial>, within: Duratio
     }
 }
 
-/// A robot whose connection such a loop serves, and its hand.
+/// Connects a robot that such a loop serves. Returns it with its driver.
 pub async fn connect(
     name: String,
     dialler: Arc<dyn Dial>,

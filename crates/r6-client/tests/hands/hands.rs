@@ -1,14 +1,18 @@
-//! The hand that a test runs on. The same test drives its robot over tokio, from an event loop, and from threads that block.
+//! The driver ("hand") that a test runs on. The same test drives its robot over tokio, from an event loop,
+//! and from blocking threads.
 //!
 //! ```text
 //!  On::Tokio      the test is the runtime's main future; what it spawns are tasks
-//!  On::Callback   the same; a task for each connection is its event loop (event_loop.rs), which runs what the test spawns
-//!  On::Blocking   the test is a thread, and so is what it spawns: each polls its future within the robot's `block_on`. On a paused
-//!                 clock they take turns (lockstep.rs), on the real one they are plain threads with plain sockets
+//!  On::Callback   the same; a task for each connection is its event loop (event_loop.rs), which runs what
+//!                 the test spawns
+//!  On::Blocking   the test is a thread, and so is what it spawns: each polls its future within the robot's
+//!                 `block_on`. On a paused clock they take turns (lockstep.rs), on the real one they are
+//!                 plain threads with plain sockets
 //! ```
 //!
-//! A test of this kind is an `async fn` named in [`on_every_hand`]. It connects by [`connect_with`] or [`connect`], begins tasks by
-//! [`spawn`], and waits where nothing else of its own goes on by [`pause`].
+//! A test of this kind is an `async fn` named in [`on_every_hand`]. It connects with [`connect_with`] or
+//! [`connect`], and starts tasks with [`spawn`]. It waits with [`pause`] while nothing else of its own task
+//! is under way.
 
 mod dial;
 mod event_loop;
@@ -35,10 +39,10 @@ use tokio::time::{Instant, sleep};
 use self::dial::{Tcp, dialler};
 use self::lockstep::{Its, Lockstep};
 
-/// So long after a test all threads of its robots have ended.
+/// All threads of the robots have ended this long after a test.
 const FAREWELL: Duration = Duration::from_secs(120);
 
-/// A hand.
+/// The driver under test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum On {
     Tokio,
@@ -46,16 +50,16 @@ pub enum On {
     Blocking,
 }
 
-/// A test's clock.
+/// The clock of a test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Time {
-    /// It jumps to what is next.
+    /// The clock jumps to the next event.
     Paused,
-    /// With real sockets.
+    /// The real clock, with real sockets.
     Real,
 }
 
-/// Each of these tests on each hand: `name::tokio`, `name::callback`, `name::blocking`.
+/// Runs each of these tests on each driver: `name::tokio`, `name::callback`, `name::blocking`.
 macro_rules! on_every_hand {
     ($($test:ident,)+) => { $crate::hands::on_every_hand! { in Paused: $($test,)+ } };
     (in $time:ident: $($test:ident,)+) => {$(
@@ -81,7 +85,8 @@ macro_rules! on_every_hand {
 }
 pub(crate) use on_every_hand;
 
-/// Each of these functions for each hand, which it is told: `name::tokio`, `name::callback`, `name::blocking`.
+/// Calls each of these functions once per driver, with the driver as argument: `name::tokio`,
+/// `name::callback`, `name::blocking`.
 macro_rules! for_every_hand {
     ($($test:ident,)+) => {$(
         mod $test {
@@ -106,18 +111,18 @@ macro_rules! for_every_hand {
 }
 pub(crate) use for_every_hand;
 
-/// What a thread knows of the test that it runs.
+/// The state that a thread has about the test that it runs.
 #[derive(Clone)]
 struct Here {
     on: On,
     lockstep: Option<Arc<Lockstep>>,
-    /// The hand of the robot that was connected last, and how many were before.
+    /// The driver of the robot that was connected last, and how many robots were connected before.
     driver: Option<Driver>,
     connected: u32,
     hand: Weak<CallbackHand>,
-    /// How long the thread is to wait, driving nothing.
+    /// How long the thread has to wait without driving anything.
     pause: Option<Duration>,
-    /// Of this thread, and of all that were spawned.
+    /// The tasks that this thread spawned, and those that all threads spawned.
     own: Arc<Spawned>,
     all: Arc<Mutex<Vec<Arc<Spawned>>>>,
 }
@@ -130,7 +135,7 @@ fn here<T>(look: impl FnOnce(&mut Here) -> T) -> T {
     HERE.with_borrow_mut(|here| look(here.as_mut().expect("the test runs on a hand")))
 }
 
-/// The hand that this test runs on.
+/// The driver that this test runs on.
 pub fn on() -> On {
     here(|here| here.on)
 }
@@ -157,7 +162,7 @@ fn runtime(time: Time) -> Runtime {
     }
 }
 
-/// Runs a test on a hand.
+/// Runs a test on a driver.
 pub fn run<B, F, T>(on: On, time: Time, body: B) -> T
 where
     B: FnOnce() -> F + Send + 'static,
@@ -223,7 +228,8 @@ where
                 output.is_some()
             })
             .await?;
-        // What the test spawned and left is given up; then its robots are closed, and no thread is left.
+        // Futures that the test spawned and left are aborted. Then its robots are closed, and no thread is
+        // left.
         all.lock().unwrap().iter().for_each(|spawned| spawned.abort());
         let until = Instant::now() + FAREWELL;
         let waits = tokio::spawn(tokio::time::sleep_until(until));
@@ -244,7 +250,7 @@ where
 enum Next<T> {
     Ends(Option<T>),
     Pauses(Duration),
-    /// Another robot is the last that was connected.
+    /// Another robot has become the last connected one.
     Turns,
 }
 
@@ -308,7 +314,7 @@ fn block_on<F: Future>(future: F) -> F::Output {
     }
 }
 
-/// Connects a robot on this test's hand. A test on the real clock connects by [`connect`].
+/// Connects a robot on this test's driver. A test on the real clock uses [`connect`] instead.
 pub async fn connect_with(connect: impl Connect, settings: RobotSettings) -> Result<Robot, RequestError> {
     match on() {
         On::Tokio => Robot::connect_with(connect, settings).await,
@@ -324,7 +330,7 @@ pub async fn connect_with(connect: impl Connect, settings: RobotSettings) -> Res
     }
 }
 
-/// The same over a real socket.
+/// Connects a robot over a real socket.
 pub async fn connect(address: &str, settings: RobotSettings) -> Result<Robot, RequestError> {
     match on() {
         On::Tokio => Robot::connect(address, settings).await,
@@ -351,8 +357,8 @@ fn of_threads(made: Result<(Robot, Driver), RequestError>) -> Result<Robot, Requ
     Ok(robot)
 }
 
-/// Waits while nothing else of this test's own task goes on: a thread leaves the robot meanwhile, as a program without async does that
-/// sleeps between its calls.
+/// Waits while nothing else of this test's own task is under way. A thread leaves the robot meanwhile, like a
+/// program without async that sleeps between its calls.
 pub async fn pause(time: Duration) {
     match on() {
         On::Tokio | On::Callback => sleep(time).await,
@@ -363,7 +369,7 @@ pub async fn pause(time: Duration) {
     }
 }
 
-/// Gives all else a turn.
+/// Lets all other tasks run.
 pub async fn yield_now() {
     match on() {
         On::Tokio | On::Callback => tokio::task::yield_now().await,
@@ -376,13 +382,13 @@ async fn yield_once() {
     poll_fn(|_| if std::mem::replace(&mut yielded, true) { Poll::Ready(()) } else { Poll::Pending }).await;
 }
 
-/// Tasks and threads that there are now.
+/// The number of tasks and threads at present.
 pub fn tasks() -> usize {
     let threads = here(|here| here.lockstep.as_ref().map_or(0, |lockstep| lockstep.threads()));
     Handle::current().metrics().num_alive_tasks() + threads
 }
 
-/// Something that a test began; what comes of it. Dropping this changes nothing.
+/// A task that a test has started, and its result. Dropping this handle does not end the task.
 pub struct Task<T> {
     told: oneshot::Receiver<T>,
     abort: Abort,
@@ -394,7 +400,7 @@ enum Abort {
     Thread(Arc<Spawned>),
 }
 
-/// It was aborted, or it panicked.
+/// The task was aborted, or it panicked.
 #[derive(Debug)]
 pub struct Gone;
 
@@ -416,7 +422,8 @@ impl<T> Future for Task<T> {
     }
 }
 
-/// Has a future run beside the test: by a task, by the event loop of the robot that was connected last, or by a thread of its own.
+/// Runs a future beside the test: in a task, in the event loop of the robot that was connected last, or in
+/// its own thread.
 pub fn spawn<F>(future: F) -> Task<F::Output>
 where
     F: Future<Output: Send> + Send + 'static,

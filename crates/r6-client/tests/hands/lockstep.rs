@@ -1,12 +1,16 @@
-//! A system for the blocking hand on tokio's paused clock: its threads are threads, and one of them runs at a time.
+//! A system for the blocking driver on tokio's paused clock: it uses real threads, and one of them runs at a
+//! time.
 //!
 //! ```text
-//!  a thread:   runs ──▶ parks, reads, sleeps or connects: gives the turn back, and waits for bytes, a call or a time
-//!  the pump:   gives the turn to the next thread that can go on, and waits for it; the runtime stands still meanwhile
-//!  no thread can go on:  the runtime's other tasks run; if none can either, its clock jumps to the next deadline
+//!  a thread:   runs ──▶ parks, reads, sleeps or connects: gives the turn back, and waits for
+//!              bytes, a call or a time
+//!  the pump:   gives the turn to the next thread that can continue, and waits for it; meanwhile the runtime
+//!              stands still
+//!  no thread can continue:  the runtime's other tasks run; if none can either, its clock jumps to the next
+//!              deadline
 //! ```
 //!
-//! The same test makes the same turns each time, and hours pass in no time.
+//! The same test makes the same turns each time, and hours of its clock pass at once.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -28,16 +32,17 @@ use tokio::time::{Instant, sleep_until};
 
 use super::dial::{Carrier, Dial};
 
-/// A thread that neither waits nor ends for so long, in real time, waits for something that this system does not know: a lock.
+/// A thread that neither waits nor ends for this long, in real time, waits for something that this system
+/// does not control: a lock.
 const STUCK: Duration = Duration::from_secs(60);
 
-/// No deadline.
+/// Stands for "no deadline".
 const FAR: Duration = Duration::from_secs(86_400);
 
 /// What a thread waits for, besides a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum For {
-    /// Another thread that wakes it.
+    /// A call of another thread.
     Call,
     /// Its socket, or its attempt to connect.
     Bytes,
@@ -57,7 +62,7 @@ struct Thread {
 struct Inner {
     threads: BTreeMap<usize, Thread>,
     made: usize,
-    /// Those that can go on.
+    /// The threads that can continue.
     ready: VecDeque<usize>,
     running: Option<usize>,
     pump: Option<Waker>,
@@ -74,11 +79,11 @@ pub struct Lockstep {
 }
 
 thread_local! {
-    /// This thread's number among those of its system.
+    /// The number of this thread within its system.
     static ME: RefCell<Option<(Arc<Lockstep>, usize)>> = const { RefCell::new(None) };
 }
 
-/// This thread, which is one of a lockstep.
+/// This thread and its system. The thread must belong to a lockstep.
 fn me() -> (Arc<Lockstep>, usize) {
     ME.with_borrow(|me| me.clone().expect("only threads of the system wait in it"))
 }
@@ -103,7 +108,7 @@ impl Inner {
         }
     }
 
-    /// Those whose time is over can go on.
+    /// Threads whose time is over can continue.
     fn end_waits(&mut self, now: Instant) {
         let until = |thread: &Thread| thread.waits.and_then(|(_, until)| until);
         let due = self.threads.iter().filter_map(|(id, thread)| Some((until(thread)?, *id)));
@@ -118,7 +123,7 @@ impl Inner {
 }
 
 impl Lockstep {
-    /// No thread yet, on the present runtime.
+    /// Creates a system without threads, on the present runtime.
     pub fn new(runtime: Handle) -> Arc<Self> {
         let begun = {
             let _inside = runtime.enter();
@@ -131,7 +136,7 @@ impl Lockstep {
         self.inner.lock().unwrap()
     }
 
-    /// How many threads there are.
+    /// The number of threads.
     pub fn threads(&self) -> usize {
         self.inner().threads.len()
     }
@@ -140,7 +145,7 @@ impl Lockstep {
         self.inner().threads.values().map(|thread| thread.name.clone()).collect()
     }
 
-    /// The address that stands for this dialler.
+    /// The address that represents this dialler.
     pub fn address_of(&self, dialler: Arc<dyn Dial>) -> String {
         let mut inner = self.inner();
         inner.diallers.push(dialler);
@@ -195,7 +200,7 @@ impl Lockstep {
         inner
     }
 
-    /// The calling thread gives its turn back until this happens.
+    /// Gives back the turn of the calling thread until this happens.
     fn wait(&self, what: For, until: Option<Instant>) {
         let (_, id) = me();
         let mut inner = self.inner();
@@ -222,7 +227,7 @@ impl Lockstep {
         }
     }
 
-    /// Lets the next thread that can go on do so until it waits; `false`: none can.
+    /// Lets the next thread that can continue run until it waits. Returns `false` if none can.
     fn turn(&self) -> bool {
         let mut inner = self.inner();
         inner.end_waits(Instant::now());
@@ -241,12 +246,12 @@ impl Lockstep {
         true
     }
 
-    /// Lets the threads run until this holds when all of them wait.
+    /// Runs the threads until all of them wait and this condition holds.
     pub async fn pump(&self, mut over: impl FnMut() -> bool) -> Result<(), Box<dyn Any + Send>> {
         let mut timer = pin!(sleep_until(Instant::now() + FAR));
         poll_fn(|cx| {
             self.inner().pump = Some(cx.waker().clone());
-            // The runtime's tasks have their turn between two threads.
+            // The runtime's tasks run between two threads.
             if self.turn() {
                 cx.waker().wake_by_ref();
                 return Poll::Pending;
@@ -268,7 +273,7 @@ impl Lockstep {
         .await
     }
 
-    /// What wakes the calling thread where it waits for this.
+    /// A waker for the calling thread while it waits for this.
     fn waker(self: &Arc<Self>, why: For) -> Waker {
         let (system, id) = me();
         Waker::from(Arc::new(Wakes { system, id, why }))
@@ -317,7 +322,7 @@ impl Parked for Wakes {
     }
 }
 
-/// The system as the hand sees it.
+/// The system in the form that the driver uses.
 #[derive(Debug)]
 pub struct Its(pub Arc<Lockstep>);
 
@@ -365,9 +370,9 @@ impl System for Its {
 struct Socket {
     system: Arc<Lockstep>,
     stream: Mutex<Option<Box<dyn Carrier>>>,
-    /// Who reads.
+    /// The waker of the reading thread.
     reader: Mutex<Option<Waker>>,
-    /// How long reading waits.
+    /// The read timeout.
     within: Mutex<Duration>,
 }
 
@@ -380,7 +385,7 @@ impl fmt::Debug for Socket {
 impl Socket {
     fn poll_read(&self, cx: &mut Context<'_>, buffer: &mut [u8]) -> Poll<io::Result<usize>> {
         let mut stream = self.stream.lock().unwrap();
-        // It was shut down.
+        // The stream was shut down.
         let Some(stream) = &mut *stream else { return Poll::Ready(Ok(0)) };
         let mut buffer = ReadBuf::new(buffer);
         let read = Pin::new(stream).poll_read(cx, &mut buffer);
@@ -418,7 +423,7 @@ impl Stream for Socket {
         let Some(stream) = &mut *stream else { return Err(io::ErrorKind::BrokenPipe.into()) };
         match Pin::new(stream).poll_write(&mut Context::from_waker(Waker::noop()), bytes) {
             Poll::Ready(written) => written,
-            // The write time-out is over at once.
+            // The write timeout counts as over at once.
             Poll::Pending => Err(would_block()),
         }
     }

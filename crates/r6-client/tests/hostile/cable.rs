@@ -8,7 +8,7 @@ use r6_client::Connect;
 use r6_testkit::hostile::serve::HostileController;
 use tokio::io::DuplexStream;
 
-/// Connections in memory to a hostile controller: a paused clock may be used with them.
+/// Connections in memory to a hostile controller. They work with a paused clock.
 pub struct Cable(pub Arc<HostileController>);
 
 impl fmt::Display for Cable {

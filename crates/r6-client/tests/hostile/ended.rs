@@ -1,4 +1,5 @@
-//! "It is done" (docs/EVIDENCE.md): said only of a motion that was carried out whole, by that robot, over that connection.
+//! The statement "it is done" (docs/EVIDENCE.md): it is made only for a motion that this robot carried out
+//! completely, over this connection.
 
 use std::time::Duration;
 
@@ -53,7 +54,7 @@ fn at_x(x: f64) -> Pose {
     Pose::position([x, 0.0, 800.0].map(Millimetres))
 }
 
-/// Many steps, of which the last one of the first three lists is made with another tool.
+/// Many steps. The last step of the first three lists uses another tool.
 fn with_a_tool(steps: u32) -> Motion {
     (1..=steps).fold(Motion::new(), |motion, n| {
         let motion = motion.linear_move(at_x(500.0 + 20.0 * f64::from(n)), fast());
@@ -75,12 +76,12 @@ async fn a5_steps_that_another_client_cleared_are_not_told_as_done() {
     assert_eq!(error.cause, Cause::NotSeen, "{error}");
     assert_eq!((error.progress.left, fourth.state()), (24, StepState::Lost), "{error}");
     assert!(error.stop.unwrap().unwrap().confirmed);
-    // Nothing of the rest was sent after the gap.
+    // The rest of the path was not sent after the gap.
     let carried = controller.arm(|arm, _| arm.carried(1).len());
     assert!(carried < 6, "{carried} steps");
 }
 
-/// Another client clears the list, and this one appends before it looks again.
+/// Another client clears the list, and this one appends before it reads the state again.
 async fn a5_steps_that_another_client_cleared_in_the_middle_are_not_told_as_done() {
     let options = RunOptions { frame_instructions: 1, room: 6, ..RunOptions::default() };
     let mut cleared = 0;
@@ -95,7 +96,7 @@ async fn a5_steps_that_another_client_cleared_in_the_middle_are_not_told_as_done
     assert!(cleared > 100, "{cleared}");
 }
 
-/// The path comes by its end again and again, so that the arm may stand there in the middle of it.
+/// The path passes its end repeatedly, so the arm may stand there in the middle of the path.
 async fn a5_a_path_that_comes_by_its_end_is_not_told_as_done_when_it_was_cleared() {
     let to = |j1: f64| AxisPosition::degrees([j1, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let motion = (0..15)
@@ -113,7 +114,7 @@ async fn a5_a_path_that_comes_by_its_end_is_not_told_as_done_when_it_was_cleared
             assert!(ended.is_err() || carried >= 14, "{interval} ms, {at} ms: {carried} of 15: {ended:?}");
         }
         assert!(cleared > 100, "{cleared}");
-        // Without a foreign clear it is done.
+        // If no other client clears the list, the motion is done.
         let (_controller, robot) = robot_at(Character::default()).await;
         let done = robot.run(&motion, options).await.unwrap().finished().await.unwrap();
         assert_eq!(done.proof, EndProof::Reached);
@@ -121,7 +122,7 @@ async fn a5_a_path_that_comes_by_its_end_is_not_told_as_done_when_it_was_cleared
 }
 
 async fn a5_waits_that_were_cleared_are_not_told_as_done() {
-    // The controller keeps the one that is under way.
+    // The controller keeps the step under way.
     let wait = Duration::from_secs(5);
     let motion = Motion::new().wait(wait).wait(wait).wait(wait);
     let clears = Foreign { at: Duration::from_millis(700), replace: true, instructions: Vec::new() };
@@ -141,7 +142,7 @@ async fn a5_a_list_that_was_accepted_and_never_executed_is_not_done() {
     let error = result_of(never(NeverExecuted::Always), &bench).await.unwrap_err();
     assert!(matches!(error.cause, Cause::Elsewhere(_)), "{error}");
 
-    // There and back: it stands where it should end, and was never gone.
+    // There and back: the arm stands where it should end, but it never moved.
     let back = there_and_on(3).axis_move(AxisPosition::degrees([0.0; 6]), fast());
     let error = result_of(never(NeverExecuted::Always), &back).await.unwrap_err();
     assert_eq!(error.cause, Cause::NotSeen, "{error}");
@@ -156,7 +157,7 @@ async fn a5_an_appended_list_that_was_never_executed_is_not_done() {
     };
     let error = appended(&to_j1(10.0)).await;
     assert!(matches!(error.cause, Cause::Elsewhere(_)), "{error}");
-    // It ends where it begins, so where the arm stands proves nothing.
+    // It ends where it begins, so the position of the arm proves nothing.
     let error = appended(&to_j1(10.0).extend(&to_j1(0.0))).await;
     assert_eq!(error.cause, Cause::NotProved(NotProved::WasThere), "{error}");
     assert!(error.stop.unwrap().unwrap().confirmed);
@@ -218,7 +219,7 @@ async fn a6_a_dropped_motion_that_failed_is_told_by_the_next_one_before_it_sends
     assert_eq!((&earlier.cause, earlier.progress.total), (&Cause::NotSeen, 20));
     assert!(error.nothing_left());
     assert_eq!(lists(), before);
-    // It is told once. The failed motion stopped the arm.
+    // The client reports it once. The failed motion stopped the arm.
     let again = robot.run(&to_j1(0.0), RunOptions::default()).await;
     assert!(matches!(again.unwrap_err().cause, Cause::NotReady(_)));
 }
@@ -246,7 +247,7 @@ async fn b8_waiting_is_not_over_because_the_controller_was_switched_off_and_on()
             arm.reboot(now);
         });
         let error = robot.wait_until_done(WaitOptions::default()).await.unwrap_err();
-        // Where a program runs again, nothing tells whether the controller or the cable failed.
+        // If a program runs again, nothing shows whether the controller or the cable failed.
         let is_told = match &error {
             WaitError::Restarted(restart) => !listed && restart.origin_lost,
             WaitError::AnotherConnection | WaitError::Request(_) => listed,
@@ -293,7 +294,7 @@ async fn d19_a_power_cut_while_a_target_is_followed_is_told_as_such() {
     source.abort();
 }
 
-/// A cable that was pulled and put back is no power cut.
+/// A cable that was pulled and put back is not a power cut.
 async fn d19_a_connection_that_was_lost_alone_is_no_power_cut() {
     let (controller, robot) = robot_at(Character::default()).await;
     let handle = robot.run(&there_and_on(20), RunOptions::default()).await.unwrap();
@@ -319,7 +320,7 @@ async fn b8_the_end_of_a_list_is_not_looked_for_on_the_next_connection() {
     let (controller, robot) = robot_at(Character::default()).await;
     robot.add_rcc(true, there_and_on(3).instructions().unwrap().to_vec()).await.unwrap();
     controller.arm(|arm, now| arm.reboot(now));
-    // Somebody reads in between, which connects anew.
+    // Another caller reads in between, which reconnects.
     while robot.status().await.is_err() {
         pause(Duration::from_millis(200)).await;
     }
@@ -327,7 +328,7 @@ async fn b8_the_end_of_a_list_is_not_looked_for_on_the_next_connection() {
     assert!(matches!(error, WaitError::Restarted(_)), "{error:?}");
 }
 
-/// Follows one target that was told this long before following began.
+/// Follows one target that was sent this long before the following began.
 async fn told_before(age: Duration) -> r6_client::Followed {
     let (_controller, robot) = robot_at(Character::default()).await;
     let (target, targets) = TargetSender::new();
@@ -411,7 +412,7 @@ async fn a6_all_who_wait_for_a_motion_that_failed_are_told() {
     }
 }
 
-/// What was told to be done is not told to have been cut short by what happens later.
+/// A motion that was reported as done is not reported as cut short because of later events.
 async fn d19_a_cable_that_is_pulled_after_the_end_is_no_power_cut() {
     for stops in [false, true] {
         let (controller, robot) = robot_at(Character::default()).await;

@@ -1,4 +1,5 @@
-//! Who is there is asked on the first connection too (docs/SAFETY.md): a handle that only reads knows another robot again.
+//! The client asks for the identity on the first connection too (docs/SAFETY.md): so even a handle that only
+//! reads notices another robot.
 
 use std::time::Duration;
 
@@ -28,19 +29,19 @@ on_every_hand! {
 
 const J1: Address = Address::Axis(AxisIndex::ALL[0]);
 
-/// Two robots, of which the second one stands at 77 degrees.
+/// Two robots. The second one stands at 77 degrees.
 fn two() -> Character {
     let to = Cabinet { name: "cell 5".to_owned(), axes: [77.0; 8], ..Cabinet::default() };
     Character { swap: Some(Swap { when: SwapWhen::Told, links: Links::End, to }), ..Character::default() }
 }
 
-/// The same; the answers to these queries never arrive.
+/// Two robots. The answers to these queries never arrive.
 fn losing(queries: &[u32]) -> Character {
     let lost = queries.iter().map(|nth| Lost { kind: Kind::Query, nth: *nth }).collect();
     Character { lost, ..two() }
 }
 
-/// What the second robot was sent besides queries.
+/// The requests that the second robot received, except queries.
 fn told_to_the_second(controller: &HostileController) -> Vec<String> {
     let told = |entry: &r6_testkit::hostile::Entry| entry.robot == 2 && entry.kind != Kind::Query;
     controller.arm(|arm, _| {
@@ -85,7 +86,7 @@ async fn a_stop_right_after_the_swap_does_not_stop_the_other_robot() {
     let (controller, robot) = robot_at(two()).await;
     robot.query(&[J1]).await.unwrap();
     controller.arm(|arm, now| arm.swap(now));
-    // The end of the link is there.
+    // The link has ended by now.
     pause(Duration::from_millis(1)).await;
     let refused = robot.stop().await.unwrap_err();
     assert!(matches!(refused, RequestError::NotSent(NotSent::NotStopped(_))), "{refused:?}");
@@ -99,7 +100,7 @@ async fn a_stop_that_leaves_while_the_robots_are_swapped_does_not_stop_the_other
     let refused = robot.stop().await.unwrap_err();
     let as_told = match &refused {
         RequestError::OutcomeUnknown(OutcomeUnknown::ConnectionLost { .. }) => on() != On::Callback,
-        // An event loop has its turn before the stop leaves, and then sees that the link has ended.
+        // An event loop runs before the stop is sent, and then sees that the link has ended.
         RequestError::NotSent(NotSent::NotStopped(_)) => on() == On::Callback,
         _ => false,
     };
@@ -152,7 +153,7 @@ async fn a_controller_that_does_not_say_who_it_is_answers_all_else_as_before() {
         pause(Duration::from_millis(200)).await;
     }
     assert_eq!(asked(&controller).iter().filter(|asked| asked.contains("version")).count(), 2);
-    // A command asks again, and leaves over the same connection.
+    // A command asks again, and is sent over the same connection.
     robot.command(Command::ClearAlarm).await.unwrap();
     assert_eq!(robot.identity().unwrap().machine_name.as_deref(), Some("cell 4"));
     assert!(controller.arm(|arm, _| arm.log().iter().all(|entry| entry.connection <= 1)));
@@ -181,7 +182,7 @@ async fn where_values_were_read_of_nobody_a_stop_on_the_next_connection_proves_n
         controller.arm(|arm, now| arm.swap(now));
         pause(Duration::from_millis(10)).await;
         if looked {
-            // The caller sees who is there now: that robot is meant.
+            // The caller sees which robot is there now: that robot becomes the intended one.
             robot.status().await.unwrap();
             assert_eq!(robot.identity().unwrap().machine_name.as_deref(), Some("cell 5"));
         }
@@ -190,7 +191,7 @@ async fn where_values_were_read_of_nobody_a_stop_on_the_next_connection_proves_n
     }
 }
 
-/// The axes that a query of many addresses may show.
+/// The axes that may appear in a query of many addresses.
 fn all_axes() -> Vec<Address> {
     let axes = || AxisIndex::ALL.into_iter().take(6);
     let (first, last) = (axes().take(3).map(Address::Axis), axes().skip(3).map(Address::Axis));
@@ -204,7 +205,7 @@ async fn one_query_never_mixes_the_values_of_two_robots() {
             let to = Cabinet { name: "cell 5".to_owned(), axes: [77.0; 8], ..Cabinet::default() };
             let swap = Swap { when: SwapWhen::Told, links: Links::End, to };
             let controller = HostileController::new(Character { swap: Some(swap), ..Character::default() });
-            // Six or so addresses in a frame.
+            // About six addresses in a frame.
             let settings = RobotSettings { max_frame_bytes: 260, ..RobotSettings::default() };
             let cable = crate::cable::Cable(std::sync::Arc::clone(&controller));
             let robot = hands::connect_with(cable, settings).await.unwrap();
@@ -216,7 +217,7 @@ async fn one_query_never_mixes_the_values_of_two_robots() {
                 controller.arm(|arm, now| arm.swap(now));
             };
             let asking = async {
-                // Whoever was read first is meant.
+                // The robot that was read first is the intended one.
                 let mut meant = known.then_some(0.0);
                 for _ in 0..4 {
                     let Ok(read) = robot.query(&all_axes()).await else { continue };
@@ -242,7 +243,7 @@ async fn where_no_question_fits_into_a_frame_a_query_is_refused_at_once() {
     assert!(matches!(refused, Ok(Err(RequestError::Invalid(_)))), "{refused:?}");
 }
 
-/// A robot of the same model and firmware, of which only the name would tell that it is another.
+/// A robot of the same model and firmware. Only the name would show that it is another robot.
 async fn a_robot_whose_name_cannot_be_read_is_not_taken_for_the_one_before() {
     let mut character = two();
     if let Some(swap) = &mut character.swap {

@@ -1,4 +1,5 @@
-//! "This value is fresh" (docs/EVIDENCE.md): said only of a value of the connection that is alive, and of that robot.
+//! The statement "this value is fresh" (docs/EVIDENCE.md): it is made only for a value of the live
+//! connection, and of that robot.
 
 use std::time::Duration;
 
@@ -36,7 +37,7 @@ async fn b8_a_query_does_not_hand_out_the_values_of_another_robot() {
         pause(Duration::from_millis(50)).await;
     }
     let found = told.expect("it is told who is there instead");
-    // The one that is meant from now on is read again.
+    // The newly accepted robot is read again.
     robot.accept_identity(*found);
     assert_eq!(robot.query(&[J1]).await.unwrap().decimal(J1), Some(77.0));
 }
@@ -77,7 +78,8 @@ async fn b9_no_value_of_an_earlier_connection_is_fresh() {
     }
 }
 
-/// Whether nobody has seen yet that the first connection has ended: its values are of the connection that is alive.
+/// Whether the end of the first connection was not noticed yet. Then its values belong to the live
+/// connection.
 fn robot_is_on_first(controller: &r6_testkit::hostile::serve::HostileController) -> bool {
     controller.arm(|arm, _| arm.log().iter().all(|entry| entry.connection <= 1))
 }

@@ -1,4 +1,5 @@
-//! The client at a controller that misbehaves on purpose (`r6_testkit::hostile`), on each hand (`tests/hands`).
+//! The client on a controller that misbehaves on purpose (`r6_testkit::hostile`), with each driver
+//! (`tests/hands`).
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 
 mod cable;
@@ -43,7 +44,7 @@ async fn robot_at(character: Character) -> (Arc<HostileController>, Robot) {
     robot_with(character, RobotSettings::default()).await
 }
 
-/// The same, talked to with these settings.
+/// The same with these settings of the client.
 async fn robot_with(character: Character, settings: RobotSettings) -> (Arc<HostileController>, Robot) {
     let controller = HostileController::new(character);
     let robot = hands::connect_with(Cable(Arc::clone(&controller)), settings).await.unwrap();
@@ -55,7 +56,7 @@ fn to_j1(degrees: f64) -> Motion {
     Motion::new().axis_move(target, Percent::new(50.0).unwrap())
 }
 
-/// So many steps, each 5 degrees of J1 further than the one before.
+/// This many steps. Each moves J1 5 degrees further than the one before.
 fn there_and_on(steps: u32) -> Motion {
     let slow = Percent::new(50.0).unwrap();
     let to = |n: u32| AxisPosition::degrees([5.0 * f64::from(n), 0.0, 0.0, 0.0, 0.0, 0.0]);

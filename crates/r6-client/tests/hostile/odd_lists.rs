@@ -1,4 +1,5 @@
-//! A controller whose lists always have a value too many: each address is asked for alone, and all the rest has to hold.
+//! A controller whose lists always have one value too many: the client asks for each address alone, and
+//! everything else has to hold.
 
 use std::fmt;
 use std::io;
@@ -28,7 +29,7 @@ on_every_hand! {
     odd_queries_end,
 }
 
-/// Connections on which each list of values has its last value twice.
+/// Connections on which each list of values repeats its last value.
 struct Bent {
     controller: Arc<HostileController>,
     made: Arc<AtomicUsize>,
@@ -70,7 +71,7 @@ impl Connect for Bent {
     }
 }
 
-/// Gives registers their number as value, and lists their last value twice.
+/// Gives each register its number as value, and repeats the last value of each list.
 fn bend(frame: &mut Value) {
     let asked = frame["queryAddr"].as_array().cloned().unwrap_or_default();
     let register = |name: &Value| name.as_str()?.strip_prefix("Addr-").map(Value::from);
@@ -84,7 +85,7 @@ fn bend(frame: &mut Value) {
     }
 }
 
-/// A robot on such a connection, and how many were made.
+/// A robot on such a connection. Also returns how many connections were opened.
 async fn robot_bent(character: Character) -> (Arc<HostileController>, Robot, Arc<AtomicUsize>) {
     let controller = HostileController::new(character);
     let made = Arc::new(AtomicUsize::new(0));

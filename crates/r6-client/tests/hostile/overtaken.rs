@@ -1,4 +1,5 @@
-//! What was asked for before a stop and has not left does not leave after it (docs/EVIDENCE.md, "Stops").
+//! A request that was made before a stop and was not sent yet is not sent after it (docs/EVIDENCE.md,
+//! "Stops").
 
 use std::time::Duration;
 
@@ -14,7 +15,7 @@ on_every_hand! {
     a_list_that_waits_for_another_does_not_leave_after_a_stop,
 }
 
-/// A controller that takes lists and the start button again right after a stop, and answers slowly.
+/// A controller that accepts lists and the start button again right after a stop, and answers slowly.
 fn ready_again(delay: u64) -> Character {
     let delay = Duration::from_millis(delay);
     let action_stop = Reaction { mode: Some(2), effect: Effect::Works, ..Reaction::default() };
@@ -60,7 +61,7 @@ async fn what_waits_behind_queries_does_not_leave_after_a_stop() {
     }
 }
 
-/// Lists wait for each other; a stop that is asked for meanwhile takes back those that wait.
+/// Lists wait for each other. A stop that is requested meanwhile takes back the waiting lists.
 async fn a_list_that_waits_for_another_does_not_leave_after_a_stop() {
     let (controller, robot) = robot_at(ready_again(500)).await;
     robot.status().await.unwrap();
@@ -78,6 +79,6 @@ async fn a_list_that_waits_for_another_does_not_leave_after_a_stop() {
     pause(Duration::from_secs(5)).await;
     let path = controller.arm(|arm, _| arm.path_since(1, told)[0]);
     assert!(report.confirmed && path == 0.0, "moved {path} after {report}");
-    // What is asked for after the stop leaves.
+    // Requests made after the stop are sent.
     robot.add_motion(true, &to_j1(2.0)).await.unwrap();
 }

@@ -1,4 +1,4 @@
-//! "The arm stands" (docs/EVIDENCE.md): said only of an arm that moves no more.
+//! The statement "the arm stands" (docs/EVIDENCE.md): it is made only for an arm that moves no more.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -45,19 +45,19 @@ const fn reaction(effect: Effect) -> Reaction {
     Reaction { effect, mode: None, alarm: None, takes: Duration::ZERO }
 }
 
-/// Nothing that stops this arm, in mode 7.
+/// No means stops this arm, and it stays in mode 7.
 fn deaf_to_every_means(reaction: Reaction) -> Stops {
     Stops { action_stop: reaction, stop_button: reaction, action_pause: reaction, clear: reaction }
 }
 
-/// How far J1 goes in the ten seconds after now.
+/// How far J1 moves in the next ten seconds.
 async fn moves_on(controller: &HostileController) -> f64 {
     let told = controller.now();
     pause(Duration::from_secs(10)).await;
     controller.arm(|arm, _| arm.path_since(1, told)[0])
 }
 
-/// A motion of many points is under way, and its first step has begun.
+/// Starts a motion of many points. Returns after its first step has begun.
 async fn under_way(character: Character) -> (Arc<HostileController>, Robot) {
     let (controller, robot) = robot_at(character).await;
     let handle = robot.run(&there_and_on(12), RunOptions::default()).await.unwrap();
@@ -66,19 +66,19 @@ async fn under_way(character: Character) -> (Arc<HostileController>, Robot) {
     (controller, robot)
 }
 
-/// A client that was told that this controller stays in mode 7 after a stop.
+/// Settings that say that this controller stays in mode 7 after a stop.
 fn stays_in_mode_7() -> RobotSettings {
     RobotSettings { stays_in_mode_7: true, ..RobotSettings::default() }
 }
 
-/// A controller that takes lists late, and that a stop leaves in a mode in which lists are taken and run.
+/// A controller that accepts lists late. A stop leaves it in a mode in which it accepts and runs lists.
 async fn takes_lists_after_a_stop(late: Late) -> (Arc<HostileController>, Robot) {
     let stays = reaction(Effect::Works);
     let stops = Stops { action_stop: stays, stop_button: stays, action_pause: stays, clear: stays };
     robot_with(Character { late: vec![late], stops, ..Character::default() }, stays_in_mode_7()).await
 }
 
-/// Whatever is told: an arm that is told to stand does not move on.
+/// Checks that an arm reported as standing does not move on.
 async fn assert_true(controller: &HostileController, stopped: &Result<StopReport, RequestError>) {
     let says_so = matches!(stopped, Ok(report) if report.confirmed);
     let path = moves_on(controller).await;
@@ -106,7 +106,7 @@ async fn a1_a_dwell_is_no_standstill() {
 }
 
 async fn a1_a_program_that_waits_for_an_input_is_no_standstill() {
-    // The list is cleared, and the program runs on.
+    // The list is cleared, but the program continues.
     let clears = Stops { clear: reaction(Effect::Works), ..deaf_to_every_means(REFUSED) };
     for (mode, stops) in [
         (7, deaf_to_every_means(REFUSED)),
@@ -191,11 +191,11 @@ async fn a3_a_stop_behind_a_deaf_link_goes_over_another_connection() {
     assert_true(&controller, &stopped).await;
 }
 
-/// The arm stops at nothing, and only the second connection can see that.
+/// No stop works on the arm, and only the second connection can see that.
 async fn a3_what_a_second_connection_sees_counts_where_the_first_one_is_deaf() {
     let (controller, robot) =
         under_way(Character { stops: deaf_to_every_means(NO_EFFECT), ..Character::default() }).await;
-    // The first one is made anew, and is deaf again.
+    // The first connection is reopened, and is deaf again.
     let deaf = [1, 3, 4, 5, 6].map(|number| Deaf { connection: Some(number), ..Deaf::default() });
     controller.arm(|arm, _| arm.character_mut().deaf.extend(deaf));
     let report = robot.stop().await.unwrap();
@@ -236,7 +236,7 @@ async fn a4_a_list_that_is_taken_late_is_cleared_again() {
         assert!(report.to_string().contains("had no answer"), "{report}");
         assert_true(&controller, &stopped).await;
         assert_eq!(controller.arm(|arm, _| arm.list_length(1)), 0);
-        // What runs all at once is stopped at once, and not when nothing can be in doubt any more.
+        // A list that starts late is stopped at once, and not only when no frame can be in doubt any more.
         let ran_on = controller.arm(|arm, _| {
             let came = arm.log().iter().find(|entry| entry.did == Did::TakesLater).unwrap().at;
             let taken = came + Duration::from_millis(taken_after);
@@ -255,7 +255,7 @@ async fn b7_a_stop_is_neither_sent_to_nor_confirmed_by_another_robot() {
         arm.character_mut().swap = Some(Swap { when: SwapWhen::Told, links: Links::End, to });
         arm.swap(now);
     });
-    // The end of the link is there.
+    // The link has ended by now.
     pause(Duration::from_millis(1)).await;
     let stopped = robot.stop().await;
     assert!(!matches!(&stopped, Ok(report) if report.confirmed), "{stopped:?}");
@@ -288,7 +288,7 @@ async fn the_first_answer_that_is_lost_alone_opens_no_wrong_confirmation() {
     assert_true(&controller, &stopped).await;
 }
 
-/// Every answer is lost from the proof on, while a list is in doubt.
+/// Every answer after the proof is lost, while a list is in doubt.
 async fn a4_a_stop_ends_within_its_time_whatever_gets_lost() {
     for deaf_after in [100, 400, 1000, 2500, 4500, 6000, 9000] {
         let late = Late { nth: None, taken_after: Duration::from_millis(3500), answered_after: None };
@@ -308,7 +308,7 @@ async fn a4_a_stop_ends_within_its_time_whatever_gets_lost() {
     }
 }
 
-/// Somebody else's list starts the machine again right after the standstill was proved.
+/// Another client's list starts the machine again right after the standstill was proved.
 async fn a1_what_was_proved_is_not_told_of_a_machine_that_runs_again() {
     let step = json!({ "oneshot": "1", "action": "4", "m0": "80", "ckStatus": "0x3F", "speed": "10" });
     let mut disproved = 0;
@@ -325,7 +325,7 @@ async fn a1_what_was_proved_is_not_told_of_a_machine_that_runs_again() {
         };
         let (stopped, ()) = tokio::join!(robot.stop(), theirs);
         let report = stopped.as_ref().unwrap();
-        // The last look of a report that confirms shows a machine that does not run.
+        // The last read in a report that confirms shows a machine that does not run.
         let runs = report.moving == Some(true) || report.mode.is_some_and(OperationMode::may_run);
         assert!(!(report.confirmed && runs), "{after} ms: {report}");
         disproved += u32::from(!report.confirmed && report.took < Duration::from_secs(1));
@@ -334,7 +334,7 @@ async fn a1_what_was_proved_is_not_told_of_a_machine_that_runs_again() {
 }
 
 async fn a_stop_over_a_healthy_link_takes_effect_within_150_ms() {
-    // The slowest answers of a real controller that were published: 26 ms.
+    // The slowest published answer time of a real controller: 26 ms.
     let slow =
         Delays { command: Duration::from_millis(26), query: Duration::from_millis(26), ..Delays::default() };
     let mut took = Vec::new();
@@ -346,7 +346,7 @@ async fn a_stop_over_a_healthy_link_takes_effect_within_150_ms() {
         let asked = controller.now();
         robot.stop().await.unwrap();
         let path = controller.arm(|arm, _| arm.path_since(1, asked)[0]);
-        // 30 degrees a second.
+        // The arm moves at 30 degrees a second.
         took.push(path / 30.0);
     }
     took.sort_by(f64::total_cmp);
@@ -354,7 +354,7 @@ async fn a_stop_over_a_healthy_link_takes_effect_within_150_ms() {
     assert!(p99 <= 0.15, "{p99} s");
 }
 
-/// The first look gets through, then the link is deaf.
+/// The first read succeeds, then the link is deaf.
 async fn a3_a_link_that_goes_deaf_after_the_first_answer_gets_a_second_connection_too() {
     for deaf_after in (0..500).step_by(20) {
         // The first two means do nothing, so that the link is deaf before the arm stands.
@@ -374,7 +374,8 @@ async fn a3_a_link_that_goes_deaf_after_the_first_answer_gets_a_second_connectio
     }
 }
 
-/// A stop opens one second connection. If that ends, none takes its place: a controller has few of them.
+/// A stop opens one second connection. If that ends, the client opens no other, because a controller has few
+/// connections.
 async fn a3_a_second_connection_that_ends_is_not_made_anew() {
     let (controller, robot) =
         under_way(Character { stops: deaf_to_every_means(NO_EFFECT), ..Character::default() }).await;
@@ -393,7 +394,7 @@ async fn a3_a_second_connection_that_ends_is_not_made_anew() {
     controller.arm(|arm, now| arm.close(now, 2));
     let stopped = stopping.await.unwrap();
     assert!(!matches!(&stopped, Ok(report) if report.confirmed), "{stopped:?}");
-    // The first one is given up after some time-outs, and made anew.
+    // The first connection is given up after some timeouts, and is reopened.
     let opened = opened();
     assert!(opened.len() == 3 && opened[2] > Duration::from_secs(2), "{opened:?}");
 }

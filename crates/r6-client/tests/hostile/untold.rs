@@ -1,4 +1,4 @@
-//! A motion that failed and of which nobody asked is told once, and only once.
+//! A failed motion whose result no caller has requested is reported once, and only once.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ on_every_hand! {
     who_waited_is_not_told_again,
 }
 
-/// A motion that somebody else cleared, and whose handle was dropped.
+/// A motion that another client cleared, and whose handle was dropped.
 async fn failed() -> (std::sync::Arc<r6_testkit::hostile::serve::HostileController>, Robot) {
     let clears = Foreign { at: Duration::from_millis(700), replace: true, instructions: Vec::new() };
     let (controller, robot) = robot_at(Character { foreign: vec![clears], ..Character::default() }).await;

@@ -1,4 +1,4 @@
-//! A controller, a client, and what they saw of each other.
+//! A controller, a client, and a record of what they did.
 
 use r6_controller::Event;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use r6_controller::{LogEntry, Profile, Scenario};
 use r6_sim::{Clock, ControllerHandle, VirtualController};
 use tokio::sync::broadcast::{Receiver, error::TryRecvError};
 
-/// Whatever has not happened after this long never will.
+/// An event that has not happened after this time never will.
 pub const PATIENCE: Duration = Duration::from_secs(600);
 
 pub struct Cell {
@@ -36,7 +36,7 @@ impl Cell {
         self.controller.handle()
     }
 
-    /// The lists that the controller took since the beginning: how many instructions, and whether they replaced the list.
+    /// All lists that the controller has accepted: how many instructions, and whether they replaced the list.
     pub fn lists(&mut self) -> &[(usize, bool)] {
         loop {
             match self.log.try_recv() {
@@ -51,19 +51,19 @@ impl Cell {
         }
     }
 
-    /// How many instructions the controller ever took.
+    /// The total number of instructions that the controller has accepted.
     pub fn taken(&mut self) -> usize {
         self.lists().iter().map(|(count, _)| count).sum()
     }
 
-    /// The axes, and how far the farthest is from where it should be.
+    /// How far the axis that is farthest from its target is from it.
     pub fn error(&self, target: &[f64; 6]) -> f64 {
         let axes = self.handle().snapshot().axes;
         axes.iter().zip(target).map(|(at, wanted)| (at - wanted).abs()).fold(0.0, f64::max)
     }
 }
 
-/// Waits, but not for ever.
+/// Waits with a time limit.
 pub async fn soon<T>(what: impl Future<Output = T>) -> T {
     tokio::time::timeout(PATIENCE, what).await.expect("it never happened")
 }
@@ -72,7 +72,7 @@ pub fn percent(speed: f64) -> Percent {
     Percent::new(speed).unwrap()
 }
 
-/// A wave: every axis sways in its own time, so that no two points are alike.
+/// A wave: every axis sways with its own period, so that no two points are the same.
 pub fn wave(points: u32) -> Vec<[f64; 6]> {
     (1..=points)
         .map(|n| {

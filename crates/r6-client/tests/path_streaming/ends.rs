@@ -1,4 +1,4 @@
-//! How a path ends before its end, and what keeps it from beginning.
+//! How a path ends early, and what prevents it from starting.
 
 use std::time::Duration;
 
@@ -13,14 +13,14 @@ use r6_sim::{Clock, VirtualController};
 
 use crate::cell::{Cell, percent, profile, soon, through, wave};
 
-/// A path of 100 steps that runs, and has come to its thirtieth.
+/// A running path of 100 steps that has reached its thirtieth step.
 async fn under_way(cell: &Cell, options: RunOptions) -> MotionHandle {
     let handle = cell.robot.run(&through(&wave(100), 20.0, 5), options).await.unwrap();
     assert!(soon(handle.step(30).unwrap().started()).await);
     handle
 }
 
-/// Nothing moves and nothing is left that could start.
+/// Checks that nothing moves and that no instruction is left that could start.
 fn assert_at_rest(cell: &Cell) {
     let snapshot = cell.handle().snapshot();
     assert_eq!((snapshot.moving, snapshot.list_length), (false, 0));
@@ -61,7 +61,7 @@ async fn the_end_may_be_asked_for_again_and_again() {
     let mut handle = cell.robot.run(&through(&wave(5), 20.0, 5), RunOptions::default()).await.unwrap();
     let done = soon(handle.wait()).await.unwrap();
     assert_eq!(handle.wait().await.unwrap(), done);
-    // What has ended is stopped all the same.
+    // A motion that has ended can still be stopped.
     let report = handle.stop().await.unwrap();
     assert_eq!((report.confirmed, report.attempts), (true, 1));
     assert_at_rest(&cell);
@@ -80,7 +80,7 @@ async fn a_stop_by_another_clone_ends_the_path() {
     assert_at_rest(&cell);
     let taken = cell.taken();
     assert_eq!(taken, error.progress.left);
-    // The list was empty or was cleared, and nothing came after that.
+    // The list was empty or was cleared, and nothing was sent after that.
     cell.robot.status().await.unwrap();
     assert_eq!(cell.taken(), taken);
 }
@@ -92,7 +92,7 @@ async fn whoever_is_stopped_by_another_task_hears_of_it_when_the_stop_is_over() 
     let other = cell.robot.clone();
     let stopping = tokio::spawn(async move { other.stop().await });
     let error = soon(handle.finished()).await.unwrap_err();
-    // A program may end right here: nothing may be left that runs at the next start.
+    // A program may end here, so no instruction may be left that runs at the next start.
     assert_at_rest(&cell);
     assert_eq!(cell.handle().snapshot().list_length, 0);
     assert_eq!(error.cause, Cause::StoppedHere);
@@ -100,7 +100,7 @@ async fn whoever_is_stopped_by_another_task_hears_of_it_when_the_stop_is_over() 
     let report = error.stop.expect("what became of the stop").unwrap();
     assert!(report.confirmed && report.list_length == Some(0), "{report}");
     assert_eq!(soon(stopping).await.unwrap().unwrap(), report);
-    // An older stop is nothing to the next motion.
+    // An older stop does not affect the next motion.
     cell.robot.command(Command::StartButton).await.unwrap();
     let handle = under_way(&cell, RunOptions::default()).await;
     cell.robot.command(Command::ActionPause).await.unwrap();
@@ -129,7 +129,7 @@ async fn an_alarm_in_mid_path_names_the_step_and_leaves_nothing_in_the_list() {
         let error = soon(handle.finished()).await.unwrap_err();
         assert_eq!(error.cause, Cause::AlarmRaised { code: 135 }, "{name}");
         let current = error.progress.current();
-        // Where the place alone tells, what was not seen to be over may be a step more.
+        // If only the position tells the progress, the step not seen to be over may be one step earlier.
         assert!(current == 45 || (name == "legacy" && current == 44), "{name}: {error}");
         assert!(error.to_string().contains(&format!("step {current} of 100: ")), "{error}");
         assert!(error.to_string().contains("J6"), "{error}");
@@ -161,7 +161,7 @@ async fn without_a_handle_the_motion_goes_on_to_its_end_and_is_named() {
     assert_eq!(cell.taken(), 100);
     assert_at_rest(&cell);
     assert!(cell.error(&wave(100)[99]) < 0.01);
-    // It was told once; what is waited for next is no motion of this handle.
+    // The failure was reported once. The next wait does not concern a motion of this handle.
     let done = cell.robot.wait_until_done(r6_client::WaitOptions::default()).await.unwrap();
     assert_eq!((done.motion, done.moved), (None, false));
 }
@@ -257,7 +257,7 @@ async fn what_stands_where_it_should_move_is_stalled() {
         let cell = Cell::with(profile(name), Clock::Real, frozen, RobotSettings::default()).await;
         let handle = cell.robot.run(&through(&wave(100), 20.0, 5), RunOptions::default()).await.unwrap();
         let error = soon(handle.finished()).await.unwrap_err();
-        // Where nobody tells the length of the list, it looks like its end, elsewhere.
+        // If the length of the list is not known, this looks like an end at the wrong place.
         let expected = match error.cause {
             Cause::Stalled { .. } => name == "hc1",
             Cause::Elsewhere(_) => name == "legacy",
@@ -306,7 +306,7 @@ async fn values_that_no_longer_change_are_noticed() {
     let handle = cell.robot.run(&through(&wave(100), 20.0, 5), options).await.unwrap();
     let error = soon(handle.finished()).await.unwrap_err();
     assert!(matches!(error.cause, Cause::Stalled { .. }), "{error}");
-    // The arm stands; nobody could see that, and the report does not say that it was seen.
+    // The arm stands, but the client could not see that, and the report does not claim it.
     assert!(!error.stop.unwrap().unwrap().confirmed);
     assert!(!cell.handle().snapshot().moving);
 }
@@ -324,6 +324,6 @@ async fn nothing_is_sent_of_a_motion_of_an_axis_that_is_not_there() {
         "nothing was sent: step 2: J7 has to be left out: by its axisNum this robot has fewer axes"
     );
     assert_eq!(cell.lists(), []);
-    // Zeros for axes that are not there are what many people write.
+    // Many people write zeros for axes that do not exist.
     soon(cell.robot.run(&to(0.0), RunOptions::default()).await.unwrap().finished()).await.unwrap();
 }

@@ -1,4 +1,4 @@
-//! A guarded handle: what goes beyond the envelope never leaves.
+//! A guarded handle never sends what goes beyond the envelope.
 
 use r6_client::units::{AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Pose};
 use r6_client::{AxisIndex, Cause, Checked, Envelope, Invalid, Motion, RequestError, RunOptions, Violation};
@@ -18,7 +18,7 @@ pub fn axes(first: f64) -> AxisPosition {
     AxisPosition::degrees([first, 0.0, 0.0, 0.0, 30.0, 0.0])
 }
 
-/// What a check of this motion finds.
+/// The step and value that a check of this motion rejects.
 pub fn found(envelope: &Envelope, motion: &Motion) -> Option<(usize, Checked)> {
     motion.instructions().unwrap();
     envelope.check_motion(motion).err().map(|violation| (violation.step, violation.what))
@@ -105,14 +105,14 @@ fn the_tool_stays_in_its_workspace_on_curves_too() {
     let line = |x| Motion::new().linear_move(place(x, 0.0, 0.0), percent(1.0));
     assert_eq!(found(&envelope, &line(100.0)), None);
     assert_eq!(found(&envelope, &line(101.0)), Some((1, Checked::Place(J1))));
-    // All three points are inside, the arc between them is not.
+    // All three points are inside, but the arc between them is not.
     let arc = |across: f64| {
         line(across).curve_move(place(0.0, across, 0.0), place(-across, 0.0, 0.0), percent(1.0))
     };
     assert_eq!(found(&envelope, &arc(99.0)), None);
     let bulge = line(90.0).curve_move(place(90.0, 80.0, 0.0), place(0.0, 90.0, 0.0), percent(1.0));
     assert_eq!(found(&envelope, &bulge), Some((2, Checked::Place(J1))));
-    // In another work frame the numbers mean another place.
+    // In another work frame the same numbers mean another position.
     assert_eq!(found(&envelope, &line(1.0).work_frame(2)), Some((1, Checked::Frame)));
     let bench = Motion::new().workbench(2).linear_move(place(0.0, 0.0, 0.0), percent(1.0));
     assert_eq!(found(&envelope, &bench), Some((2, Checked::Frame)));
@@ -127,7 +127,7 @@ fn steps_from_target_to_target_are_measured() {
         found(&envelope, &motion.clone().axis_move(axes(50.1), percent(1.0))),
         Some((2, Checked::AxisStep(J1, false)))
     );
-    // Where a pose is for the axes, nobody knows.
+    // The client does not know the axis positions of a pose.
     let mixed = motion.linear_move(place(1.0, 1.0, 1.0), percent(1.0));
     assert_eq!(found(&envelope, &mixed), Some((2, Checked::Distance)));
     let lines = Motion::new()
@@ -170,7 +170,7 @@ async fn all_motion_of_a_guarded_handle_is_checked_raw_lists_too() {
     soon(guarded.run(&within, RunOptions::default()).await.unwrap().finished()).await.unwrap();
     guarded.clear_list().await.unwrap();
     assert!(cell.error(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]) < 0.01);
-    // The handle without a guard still does what it is told.
+    // The handle without a guard still sends the list.
     cell.robot.add_rcc(true, beyond.instructions().unwrap().to_vec()).await.unwrap();
 }
 
@@ -185,7 +185,7 @@ async fn the_step_from_the_present_position_counts() {
     assert_eq!((violation.step, violation.what), (1, Checked::AxisStep(J1, false)));
     let steps = far.instructions().unwrap().to_vec();
     assert!(guarded.add_rcc(true, steps.clone()).await.is_err());
-    // What is appended to a list that runs begins nobody knows where.
+    // Where an appended list begins is not known while another list runs.
     let near = Motion::new().axis_move(AxisPosition::degrees([40.0]), percent(1.0));
     let near = near.instructions().unwrap().to_vec();
     guarded.add_rcc(true, near.clone()).await.unwrap();

@@ -1,5 +1,5 @@
-//! Machines on which nothing is wrong: no motion of theirs is told as not seen, however fast the clock and however seldom they are
-//! looked at.
+//! Machines without a fault: none of their motions is reported as not seen, at any clock speed and with any
+//! interval between looks.
 
 use std::time::Duration;
 

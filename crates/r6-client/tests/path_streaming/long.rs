@@ -1,4 +1,4 @@
-//! Long paths: no pause between lists, nothing twice, the end where it should be.
+//! Long paths: no pause between lists, no step twice, and the end where it should be.
 
 use std::time::Duration;
 
@@ -10,18 +10,19 @@ use tokio::time::{Instant, sleep};
 
 use crate::cell::{Cell, percent, profile, soon, through, wave};
 
-/// How often the machine is looked at: far finer than the shortest move.
+/// How often the test looks at the machine: much more often than the shortest move takes.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
-/// Slower than this, degrees per second in every axis, counts as standing: the slowest of these waves goes many times as fast.
+/// A speed below this, degrees per second in every axis, counts as standing. The slowest of these waves is
+/// many times as fast.
 const STANDING: f64 = 0.5;
 
-/// What a person who never looks away sees of a motion.
+/// What a continuous observer sees of a motion.
 #[derive(Debug, Default)]
 struct Seen {
     looks: usize,
     standing: usize,
-    /// The longest list, and the shortest one before the last steps.
+    /// The maximum length of the list, and its minimum before the last steps.
     longest: usize,
     shortest: usize,
     took: Duration,
@@ -60,7 +61,7 @@ async fn look_on(handle: ControllerHandle, end: [f64; 6]) -> Seen {
     }
 }
 
-/// Streams 500 points; what was seen of it.
+/// Streams 500 points. Returns what the observer saw.
 async fn stream(profile: Profile, options: RunOptions, speed: f64) -> Seen {
     stream_points(wave(500), profile, options, speed).await
 }
@@ -89,7 +90,7 @@ async fn five_hundred_points_without_a_pause() {
         assert!(seen.looks > 1000, "{seen:?}");
         assert_eq!(seen.standing, 0, "{seen:?}");
         assert!(seen.longest <= RunOptions::default().room, "{seen:?}");
-        // Not a moment is lost: it takes as long as with the whole path in the list from the beginning.
+        // No time is lost: it takes as long as with the whole path in the list from the beginning.
         let all_at_once = RunOptions { room: 500, ..RunOptions::default() };
         let whole = stream(Profile::hc1(), all_at_once, speed).await;
         println!("with the whole path in the list: {whole:?}");
@@ -110,7 +111,7 @@ async fn points_close_together_are_fed_in_time() {
     }
 }
 
-/// Points on the way between two.
+/// Points between two positions.
 fn between(from: [f64; 6], to: [f64; 6], count: u32) -> impl Iterator<Item = [f64; 6]> {
     (0..count).map(move |n| {
         let share = f64::from(n + 1) / f64::from(count);
@@ -120,7 +121,7 @@ fn between(from: [f64; 6], to: [f64; 6], count: u32) -> impl Iterator<Item = [f6
 
 #[tokio::test(start_paused = true)]
 async fn what_looks_for_pauses_finds_one() {
-    // A list that is fed only once it is nearly done.
+    // A list that is refilled only when it is nearly empty.
     let late = RunOptions { interval: Duration::from_secs(6), ..RunOptions::default() };
     let seen = stream(Profile::hc1(), late, 50.0).await;
     assert!(seen.standing > 0, "{seen:?}");
@@ -167,7 +168,7 @@ async fn in_real_time_too() {
 
 #[tokio::test(start_paused = true)]
 async fn a_way_back_and_forth_is_not_mistaken_for_its_first_leg() {
-    // Unit A's test of corners, sixty times.
+    // Unit A's corner test, sixty times.
     let points: Vec<_> =
         (0..60).map(|n| [if n % 2 == 0 { 8.0 } else { -8.0 }, 0.0, 0.0, 0.0, 30.0, 0.0]).collect();
     for name in ["hc1", "legacy"] {
@@ -208,7 +209,7 @@ async fn each_step_is_followed_from_queued_to_done() {
         assert!(soon(step.started()).await);
         let length = cell.handle().snapshot().list_length;
         let left = handle.progress().accepted - length;
-        // What the controller has done may be a read ahead of what was told.
+        // The controller may be ahead of the reported progress by one read.
         assert!((number - 1..=number + 3).contains(&left), "step {number}: {left} done");
         assert!(soon(step.done()).await);
     }
@@ -257,7 +258,7 @@ async fn two_paths_do_not_mix_in_one_list() {
     assert!(handle.stop().await.unwrap().confirmed);
 }
 
-/// On a clock that jumps: whoever looks sees the arm set out, and then at its end.
+/// With a clock that jumps, an observer sees the arm start, and then at its end.
 #[tokio::test]
 async fn a_motion_that_ends_where_it_began_is_seen_on_a_clock_that_jumps() {
     for name in Profile::names() {
@@ -270,7 +271,7 @@ async fn a_motion_that_ends_where_it_began_is_seen_on_a_clock_that_jumps() {
             let done = soon(handle.finished()).await.unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!((done.proof, done.moved), (EndProof::Reached, true), "{name}");
         }
-        // Firmware without the length of the list: half a second of rest tells the end.
+        // If firmware does not report the length of the list, half a second of rest counts as the end.
         let most = if name == "hc1" { 2 } else { 6 };
         assert!(begun.elapsed() < Duration::from_secs(most), "{name}: {:?}", begun.elapsed());
     }

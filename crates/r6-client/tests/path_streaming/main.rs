@@ -1,7 +1,8 @@
-//! Paths that are streamed into virtual controllers, over real sockets: without a pause, without a doublet, to their end.
+//! Paths that are streamed into virtual controllers, over real sockets: no pause, no step twice, and to the
+//! end.
 //!
-//! Where pauses are looked for, time is tokio's paused clock and the controller runs on it as in the world: it goes as
-//! fast as the machine can, and a slow machine changes nothing but how long the test takes.
+//! Tests that look for pauses use tokio's paused clock, and the controller runs on that clock as in real
+//! life. It advances as fast as the machine can compute, so a slow machine only makes the test take longer.
 #![allow(clippy::unwrap_used, reason = "the helpers of the tests are tests too")]
 
 mod cell;

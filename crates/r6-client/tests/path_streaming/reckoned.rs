@@ -1,4 +1,5 @@
-//! What a guard reckons with besides the list: inputs that stop it, units, frames that were told before, lists of others.
+//! What a guard takes into account besides the list: inputs that stop it, units, earlier frame changes, and
+//! lists of other clients.
 
 use std::time::Duration;
 
@@ -16,7 +17,8 @@ use crate::guarded::{J1, J6, axes, found, place};
 
 const TENTH: Duration = Duration::from_millis(100);
 
-/// An input that stops the motion lets each move end anywhere on its way: where the next one begins is not known.
+/// If an input stops the motion, each move may end anywhere on its path. So the start of the next move is not
+/// known.
 #[test]
 fn after_an_input_may_have_stopped_the_motion_no_place_is_known() {
     let envelope = Envelope::new().largest_axis_step(Degrees(30.0)).largest_distance(Millimetres(50.0));
@@ -28,14 +30,14 @@ fn after_an_input_may_have_stopped_the_motion_no_place_is_known() {
     let lines = line(line(Motion::new(), 0.0).stop_on_input("X013".parse().unwrap(), true), 40.0);
     assert_eq!(found(&envelope, &lines), None);
     assert_eq!(found(&envelope, &line(lines, 0.0)), Some((4, Checked::Distance)));
-    // A curve, too, begins nobody knows where.
+    // The start of a curve is then unknown too.
     let corner = |by: f64| [by, by, by].map(Millimetres);
     let walled = Envelope::new().workspace(corner(-100.0), corner(100.0));
     let arc = |motion: Motion| motion.curve_move(place(5.0, 5.0, 0.0), place(0.0, 10.0, 0.0), percent(1.0));
     let cut = line(line(Motion::new(), 0.0).stop_on_input("X013".parse().unwrap(), true), 10.0);
     assert_eq!(found(&walled, &arc(cut)), Some((4, Checked::Arc)));
     assert_eq!(found(&walled, &arc(line(line(Motion::new(), 0.0), 10.0))), None);
-    // Once nothing is watched, the next move that is measured from a known place makes its end known again.
+    // Once no input is watched, the next move that is measured from a known position has a known end again.
     let off = Instruction {
         oneshot: true,
         action: Action::StopOnSignal(StopOnSignal { in_use: false, input: 3, on: true }),
@@ -49,7 +51,8 @@ fn after_an_input_may_have_stopped_the_motion_no_place_is_known() {
     );
 }
 
-/// Degrees do not compare with millimetres, and what the envelope does not say to slide turns.
+/// Degrees cannot be compared with millimetres. An axis that the envelope does not declare as sliding counts
+/// as turning.
 #[test]
 fn millimetres_for_an_axis_that_turns_go_beyond() {
     let j7 = AxisIndex::ALL[6];
@@ -102,7 +105,7 @@ async fn millimetres_for_an_axis_that_turns_are_not_sent() {
     assert_eq!(cell.taken(), 0);
 }
 
-/// The limits are told for the frame that was in use when the guard was made.
+/// The limits refer to the frame that was in use when the guard was made.
 #[tokio::test(start_paused = true)]
 async fn a_frame_that_was_told_before_counts_for_later_lists() {
     let corner = |by: f64| [by, by, by].map(Millimetres);
@@ -132,7 +135,7 @@ async fn a_frame_that_was_told_before_counts_for_later_lists() {
             assert_eq!(violation.what, Checked::FrameUnknown, "{told}");
             assert!(violation.to_string().contains("make a guard"), "{violation}");
         }
-        // Axis moves mean the same in every frame, and a guard that is made now is of the frame that is in use.
+        // Axis moves mean the same in every frame. A guard that is made now has the frame in use.
         let axis_move = Motion::new().axis_move(axes(1.0), percent(1.0));
         guarded.guard().unwrap().check_motion(&line).unwrap();
         cell.robot.with_guard(envelope()).dry_run(&line, RunOptions::default()).unwrap();
@@ -140,7 +143,7 @@ async fn a_frame_that_was_told_before_counts_for_later_lists() {
     }
 }
 
-/// Whether a watch ends with its list is not known: later lists reckon with it.
+/// It is not known whether watching an input ends with its list. So later lists take it into account.
 #[tokio::test(start_paused = true)]
 async fn a_watched_input_counts_for_later_lists() {
     let cell = Cell::new(Profile::hc1(), Clock::Real).await;
@@ -158,7 +161,7 @@ async fn a_watched_input_counts_for_later_lists() {
     guarded.add_rcc(true, raw(&two)).await.unwrap();
 }
 
-/// Two that look, check and send at the same time: the second would begin where the first ends.
+/// Two callers check and send at the same time. The second list would begin where the first ends.
 #[tokio::test(start_paused = true)]
 async fn a_list_is_checked_against_the_place_where_it_begins() {
     let to = |angle| Motion::new().axis_move(axes(angle), percent(100.0));

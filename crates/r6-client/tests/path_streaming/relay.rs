@@ -1,4 +1,5 @@
-//! A link between client and controller that keeps what goes to the controller, takes its time, and breaks where it is told.
+//! A link between client and controller that records the traffic to the controller, adds delay, and breaks at
+//! a chosen frame.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
@@ -13,9 +14,9 @@ use tokio::time::sleep;
 /// Where a link breaks, once: at the frame of this type with this number, counted from 1.
 #[derive(Clone, Copy, Debug)]
 pub enum Break {
-    /// The request arrives, the reply does not.
+    /// The request arrives, but the reply does not.
     Reply(&'static str, usize),
-    /// The request gets lost on its way.
+    /// The request does not arrive.
     Request(&'static str, usize),
 }
 
@@ -28,14 +29,14 @@ pub struct Relay {
 struct State {
     breaks: Option<Break>,
     delay: Duration,
-    /// All frames that the controller was given, in their order.
+    /// All frames that the controller received, in order.
     sent: Vec<Value>,
     requests: Vec<String>,
     replies: Vec<String>,
 }
 
 impl Relay {
-    /// A link to this controller, and where a client connects to it.
+    /// Creates a link to this controller. Returns the address for the client.
     pub async fn to(
         controller: SocketAddr,
         breaks: impl Into<Option<Break>>,
@@ -59,7 +60,7 @@ impl Relay {
                 let (from_server, to_server) = server.into_split();
                 let relay = own.clone();
                 tokio::spawn(async move {
-                    // The end of either way is the end of both.
+                    // When one direction ends, both end.
                     tokio::select! {
                         () = relay.carry(from_client, to_server, false) => {}
                         () = relay.carry(from_server, to_client, true) => {}
@@ -70,19 +71,19 @@ impl Relay {
         (relay, address)
     }
 
-    /// The lists that the controller was given.
+    /// The lists that the controller received.
     pub fn lists(&self) -> Vec<Value> {
         let state = self.state.lock().unwrap();
         state.sent.iter().filter(|frame| frame["reqType"] == "AddRCC").cloned().collect()
     }
 
-    /// How many stops the controller was given.
+    /// The number of stops that the controller received.
     pub fn stops(&self) -> usize {
         let state = self.state.lock().unwrap();
         state.sent.iter().filter(|frame| frame["cmdData"][0] == "actionStop").count()
     }
 
-    /// Whether the link has broken where it was told to.
+    /// Whether the link has broken at the chosen frame.
     pub fn has_broken(&self) -> bool {
         self.state.lock().unwrap().breaks.is_none()
     }
@@ -108,7 +109,7 @@ impl Relay {
         }
     }
 
-    /// Keeps the frame; whether the link breaks instead of carrying it.
+    /// Records the frame. Returns whether the link breaks instead of carrying it.
     fn breaks_at(&self, frame: Value, is_reply: bool) -> bool {
         let mut state = self.state.lock().unwrap();
         let kind = frame["reqType"].as_str().unwrap_or_default().to_owned();

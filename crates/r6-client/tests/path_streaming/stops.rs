@@ -1,4 +1,4 @@
-//! A handle that is told to stop does, whoever has stopped before.
+//! A stop on a handle works, even if another stop came before.
 
 use std::time::Duration;
 
@@ -29,7 +29,7 @@ async fn an_older_stop_is_not_taken_for_the_one_that_is_asked_for() {
         }
         let mut watch = handle.watch();
         soon(watch.wait_for(|progress| progress.ended)).await.unwrap();
-        // The stop comes after it, and is over in this time.
+        // The stop comes after it and ends within this time.
         sleep(Duration::from_secs(30)).await;
         robot.command(Command::StartButton).await.unwrap();
         let far = Motion::new().axis_move(AxisPosition::degrees([-90.0]), percent(2.0));

@@ -1,4 +1,4 @@
-//! Outcomes that nobody knows: nothing is sent again.
+//! Unknown outcomes: nothing is sent again.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use serde_json::Value;
 use crate::cell::{Cell, soon, through, wave};
 use crate::relay::{Break, Relay};
 
-/// Streams 100 steps into a controller to which something happens.
+/// Streams 100 steps into a controller on which the scenario runs.
 async fn stream(scenario: &str, options: RunOptions) -> (Cell, Result<Done, MotionError>, [StepState; 3]) {
     let cell = Cell::with(Profile::hc1(), Clock::Real, scenario, RobotSettings::default()).await;
     let handle = cell.robot.run(&through(&wave(100), 20.0, 5), options).await.unwrap();
@@ -30,18 +30,18 @@ async fn a_list_that_is_carried_out_and_not_acknowledged_is_never_sent_again() {
     let error = result.unwrap_err();
     assert!(matches!(error.cause, Cause::OutcomeUnknown(OutcomeUnknown::TimedOut { .. })), "{error}");
     let progress = error.progress;
-    // The controller has it, once, and nothing after it.
+    // The controller has the list once, and nothing after it.
     assert_eq!(cell.taken(), progress.left);
     assert!(progress.left > progress.accepted && progress.left < 100, "{progress:?}");
     assert_eq!(progress.step(progress.left), Some(StepState::Lost));
     assert_eq!((states[0], states[2]), (StepState::Done, StepState::Queued));
     assert!(error.to_string().contains("Do not send it again"), "{error}");
-    // The arm was stopped, its list cleared.
+    // The arm was stopped and its list was cleared.
     let report = error.stop.unwrap().unwrap();
     assert!(report.confirmed, "{report}");
     let snapshot = cell.handle().snapshot();
     assert_eq!((snapshot.moving, snapshot.list_length), (false, 0));
-    // Whoever looks later still finds each step once.
+    // Later too, each step is found once.
     cell.robot.status().await.unwrap();
     assert_eq!(cell.taken(), progress.left);
 }
@@ -77,7 +77,7 @@ async fn half_a_list_taken_and_the_whole_refused_ends_the_path() {
     let (mut cell, result, _) = stream(half, RunOptions::default()).await;
     let error = result.unwrap_err();
     assert!(matches!(error.cause, Cause::Refused(_)), "{error}");
-    assert_eq!(error.progress.left, error.progress.accepted + 8, "nobody knows what became of those eight");
+    assert_eq!(error.progress.left, error.progress.accepted + 8, "what became of those eight is unknown");
     assert_eq!(cell.taken(), error.progress.accepted);
     assert!(error.stop.unwrap().unwrap().confirmed);
     assert_eq!(cell.handle().snapshot().list_length, 0);
@@ -106,7 +106,7 @@ async fn a_link_that_breaks_with_a_list_under_way_ends_the_path() {
             let before = (number - 1) * 8;
             let left = (number * 8).min(100);
             assert_eq!((error.progress.accepted, error.progress.left), (before, left), "{breaks:?}");
-            // Whether it arrived, the client cannot know; in no case did it come twice.
+            // The client cannot know whether it arrived. In no case did it arrive twice.
             let arrived = if matches!(breaks, Break::Reply(..)) { left } else { before };
             assert_eq!(cell.taken(), arrived, "{breaks:?}");
             let report = error.stop.unwrap().unwrap();
@@ -125,10 +125,11 @@ async fn a_link_that_breaks_with_a_question_under_way_ends_the_path_with_it() {
             let error = result.unwrap_err();
             let lost = matches!(error.cause, Cause::NotSent(NotSent::Disconnected));
             assert!(lost, "{breaks:?}: {error}");
-            // Whoever is there now may be at another place, or be switched on just now: it gets nothing of the old path.
+            // The robot that answers now may be at another position, or may have just been switched on: it
+            // gets nothing of the old path.
             let left = error.progress.left;
             assert!(left < 100 && cell.taken() == left, "{breaks:?}: {error}");
-            // One more clears what is left, and is not of the path.
+            // One more list clears the rest. It does not belong to the path.
             let steps = |list: &Value| list["instructions"].as_array().map_or(0, Vec::len);
             let told: Vec<usize> = relay.lists().iter().map(steps).collect();
             assert!(told.starts_with(&[8, 8, 8]) && told.len() == left / 8 + 1, "{breaks:?}: {told:?}");
@@ -150,7 +151,7 @@ async fn a_link_that_breaks_before_anything_left_hinders_no_path() {
     }
 }
 
-/// Nobody can tell over another connection whether it is the end of this path that is seen there.
+/// Another connection does not show whether the end that is seen there is the end of this path.
 #[tokio::test(start_paused = true)]
 async fn a_link_that_breaks_after_all_has_left_ends_the_path_with_what_was_seen_done() {
     for breaks in [Break::Reply("query", 350), Break::Request("query", 350)] {
@@ -162,7 +163,7 @@ async fn a_link_that_breaks_after_all_has_left_ends_the_path_with_what_was_seen_
         assert_eq!((progress.left, progress.accepted), (100, 100), "{breaks:?}");
         assert!((50..100).contains(&progress.done), "{breaks:?}: {progress:?}");
         assert_eq!(progress.step(100), Some(StepState::Lost));
-        // Nothing came twice, but for the list that clears the rest.
+        // Nothing came twice, except the list that clears the rest.
         assert_eq!((cell.taken(), relay.lists().len()), (100, 14), "{breaks:?}");
         assert!(error.stop.unwrap().unwrap().confirmed, "{breaks:?}");
         let snapshot = cell.handle().snapshot();
@@ -170,7 +171,7 @@ async fn a_link_that_breaks_after_all_has_left_ends_the_path_with_what_was_seen_
     }
 }
 
-/// The source goes on for much longer than the connection: a target that is followed is a path that nobody knows the end of.
+/// The source continues for much longer than the connection: a followed target is a path without a known end.
 #[tokio::test(start_paused = true)]
 async fn a_target_that_is_followed_ends_with_its_connection() {
     for number in [20, 45] {
@@ -188,14 +189,14 @@ async fn a_target_that_is_followed_ends_with_its_connection() {
             let following = robot.follow(targets, FollowOptions::default());
             let (followed, ()) = soon(async { tokio::join!(following, source) }).await;
             let error = followed.expect_err("its connection is lost");
-            // At the next step, or at the look whether one that left is done.
+            // This happens at the next step, or at the look whether the last step is done.
             let lost = matches!(
                 error.cause,
                 Cause::NotSent(NotSent::Disconnected)
                     | Cause::Unreadable(RequestError::NotSent(NotSent::Disconnected))
             );
             assert!(relay.has_broken() && lost, "{breaks:?}: {error}");
-            // Each step is a list of its own; the last of them clears what is left, and is none.
+            // Each step is its own list. The last list clears the rest and is not a step.
             let (left, stop) = (error.progress.left, error.stop.unwrap().unwrap());
             assert!(left > 0 && cell.taken() == left, "{breaks:?}: {left} of {} left", cell.taken());
             let steps =

@@ -1,4 +1,5 @@
-//! What goes behind other steps, or repeats: sent at once and as a whole, and its end is told only where something proves it.
+//! Motions that are appended or repeat: they are sent at once and as a whole, and their end is reported only
+//! with a proof.
 
 use std::time::Duration;
 
@@ -18,13 +19,13 @@ fn to_j1(degrees: &[f64], speed: f64) -> Motion {
     degrees.iter().fold(Motion::new(), |motion, degrees| motion.axis_move(to(*degrees), percent(speed)))
 }
 
-/// Waits until all of it is in the controller's list.
+/// Waits until the whole motion is in the controller's list.
 async fn is_accepted(handle: &MotionHandle) -> Progress {
     let mut progress = handle.watch();
     *soon(progress.wait_for(|progress| progress.accepted == progress.total)).await.unwrap()
 }
 
-/// A slow motion that goes on by itself: its handle was given away.
+/// Starts a slow motion that continues without its handle.
 async fn goes_on(cell: &Cell) {
     let handle = cell.robot.run(&to_j1(&[5.0], 1.0), RunOptions::default()).await.unwrap();
     is_accepted(&handle).await;
@@ -37,7 +38,7 @@ async fn it_goes_behind_what_runs_and_its_end_is_proved_by_the_place() {
         let name = profile.name.clone();
         let mut cell = Cell::new(profile, Clock::Real).await;
         goes_on(&cell).await;
-        // Without the wish to append, a robot that moves is sent nothing.
+        // Without the option to append, nothing is sent to a moving robot.
         let refused = cell.robot.run(&to_j1(&[8.0], 50.0), RunOptions::default()).await.unwrap_err();
         let Cause::NotReady(unmet) = refused.cause else { panic!("{name}: {refused}") };
         assert!(unmet.contains(&Unmet::Moving), "{name}: {unmet:?}");
@@ -77,7 +78,7 @@ async fn a_motion_repeats_until_it_is_stopped() {
         let round = to_j1(&[3.0, 0.0], 50.0).repeat();
         let mut handle = cell.robot.run(&round, RunOptions::default()).await.unwrap();
         is_accepted(&handle).await;
-        // Many rounds, of which none is its end.
+        // Many rounds, and no round is the end.
         tokio::time::timeout(Duration::from_secs(20), handle.wait()).await.unwrap_err();
         assert_eq!(cell.handle().snapshot().list_length, 2, "{name}");
         let mut least_and_most = (f64::INFINITY, f64::NEG_INFINITY);
@@ -106,7 +107,7 @@ async fn a_guard_holds_the_way_back_to_the_beginning_and_knows_no_start_behind_o
     assert_eq!(violation.step, 1, "it goes from 12 to 4 degrees: {violation}");
     assert_eq!(cell.taken(), 0);
     goes_on(&cell).await;
-    // Where the list of the others ends, nobody knows.
+    // The end of the other client's list is not known.
     let error = guarded.run(&to_j1(&[5.0], 50.0), behind()).await.unwrap_err();
     assert!(matches!(error.cause, Cause::OutsideEnvelope(_)), "{error}");
     assert_eq!(cell.taken(), 1);

@@ -111,7 +111,7 @@ impl fmt::Display for In<'_> {
                 write!(f, "{count} more warnings were left out: {told} within a second are told")
             }
             Event::EventsDropped { count } => {
-                write!(f, "{count} lines were dropped: nobody read them in time")
+                write!(f, "{count} lines were dropped: they were not read in time")
             }
             Event::ModeChanged { mode, why } => write!(f, "{mode}: {}", reason(*why)),
             Event::SingleCycle => f.write_str("single cycle"),
@@ -128,7 +128,7 @@ impl fmt::Display for In<'_> {
             Event::ProgramLoaded { name, steps } => write!(f, "program `{name}` was loaded: {steps} steps"),
             Event::ProgramGivenAtStart { name } => write!(
                 f,
-                "program `{name}` is the one that was given at the start; the one that was loaded at the panel is kept"
+                "program `{name}` was given at the start and runs in place of the program that was loaded at the panel, which is kept"
             ),
             Event::ProgramGone { name, why } => {
                 write!(f, "program `{name}` was loaded at the panel, but is not there now: {why}")

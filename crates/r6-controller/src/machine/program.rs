@@ -451,8 +451,8 @@ impl Machine {
         }
     }
 
-    /// The step whose turn it is, for people. The instructions of a program's own list are fetched ahead of the arm: while some
-    /// are left, the first of them is the present step.
+    /// The present step, for people. The controller fetches instructions of a program ahead of the arm. While
+    /// fetched instructions are left, the first of them is the present step.
     #[must_use]
     pub fn present_step(&self) -> Option<ProgramStep> {
         let fetched = self.program.places.front().filter(|_| !self.program.remote);

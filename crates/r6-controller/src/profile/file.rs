@@ -108,7 +108,7 @@ pub(super) fn read(text: &str) -> Result<Profile, Mistakes> {
     set(&mut profile.oneshot_missing, fields.word("oneshot_missing", &MISSING_ONESHOT));
     set(&mut profile.moving_in_delay, fields.flag("moving_in_delay"));
     set(&mut profile.idle_single_cycle, fields.word("idle_single_cycle", &IDLE_SINGLE_CYCLES));
-    let connections = "a whole number, 1 or more: 0 would serve nobody";
+    let connections = "a whole number, 1 or more: 0 would serve no client";
     set(&mut profile.max_connections, fields.whole_in("max_connections", connections, 1..=usize::MAX));
     set(&mut profile.answers_heartbreak, fields.flag("answers_heartbreak"));
     set(&mut profile.dialect.says_virtual, fields.flag("says_virtual"));

@@ -12,7 +12,7 @@ pub const BY_NOBODY: [(&str, &str); 6] = [
     ("version", "the firmware: only another one has another version"),
     (
         "counterList",
-        "counters are set up, not made: a program that counts one that is not there ends with alarm 300",
+        "counters are set up, not made: a program that counts with a missing counter ends with alarm 300",
     ),
     ("boardIOnum", "boards are screwed in"),
     ("axisNum", "so are axes"),

@@ -60,7 +60,7 @@ pub fn power_cuts(world: &World) -> bool {
     all(&[
         ("connections", world.client.seen.connections > 4),
         ("each cut ends all of them", world.watch.ended == 4),
-        ("nobody answers", world.read(24.01, 35.9, "curMode").is_empty()),
+        ("no answer comes", world.read(24.01, 35.9, "curMode").is_empty()),
         ("in the middle of a move", world.goes_on(9.0..16.0, 16.0..20.0)),
         ("a blink", world.goes_on(20.0..21.0, 21.0..24.0)),
         ("a long time", world.goes_on(24.0..41.0, 41.0..43.0)),
@@ -68,7 +68,7 @@ pub fn power_cuts(world: &World) -> bool {
         ("the one before it", world.always(40.1, 50.0, is_chosen("remote"))),
         ("the emergency stop stays", world.always(43.1, 47.0, |seen| seen.emergency_stop)),
         ("and is shown", world.reads(44.6, 48.0, "curAlarm", "7")),
-        ("nobody starts it then", world.stands(43.65, 54.9)),
+        ("it is not started then", world.stands(43.65, 54.9)),
     ])
 }
 
@@ -146,8 +146,8 @@ pub fn programs(world: &World) -> bool {
     all(&[
         ("chosen", world.always(7.1, 18.0, own)),
         ("runs", world.reads(8.1, 11.0, "curMode", "7")),
-        ("the one that runs stays as it is", world.stands(8.0, 13.0)),
-        ("overwritten, and nobody starts it", world.reads(12.6, 13.0, "curMode", "2")),
+        ("the running program stays as it is", world.stands(8.0, 13.0)),
+        ("overwritten, and not started", world.reads(12.6, 13.0, "curMode", "2")),
         ("begins at its first step", world.ever(13.0, 16.0, at_three)),
         ("the one before it", world.always(18.1, 25.0, |seen| seen.program == "remote")),
         ("goes on", world.goes_on(17.0..19.0, 19.0..24.0)),

@@ -24,7 +24,7 @@ fn nobody_is_answered_and_then_the_connections_are_over() {
     cell.send(br#"{"reqType":"query","queryAddr":["version"]}"#);
     cell.pass(2.9);
     assert_eq!(cell.frame(), None);
-    assert!(!cell.controller.is_over(cell.id), "nobody has told it anything");
+    assert!(!cell.controller.is_over(cell.id), "it was told nothing");
     cell.pass(0.1);
     reconnect(&mut cell);
     assert_eq!(cell.text("curMode"), "2");

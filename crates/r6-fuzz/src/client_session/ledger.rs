@@ -1,4 +1,4 @@
-//! What became of each request, kept apart from the session.
+//! Tracks what happened to each request, independently of the session.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -11,18 +11,19 @@ use r6_proto::{Decoder, Request, RequestType};
 
 use crate::input::Input;
 
-/// A request that was sent.
+/// A sent request.
 #[derive(Clone, Debug)]
 pub struct Sent {
     pub kind: RequestType,
-    /// The command's word, or that of AddPoints or AddRCC.
+    /// The command's word, or the word of AddPoints or AddRCC.
     pub word: &'static str,
     pub sent_at: Instant,
     addresses: Vec<String>,
     state: State,
 }
 
-/// The frame that a request has to leave as: encoded afresh, with nothing kept of an earlier one.
+/// The frame that must be sent for a request. It is encoded anew, without anything stored from an earlier
+/// frame.
 fn frame(settings: &ClientSettings, ticket: Ticket, request: &Request<'_>) -> Vec<u8> {
     let number = ticket.number().to_string();
     let pack_id = request.expects_reply().then_some(&*number);
@@ -32,7 +33,7 @@ fn frame(settings: &ClientSettings, ticket: Ticket, request: &Request<'_>) -> Ve
     frame
 }
 
-/// How many values a reply to a query has that says neither by number nor by addresses which query it answers.
+/// The number of values in a query reply that names its query neither by number nor by addresses.
 fn values_of_anybody(message: &Message<'_>) -> Option<usize> {
     match &message.body {
         Body::QueryReply(reply) if message.header.pack_id.is_none() && reply.addresses.is_none() => {
@@ -51,26 +52,26 @@ enum State {
     Withdrawn,
 }
 
-/// All requests, and all bytes that left.
+/// All requests, and all transmitted bytes.
 pub struct Ledger {
     settings: ClientSettings,
     requests: BTreeMap<Ticket, Sent>,
-    /// A request has timed out: whatever comes without a number may answer it.
+    /// Whether a request has timed out, so that any reply without a number may answer it.
     late: bool,
-    /// A reply that does not say what it answers had more values than the first query that waited has addresses.
+    /// Whether a reply that names nothing had more values than the first waiting query has addresses.
     exceeded: bool,
-    /// Whether a reply that names nothing came before any was matched, and more than one query waited.
+    /// Whether a reply that names nothing came before any match, while more than one query waited.
     of_any: bool,
     out_of_step: bool,
     last_reply: Vec<u8>,
     wire: FrameBuffer,
-    /// The frames that were sent and have neither left whole nor been taken back, in their order.
+    /// The sent frames that are neither completely transmitted nor withdrawn, in order.
     to_leave: VecDeque<(Ticket, Vec<u8>)>,
-    /// How many bytes of the first of them have left.
+    /// How many bytes of the first of them were transmitted.
     part_left: usize,
-    /// Everything that left, at least in part.
+    /// Every request that was transmitted at least in part.
     begun: BTreeSet<Ticket>,
-    /// How often each motion left, by its number.
+    /// How often each motion was transmitted, by its number.
     motions: BTreeMap<i64, u32>,
 }
 
@@ -110,7 +111,7 @@ impl Ledger {
         );
     }
 
-    /// One of the requests that wait.
+    /// Picks one of the waiting requests.
     pub fn waiting(&self, input: &mut Input<'_>) -> Option<Ticket> {
         let waiting: Vec<_> = self
             .requests
@@ -121,7 +122,7 @@ impl Ledger {
         if waiting.is_empty() { None } else { Some(input.pick(&waiting)) }
     }
 
-    /// A reply to any request there ever was, in one of the forms that firmware gives it.
+    /// A reply to any request so far, in one of the forms that firmware sends.
     pub fn reply(&mut self, input: &mut Input<'_>) -> Vec<u8> {
         let newest_first: Vec<_> = self.requests.iter().rev().collect();
         if newest_first.is_empty() {
@@ -163,7 +164,8 @@ impl Ledger {
         &self.last_reply
     }
 
-    /// Bytes have left: each request as it is encoded by itself, in turn, and no motion twice, whatever happened before.
+    /// Records transmitted bytes. Each request must be sent exactly as it is encoded alone, in order, and no
+    /// motion twice.
     pub fn left(&mut self, mut bytes: &[u8]) {
         self.count(bytes.len());
         let mut decoder = Decoder::new();
@@ -172,7 +174,7 @@ impl Ledger {
             bytes = &bytes[taken..];
             while let Some(frame) = self.wire.next() {
                 let frame = frame.unwrap_or_else(|error| panic!("what leaves is no frame: {error}"));
-                let (ticket, wanted) = self.to_leave.pop_front().expect("a frame leaves that nobody sent");
+                let (ticket, wanted) = self.to_leave.pop_front().expect("a frame leaves that was not sent");
                 self.part_left = self.part_left.saturating_sub(wanted.len());
                 assert!(
                     frame.bytes == wanted,
@@ -198,7 +200,7 @@ impl Ledger {
         }
     }
 
-    /// Notes of which requests so many bytes more are a part.
+    /// Records which requests the next `bytes` bytes belong to.
     fn count(&mut self, bytes: usize) {
         self.part_left += bytes;
         let mut starts_at = 0;
@@ -213,7 +215,7 @@ impl Ledger {
 
     fn end(&mut self, ticket: Ticket, state: State) -> &Sent {
         let number = ticket.number();
-        let sent = self.requests.get_mut(&ticket).unwrap_or_else(|| panic!("nobody sent {number}"));
+        let sent = self.requests.get_mut(&ticket).unwrap_or_else(|| panic!("{number} was not sent"));
         assert_eq!(sent.state, State::Waits, "request {number} has ended, and ends again as {state:?}");
         sent.state = state;
         sent
@@ -283,7 +285,7 @@ impl Ledger {
         assert!(!std::mem::replace(&mut self.out_of_step, true), "out of step is said once");
     }
 
-    /// Time has passed: nobody waits longer than the settings say.
+    /// Checks after time has passed that no request waits longer than the settings allow.
     pub fn time_has_passed(&self, now: Instant) {
         let timeout = self.settings.reply_timeout;
         let mut waiting = self.requests.values().filter(|sent| sent.state == State::Waits);
@@ -291,7 +293,7 @@ impl Ledger {
         assert!(overdue.is_none(), "{overdue:?} should have timed out by {now:?}");
     }
 
-    /// What holds between any two operations, where so many bytes wait to leave.
+    /// Checks what must hold between any two operations, with `output` bytes waiting to be written.
     pub fn hold(&self, output: usize) {
         let sent: usize = self.to_leave.iter().map(|(_, frame)| frame.len()).sum();
         assert_eq!(

@@ -1,4 +1,4 @@
-//! A controller with its connections, on a clock of its own.
+//! A controller with its connections, on its own clock.
 
 use std::time::Duration;
 
@@ -6,19 +6,19 @@ use r6_controller::{ConnectionId, Controller};
 use r6_proto::ADDRESSES;
 use r6_proto::time::Instant;
 
-/// A controller, and who is connected to it.
+/// A controller and its connections.
 pub struct Cell {
     /// The controller.
     pub controller: Controller,
-    /// The present time.
+    /// The current time.
     pub now: Instant,
-    /// All that it has sent, frame by frame.
+    /// Everything that it has sent, frame by frame.
     pub transcript: Vec<u8>,
     id: ConnectionId,
     other: ConnectionId,
 }
 
-/// So many events in one stretch of time are enough: a program of steps that take no time has a thousand a second.
+/// The maximum number of events in one period. A program of steps that take no time has a thousand a second.
 const MOST_EVENTS: u32 = 3_000;
 
 impl Cell {
@@ -29,37 +29,37 @@ impl Cell {
         Self { controller, now, transcript: Vec::new(), id, other }
     }
 
-    /// Another controller in its place; the connections are new.
+    /// Replaces the controller, with new connections.
     pub fn replace(&mut self, controller: Controller) {
         self.controller = controller;
         (self.id, self.other) = (self.controller.connect(self.now), self.controller.connect(self.now));
     }
 
-    /// Bytes arrive on the first connection.
+    /// Delivers bytes on the first connection.
     pub fn send(&mut self, bytes: &[u8]) {
         self.controller.handle_input(self.now, self.id, bytes);
         self.read();
     }
 
-    /// Bytes arrive on the second connection.
+    /// Delivers bytes on the second connection.
     pub fn send_elsewhere(&mut self, bytes: &[u8]) {
         self.controller.handle_input(self.now, self.other, bytes);
         self.read();
     }
 
-    /// The first connection ends and is made anew.
+    /// Ends the first connection and makes it again.
     pub fn reconnect(&mut self) {
         self.controller.disconnect(self.id);
         self.id = self.controller.connect(self.now);
     }
 
-    /// The first connection is gone without the controller's knowledge, and another is made.
+    /// Loses the first connection without the controller's knowledge, and makes another.
     pub fn lose(&mut self) {
         self.controller.lose(self.id);
         self.id = self.controller.connect(self.now);
     }
 
-    /// Lets time pass as a shell does, from deadline to deadline.
+    /// Lets time pass from deadline to deadline, as a shell does.
     pub fn pass(&mut self, seconds: f64) {
         let end = self.now + Duration::from_secs_f64(seconds);
         for _ in 0..MOST_EVENTS {
@@ -80,7 +80,8 @@ impl Cell {
         frames.into_iter().flatten().chain(self.controller.poll_timeout()).min()
     }
 
-    /// Takes what leaves now: whole JSON objects, each below what a client has to read.
+    /// Takes everything that is sent now. It must be complete JSON objects, each within the size that a
+    /// client must read.
     fn read(&mut self) {
         while self.controller.poll_woken().is_some() {}
         while let Some(line) = self.controller.poll_log() {
@@ -102,7 +103,7 @@ impl Cell {
         }
     }
 
-    /// What a client that asks for all registers, 800 to 900, is told; `None` if it is told nothing.
+    /// The reply to a client's query of all registers, 800 to 900; `None` without a reply.
     pub fn registers(&mut self) -> Option<Vec<i64>> {
         let names: Vec<_> = (800..=900).map(|number| format!("\"Addr-{number}\"")).collect();
         let sent = self.transcript.len();
@@ -117,7 +118,7 @@ impl Cell {
         values.collect::<Option<Vec<_>>>().filter(|values| values.len() == names.len())
     }
 
-    /// Asks for every address there is.
+    /// Queries every address.
     pub fn ask_everything(&mut self) {
         let mut names = Vec::new();
         for row in &ADDRESSES {
@@ -134,7 +135,7 @@ impl Cell {
         }
     }
 
-    /// Sends what a client sends all day: moves, signals, registers, points, commands.
+    /// Sends the usual requests of a client: moves, signals, registers, points, commands.
     pub fn work(&mut self) {
         const FRAMES: [&str; 8] = [
             r#"{"reqType":"command","cmdData":["clearAlarm"]}"#,

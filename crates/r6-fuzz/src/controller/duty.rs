@@ -1,4 +1,5 @@
-//! What a controller has to do: a move that it was ready for and has taken ends at its target, and what a command has set is so.
+//! Checks that a controller does its duties: a move that it accepted while ready ends at its target, and a
+//! command has its effect.
 
 use std::time::Duration;
 
@@ -8,13 +9,14 @@ use r6_proto::time::Instant;
 use super::cell::Cell;
 use super::operation::{AxisMove, Operation};
 
-/// How far from its target an axis may end, degrees or mm: frames carry three decimals.
+/// How far from its target an axis may end, in degrees or mm. Frames have three decimals.
 const NEAR: f64 = 0.001;
 
-/// What a move may take beside its way at its speed, s: the ramps of both ends, the longest that any input sets.
+/// The additional time that a move may take, in s: the ramps at both ends, at the longest setting of any
+/// input.
 const RAMPS: f64 = 4.0;
 
-/// The alarm of a client that was heard and has gone silent: it stops a move by itself.
+/// The alarm of a client that became silent. The controller then stops a move without a command.
 const HEARTBEAT_ALARM: u32 = 9;
 
 /// A move that was sent.
@@ -22,25 +24,25 @@ const HEARTBEAT_ALARM: u32 = 9;
 struct Arrival {
     target: [f64; 6],
     due: Instant,
-    /// Where in the transcript its reply may begin.
+    /// Position in the transcript where its reply may begin.
     sent: usize,
 }
 
-/// What was so before a command.
+/// The state before a command.
 #[derive(Debug)]
 struct Before {
     sent: usize,
     registers: Option<Vec<i64>>,
 }
 
-/// What has to come.
+/// The expected effects.
 pub struct Duties {
     robot: RobotModel,
     arrival: Option<Arrival>,
     before: Option<Before>,
-    /// Any bytes may have come, so any instruction, and the beginning of a frame.
+    /// Whether arbitrary bytes were sent, which may be any instruction or the beginning of a frame.
     tainted: bool,
-    /// An input may stop a move (action 52).
+    /// Whether an input may stop a move (action 52).
     watched: bool,
 }
 
@@ -50,7 +52,7 @@ impl Duties {
         Self { robot: settings.model.clone(), arrival: None, before: None, tainted: false, watched: false }
     }
 
-    /// Looks at what is so before an operation.
+    /// Records the state before an operation.
     pub fn before(&mut self, operation: &Operation<'_>, cell: &mut Cell) {
         match operation {
             Operation::Bytes(_) => self.tainted = true,
@@ -72,7 +74,7 @@ impl Duties {
         }
     }
 
-    /// What has to become of these moves: of a controller that is not ready for them nothing is asked.
+    /// The expected end of these moves; `None` if the controller is not ready for them.
     fn arrival_of(&self, moves: &[AxisMove], cell: &mut Cell) -> Option<Arrival> {
         let seen = cell.controller.snapshot(cell.now);
         if self.tainted || self.watched || !is_ready(&seen) {
@@ -96,7 +98,7 @@ impl Duties {
         Some(Arrival { target: moves.last()?.target, due, sent: cell.transcript.len() })
     }
 
-    /// Looks at whether it was done.
+    /// Checks the effects after an operation.
     pub fn after(&mut self, operation: &Operation<'_>, cell: &mut Cell) {
         if let (Operation::Command(words), Some(before)) = (operation, self.before.take()) {
             has_been_set(words, &before, cell);
@@ -118,7 +120,7 @@ impl Duties {
     }
 }
 
-/// Whether a list is begun as soon as it comes.
+/// Whether a list would begin as soon as it arrives.
 fn is_ready(seen: &ControllerSnapshot) -> bool {
     seen.mode == OperationMode::Running
         && seen.program == "remote"
@@ -128,7 +130,7 @@ fn is_ready(seen: &ControllerSnapshot) -> bool {
         && seen.global_speed_percent > 0.0
 }
 
-/// What a command that was answered with ok has set is so.
+/// Checks that a command that was answered with ok has its effect.
 fn has_been_set(words: &str, before: &Before, cell: &mut Cell) {
     let words: Vec<_> = words.split(',').map(|word| word.trim_matches('"')).collect();
     let numbers: Vec<i64> = words.iter().filter_map(|word| word.parse().ok()).collect();
@@ -153,7 +155,7 @@ fn has_been_set(words: &str, before: &Before, cell: &mut Cell) {
     assert_eq!(cell.registers(), Some(wanted), "{words:?} left the registers so");
 }
 
-/// Whether this request was answered with ok, by its name, or without one, as older firmware does.
+/// Whether this request was answered with ok, with its name, or without a name as in older firmware.
 fn said_ok(word: &str, frames: &[u8]) -> bool {
     let text = String::from_utf8_lossy(frames);
     text.contains(&format!(r#"["{word}","ok"]"#)) || text.contains(r#"["ok"]"#)

@@ -1,4 +1,4 @@
-//! What a controller may do, in a few rules that a person can read: the reference that it is held to after each operation.
+//! A small model of a controller: a few readable rules that are checked after each operation.
 
 use std::time::Duration;
 
@@ -8,16 +8,16 @@ use r6_proto::time::Instant;
 use super::cell::Cell;
 use super::operation::Operation;
 
-/// How far beyond a limit rounding may take an axis, degrees or mm.
+/// How far beyond a limit an axis may be because of rounding, in degrees or mm.
 const ROUNDING: f64 = 1e-6;
 
-/// By how much a speed may exceed its limit: the plan is sampled.
+/// The factor by which a speed may exceed its limit, because the plan is sampled.
 const SPEED_ROUNDING: f64 = 1.000_1;
 
-/// How much later than promised an arm may be at rest.
+/// How much later than specified an arm may be at rest.
 const REST_ROUNDING: Duration = Duration::from_millis(2);
 
-/// What was so before an operation.
+/// The state before an operation.
 #[derive(Clone, Copy, Debug)]
 struct Before {
     mode: OperationMode,
@@ -27,19 +27,19 @@ struct Before {
     sent: usize,
 }
 
-/// The rules, and what they have to remember.
+/// The rules and their state.
 pub struct Model {
     robot: RobotModel,
     max_connections: usize,
     stop_time: Duration,
     before: Option<Before>,
-    /// The beginning of a frame may have come: nobody can tell what the next bytes mean.
+    /// Whether the beginning of a frame may have arrived, so that the meaning of the next bytes is unknown.
     tainted: bool,
-    /// Since when nothing may begin to move: a stop, an emergency stop, the key, a power cut.
+    /// Since when no motion may begin, because of a stop, an emergency stop, the key or a power cut.
     stopped: Option<Instant>,
     /// Since when there is an alarm.
     alarm_since: Option<Instant>,
-    /// Where the arm rests since then.
+    /// Where the arm has been at rest since then.
     rests_at: Option<[f64; r6_proto::AXES]>,
 }
 
@@ -58,7 +58,7 @@ impl Model {
         }
     }
 
-    /// Looks at what is so before an operation.
+    /// Records the state before an operation.
     pub fn before(&mut self, operation: &Operation<'_>, cell: &mut Cell) {
         let seen = cell.controller.snapshot(cell.now);
         let (mode, alarm, list) = (seen.mode, seen.alarm, seen.list_length);
@@ -73,7 +73,7 @@ impl Model {
             self.rests_at = None;
         }
         if matches!(operation, Operation::PowerCut) {
-            // The arm stands at zero after it.
+            // After a power cut the arm stands at zero.
             self.rests_at = None;
         }
     }
@@ -84,7 +84,7 @@ impl Model {
         operation.may_start() || (self.tainted && is_frame)
     }
 
-    /// Looks at what has become of it.
+    /// Checks the state after an operation.
     pub fn after(&mut self, operation: &Operation<'_>, cell: &mut Cell) {
         let Some(before) = self.before else { return };
         let seen = cell.controller.snapshot(cell.now);
@@ -101,10 +101,10 @@ impl Model {
             let stays = seen.alarm == before.alarm || seen.alarm == 7;
             assert!(stays, "{operation:?} changed the alarm: {before:?} {}", seen.alarm);
         }
-        // Nothing but AddRCC fills the list, and that with no more than it holds.
+        // Only AddRCC fills the list, with at most its own instructions.
         let most = match operation {
             Operation::List { steps, replace: false, .. } => before.list + steps,
-            // One that is refused leaves the list as it is.
+            // A refused list leaves the old list unchanged.
             Operation::List { steps, replace: true, .. } => before.list.max(*steps),
             _ => before.list,
         };
@@ -118,7 +118,7 @@ impl Model {
             Operation::Panel(PanelAction::EmergencyStop | PanelAction::TurnKey(_)) | Operation::PowerCut => {
                 true
             }
-            // A connection that is not served, or in the middle of another frame, carries no stop.
+            // A stop has no effect on a connection that is not served, or inside another frame.
             _ => operation.is_stop() && said_ok(&cell.transcript[before.sent..]),
         };
         if stops {
@@ -138,7 +138,7 @@ impl Model {
         }
     }
 
-    /// Where the arm is and how fast it goes, at any time.
+    /// Checks the position and the speed of the arm at any time.
     pub fn hold_within_limits(&self, cell: &mut Cell) {
         let seen = cell.controller.snapshot(cell.now);
         for (axis, (position, drive)) in seen.axes.iter().zip(self.robot.drives()).enumerate() {
@@ -152,7 +152,7 @@ impl Model {
         }
     }
 
-    /// What holds at any time.
+    /// Checks what must hold at any time.
     pub fn hold(&mut self, cell: &mut Cell) {
         self.hold_within_limits(cell);
         let seen = cell.controller.snapshot(cell.now);
@@ -167,14 +167,15 @@ impl Model {
         assert!(!seen.emergency_stop || seen.alarm == 7, "an emergency stop shows alarm {}", seen.alarm);
         assert!(seen.homed || !runs, "it runs and is not homed");
         assert!((0.0..=100.0).contains(&seen.global_speed_percent));
-        // A shell that waits for what is due would not wait at all.
+        // Otherwise a shell that waits for the deadline would not wait at all.
         cell.controller.handle_timeout(cell.now);
         let due = cell.controller.poll_timeout();
         assert!(due.is_none_or(|due| due > cell.now), "at {} something is due at {due:?}", cell.now);
         self.hold_at_rest(&seen, cell.now);
     }
 
-    /// What an emergency stop, an alarm and a stop have in common: once their time is over the arm rests, and stays where it is.
+    /// The common rule of an emergency stop, an alarm and a stop: after the stopping time the arm is at rest
+    /// and stays where it is.
     fn hold_at_rest(&mut self, seen: &ControllerSnapshot, now: Instant) {
         if seen.alarm == 0 {
             self.alarm_since = None;

@@ -1,4 +1,4 @@
-//! What can happen to a controller.
+//! The events that can happen to a controller.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -8,7 +8,7 @@ use r6_proto::AxisIndex;
 
 use crate::input::Input;
 
-/// An input has no more operations: so each is tried in milliseconds.
+/// The maximum number of operations of an input, so that each input takes milliseconds.
 pub const MOST_OPERATIONS: usize = 40;
 
 /// Bytes that a connection carries.
@@ -23,53 +23,53 @@ impl fmt::Debug for Bytes<'_> {
 /// A one-shot move of the axes.
 #[derive(Clone, Copy, Debug)]
 pub struct AxisMove {
-    /// Where to, degrees.
+    /// Target, degrees.
     pub target: [f64; 6],
-    /// How fast, percent.
+    /// Speed, percent.
     pub speed: f64,
-    /// How long it waits at its end, s.
+    /// Wait before the move, s.
     pub delay: f64,
 }
 
-/// One thing that happens.
+/// One event.
 #[derive(Debug)]
 pub enum Operation<'b> {
     /// An AddRCC arrives, on the first connection or on the other.
     List {
         /// The frame.
         frame: String,
-        /// How many instructions it has.
+        /// Number of instructions.
         steps: usize,
-        /// It takes the place of the list that is there.
+        /// Whether it replaces the present list.
         replace: bool,
-        /// Its instructions, where all are one-shot axis moves.
+        /// Its instructions, if all are one-shot axis moves.
         moves: Option<Vec<AxisMove>>,
-        /// On the other one.
+        /// Whether it arrives on the other connection.
         elsewhere: bool,
     },
-    /// A command arrives: its word and arguments, as they stand in the frame.
+    /// A command arrives: its word and arguments, as in the frame.
     Command(&'static str),
-    /// Another frame arrives that starts nothing.
+    /// Another frame arrives, which starts no motion.
     Frame(&'static str),
-    /// Any bytes arrive.
+    /// Arbitrary bytes arrive.
     Bytes(Bytes<'b>),
-    /// A person does something.
+    /// A person uses the panel.
     Panel(PanelAction),
     /// Time passes, s.
     Pass(f64),
-    /// The connection ends and is made anew.
+    /// The connection ends and is made again.
     Reconnect,
-    /// The connection is gone, and nobody notices.
+    /// The connection is lost without notice.
     Lose,
     /// The mains fail and come back.
     PowerCut,
-    /// A camera is asked for a photo.
+    /// The controller requests a photo from a camera.
     Photo(i64),
-    /// Every address is asked for.
+    /// Every address is queried.
     AskEverything,
 }
 
-/// Commands, as they stand in a frame.
+/// Commands, as in a frame.
 const COMMANDS: [&str; 26] = [
     r#""actionStop""#,
     r#""startButton""#,
@@ -99,7 +99,7 @@ const COMMANDS: [&str; 26] = [
     r#""modifyGSPD","355""#,
 ];
 
-/// Frames that start nothing.
+/// Frames that start no motion.
 const FRAMES: [&str; 6] = [
     r#"{"reqType":"heartbreak"}"#,
     r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0,"ret":1}"#,
@@ -112,11 +112,11 @@ const FRAMES: [&str; 6] = [
 const BUTTONS: [Button; 5] =
     [Button::Start, Button::Stop, Button::Pause, Button::SingleCycle, Button::SingleStep];
 
-/// A program that a person loads: it runs endlessly.
+/// A program that a person loads; it runs for ever.
 const PROGRAM: &str = "[[step]]\ndo = \"set-output\"\n";
 
 impl<'b> Operation<'b> {
-    /// The next operation of an input.
+    /// Reads the next operation of an input.
     pub fn read(input: &mut Input<'b>) -> Self {
         match input.byte() % 16 {
             0..=2 => list(input, false),
@@ -141,7 +141,7 @@ impl<'b> Operation<'b> {
         }
     }
 
-    /// Whether it may set the arm in motion, or a program: an explicit new command, or bytes that could hold one.
+    /// Whether it may set the arm or a program in motion: an explicit command, or bytes that may contain one.
     pub fn may_start(&self) -> bool {
         const STARTS: [&str; 4] =
             ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue"];
@@ -171,7 +171,7 @@ impl<'b> Operation<'b> {
         matches!(self, Self::Command(r#""actionStop""#))
     }
 
-    /// Whether it may take an alarm away.
+    /// Whether it may clear an alarm.
     pub fn may_clear_alarm(&self) -> bool {
         match self {
             Self::Command(words) => words.contains("clearAlarm"),
@@ -214,7 +214,7 @@ fn panel(input: &mut Input<'_>) -> PanelAction {
     }
 }
 
-/// An AddRCC frame of up to five instructions.
+/// An AddRCC frame with up to five instructions.
 fn list<'b>(input: &mut Input<'b>, elsewhere: bool) -> Operation<'b> {
     let replace = input.byte() & 3 != 0;
     let steps: Vec<_> = (0..input.below(6)).map(|_| step(input)).collect();
@@ -228,7 +228,7 @@ fn list<'b>(input: &mut Input<'b>, elsewhere: bool) -> Operation<'b> {
     Operation::List { frame, steps: steps.len(), replace, moves, elsewhere }
 }
 
-/// Six coordinates, as numbers and as they stand in a frame.
+/// Six coordinates, as numbers and as text for a frame.
 fn coordinates(input: &mut Input<'_>, suffix: &str, limits: [f64; 6]) -> ([f64; 6], String) {
     let values = limits.map(|limit| input.decimal(limit));
     let all: Vec<_> =
@@ -236,7 +236,7 @@ fn coordinates(input: &mut Input<'_>, suffix: &str, limits: [f64; 6]) -> ([f64; 
     (values, all.join(","))
 }
 
-/// An instruction, and what it is if it is a one-shot axis move.
+/// An instruction, and its [`AxisMove`] if it is a one-shot axis move.
 fn step(input: &mut Input<'_>) -> (String, Option<AxisMove>) {
     const AXES: [f64; 6] = [200.0, 140.0, 140.0, 200.0, 130.0, 400.0];
     const POSE: [f64; 6] = [900.0, 900.0, 1200.0, 200.0, 200.0, 200.0];

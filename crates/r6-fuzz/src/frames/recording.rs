@@ -1,4 +1,4 @@
-//! The same stream as a recording: any bytes are taken apart, and every frame is where it is said to be.
+//! Reads the same stream as a recording: any bytes are accepted, and every frame is at its reported place.
 
 use r6_proto::time::Instant;
 use r6_traffic::conversation::{MAX_OPEN, Side};
@@ -7,7 +7,7 @@ use r6_traffic::recording::{BrokenFrame, Recording, transcript};
 
 use super::FoundFrame;
 
-/// Reads the stream as raw bytes or a log, and judges what is found.
+/// Reads the stream as raw bytes or a log, and judges the frames.
 pub(super) fn check_log(stream: &[u8]) {
     if transcript::writes(stream).is_some() {
         return;
@@ -36,7 +36,7 @@ pub(super) fn check_log(stream: &[u8]) {
     assert!(taken <= stream.len(), "{taken} of {} bytes are told", stream.len());
 }
 
-/// Writes the stream as a transcript, in pieces of this length, and holds it against what a buffer told.
+/// Writes the stream as a transcript, in pieces of this length, and compares it with the events of a buffer.
 pub(super) fn check_transcript(stream: &[u8], length: usize, told: &[FoundFrame]) {
     let lines = stream.chunks(length).map(|piece| transcript::line(Side::Controller, Instant::ORIGIN, piece));
     let recording = Recording::read(lines.collect::<String>().as_bytes()).unwrap();

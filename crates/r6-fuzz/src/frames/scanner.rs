@@ -1,19 +1,19 @@
-//! The rules of frame boundaries once more, as plainly as they can be written: one byte after the other, the whole stream at
-//! hand, nothing resumed, nothing at once. For streams that are UTF-8.
+//! Implements the rules of frame boundaries again, as plainly as possible: one byte after the other, with the
+//! whole stream, without resuming and without fast paths. For UTF-8 streams only.
 
 use r6_proto::frame::{FrameFault, Limits};
 
-/// What a stream holds.
+/// A frame or a fault of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found {
     Frame { at: u64, length: usize },
     Fault { at: u64, fault: FrameFault },
 }
 
-/// What the bytes belong to.
+/// What the current bytes belong to.
 enum Mode {
     Between,
-    /// Bytes of no frame that were not told yet.
+    /// Bytes outside a frame that are not reported yet.
     Garbage {
         from: usize,
         trail: Trail,
@@ -22,18 +22,18 @@ enum Mode {
         from: usize,
         walk: Walk,
     },
-    /// A frame that was told as broken, to its end.
+    /// A frame that was reported as broken, up to its end.
     Discarding {
         walk: Walk,
     },
-    /// What was told, for so many bytes more.
+    /// Reported bytes, for at most `left` more bytes.
     Skipping {
         left: usize,
         trail: Trail,
     },
 }
 
-/// The way through bytes of no frame: whether a `{` may be inside of what was broken.
+/// The state between frames: whether a `{` may be inside of the broken frame.
 #[derive(Clone, Copy, Default)]
 struct Trail {
     previous: u8,
@@ -54,7 +54,7 @@ impl Trail {
     }
 }
 
-/// The inside of a frame.
+/// The state inside a frame.
 struct Walk {
     open: Vec<u8>,
     previous: u8,
@@ -134,14 +134,14 @@ impl Walk {
     }
 }
 
-/// The frames and faults of a stream, its end included.
+/// All frames and faults of a stream, including a fault at its end.
 pub fn scan(stream: &[u8], limits: Limits) -> Vec<Found> {
     let mut found = Vec::new();
     let mut mode = Mode::Between;
     let mut at = 0;
     let skipping =
         |previous| Mode::Skipping { left: limits.max_frame_bytes, trail: Trail { previous, inner: true } };
-    // Where reading goes on behind a fault; the byte at fault is read, unless it begins a frame.
+    // Where reading continues after a fault. The faulty byte counts as read, unless it begins a frame.
     let behind = |fault, walk: Walk| match fault {
         FrameFault::TooLarge { .. } | FrameFault::TooDeep { .. } => Mode::Discarding { walk },
         FrameFault::MismatchedBracket { .. } if !walk.open.is_empty() => Mode::Discarding { walk },

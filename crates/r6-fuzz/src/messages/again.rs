@@ -1,4 +1,5 @@
-//! What a frame says is written again, strictly, and read again: the same; and written a third time: the same bytes.
+//! Writes the content of a frame again, strictly, and reads it again: it must be the same. Writing it a third
+//! time must give the same bytes.
 
 use crate::written::{same_command, same_instructions, same_points};
 use r6_proto::dialect::Addressing;
@@ -22,7 +23,7 @@ pub fn check(message: &Message<'_>) {
     assert_eq!(first, second, "{} became {}", first.escape_ascii(), second.escape_ascii());
 }
 
-/// What was read first and what was written of it, number by number.
+/// Compares the first message with the one read again, number by number.
 fn says_the_same(first: &Message<'_>, again: &Message<'_>) {
     let frame = again.frame().escape_ascii();
     let pack_id = |message: &Message<'_>| message.header.pack_id.map(|value| value.text().into_owned());
@@ -54,7 +55,7 @@ fn says_the_same(first: &Message<'_>, again: &Message<'_>) {
     }
 }
 
-/// The strict form of a request; `None` for what is none, or what the wire cannot carry.
+/// The strict form of a request; `None` if it is not a request, or if the wire cannot carry it.
 fn written(message: &Message<'_>) -> Option<Vec<u8>> {
     let pack_id = message.header.pack_id.map(|value| value.text());
     let addressing = Addressing { pack_id: pack_id.as_deref(), ..Addressing::default() };

@@ -1,6 +1,7 @@
-//! Frames that no vector has to hold.
+//! Frames that the vectors need not contain.
 
-/// Frames with every action, every member and every form of a value: a fault in one of them is not to wait for a random change.
+/// Frames with every action, every member and every form of a value, so that a fault in one of them is found
+/// without a random change.
 pub const EVERY: [(&str, &[&str]); 3] = [
     (
         "every_action",

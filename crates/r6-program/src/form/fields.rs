@@ -1,4 +1,4 @@
-//! The fields of one table, each asked for by name, none overlooked.
+//! The fields of one table, each read by name. No key is overlooked.
 
 use std::cell::RefCell;
 use std::ops::RangeInclusive;
@@ -9,16 +9,17 @@ use r6_proto::io_point::{IoPoint, PointKind};
 use super::{Entry, Found, Node, Table, Value, Wrong};
 use crate::mistakes::MAX_MISTAKES;
 
-/// A table whose fields are asked for by name.
+/// A table whose fields are read by name.
 ///
-/// A value that is wrong is noted and then counts as not given, so that the rest of the table is read. [`Fields::finish`] gives a result only if
-/// nothing was noted.
+/// A wrong value is noted and then counts as absent, so that the rest of the table is read.
+/// [`Fields::finish`] returns a result only if nothing was noted.
 #[derive(Debug)]
 pub struct Fields<'d> {
     table: &'d Table,
-    /// Every key that a table of this sort can have; empty if that is what is asked for.
+    /// Every key that a table of this sort can have. If it is empty, the keys that the code asks for are
+    /// known.
     known: &'d [&'static str],
-    /// What the keys stand in, before each mistake: `instruction 3: `.
+    /// The prefix of each mistake, which names the table: `instruction 3: `.
     label: String,
     asked: RefCell<Vec<&'static str>>,
     noted: RefCell<Vec<Wrong>>,
@@ -26,7 +27,8 @@ pub struct Fields<'d> {
 }
 
 impl<'d> Fields<'d> {
-    /// The fields of a table. `known` has every key of tables of this sort; `label` begins each mistake.
+    /// The fields of a table. `known` has every key of tables of this sort; `label` is the prefix of each
+    /// mistake.
     #[must_use]
     pub fn of(table: &'d Table, known: &'d [&'static str], label: impl Into<String>) -> Self {
         Self {
@@ -39,7 +41,7 @@ impl<'d> Fields<'d> {
         }
     }
 
-    /// Notes that a key, or what the table lacks, is an older spelling: `today` is what to write.
+    /// Notes an old spelling, of a key or because a key is absent. `today` is what to write instead.
     pub fn older(&self, name: &str, today: impl Into<String>) {
         let at = self.table.value(name).map_or(self.table.at, |value| value.at);
         self.hints.borrow_mut().push((at, today.into()));
@@ -53,7 +55,8 @@ impl<'d> Fields<'d> {
         Wrong { at: self.table.value(name).map(|value| value.at), ..Wrong::from(what) }
     }
 
-    /// Notes what is wrong with the value of a key. What it returns ends the reading of the table and says nothing more.
+    /// Notes a wrong value of a key. The returned value ends the reading of the table and adds no other
+    /// mistake.
     pub fn wrong(&self, name: &str, what: impl Into<String>) -> Wrong {
         self.note(self.at(name, what));
         Wrong::from("")
@@ -74,7 +77,7 @@ impl<'d> Fields<'d> {
         self.table.value(name)
     }
 
-    /// A value as `read` takes it; `wanted` says what it has to be. A value that is not taken is noted.
+    /// Reads a value with `read`; `wanted` says what a valid value is. An invalid value is noted.
     pub fn optional<T>(
         &self,
         name: &'static str,
@@ -89,7 +92,7 @@ impl<'d> Fields<'d> {
         read
     }
 
-    /// A value that has to be there. That it is missing is noted, unless it is there and was noted as wrong.
+    /// Requires a value. A missing key is noted, unless the key is present and already noted as wrong.
     ///
     /// # Errors
     /// The value is `None`: the reading of the table ends.
@@ -100,10 +103,10 @@ impl<'d> Fields<'d> {
         })
     }
 
-    /// A value as `read` takes it, which has to be there; `wanted` says what it has to be.
+    /// Reads a required value with `read`; `wanted` says what a valid value is.
     ///
     /// # Errors
-    /// It is not there, or not taken: the reading of the table ends.
+    /// The value is absent or invalid: the reading of the table ends.
     pub fn due<T>(
         &self,
         name: &'static str,
@@ -119,17 +122,17 @@ impl<'d> Fields<'d> {
         })
     }
 
-    /// Any number.
+    /// Reads any number.
     pub fn number(&self, name: &'static str) -> Option<f64> {
         self.optional(name, "a number", Node::number)
     }
 
-    /// A number within a range; `wanted` names it.
+    /// Reads a number within a range; `wanted` describes the range.
     pub fn number_in(&self, name: &'static str, wanted: &str, range: RangeInclusive<f64>) -> Option<f64> {
         self.optional(name, wanted, |value| value.number().filter(|number| range.contains(number)))
     }
 
-    /// A whole number from 0 up to `last`.
+    /// Reads a whole number from 0 to `last`.
     pub fn whole<T: TryFrom<i64> + PartialOrd + Default + std::fmt::Display>(
         &self,
         name: &'static str,
@@ -139,7 +142,7 @@ impl<'d> Fields<'d> {
         self.whole_in(name, &wanted, T::default()..=last)
     }
 
-    /// A whole number within a range; `wanted` names it.
+    /// Reads a whole number within a range; `wanted` describes the range.
     pub fn whole_in<T: TryFrom<i64> + PartialOrd>(
         &self,
         name: &'static str,
@@ -149,10 +152,10 @@ impl<'d> Fields<'d> {
         self.optional(name, wanted, |value| whole_in(value, &range))
     }
 
-    /// A whole number within a range, which has to be there; `wanted` names it.
+    /// Reads a required whole number within a range; `wanted` describes the range.
     ///
     /// # Errors
-    /// It is not there, or beyond its range: the reading of the table ends.
+    /// The value is absent or out of range: the reading of the table ends.
     pub fn due_in<T: TryFrom<i64> + PartialOrd>(
         &self,
         name: &'static str,
@@ -162,49 +165,49 @@ impl<'d> Fields<'d> {
         self.due(name, wanted, |value| whole_in(value, &range))
     }
 
-    /// A text.
+    /// Reads a text.
     pub fn text(&self, name: &'static str, wanted: &str) -> Option<&'d str> {
         self.optional(name, wanted, Node::text)
     }
 
-    /// A point by its name on the pendant, of one of these kinds; `wanted` names them.
+    /// Reads a point by its name on the pendant, of one of these kinds; `wanted` describes the kinds.
     pub fn point(&self, name: &'static str, wanted: &str, kinds: &[PointKind]) -> Option<IoPoint> {
         self.optional(name, &as_the_pendant_names_it(wanted), |value| point(value, kinds))
     }
 
-    /// A point by its name on the pendant, which has to be there.
+    /// Reads a required point by its name on the pendant.
     ///
     /// # Errors
-    /// It is not there, or of another kind: the reading of the table ends.
+    /// The value is absent or of another kind: the reading of the table ends.
     pub fn due_point(&self, name: &'static str, wanted: &str, kinds: &[PointKind]) -> Result<IoPoint, Wrong> {
         self.due(name, &as_the_pendant_names_it(wanted), |value| point(value, kinds))
     }
 
-    /// A register.
+    /// Reads a register.
     pub fn register(&self, name: &'static str) -> Option<RegisterIndex> {
         self.optional(name, A_REGISTER, register)
     }
 
-    /// A register, which has to be there.
+    /// Reads a required register.
     ///
     /// # Errors
-    /// It is not there, or no register: the reading of the table ends.
+    /// The value is absent or not a register: the reading of the table ends.
     pub fn due_register(&self, name: &'static str) -> Result<RegisterIndex, Wrong> {
         self.due(name, A_REGISTER, register)
     }
 
-    /// `true` or `false`, which has to be there.
+    /// Reads a required `true` or `false`.
     ///
     /// # Errors
-    /// It is not there, or something else: the reading of the table ends.
+    /// The value is absent or something else: the reading of the table ends.
     pub fn due_flag(&self, name: &'static str) -> Result<bool, Wrong> {
         self.due(name, "true or false", Node::flag)
     }
 
-    /// One of these words, which has to be there.
+    /// Reads one of these words, which is required.
     ///
     /// # Errors
-    /// It is not there, or none of them: the reading of the table ends.
+    /// The value is absent or another word: the reading of the table ends.
     pub fn due_word<T: Copy>(&self, name: &'static str, words: &[(&'static str, T)]) -> Result<T, Wrong> {
         if self.has(name) {
             return self.word(name, words).ok_or_else(|| Wrong::from(""));
@@ -212,19 +215,19 @@ impl<'d> Fields<'d> {
         self.due(name, &one_of(words), |_| None)
     }
 
-    /// `true` or `false`.
+    /// Reads `true` or `false`.
     pub fn flag(&self, name: &'static str) -> Option<bool> {
         self.optional(name, "true or false", Node::flag)
     }
 
-    /// Numbers in brackets.
+    /// Reads numbers in brackets.
     pub fn numbers(&self, name: &'static str) -> Option<Vec<f64>> {
         self.optional(name, "numbers in brackets, such as [10, -20.5]", |value| {
             value.list()?.iter().map(Node::number).collect()
         })
     }
 
-    /// One of these words.
+    /// Reads one of these words.
     pub fn word<T: Copy>(&self, name: &'static str, words: &[(&'static str, T)]) -> Option<T> {
         let wanted = one_of(words);
         let Some(word) = self.value(name).and_then(Node::text) else {
@@ -235,7 +238,7 @@ impl<'d> Fields<'d> {
             let word: String = word.chars().take(40).collect();
             let near = r6_proto::nearest(&word, words.iter().map(|(word, _)| *word));
             self.note(match near {
-                // A screen full of words hides the one that was meant.
+                // A long list of words would hide the nearest one.
                 Some(near) if words.len() > MOST_WORDS => self
                     .at(name, format!("`{name}` is \"{word}\", which means nothing here"))
                     .advise(format!("nearest: \"{near}\"")),
@@ -248,7 +251,7 @@ impl<'d> Fields<'d> {
         meant
     }
 
-    /// The tables of a list `[[name]]`; none if it is not there.
+    /// The tables of a list `[[name]]`; empty if the key is absent.
     pub fn tables(&self, name: &'static str) -> Vec<&'d Table> {
         let Some(value) = self.value(name) else { return Vec::new() };
         let Some(list) = value.list() else {
@@ -269,13 +272,13 @@ impl<'d> Fields<'d> {
         tables
     }
 
-    /// The result, if nothing is wrong with the table. What is wrong is moved to `found`: what was noted, what ended the reading, and the keys
-    /// that mean nothing.
+    /// Returns the result if the table has no mistake. Moves the mistakes to `found`: the noted mistakes, the
+    /// mistake that ended the reading, and the keys without a meaning.
     pub fn finish<T>(self, read: Result<T, Wrong>, found: &mut Found<'_>) -> Option<T> {
         self.finish_with(read, found, |_| None)
     }
 
-    /// As [`Fields::finish`]; `advice` may know what to do about a key that is not known.
+    /// Like [`Fields::finish`]. `advice` can give advice for an unknown key.
     pub fn finish_with<T>(
         self,
         read: Result<T, Wrong>,
@@ -290,7 +293,8 @@ impl<'d> Fields<'d> {
         for Entry { key, at, .. } in &self.table.entries {
             let is_known = known.contains(&key.as_str());
             if !is_known && (found.is_full() || noted.len() > MAX_MISTAKES) {
-                // Looking for the nearest word takes time: not for what is not listed.
+                // The search for the nearest word takes time, so it is skipped for mistakes that are not
+                // listed.
                 found.more += 1;
                 unlisted = true;
             } else if !is_known {
@@ -311,7 +315,7 @@ impl<'d> Fields<'d> {
                 noted.push(Wrong { at: Some(*at), ..what.into() });
             }
         }
-        // What is missing because its key is misspelt is no mistake of its own.
+        // If a key is misspelt, its absence is not a second mistake.
         noted.retain(|wrong| match wrong.missing {
             Some(name) => self.table.value(name).is_none() && !meant.contains(&Some(name)),
             None => true,
@@ -319,7 +323,7 @@ impl<'d> Fields<'d> {
         let read = match read {
             Ok(read) => Some(read),
             Err(wrong) => {
-                // Reading may have ended because of a mistake that is noted already.
+                // The mistake that ended the reading may be noted already.
                 if noted.is_empty() && !wrong.what.is_empty() {
                     noted.push(wrong);
                 }
@@ -329,7 +333,7 @@ impl<'d> Fields<'d> {
         let good = noted.is_empty() && !unlisted;
         found.hints.append(&mut self.hints.into_inner());
         for mut wrong in noted {
-            // Behind a line that is no TOML, values are missing that are there.
+            // After a line of invalid TOML, values can seem absent although the file has them.
             if found.is_full() {
                 found.more += 1;
                 continue;
@@ -346,7 +350,7 @@ impl<'d> Fields<'d> {
     }
 }
 
-/// How many words are listed besides the nearest one.
+/// The maximum number of words to list when there is a nearest one.
 const MOST_WORDS: usize = 10;
 
 const A_REGISTER: &str = "a register, 800 to 900";

@@ -1,4 +1,4 @@
-//! The form of a document in JSON.
+//! Reads a document in JSON.
 
 use std::fmt;
 
@@ -9,11 +9,11 @@ use serde_json::value::RawValue;
 use super::{Entry, MAX_DEPTH, Node, Number, Table, Value};
 use crate::lines;
 
-/// What is wrong with a document, and at which byte.
+/// The byte offset and the text of a mistake.
 type NoJson = (usize, String);
 
-/// The table that a text in JSON is. Its places are those of the parts of the text: `serde_json` hands out each value as the piece of text that
-/// it was read from.
+/// Reads a JSON text as a table. The places are offsets in the text, because `serde_json` returns each value
+/// as the piece of text that it was read from.
 pub fn parse(text: &str) -> Result<Table, NoJson> {
     let raw: &RawValue = serde_json::from_str(text).map_err(|error| {
         let at = lines::offset(text, error.line(), error.column());
@@ -24,7 +24,7 @@ pub fn parse(text: &str) -> Result<Table, NoJson> {
     Document { text }.table(raw, 0)
 }
 
-/// The text, whose pieces the values are.
+/// The text; the values are pieces of it.
 struct Document<'t> {
     text: &'t str,
 }
@@ -46,7 +46,8 @@ impl<'t> Document<'t> {
         Ok(Table { at: self.at(raw), entries })
     }
 
-    /// TOML has no key twice, and whoever reads a key that is there twice may be told either value.
+    /// Rejects a repeated key. TOML forbids repeated keys, and readers of JSON may use either of the two
+    /// values.
     fn unique(&self, entries: &[Entry]) -> Result<(), NoJson> {
         let mut keys: Vec<_> = entries.iter().map(|entry| (entry.key.as_str(), entry.at)).collect();
         keys.sort_unstable();

@@ -1,4 +1,4 @@
-//! Steps about signals: waits and outputs.
+//! Steps that wait for signals or set outputs.
 
 use r6_proto::grid::Grid;
 use r6_proto::io_point::{IoPoint, PairMask, PointKind};
@@ -10,7 +10,7 @@ use r6_proto::message::instruction::{
 use super::{ProgramKind, seconds};
 use crate::form::{Fields, Node, Wrong};
 
-/// The last point of an output instruction: the first one of the next board.
+/// The last point of an output instruction: the first point of the next board.
 const LAST_OUTPUT: u8 = 32;
 
 /// A point as a number, or by its name on the pendant.
@@ -19,13 +19,13 @@ enum Point<'d> {
     Name(&'d str),
 }
 
-/// The kinds of points that a program can wait for or ask.
+/// The kinds of points that a program can wait for or test.
 pub const WATCHED: [PointKind; 3] = [PointKind::X, PointKind::M, PointKind::Eux];
 
-/// What to ask for where one of them is due.
+/// What a valid point of these kinds is.
 pub const A_WATCHED_POINT: &str = "a point X010, M010 or EUX010";
 
-/// What a wait is for, by the words of `until`.
+/// The conditions of a wait, by the words of `until`.
 const A_CONDITION: [(&str, WaitCondition); 4] = [
     ("on", WaitCondition::On),
     ("off", WaitCondition::Off),
@@ -51,7 +51,7 @@ pub fn wait(fields: &Fields<'_>, program: ProgramKind) -> Result<Action, Wrong> 
     Ok(Action::Wait(Wait { source, condition, limit: limit.unwrap_or(0.0), unlimited: limit.is_none() }))
 }
 
-/// What is waited for: `point` names it. Before, `source`, `board` and `point` counted it.
+/// The signal of a wait, named by `point`. The old form numbers it with `source`, `board` and `point`.
 fn source(fields: &Fields<'_>, program: ProgramKind) -> Result<WaitSource, Wrong> {
     let sources = [("input", PointKind::X), ("m", PointKind::M), ("eu", PointKind::Eux)];
     let source = fields.word("source", &sources);
@@ -72,7 +72,7 @@ fn source(fields: &Fields<'_>, program: ProgramKind) -> Result<WaitSource, Wrong
     Ok(watched(named))
 }
 
-/// What `point` says.
+/// The value of `point`.
 fn point<'d>(fields: &Fields<'d>) -> Option<Point<'d>> {
     let wanted = format!("a whole number from 0 to {LAST_OUTPUT}, or a name such as \"Y010\"");
     fields.optional("point", &wanted, |value| match value.text() {
@@ -84,7 +84,8 @@ fn point<'d>(fields: &Fields<'d>) -> Option<Point<'d>> {
     })
 }
 
-/// The signal, if `point` is its name. The name tells the rest, so these keys must not say it again.
+/// The signal, if `point` is its name. The name includes kind and board, so the keys in `told` must be
+/// absent.
 fn named(fields: &Fields<'_>, point: Option<&Point<'_>>, told: &[&str]) -> Result<Option<IoPoint>, Wrong> {
     let Some(Point::Name(name)) = point else { return Ok(None) };
     let named: IoPoint = name.parse().map_err(|wrong| fields.wrong("point", format!("`point`: {wrong}")))?;
@@ -97,7 +98,7 @@ fn named(fields: &Fields<'_>, point: Option<&Point<'_>>, told: &[&str]) -> Resul
     }
 }
 
-/// The point, if it is a number up to `last`.
+/// The number of the point, at most `last`.
 fn counted(fields: &Fields<'_>, point: Option<Point<'_>>, last: u8) -> Result<u8, Wrong> {
     match fields.required("point", point)? {
         Point::Number(number) => up_to(fields, "point", number, last),
@@ -114,7 +115,7 @@ fn up_to(fields: &Fields<'_>, key: &'static str, value: u8, last: u8) -> Result<
     Err(fields.wrong(key, format!("`{key}` is {value}, but has to be 0 to {last}")))
 }
 
-/// The input of a stop on a signal: one of the first board.
+/// The input of a stop on a signal, which must be on the first board.
 pub fn watched_input(fields: &Fields<'_>) -> Result<u8, Wrong> {
     let given = point(fields);
     match named(fields, given.as_ref(), &[])? {
@@ -131,7 +132,8 @@ pub fn watched_input(fields: &Fields<'_>) -> Result<u8, Wrong> {
 /// The kinds of outputs, by the words of `kind`.
 const OUTPUTS: [(&str, PointKind); 3] = [("y", PointKind::Y), ("m", PointKind::M), ("euy", PointKind::Euy)];
 
-/// The output of a further board that an `output` step names: an output instruction has only the first one.
+/// The output of a further board, if an `output` step names one. An output instruction reaches only the first
+/// point of board 1.
 pub fn further_output(fields: &Fields<'_>) -> Option<IoPoint> {
     let named: IoPoint = fields.value("point")?.text()?.parse().ok()?;
     (named.board > 0 && OUTPUTS.iter().any(|(_, kind)| *kind == named.kind)).then_some(named)
@@ -166,7 +168,8 @@ pub fn output(fields: &Fields<'_>, program: ProgramKind) -> Result<Action, Wrong
     Ok(Action::Output(Output { kind: OutputKind::TimedY, point, on: on.unwrap_or(true), delay }))
 }
 
-/// Many outputs of one board: `set` and `clear` name them. Before, `kind` and `board` told the board, and they counted them.
+/// Sets many outputs of one board: `set` and `clear` name them. In the old form, `kind` and `board` give the
+/// board, and `set` and `clear` have numbers.
 pub fn board_output(fields: &Fields<'_>, program: ProgramKind) -> Result<Action, Wrong> {
     let board = fields.whole("board", 1_u8).unwrap_or(0);
     let kind = fields.word("kind", &OUTPUTS).unwrap_or(PointKind::Y);
@@ -227,7 +230,7 @@ pub fn board_output(fields: &Fields<'_>, program: ProgramKind) -> Result<Action,
     Ok(Action::BoardOutput(BoardOutput { board, low, high }))
 }
 
-/// A point of a list: by its name, or by its number on a board.
+/// A point of a list, by its name or by its number on a board.
 fn of_a_board(value: &Node, kind: PointKind, board: u8) -> Option<IoPoint> {
     match value.text() {
         Some(name) => name.parse().ok(),
@@ -239,7 +242,7 @@ fn of_a_board(value: &Node, kind: PointKind, board: u8) -> Option<IoPoint> {
     }
 }
 
-/// What is waited for, by its name.
+/// The source of a wait for a named point.
 fn awaited(fields: &Fields<'_>, named: IoPoint, program: ProgramKind) -> Result<WaitSource, Wrong> {
     let last = match (named.kind, program) {
         (PointKind::Y | PointKind::Euy, _) => {
@@ -256,7 +259,7 @@ fn awaited(fields: &Fields<'_>, named: IoPoint, program: ProgramKind) -> Result<
     Ok(watched(named))
 }
 
-/// What a wait for this point waits for.
+/// The source of a wait for this point.
 #[must_use]
 pub fn watched(named: IoPoint) -> WaitSource {
     let IoPoint { kind, board, point } = named;
@@ -275,7 +278,7 @@ fn output_kind(kind: PointKind) -> OutputKind {
     }
 }
 
-/// What is set, by its name: kind and point.
+/// The kind and the point of a named output.
 fn set_by_name(fields: &Fields<'_>, named: IoPoint) -> Result<(OutputKind, u8), Wrong> {
     let IoPoint { kind, board, point } = named;
     if matches!(kind, PointKind::X | PointKind::Eux) {

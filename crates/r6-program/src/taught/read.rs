@@ -1,4 +1,4 @@
-//! From a program's text to its steps.
+//! Reads the steps of a program from its text.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ use crate::{Mistake, Mistakes};
 /// What a step does.
 #[derive(Clone, Copy)]
 enum Kind {
-    /// What a PC can send too.
+    /// A step that a PC can send too.
     Sent(step::Kind),
     MoveToRegisters,
     MoveToPoint,
@@ -38,7 +38,7 @@ enum Kind {
     End,
 }
 
-/// The kinds of steps by the words of `do`, in the order in which `docs/PROGRAMS.md` tells them.
+/// The kinds of steps by the words of `do`, in the order of `docs/PROGRAMS.md`.
 const KINDS: [(&str, Kind); 26] = [
     ("axis-move", Kind::Sent(step::Kind::AxisMove)),
     ("linear-move", Kind::Sent(step::Kind::LinearMove)),
@@ -93,22 +93,22 @@ const OWN_KEYS: [&str; 21] = [
     "below",
 ];
 
-/// A comparison has one more.
+/// One more key, for comparisons.
 const EQUALS: &str = "equals";
 
-/// A day: nobody waits longer for anything in a cell, seconds.
+/// One day, in seconds. Nothing in a cell waits longer.
 const LONGEST: f64 = 86_400.0;
 
-/// The alarm of a photo that nobody answers: connect host fail. Chosen.
+/// The default alarm of an unanswered photo request: connect host fail. We chose it.
 const PHOTO_ALARM: u32 = 9;
 
 const A_LABEL: &str = "the name of a label";
 const A_COUNTER: &str = "the number of a counter";
 
-/// Which step each label stands at.
+/// The step of each label.
 type Labels<'d> = BTreeMap<&'d str, usize>;
 
-/// The words of `do`, in the order in which `docs/PROGRAMS.md` tells them.
+/// The words of `do`, in the order of `docs/PROGRAMS.md`.
 pub fn step_words() -> impl Iterator<Item = &'static str> {
     KINDS.into_iter().map(|(word, _)| word)
 }
@@ -147,7 +147,7 @@ pub(super) fn program(name: &str, text: &str) -> Result<Program, Mistakes> {
     }))
 }
 
-/// What to do about a key that a program does not have.
+/// Advice for an unknown key of a program.
 fn elsewhere(key: &str) -> Option<String> {
     let sent = "this is a list of instructions for a PC to send (`r6 run FILE`, `r6 plot FILE`); a taught program has [[step]] tables (docs/PROGRAMS.md)";
     let of_a_step = || step::KEYS.iter().chain(&OWN_KEYS).any(|known| *known == key);
@@ -282,7 +282,7 @@ fn read(number: usize, fields: &Fields<'_>, labels: &Labels<'_>) -> Result<Step,
 const AN_ALARM: &str = "an alarm, 1 to 10000; those of users begin at 5000";
 const ALARMS: std::ops::RangeInclusive<u32> = 1..=10_000;
 
-/// Where a jump goes that a key names.
+/// The step that a key's label refers to.
 fn target(fields: &Fields<'_>, key: &'static str, labels: &Labels<'_>) -> Option<usize> {
     let label = fields.text(key, A_LABEL)?;
     let place = labels.get(label).copied();
@@ -333,7 +333,7 @@ fn counter_number(fields: &Fields<'_>) -> Result<u32, Wrong> {
     fields.due_in("counter", A_COUNTER, 0..=u32::MAX)
 }
 
-/// A wait for a time, or for a point.
+/// A wait for a time or for a point.
 fn wait(fields: &Fields<'_>, labels: &Labels<'_>) -> Result<Step, Wrong> {
     let action = step::action(step::Kind::Wait, fields, ProgramKind::Taught)?;
     match action {
@@ -346,7 +346,7 @@ fn wait(fields: &Fields<'_>, labels: &Labels<'_>) -> Result<Step, Wrong> {
     }
 }
 
-/// An output; of a further board too, which an instruction has not.
+/// An output. It may be on a further board, which an instruction cannot set.
 fn output(fields: &Fields<'_>) -> Result<Step, Wrong> {
     let Some(point) = step::further_output(fields) else {
         return step::action(step::Kind::Output, fields, ProgramKind::Taught).map(Step::Instruction);
@@ -397,7 +397,7 @@ fn condition(fields: &Fields<'_>) -> Result<Condition, Wrong> {
         }
         (Some("points"), None, _) => Ok(Condition::Points(camera(fields, "points"), model(fields))),
         _ => {
-            // They are all asked for, so that none of them is called out of place.
+            // Ask for all of them, so that none is reported as out of place.
             for name in asked {
                 fields.value(name);
             }

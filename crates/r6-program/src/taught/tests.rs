@@ -189,7 +189,7 @@ fn spellings_of_lists_that_are_sent_are_read_with_a_hint() {
     assert_eq!(Program::read("p", old).unwrap().steps(), Program::read("p", new).unwrap().steps());
 }
 
-/// docs/PROGRAMS.md has a row for every kind of step, and no other.
+/// Checks that docs/PROGRAMS.md has exactly one row for each kind of step.
 #[test]
 fn the_page_tells_every_step() {
     let page = include_str!("../../../../docs/PROGRAMS.md");
@@ -209,7 +209,7 @@ proptest! {
         let _ = Program::read("p", &format!("{}{text}{}", &PALLETISE[..at], &PALLETISE[at..]));
     }
 
-    /// Every field of every step with a value of every kind.
+    /// Tries every field of every step with a value of every kind.
     #[test]
     fn no_field_breaks_the_reader(kind in 0..26_usize, field in 0..35_usize, value in any_value()) {
         let fields = ["to", "through", "speed", "blend", "delay", "mask", "tool", "work_frame", "seconds", "point", "until",

@@ -1,4 +1,4 @@
-//! Steps of taught programs in English, for people who look at a machine: `wait until X010 is on`.
+//! Displays the steps of taught programs in English: `wait until X010 is on`.
 
 use std::fmt;
 
@@ -92,7 +92,7 @@ impl fmt::Display for Compare {
     }
 }
 
-/// The pendant's name of what a wait watches; `None` for time.
+/// The point that a wait watches; `None` for time.
 fn point(source: WaitSource) -> Option<IoPoint> {
     let (kind, board, point) = match source {
         WaitSource::Input { board, point } => (PointKind::X, board, point),

@@ -1,4 +1,4 @@
-//! The cases: which frames, and who reads and writes them how.
+//! The cases: the frames, and the functions of each contender that read and write them.
 
 use r6_proto::dialect::{Addressing, Dialect};
 use r6_proto::message::{Body, Message};
@@ -17,30 +17,32 @@ const MONITOR: &str = "www.hc-system.com.RemoteMonitor";
 const REMOTE_COMMAND: &str = "www.hc-system.com.HCRemoteCommand";
 const CAMERA: &str = "www.hc-system.com.cam";
 
-/// Reads the frame with this number and adds up what it holds.
+/// Reads the frame with this number and returns the sum of its values.
 pub type Read = Box<dyn FnMut(usize) -> f64>;
 
 /// Appends the frame with this number.
 pub type Write = Box<dyn FnMut(usize, &mut Vec<u8>)>;
 
-/// One kind of frame, in [`FRAMES`] examples. The contenders are `r6`, serde_json and sonic-rs, in this order.
+/// One kind of frame, in [`FRAMES`] examples. The contenders are `r6`, serde_json and sonic-rs, in this
+/// order.
 pub struct Case {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// By each contender.
+    /// One function for each contender.
     pub decode: [Read; 3],
-    /// By each contender.
+    /// One function for each contender.
     pub encode: [Write; 3],
 }
 
-/// All cases. Before they are given out, every contender has read and written every frame as the others do.
+/// All cases. Before they are returned, all contenders must agree on every frame, both in reading and in
+/// writing.
 pub fn all() -> Vec<Case> {
     let mut cases = vec![query(), reply(), add_rcc(1), add_rcc(50), add_points()];
     for case in &mut cases {
         for at in 0..FRAMES {
             let [ours, theirs @ ..] = case.decode.each_mut().map(|read| read(at));
             for theirs in theirs {
-                // serde_json reads long decimals one unit off, in the last place.
+                // serde_json can differ by one unit in the last place of long decimals.
                 assert!(
                     (ours - theirs).abs() <= 1e-9 * ours.abs().max(1.0),
                     "{}: {ours} {theirs}",
@@ -60,7 +62,7 @@ pub fn all() -> Vec<Case> {
     cases
 }
 
-/// The case of these frames. They live as long as the process: there are five such cases.
+/// The case of these frames. They live as long as the process, because there are only five such cases.
 fn case<T: Serialize + 'static>(
     name: &str,
     ours: impl Fn(usize, &mut Vec<u8>) + 'static,
@@ -106,7 +108,7 @@ fn encode(request: &Request<'_>, pack_id: &str, out: &mut Vec<u8>) {
 
 fn query() -> Case {
     let samples = samples(0);
-    // The names of the addresses are ready made for the others.
+    // The other contenders get the names of the addresses prepared.
     let names: Vec<Vec<String>> =
         samples.queries.iter().map(|query| query.iter().map(Address::to_string).collect()).collect();
     let frame = |(names, pack_id): (&'static Vec<String>, &'static String)| QueryFrame {

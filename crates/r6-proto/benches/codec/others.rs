@@ -1,7 +1,7 @@
-//! The frames as typed structs of serde, which serde_json and sonic-rs fill and write.
+//! The frames as typed serde structs, which serde_json and sonic-rs read and write.
 //!
-//! What differs from ours is in their favour: their structs take one form of each frame (no other spelling, nothing
-//! repeated, unquoted or in GBK, no error that names a field).
+//! The differences favour them: their structs accept one form of each frame. They handle no other spelling,
+//! nothing repeated, unquoted or in GBK, and no error that names a field.
 
 use r6_proto::message::Point;
 use r6_proto::message::instruction::{Action, Instruction};
@@ -167,7 +167,7 @@ pub fn part(point: &Point) -> Part {
     }
 }
 
-/// What both of the others do with a parsed frame.
+/// The work that both other contenders do with a parsed frame.
 pub trait Summed<'a>: Deserialize<'a> {
     fn sum(&self) -> f64;
 }

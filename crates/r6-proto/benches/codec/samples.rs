@@ -1,4 +1,4 @@
-//! The values that all contenders read and write, 1 024 of each, and what was read as one number.
+//! The values that all contenders read and write, 1 024 of each kind, and the sums of what they read.
 
 use r6_proto::axis::AxisMask;
 use r6_proto::message::Body;
@@ -6,7 +6,7 @@ use r6_proto::message::Point;
 use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Instruction, Manner, Move};
 use r6_proto::{Address, AxisIndex, Decoder};
 
-/// Different frames in each case: enough that a branch predictor cannot learn them by heart.
+/// The number of different frames in each case: enough that a branch predictor cannot learn them.
 pub const FRAMES: usize = 1024;
 
 /// A multiplicative generator: the same frames in every run.
@@ -18,7 +18,7 @@ impl Random {
         u32::try_from((self.0 >> 33) % u64::from(limit)).unwrap_or(0)
     }
 
-    /// A multiple of 1 / `parts` whose last decimal is no zero, within ±`limit`.
+    /// A multiple of 1 / `parts` within ±`limit` whose last decimal is not zero.
     fn decimal(&mut self, parts: u32, limit: u32) -> f64 {
         let steps = self.below(limit * parts / 10) * 10 + 1 + self.below(9);
         let sign = if self.below(2) == 0 { 1.0 } else { -1.0 };
@@ -26,7 +26,7 @@ impl Random {
     }
 }
 
-// The same values for all three.
+// All three contenders use the same values.
 
 pub struct Samples {
     pub pack_ids: Vec<String>,
@@ -37,7 +37,7 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// `FRAMES` of each, the lists with so many instructions.
+    /// `FRAMES` samples of each kind. Each list has this many instructions.
     pub fn new(instructions: usize) -> Self {
         let mut random = Random(u64::try_from(instructions).unwrap_or(0) + 1);
         let per_frame = |random: &mut Random, count: usize| {
@@ -76,7 +76,7 @@ fn address(random: &mut Random) -> Address {
 }
 
 fn instruction(random: &mut Random) -> Instruction {
-    // A mask names only axes that have a coordinate.
+    // A mask contains only axes with a coordinate.
     let target: Vec<f64> = (0..6).map(|_| random.decimal(1000, 1000)).collect();
     let manner = Manner {
         mask: Some(AxisMask::from_bits(u8::try_from(random.below(64)).unwrap_or(0))),
@@ -106,7 +106,7 @@ fn point(random: &mut Random) -> Point {
     }
 }
 
-// What was read, as one number: enough to see that all three read the same.
+// The sum of the values that were read, to check that all three read the same.
 
 pub fn sum_of_addresses(addresses: impl Iterator<Item = Option<Address>>) -> f64 {
     addresses.flatten().map(|address| f64::from(address.index().unwrap_or(1000) + 1)).sum()

@@ -2,10 +2,10 @@
 
 use r6_proto::frame::FrameBuffer;
 
-/// Different frames in the stream: enough that a branch predictor cannot learn them by heart.
+/// The number of different frames in the stream: enough that a branch predictor cannot learn them.
 pub const FRAMES: u32 = 1200;
 
-/// Queries, replies, instruction lists and points in turn, each with other numbers in it.
+/// Queries, replies, instruction lists and points in turn, each with different numbers.
 pub fn stream() -> Vec<u8> {
     // A multiplicative generator: the same frames in every run.
     let mut state = 1_u64;
@@ -63,10 +63,11 @@ pub fn stream() -> Vec<u8> {
     stream.into_bytes()
 }
 
-/// What both sides have to find: how many frames, and how long they are together.
+/// The result that both ways must find: the number of frames and their total length.
 pub type Found = (u32, usize);
 
-/// The floor: depth, strings and escapes by a loop over the bytes, with the whole stream at hand and nothing checked.
+/// The floor: a loop over the bytes that tracks depth, strings and escapes. It has the whole stream and
+/// checks nothing.
 pub fn byte_loop(stream: &[u8]) -> Found {
     let (mut depth, mut in_string, mut escaped, mut begin) = (0_u32, false, false, 0);
     let mut found = (0, 0);

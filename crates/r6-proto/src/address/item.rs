@@ -1,11 +1,11 @@
-//! Addresses as the items of a query: names in quotes. Nearly all that are ever asked for are ready made and copied; registers, and
-//! counters from 8 on, are put together.
+//! Writes addresses as the items of a query: names in quotes. Almost all addresses are prepared at compile
+//! time and copied. Registers, and counters from 8 on, are put together when they are written.
 
 use super::{ADDRESSES, Address};
 use crate::encode::{Short, write_closed_integer};
 
 impl Address {
-    /// Appends the name in quotes, with a comma before it unless it is the first of its list.
+    /// Appends the name in quotes, with a comma before it unless it is the first item of its list.
     #[inline]
     pub(crate) fn write_item(self, first: bool, out: &mut Vec<u8>) {
         #[expect(clippy::indexing_slicing, reason = "a constant below the table's length in every arm")]
@@ -18,18 +18,18 @@ impl Address {
     }
 }
 
-/// The same for an index beyond the row: the name of index 0 without its digit, then the index.
+/// The same for an index beyond the prepared ones: the name of index 0 without its digit, then the index.
 #[inline(never)]
 fn write_long_item([zeroth, ..]: &[Short; COLUMNS], index: u32, first: bool, out: &mut Vec<u8>) {
     zeroth.behind_comma(first).without_last(b"0\"".len()).append_to(out);
     write_closed_integer(out, i64::from(index));
 }
 
-/// How many items of a row are ready made: axes and words are numbered from 0 to 7.
+/// How many items of a row are prepared. Axes and words are numbered 0 to 7.
 const COLUMNS: usize = 8;
 
-/// The names in quotes behind a comma, by row and index. In a row without an index, and in that of the registers, only the first
-/// counts.
+/// The names in quotes after a comma, by row and index. Rows without an index, and the row of the registers,
+/// use only their first item.
 static ITEMS: [[Short; COLUMNS]; ADDRESSES.len()] = {
     let mut items = [[Short::EMPTY; COLUMNS]; ADDRESSES.len()];
     let (mut slots, mut rows) = (items.as_mut_slice(), ADDRESSES.as_slice());

@@ -1,14 +1,15 @@
-//! The table of query addresses. A new address is a row here, a row of `docs/PROTOCOL.md`, and what the virtual controller answers to it.
+//! The table of query addresses. To add an address, add a row here, a row in `docs/PROTOCOL.md`, and the
+//! virtual controller's answer.
 
 use super::{AddressInfo, Ports, RegisterIndex, ValueType};
 use crate::axis::AxisIndex;
 
-/// What an address is indexed by.
+/// The type of an address's index.
 pub(super) trait Index: Sized {
-    /// The lowest and the highest.
+    /// The lowest and the highest index.
     const RANGE: (u32, u32);
 
-    /// The index with this number, within the range.
+    /// The index with this number, which must be within the range.
     fn of(number: u32) -> Option<Self>;
 
     fn number(self) -> u32;
@@ -26,7 +27,8 @@ impl Index for AxisIndex {
     }
 }
 
-/// Words of inputs, outputs and M points: one board has 32 points, and boards 0 to 7 can be named in a command.
+/// Index of the words of inputs, outputs and M points. One board has 32 points, and a command can name boards
+/// 0 to 7.
 impl Index for u8 {
     const RANGE: (u32, u32) = (0, 7);
 
@@ -39,7 +41,7 @@ impl Index for u8 {
     }
 }
 
-/// Counter ids are not bounded by the manual; nine digits are more than any pendant shows.
+/// Index of counters. The manual sets no limit to counter ids; nine digits are more than any pendant shows.
 impl Index for u32 {
     const RANGE: (u32, u32) = (0, 999_999_999);
 
@@ -64,8 +66,9 @@ impl Index for RegisterIndex {
     }
 }
 
-/// The table, one row each: the address and what it is indexed by, its name on the wire up to the index, what the value is, its unit, the
-/// ports that have it, the first manual or firmware that knows it, where it is written, and what it tells.
+/// Defines the table. Each row has: the address and the type of its index, its name on the wire up to the
+/// index, the type of the value, the unit, the ports that offer it, the first manual or firmware that knows
+/// it, the source, and the meaning.
 macro_rules! addresses {
     ($(
         $name:ident $(($index:ty))? $stem:literal $value:ident $unit:literal $ports:ident $since:literal $source:literal $meaning:literal
@@ -88,7 +91,7 @@ macro_rules! addresses {
             source: $source,
         }, )+];
 
-        /// The rows by name.
+        /// The rows, by name.
         enum Row { $( $name, )+ }
 
         impl Address {
@@ -108,7 +111,7 @@ macro_rules! addresses {
                 }
             }
 
-            /// The address with this name up to its index, and this index.
+            /// The address with this stem (its name up to the index) and this index.
             #[inline]
             pub(super) fn of(stem: &[u8], index: impl FnOnce((u32, u32)) -> Option<u32>) -> Option<Self> {
                 $( if stem == $stem.as_bytes() {

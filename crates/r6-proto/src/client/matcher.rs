@@ -1,4 +1,5 @@
-//! Which request a frame answers: by `packID`, else by kind, by the command it names and by order.
+//! Finds the request that a frame answers: by `packID`, else by kind, by the command that it names and by
+//! order.
 
 use std::collections::VecDeque;
 
@@ -20,16 +21,16 @@ pub(super) enum Assigned {
     Stray(StrayReason),
 }
 
-/// What a reply answers, as far as the reply itself tells.
+/// What a reply answers, judged by the reply alone.
 enum Answers<'a> {
     Query {
         addresses: Option<Values<'a>>,
-        /// How many values it has.
+        /// Number of values in the reply.
         values: usize,
     },
-    /// A command, AddPoints or AddRCC; the word where the reply names it.
+    /// A reply to a command, AddPoints or AddRCC; the word, if the reply names it.
     Named(Option<std::borrow::Cow<'a, str>>),
-    /// A reply of this type with a field that cannot be right.
+    /// A reply of this type with an invalid field.
     Broken(RequestType),
 }
 
@@ -83,7 +84,7 @@ impl Matcher<'_> {
 
     fn by_order(&mut self, answers: &Answers<'_>) -> Result<usize, StrayReason> {
         if self.learned.echoes_pack_id == Some(true) {
-            // This firmware always echoes: a frame without packID answers somebody else.
+            // This firmware always echoes packID, so a frame without it answers another client.
             return Err(StrayReason::UnknownPackId);
         }
         match *self.out_of_step {
@@ -98,18 +99,18 @@ impl Matcher<'_> {
             self.in_flight.iter().enumerate().filter(|(_, waiting)| waiting.may_be_answered_by(answers));
         let (at, _) = candidates.next().ok_or(StrayReason::NothingWaits)?;
         if matches!(answers, Answers::Broken(_)) && candidates.next().is_some() {
-            // It does not say what it answers, and more than one request could be meant.
+            // The reply does not say what it answers, and it fits more than one request.
             return Err(StrayReason::Contradiction);
         }
         let names_nothing = matches!(answers, Answers::Query { addresses: None, .. });
         if names_nothing && self.learned.echoes_pack_id.is_none() && candidates.next().is_some() {
-            // Whoever sends before it is known that replies name nothing may have sent several queries. Were one of them not answered,
-            // this would be the value of another address.
+            // A client that does not yet know whether replies carry names may have sent several queries. If
+            // one of them got no answer, this reply would be taken for another query's values.
             *self.out_of_step = OutOfStep::Due;
             return Err(StrayReason::OutOfStep);
         }
         if self.in_flight.get(at).is_some_and(|waiting| waiting.is_exceeded_by(answers)) {
-            // No firmware has a reason to send more values than it was asked for: this one answers an earlier request.
+            // No firmware sends more values than a query asks for, so this reply answers an earlier request.
             *self.out_of_step = OutOfStep::Due;
             return Err(StrayReason::OutOfStep);
         }
@@ -121,20 +122,21 @@ impl Matcher<'_> {
         if let Body::QueryReply(reply) = &message.body {
             self.learned.echoes_query_addr = Some(reply.addresses.is_some());
         }
-        // AddPoints and AddRCC name themselves, and say `command`, in every dialect: they tell nothing.
+        // AddPoints and AddRCC carry their names, and have the type `command`, in every dialect, so they show
+        // nothing about the dialect.
         if let (Body::CommandReply(reply), RequestType::Command) = (&message.body, request) {
             self.learned.names_command = Some(reply.command().is_some());
         }
         if let (Some(word), RequestType::Query | RequestType::Command) = (message.header.type_word, request) {
             let echo = matches!(&*word.word(), b"queryEcho" | b"cmdEcho");
-            // Only old firmware ever says it; one that did is old.
+            // Only old firmware sends these types. One such reply proves that the firmware is old.
             self.learned.echo_types = Some(echo || self.learned.echo_types == Some(true));
         }
     }
 }
 
 impl InFlight {
-    /// Whether a reply that does not say which addresses it answers has more values than this query has addresses.
+    /// Whether a reply without addresses has more values than this query has addresses.
     fn is_exceeded_by(&self, answers: &Answers<'_>) -> bool {
         matches!(answers, Answers::Query { addresses: None, values } if *values > self.count)
     }
@@ -146,20 +148,21 @@ impl InFlight {
                     && addresses.is_none_or(|addresses| echoes(addresses, self.addresses))
             }
             Answers::Named(Some(word)) => self.request != RequestType::Query && self.word == word,
-            // Only the reply to a command goes without a name, before 2.0.2.1; AddPoints and AddRCC name themselves in
-            // every manual.
+            // Only the reply to a command can lack a name, before 2.0.2.1. AddPoints and AddRCC carry their
+            // names in every manual.
             Answers::Named(None) => self.request == RequestType::Command,
-            // Its type may be the template's "command" for AddPoints and AddRCC.
+            // For AddPoints and AddRCC, its type may be the template's "command".
             Answers::Broken(RequestType::Command) => self.request != RequestType::Query,
             Answers::Broken(request) => self.request == *request,
         }
     }
 }
 
-/// Between two names of a list without blanks.
+/// The bytes between two names of a list without blanks.
 const BETWEEN: &[u8] = b"\",\"";
 
-/// A number for the addresses of a query, as the frame names them that it was just written into: an echo must have the same.
+/// Hashes the addresses of a query as they stand in the frame that was just written. An echo must have the
+/// same hash.
 pub(super) fn hash_of_query(frame: &[u8], addresses: &[Address]) -> u64 {
     let names: usize = addresses.iter().map(|address| address.name_len()).sum();
     let between = addresses.len().saturating_sub(1) * BETWEEN.len();
@@ -168,9 +171,9 @@ pub(super) fn hash_of_query(frame: &[u8], addresses: &[Address]) -> u64 {
     hash(frame.get(end.saturating_sub(names + between)..end).unwrap_or_default())
 }
 
-/// Whether an echo names the addresses of the query with this number, whatever blanks and escapes it has.
+/// Whether an echo names the addresses of the query with this hash, in spite of different blanks and escapes.
 fn echoes(addresses: Values<'_>, query: u64) -> bool {
-    // As it is sent, as a rule.
+    // Most controllers echo the list as it was sent.
     hash(addresses.span()) == query || {
         let mut names = Vec::new();
         for (at, address) in addresses.iter().enumerate() {
@@ -181,7 +184,8 @@ fn echoes(addresses: Values<'_>, query: u64) -> bool {
     }
 }
 
-/// Eight bytes at a time, multiplied and folded: enough to tell one's own query from another's.
+/// Hashes eight bytes at a time by multiplying and folding. This is enough to tell the client's own queries
+/// apart.
 fn hash(bytes: &[u8]) -> u64 {
     const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
     let (chunks, rest) = bytes.as_chunks::<8>();

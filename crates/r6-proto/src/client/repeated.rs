@@ -1,29 +1,31 @@
-//! A poll is the same query again and again: its frame is kept, and only the `packID` in it is written anew.
+//! Reuses the frame of a repeated query. A poll sends the same query again and again, so only the `packID` in
+//! the frame is written again.
 
 use crate::address::Address;
 
-/// The last query and its frame. It takes no more than the longest frame and as many addresses as that names.
+/// The last query and its frame. It needs at most the memory of the longest frame and of the addresses in
+/// that frame.
 #[derive(Debug, Default)]
 pub(super) struct LastQuery {
     addresses: Vec<Address>,
     /// The frame without the digits of its `packID`.
     frame: Vec<u8>,
-    /// Where in it they belong.
+    /// Position in `frame` where the digits belong.
     at: usize,
-    /// The number of its addresses, which an echo has to have.
+    /// Hash of its addresses. An echo must have the same hash.
     number: u64,
 }
 
-/// What stands between the digits of `packID` and the list of addresses.
+/// The bytes between the digits of `packID` and the list of addresses.
 const BETWEEN: &[u8] = b"\",\"queryAddr\":[";
 
 impl LastQuery {
-    /// Whether this is the query that is kept.
+    /// Whether `addresses` is the stored query.
     pub fn asks(&self, addresses: &[Address]) -> bool {
         !self.frame.is_empty() && self.addresses == addresses
     }
 
-    /// Appends its frame with these digits as `packID`; the number of its addresses.
+    /// Appends the stored frame with these digits as `packID`. Returns the hash of its addresses.
     pub fn append(&self, digits: &[u8], out: &mut Vec<u8>) -> u64 {
         if let Some((before, behind)) = self.frame.split_at_checked(self.at) {
             out.extend_from_slice(before);
@@ -33,7 +35,7 @@ impl LastQuery {
         self.number
     }
 
-    /// Keeps a query: its frame with a `packID` of so many digits, and the number of its addresses.
+    /// Stores a query: its frame, whose `packID` has `digits` digits, and the hash of its addresses.
     pub fn keep(&mut self, addresses: &[Address], frame: &[u8], digits: usize, number: u64) {
         self.frame.clear();
         let Some(list) = frame.windows(BETWEEN.len()).position(|bytes| bytes == BETWEEN) else { return };
@@ -59,7 +61,7 @@ mod tests {
     fn a_query_that_is_repeated_differs_only_in_its_number() {
         let one = [Address::CurMode, Address::Counter(12), Address::IsMoving];
         let other = [Address::CurAlarm];
-        // The number gains a digit on the way.
+        // The number grows by one digit within this sequence.
         let mut session =
             ClientSession::new(ClientSettings { first_pack_id: 8, ..ClientSettings::default() });
         let asked: [&[Address]; 7] = [&one, &one, &one, &other, &one, &[], &other];
@@ -74,7 +76,7 @@ mod tests {
                 .encode(&Addressing { pack_id: Some(&pack_id), ..Addressing::default() }, &mut expected)
                 .unwrap();
             assert_eq!(sent, String::from_utf8(expected).unwrap());
-            // Each is answered, and known by its echo.
+            // Each query gets an answer, which is matched by its echo.
             let reply = sent.replace("]}", "],\"queryData\":[]}");
             assert_eq!(session.handle_input(Instant::ORIGIN, reply.as_bytes()), reply.len());
             let event = session.poll_event(Instant::ORIGIN).unwrap();

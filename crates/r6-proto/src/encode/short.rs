@@ -1,7 +1,8 @@
-//! Texts of at most sixteen bytes, put together in one register and appended with one copy.
+//! Builds texts of at most sixteen bytes in one register and appends each with one copy.
 //!
-//! Numbers and keys are that short, and a frame is made of little else. Appending a byte at a time costs more than finding
-//! out what the bytes are; sixteen bytes of which the last few do not count cost as much as one.
+//! Numbers and keys are that short, and most of a frame consists of them. Appending byte by byte costs more
+//! than computing the bytes. Appending sixteen bytes costs as much as appending one, so unused bytes at the
+//! end do no harm.
 
 use super::Decimals;
 
@@ -13,23 +14,23 @@ pub(crate) struct Short {
 }
 
 impl Short {
-    /// How long such a text can be, bytes.
+    /// The maximum length of such a text, in bytes.
     pub const MOST: usize = 16;
 
     pub const EMPTY: Self = Self { bytes: 0, length: 0 };
 
-    /// How long it is, bytes.
+    /// Its length in bytes.
     pub const fn len(self) -> usize {
         self.length
     }
 
-    /// The text and one byte more. There must be room for it.
+    /// Appends one byte. There must be room for it.
     #[inline(always)]
     pub const fn with(self, byte: u8) -> Self {
         Self { bytes: self.bytes | (byte as u128) << (8 * self.length), length: self.length + 1 }
     }
 
-    /// The text and others behind it. There must be room for them.
+    /// Appends bytes. There must be room for them.
     pub const fn and(self, bytes: &[u8]) -> Self {
         match bytes {
             [] => self,
@@ -37,13 +38,13 @@ impl Short {
         }
     }
 
-    /// The text without the comma that it begins with, where it is the first of its list.
+    /// The text, without its leading comma if it is the first item of its list.
     #[inline(always)]
     pub const fn behind_comma(self, first: bool) -> Self {
         if first { Self { bytes: self.bytes >> 8, length: self.length - 1 } } else { self }
     }
 
-    /// The text without its last bytes. It must have more.
+    /// The text without its last `count` bytes. It must be longer than that.
     #[inline]
     pub const fn without_last(self, count: usize) -> Self {
         Self {
@@ -52,7 +53,7 @@ impl Short {
         }
     }
 
-    /// A whole number of at most eight digits; `None` if it has more.
+    /// A whole number of at most eight digits; `None` for more digits.
     #[inline]
     pub fn of_integer(value: u32) -> Option<Self> {
         if value < 10 {
@@ -74,8 +75,8 @@ impl Short {
     }
 }
 
-/// Appends a text, a number in steps of its last decimal, and a quote behind it if it is to be `closed`; `false`, and nothing, if the
-/// number has more than seven digits before the point.
+/// Appends `before`, the number `scaled` (in units of its last decimal), and a closing quote if `closed` is
+/// set. If the number has more than seven digits before the point, it appends nothing and returns `false`.
 #[inline(always)]
 pub(crate) fn append_fixed(
     out: &mut Vec<u8>,
@@ -85,7 +86,7 @@ pub(crate) fn append_fixed(
     closed: bool,
 ) -> bool {
     let magnitude = scaled.unsigned_abs();
-    // Two constants, for each of which the division becomes a multiplication.
+    // Each branch divides by constants, so the compiler turns the division into a multiplication.
     let (whole_part, behind, zeros) = if decimals.most == 3 {
         (magnitude / 1_000, three(magnitude % 1_000), ZEROS >> 40)
     } else {
@@ -104,7 +105,8 @@ pub(crate) fn append_fixed(
     let kept = used.max(decimals.least);
     let tail = behind << 8 | u64::from(b'.');
     let tail_length = if kept > 0 { 1 + kept } else { 0 };
-    // Written over each other from the left to the right; what stands behind the last byte that counts is cut off.
+    // The parts are written from left to right and overwrite each other. The truncation below removes the
+    // unused bytes at the end.
     let begin = out.len();
     out.extend_from_slice(&[0; ROOM]);
     if let Some(room) = out.last_chunk_mut::<ROOM>() {
@@ -119,7 +121,7 @@ pub(crate) fn append_fixed(
     true
 }
 
-/// Appends a number below a thousand and a quote behind it.
+/// Appends a number below a thousand and a closing quote.
 #[inline(always)]
 pub(crate) fn append_closed_few(out: &mut Vec<u8>, value: u32) {
     let (digits, length) = few(value);
@@ -128,10 +130,11 @@ pub(crate) fn append_closed_few(out: &mut Vec<u8>, value: u32) {
     out.truncate(end);
 }
 
-/// A text, a sign and seven digits, a point and six more, a quote, and the seven bytes that the last word is longer than that.
+/// Room for a text, a sign and seven digits, a point and six more digits, a quote, and the seven unused bytes
+/// of the last word.
 const ROOM: usize = Short::MOST + 24;
 
-/// Writes eight bytes, the lowest first.
+/// Writes eight bytes; the first byte is the lowest.
 #[inline(always)]
 fn put(room: &mut [u8; ROOM], at: usize, bytes: u64) {
     if let Some(place) = room.get_mut(at..at + 8) {
@@ -139,7 +142,7 @@ fn put(room: &mut [u8; ROOM], at: usize, bytes: u64) {
     }
 }
 
-/// The three digits of each number below a thousand, the first lowest.
+/// The three digits of each number below a thousand; the first digit is the lowest byte.
 static THREES: [u32; 1_000] = {
     let mut threes = [0; 1_000];
     let mut slots = threes.as_mut_slice();
@@ -158,7 +161,8 @@ fn three(value: u64) -> u64 {
     usize::try_from(value).ok().and_then(|at| THREES.get(at)).copied().map_or(0, u64::from)
 }
 
-/// The digits of a number below a thousand without leading zeros, the first of them lowest, and how many there are.
+/// The digits of a number below a thousand without leading zeros, and how many there are. The first digit is
+/// the lowest byte.
 #[inline(always)]
 fn few(value: u32) -> (u64, usize) {
     let leading = usize::from(value < 100) + usize::from(value < 10);
@@ -167,27 +171,28 @@ fn few(value: u32) -> (u64, usize) {
 
 const MOST_IN_EIGHT: u32 = 99_999_999;
 
-/// With a sign before them, seven digits are eight bytes.
+/// Seven digits and a sign fit in eight bytes.
 const MOST_IN_SEVEN: u32 = 9_999_999;
 
-/// Eight times the digit 0.
+/// The digit 0, eight times.
 const ZEROS: u64 = 0x3030_3030_3030_3030;
 
-/// The digits of a number of at most eight, the first of them lowest, and how many there are.
+/// The digits of a number of at most eight digits, and how many there are. The first digit is the lowest
+/// byte.
 #[inline(always)]
 fn whole(value: u32) -> (u64, usize) {
     let digits = eight_digits(value);
-    // The last digit stays, although it be 0.
+    // The last digit always stays, even if it is 0.
     let leading = (digits | 1 << 56).trailing_zeros() / 8;
     ((digits | ZEROS) >> (8 * leading), 8 - leading as usize)
 }
 
-/// The eight digits of a number as values from 0 to 9, one in each byte, the first lowest.
+/// The eight digits of a number as values from 0 to 9, one in each byte; the first digit is the lowest byte.
 #[inline(always)]
 fn eight_digits(value: u32) -> u64 {
     let value = u64::from(value);
-    // Halves of four digits, then quarters of two, then single digits, all at the same time; the factors divide
-    // exactly for numbers as small as these.
+    // Splits into two halves of four digits, then four pairs, then single digits, all in parallel. The
+    // factors divide exactly for numbers this small.
     let halves = (value / 10_000) | ((value % 10_000) << 32);
     let hundreds = ((halves * 10_486) >> 20) & 0x0000_007F_0000_007F;
     let quarters = hundreds | (halves - hundreds * 100) << 16;

@@ -2,70 +2,73 @@
 
 use std::fmt;
 
-/// Bytes that were thrown away, and why. There is one for each broken frame and each run of garbage.
+/// Bytes that were thrown away, and why. Each broken frame and each run of garbage gives one error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameError {
     /// Where the broken frame or the garbage begins, in bytes from the beginning of the stream.
     pub stream_offset: u64,
-    /// Where the fault stands: the byte that cannot be there, or the first that is too many or missing.
+    /// Position of the fault: the byte that is not allowed there, or the first byte too many, or the first
+    /// missing byte.
     pub fault_offset: u64,
-    /// What is wrong.
+    /// The fault.
     pub fault: FrameFault,
     head: Head,
 }
 
-/// What can be wrong with a stream of frames.
+/// The faults that a stream of frames can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameFault {
-    /// Bytes between frames that are no blank and begin no object. A run ends at the next `{`; in a run that looks
-    /// like the inside of a frame, at the next that can be no part of it. After [`super::Limits::max_frame_bytes`]
-    /// a new run begins.
+    /// Bytes between frames that are not blanks and do not begin an object. A run ends at the next `{`. If
+    /// the run looks like the inside of a frame, it ends at the next `{` that cannot belong to that frame. A
+    /// new run begins after [`super::Limits::max_frame_bytes`].
     Garbage,
-    /// The frame is longer than this many bytes. It is skipped to its end.
+    /// The frame is longer than this many bytes. The reader skips it to its end.
     TooLarge {
         /// The limit in bytes.
         limit: usize,
     },
-    /// The frame nests deeper than this many levels. It is skipped to its end.
+    /// The frame has more than this many levels. The reader skips it to its end.
     TooDeep {
         /// The limit in levels.
         limit: usize,
     },
-    /// A closing bracket of the wrong kind. From there on any closing bracket closes one level, until the frame ends.
+    /// A closing bracket of the wrong kind. After it, any closing bracket closes one level, until the frame
+    /// ends.
     MismatchedBracket {
-        /// What would have closed the innermost level.
+        /// The bracket that would have closed the innermost level.
         expected: char,
-        /// What stands there.
+        /// The bracket that was found.
         found: char,
     },
-    /// A raw control byte inside a string, most likely the end of line behind a frame that was cut off.
+    /// A raw control byte inside a string. Usually it is the end of line after a frame that was cut off.
     ControlByteInString {
         /// The byte.
         byte: u8,
     },
-    /// A letter or digit right behind a string: a quote is missing, so that strings and what is between them are
-    /// taken for each other.
+    /// A letter or digit directly after a string. A quote is missing, so the reader confuses the strings with
+    /// the text between them.
     TextBehindString {
         /// The letter or digit.
         found: char,
     },
     /// A `{` where JSON cannot have one: the frame was cut off, and this `{` begins the next one.
     ObjectWhereNoneCanStand,
-    /// The rest of the frame never came: [`FrameBuffer::abandon_partial`](super::FrameBuffer::abandon_partial) gave it up.
+    /// The rest of the frame never arrived, and
+    /// [`FrameBuffer::abandon_partial`](super::FrameBuffer::abandon_partial) gave it up.
     Incomplete {
-        /// How many bytes of it came.
+        /// How many bytes of the frame arrived.
         received: usize,
     },
 }
 
-/// The first bytes of what was thrown away, for the log.
+/// The first bytes of what was thrown away, for logs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Head {
     bytes: [u8; HEAD_BYTES],
     length: usize,
 }
 
-/// Enough to recognise an HTTP request or the first key, and little enough for a line of the log.
+/// Enough bytes to recognise an HTTP request or the first key, and few enough for one line of a log.
 pub(super) const HEAD_BYTES: usize = 16;
 
 impl Head {
@@ -94,7 +97,7 @@ impl fmt::Display for Head {
 }
 
 impl FrameError {
-    /// The fault that was found when all up to the stream offset `read` had been read.
+    /// Creates the error for a fault that was found after reading up to the stream offset `read`.
     pub(super) fn new(stream_offset: u64, read: u64, fault: FrameFault, thrown_away: &[u8]) -> Self {
         let fault_offset = match fault {
             FrameFault::Garbage => stream_offset,

@@ -1,37 +1,38 @@
-//! The inside of one frame: what is open, and whether the next byte can stand there.
+//! The inside of one frame: its open levels, and whether the next byte is allowed.
 
 use super::{FrameFault, Limits, can_hold_object, is_blank};
 use crate::text::{self, Progress, StringState};
 
-/// How far a frame was read, whatever pieces it came in.
+/// The position inside a frame. It does not depend on how the bytes were split.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Inside {
     /// How many objects and lists are open.
     depth: u64,
-    /// One bit for each of the first [`Limits::DEEPEST`] levels, the innermost lowest: set for an object.
+    /// One bit for each of the first [`Limits::DEEPEST`] levels, the innermost lowest. A set bit means an
+    /// object.
     objects: u64,
-    /// The last byte outside strings that is no blank.
+    /// The last byte outside strings that is not a blank.
     previous: u8,
-    /// The string that is open, where one is.
+    /// The open string, if any.
     string: Option<StringState>,
-    /// A bracket of the wrong kind was met.
+    /// Whether a bracket of the wrong kind was found.
     tangled: bool,
 }
 
 /// How a walk through a frame ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Walk {
-    /// With the bytes.
+    /// The bytes ended first.
     Out,
-    /// With the frame's last brace.
+    /// The last brace of the frame was read.
     Closed,
-    /// With a byte that cannot stand there. It is the last that was read; a `{` that begins another frame is
-    /// left unread.
+    /// A byte is not allowed. It is the last byte read, except for a `{` that begins another frame, which
+    /// stays unread.
     Fault(FrameFault),
 }
 
 impl Inside {
-    /// Behind the first brace of a frame.
+    /// The position after the first brace of a frame.
     pub const BEGIN: Self = Self { depth: 1, objects: 1, previous: b'{', string: None, tangled: false };
 
     /// How many objects and lists are open.
@@ -39,20 +40,21 @@ impl Inside {
         self.depth
     }
 
-    /// The last byte outside strings that is no blank.
+    /// The last byte outside strings that is not a blank.
     pub fn previous(&self) -> u8 {
         self.previous
     }
 
-    /// Whether a bracket of the wrong kind was met: from there on the depth is a guess.
+    /// Whether a bracket of the wrong kind was found. From there on the depth is a guess.
     pub fn is_tangled(&self) -> bool {
         self.tangled
     }
 
-    /// Walks on through the bytes from the offset `from`; returns the offset of the next unread byte.
+    /// Continues to walk through the bytes from the offset `from`. Returns the offset of the next unread
+    /// byte.
     ///
-    /// With a depth limit of `None` the frame is known to be broken: neither depth nor brackets are faults any
-    /// more, and any closing bracket closes one level.
+    /// A depth limit of `None` means that the frame is known to be broken. Then neither depth nor brackets
+    /// are faults, and any closing bracket closes one level.
     pub fn walk(&mut self, bytes: &[u8], from: usize, max_depth: Option<usize>) -> (usize, Walk) {
         let mut at = from;
         loop {
@@ -67,14 +69,14 @@ impl Inside {
                 self.string = None;
                 self.previous = b'"';
             }
-            // What changes with every byte is kept at hand.
+            // Values that change with every byte are local variables.
             let Self { mut depth, mut objects, mut previous, .. } = *self;
             let mut ended = Walk::Out;
             while let Some(&byte) = bytes.get(at) {
                 at += 1;
                 match byte {
                     b'"' => {
-                        // Nearly every string is plain, and at hand as a whole.
+                        // Nearly every string is plain and has arrived completely.
                         at = text::plain_end(bytes, at);
                         if bytes.get(at) != Some(&b'"') {
                             self.string = Some(StringState::default());

@@ -1,5 +1,5 @@
-//! The table of actions: what an instruction can do, and which members it then has. The members of each are rows of the table in
-//! `instruction/table.rs`.
+//! The table of actions: what each instruction does, and which members it has. The rows of these members are
+//! in `instruction/table.rs`.
 
 use super::instruction::{BoardOutput, Manner, Output, PathSpeed, StopOnSignal, Wait, Workbench};
 
@@ -8,7 +8,7 @@ use super::instruction::{BoardOutput, Manner, Output, PathSpeed, StopOnSignal, W
 pub struct ActionInfo {
     /// The `action` number.
     pub number: i64,
-    /// What it is called.
+    /// Its name.
     pub name: &'static str,
     /// Its members, besides [`COMMON`]; several lists, because all moves share one.
     members: &'static [&'static [MemberInfo]],
@@ -24,9 +24,9 @@ impl ActionInfo {
 /// One member of an instruction, a point or a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemberInfo {
-    /// Its name on the wire; `m0-m7` stands for the eight of them.
+    /// Its name on the wire; `m0-m7` stands for eight members.
     pub name: &'static str,
-    /// Where it is written: the section of the manual, or the evidence for a later one.
+    /// The source: the section of the manual, or the evidence for a later member.
     pub source: &'static str,
 }
 
@@ -34,10 +34,10 @@ const fn member(name: &'static str, source: &'static str) -> MemberInfo {
     MemberInfo { name, source }
 }
 
-/// The table, one row each: what it is called in the code, its number, its name, its members.
+/// Defines the table. Each row has: the name in the code, the number, the name for people, and the members.
 macro_rules! actions {
     ($( $action:ident $number:literal $name:literal [$($members:expr),+ $(,)?] )+) => {
-        /// What an instruction does, as far as it is known.
+        /// The known actions of an instruction.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(crate) enum Known { $( $action, )+ }
 
@@ -86,10 +86,10 @@ const TARGET: &[MemberInfo] = &[member("m0-m7", "6.1.1")];
 /// The end of a curve.
 const END: &[MemberInfo] = &[member("m0_p-m7_p", "6.1.1")];
 
-/// What every instruction has.
+/// The members that every instruction has.
 pub const COMMON: [MemberInfo; 2] = [member("oneshot", "6"), member("action", "6")];
 
-/// What a point of a camera has (manual 5.2), and the photo (manual 5.1).
+/// The members of a camera's points (manual 5.2) and of the photo (manual 5.1).
 pub const VISION: [MemberInfo; 14] = [
     member("camID", "5.1"),
     member("ret", "5.1"),
@@ -107,7 +107,7 @@ pub const VISION: [MemberInfo; 14] = [
     member("Rel", "5.2"),
 ];
 
-/// What stands at the top of requests, besides what they are about.
+/// The members at the top of a request, besides its content.
 pub const HEADER: [MemberInfo; 5] = [
     member("dsID", "2.1, 3"),
     member("reqType", "2.1, 3"),
@@ -116,7 +116,7 @@ pub const HEADER: [MemberInfo; 5] = [
     member("emptyList", "6"),
 ];
 
-/// What the action with this number is called.
+/// The name of the action with this number.
 #[must_use]
 pub fn name(number: i64) -> Option<&'static str> {
     ACTIONS.iter().find(|action| action.number == number).map(|action| action.name)

@@ -1,4 +1,4 @@
-//! Commands: requests that act at once (manual 4.2); the answers to them are in `reply`.
+//! Commands: requests that act at once (manual 4.2). The replies are in `reply`.
 
 mod argument;
 mod reply;
@@ -21,17 +21,18 @@ pub use reply::{CommandReply, Outcome};
 pub use table::{COMMANDS, Command, CommandName};
 pub use typed::TypedError;
 
-/// What a request can do to the machine. Whoever decides about requests (a lease, a firewall, an audit) decides by it.
+/// The effect of a request on the machine. A lease, a firewall and an audit decide about requests by their
+/// effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Effect {
-    /// Nothing: it reads.
+    /// Reads only.
     Reads,
-    /// It changes a value or an output.
+    /// Changes a value or an output.
     Changes,
-    /// It can set the arm in motion. A cell may start one by an output (a pulse on M011), by a register (800 to 805) or by
-    /// another program, so what writes those counts as well.
+    /// Can start a motion. An output (a pulse on M011), a register (800 to 805) or another program may start
+    /// a motion in a cell, so requests that write these count too.
     Moves,
-    /// It can only end a motion.
+    /// Can only end a motion.
     Stops,
 }
 
@@ -63,17 +64,17 @@ pub struct CommandInfo {
     pub arguments: &'static [ArgumentInfo],
     /// What it does.
     pub meaning: &'static str,
-    /// What to do where the controller refuses it.
+    /// What to do if the controller refuses it.
     pub if_refused: &'static str,
-    /// What it can do to the machine.
+    /// Its effect on the machine.
     pub effect: Effect,
     /// Whether poses refer to another frame after it: another tool or workbench, or changed values of a tool.
     pub changes_frame: bool,
-    /// Which port has it.
+    /// Which port offers it.
     pub ports: Ports,
     /// The first manual or firmware that knows it.
     pub since: &'static str,
-    /// Where it is written: the number in the manual's table 4.2.1, or the evidence for a later one.
+    /// The source: the number in the manual's table 4.2.1, or the evidence for a later command.
     pub source: &'static str,
 }
 
@@ -93,18 +94,18 @@ impl CommandName {
     /// The row of the table.
     #[must_use]
     pub fn info(self) -> &'static CommandInfo {
-        // A discriminant counts from 0 in the table's order and is always inside it.
+        // A discriminant is an index into the table, because both have the same order.
         #[expect(clippy::indexing_slicing, reason = "a discriminant is below the number of variants")]
         &COMMANDS[self as usize]
     }
 
-    /// What it can do to the machine.
+    /// Its effect on the machine.
     #[must_use]
     pub fn effect(self) -> Effect {
         self.info().effect
     }
 
-    /// The word of the table that comes nearest to one that is none.
+    /// The word of the table nearest to an unknown word.
     #[must_use]
     pub fn nearest(word: &str) -> Option<&'static str> {
         spelling::nearest(word, COMMANDS.iter().map(|row| row.word))
@@ -117,7 +118,7 @@ impl fmt::Display for CommandName {
     }
 }
 
-/// A command as it was sent: its name and its arguments, not yet read.
+/// A command as it was sent: its name and its unread arguments.
 #[derive(Clone, Copy, Debug)]
 pub struct CommandWords<'a> {
     pub(crate) words: Values<'a>,
@@ -145,7 +146,8 @@ impl<'a> CommandWords<'a> {
     /// The command, with its arguments read and checked.
     ///
     /// # Errors
-    /// [`CommandError`] for an unknown name (with the nearest one) and for an argument that is missing or wrong.
+    /// [`CommandError`] for an unknown name (with the nearest one) and for an argument that is missing or
+    /// wrong.
     pub fn read(&self) -> Result<Command<'a>, CommandError> {
         let Some(name) = self.name() else {
             let word = self.word();
@@ -199,14 +201,14 @@ impl<'a> Source<'a> for Sent<'a> {
     }
 }
 
-/// Why a command cannot be carried out as sent.
+/// Why a command cannot be executed as sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CommandError {
-    /// Nobody knows this command.
+    /// The command is unknown.
     UnknownCommand {
         /// The word, cut at 48 characters.
         word: String,
-        /// The command that comes nearest.
+        /// The nearest command.
         nearest: Option<&'static str>,
     },
     /// An argument is missing or wrong.
@@ -247,8 +249,8 @@ impl Command<'_> {
 }
 
 impl fmt::Display for Command<'_> {
-    /// The word and the arguments as the wire has them, such as `modifyOutput "0","5","1"`. Arguments that cannot be sent are left
-    /// out.
+    /// The word and the arguments as on the wire, such as `modifyOutput "0","5","1"`. If an argument cannot
+    /// be sent, all are left out.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name().word())?;
         let mut arguments = Vec::new();

@@ -1,6 +1,6 @@
-//! The decoder: one pass over a frame, into buffers that are used again for the next.
+//! The decoder: one pass over a frame, into buffers that are reused for the next.
 //!
-//! This file reads the members at the top and decides what the frame is; `lists` reads what is nested in it.
+//! This file reads the members at the top and decides the type of the frame. `lists` reads the nested lists.
 
 mod again;
 mod lists;
@@ -19,7 +19,7 @@ use crate::message::{
 };
 use crate::value::{Kind, Node, Span, Value, Values};
 
-/// The keys at the top, ready to be compared.
+/// The keys at the top, prepared for comparison.
 static PATTERNS: [Pattern; TOP_COUNT] = Pattern::all(Top::KEYS);
 
 const TOP_COUNT: usize = Top::KEYS.len();
@@ -28,14 +28,14 @@ const TOP_COUNT: usize = Top::KEYS.len();
 #[derive(Clone, Copy, Debug)]
 struct TopNodes {
     members: [(Node, Node); TOP_COUNT],
-    /// Which slots hold a member.
+    /// Which slots hold a member, as bits.
     present: u32,
 }
 
 impl TopNodes {
     const NONE: Self = Self { members: [(Node::NULL, Node::NULL); TOP_COUNT], present: 0 };
 
-    /// Takes a member, and gives the earlier one of the same key.
+    /// Stores a member, and returns the earlier member with the same key.
     #[inline]
     fn put(&mut self, top: Top, member: (Node, Node)) -> Option<(Node, Node)> {
         let earlier = self.members.get_mut(top as usize).map(|slot| std::mem::replace(slot, member));
@@ -59,7 +59,7 @@ impl TopNodes {
         self.present & top.bit() != 0
     }
 
-    /// The slots of the members that stand behind this place of the frame, as bits.
+    /// The slots of the members after this place in the frame, as bits.
     fn slots_behind(&self, place: usize) -> u32 {
         Top::ALL
             .into_iter()
@@ -67,7 +67,7 @@ impl TopNodes {
             .fold(0, |slots, top| slots | top.bit())
     }
 
-    /// The members in these slots have come to stand as far behind `to` as they stood behind `from`.
+    /// Moves the members in these slots: their distance behind `from` becomes their distance behind `to`.
     #[inline]
     fn move_members(&mut self, mut slots: u32, from: usize, to: usize) {
         while slots != 0 {
@@ -80,9 +80,9 @@ impl TopNodes {
     }
 }
 
-/// Decodes frames into messages; its buffers grow to the largest frame seen and are reused.
+/// Decodes frames into messages. Its buffers grow to the largest frame seen and are reused.
 ///
-/// In the steady state decoding allocates nothing. One decoder serves one connection, or many in turn.
+/// In the steady state, decoding allocates nothing. One decoder can serve one connection, or several in turn.
 #[derive(Debug, Default)]
 pub struct Decoder {
     addresses: Vec<Node>,
@@ -106,7 +106,7 @@ impl Decoder {
     /// Decodes one frame: the bytes of one JSON object, as [`crate::frame::FrameBuffer`] delivers them.
     ///
     /// # Errors
-    /// [`JsonError`] if the bytes are no JSON object; a well-formed object with wrong fields is a
+    /// [`JsonError`] if the bytes are not a JSON object. A well-formed object with wrong fields gives a
     /// [`Body::Rejected`] instead.
     pub fn decode<'a>(&'a mut self, bytes: &'a [u8]) -> Result<Message<'a>, JsonError> {
         if self.length_of_same_reply(bytes) == Some(bytes.len()) {
@@ -125,14 +125,14 @@ impl Decoder {
         Ok(Message { header, body, bytes, extras: &self.extras })
     }
 
-    /// How long the frame is at the beginning of `bytes`, if it is the reply that was decoded last with another number and other
-    /// values. Then [`Self::same_reply`] is its message.
+    /// If `bytes` begin with the last decoded reply, with another number and other values, returns the length
+    /// of that frame. [`Self::same_reply`] then returns its message.
     #[inline]
     pub(crate) fn length_of_same_reply(&mut self, bytes: &[u8]) -> Option<usize> {
         self.last_reply.length_of(bytes, &mut self.data)
     }
 
-    /// The message of a frame that [`Self::length_of_same_reply`] has found.
+    /// The message of a frame that [`Self::length_of_same_reply`] found.
     #[inline]
     pub(crate) fn same_reply<'a>(&'a self, bytes: &'a [u8]) -> Message<'a> {
         let top = &self.last_reply.top;
@@ -152,7 +152,7 @@ impl Decoder {
         self.error = None;
     }
 
-    /// Reads every member at the top; lists of values go straight to their buffers.
+    /// Reads every member at the top. Lists of values go directly into their buffers.
     #[inline]
     fn members(&mut self, bytes: &[u8], top: &mut TopNodes) -> Result<(), JsonError> {
         let mut cursor = Cursor::new(bytes, 0);
@@ -193,7 +193,7 @@ impl Decoder {
         cursor.end()
     }
 
-    /// The next key at the top and what it means, with the cursor left at its value; `None` past the last brace.
+    /// Reads the next key at the top and its meaning, and stops at its value; `None` after the last brace.
     #[inline]
     fn next_key(
         &mut self,
@@ -233,7 +233,7 @@ impl Decoder {
         (header, request)
     }
 
-    /// Decides what the frame is and reads the nested lists that this takes.
+    /// Decides the type of the frame, and reads the nested lists that this needs.
     fn classify(
         &mut self,
         bytes: &[u8],
@@ -310,7 +310,7 @@ impl Decoder {
         }
     }
 
-    /// Members that are known but mean nothing in a frame of this shape.
+    /// Reports members that are known but have no meaning in a frame of this shape.
     fn report_out_of_place(&mut self, top: &TopNodes, shape: Shape) {
         let used = match shape {
             Shape::Query => Top::QueryAddr.bit(),
@@ -381,7 +381,7 @@ impl Decoder {
     }
 }
 
-/// What a frame turned out to be.
+/// The shape of a frame: its type and direction.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Shape {
     Query,
@@ -398,13 +398,14 @@ enum Shape {
     Rejected(RequestType),
 }
 
-/// Whether the members read so far say that this is AddPoints: then its points can be read on the way.
+/// Whether the members read so far show that this is AddPoints, so that its points can be read in the same
+/// pass.
 fn says_add_points(top: &TopNodes, bytes: &[u8]) -> bool {
     let word = top.value(Top::ReqType, bytes).or_else(|| top.value(Top::CmdType, bytes));
     word.is_some_and(|word| RequestType::from_word(&word.word()) == Some(RequestType::AddPoints))
 }
 
-/// The type of a frame that does not say it, by what it holds.
+/// Guesses the type of a frame without a stated type from its members.
 fn guess(top: &TopNodes) -> Option<RequestType> {
     let told_by = [
         (Top::QueryData, RequestType::Query),
@@ -418,7 +419,7 @@ fn guess(top: &TopNodes) -> Option<RequestType> {
     told_by.into_iter().find(|(key, _)| top.has(*key)).map(|(_, request)| request)
 }
 
-/// Reads a list into `nodes`; a value that is no list is read and left to the check that follows.
+/// Reads a list into `nodes`. Any other value is read as a single value and left to a later check.
 #[inline]
 fn list(cursor: &mut Cursor<'_>, bytes: &[u8], nodes: &mut Vec<Node>) -> Result<Node, JsonError> {
     nodes.clear();
@@ -448,7 +449,7 @@ fn require_list(bytes: &[u8], top: &TopNodes, key: Top, wanted: &'static str) ->
     }
 }
 
-/// A reply is a list of words; before 2.0.2.1 a failed command may answer with a bare text.
+/// Checks that a reply is a list of words. Before 2.0.2.1 the reply to a failed command may be a bare text.
 fn require_reply(bytes: &[u8], top: &TopNodes) -> Result<(), FieldError> {
     match top.at(Top::CmdReply).map(|node| node.kind) {
         Some(Kind::List | Kind::Text { .. }) => Ok(()),

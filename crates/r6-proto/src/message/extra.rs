@@ -1,11 +1,11 @@
-//! What a frame held besides its known fields: kept and reported, never lost.
+//! The members of a frame besides its known fields. The decoder keeps and reports all of them.
 
 use std::fmt;
 
 use crate::printable::printable;
 use crate::value::{Node, Value};
 
-/// Where in a frame something stands.
+/// A place in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// At the top of the frame.
@@ -29,16 +29,16 @@ impl fmt::Display for Place {
     }
 }
 
-/// Why something is an extra.
+/// Why a member is an extra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExtraKind {
-    /// A key that nobody knows.
+    /// An unknown key.
     UnknownKey,
-    /// An earlier value of a key that came again; the last one counts.
+    /// An earlier value of a repeated key. The last value counts.
     DuplicateKey,
-    /// A key known under another spelling; it was taken as the known one.
+    /// Another spelling of a known key. It was read as the known key.
     OtherSpelling,
-    /// A known key where it has no meaning.
+    /// A known key that has no meaning at this place.
     OutOfPlace,
 }
 
@@ -61,7 +61,7 @@ pub(crate) struct ExtraNode {
     pub kind: ExtraKind,
 }
 
-/// One member of a frame that is none of its known fields.
+/// One member of a frame that is not one of its known fields.
 #[derive(Clone, Copy, Debug)]
 pub struct Extra<'a> {
     /// Where it stands.
@@ -70,18 +70,18 @@ pub struct Extra<'a> {
     pub key: Value<'a>,
     /// Its value.
     pub value: Value<'a>,
-    /// Why it is none of the known fields.
+    /// Why it is not one of the known fields.
     pub kind: ExtraKind,
 }
 
 impl Extra<'_> {
-    /// Its place, key and kind, to be kept beyond the frame.
+    /// Copies its place, key and kind, so that they outlive the frame.
     #[must_use]
     pub fn to_key(&self) -> ExtraKey {
         ExtraKey { place: self.place, key: self.key.text().into_owned(), kind: self.kind }
     }
 
-    /// As [`ExtraKey::nearest`].
+    /// See [`ExtraKey::nearest`].
     #[must_use]
     pub fn nearest(&self) -> Option<&'static str> {
         self.to_key().nearest()
@@ -99,14 +99,14 @@ impl fmt::Display for Extra<'_> {
 pub struct ExtraKey {
     /// Where it stands.
     pub place: Place,
-    /// Its key, as long as the frame has it.
+    /// Its complete key, as in the frame.
     pub key: String,
-    /// Why it is none of the known fields.
+    /// Why it is not one of the known fields.
     pub kind: ExtraKind,
 }
 
 impl ExtraKey {
-    /// The key of the protocol that comes nearest to an unknown one.
+    /// The key of the protocol nearest to an unknown key.
     #[must_use]
     pub fn nearest(&self) -> Option<&'static str> {
         let known = super::top::Top::KEYS.into_iter().chain(super::fields::Fields::names());

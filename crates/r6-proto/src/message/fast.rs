@@ -1,11 +1,12 @@
-//! The fast path of the decoder: what flows all day, read in few steps.
+//! The fast path of the decoder, for the frames that arrive all the time.
 //!
-//! Peers write the same members in the same order again and again, without blanks, in short plain texts. So each key is
-//! first compared with the one that came in its place the last time, in one comparison of sixteen bytes; and a short text
-//! or number is found to its end in one look ([`crate::chunk`]). Nothing is decided here: where anything is out of
-//! the ordinary (a blank, an escape, a byte beyond ASCII, an unknown or repeated key, a long text) the fast path stops
-//! before it and [`crate::json::Cursor`] reads on from there. Both give the same nodes for the same bytes, which
-//! `tests/fast_path.rs` checks: there every frame is also read in a form that the fast path leaves alone.
+//! Peers write the same members in the same order again and again, without blanks, as short plain texts. So
+//! the fast path first compares each key with the key that came at this place last time, in one comparison of
+//! sixteen bytes. It finds the end of a short text or number in one step ([`crate::chunk`]). The fast path
+//! decides nothing. At anything unusual (a blank, an escape, a non-ASCII byte, an unknown or repeated key, a
+//! long text) it stops, and [`crate::json::Cursor`] continues from there. Both give the same nodes for the
+//! same bytes. `tests/fast_path.rs` checks this: it also reads every frame in a form that the fast path does
+//! not take.
 
 mod list;
 mod object;
@@ -17,11 +18,11 @@ use crate::chunk::{CHUNK, Chunk};
 use crate::text::plain_end;
 use crate::value::{Kind, Node, Span};
 
-/// A key as it stands on the wire, quotes and colon included, ready to be compared.
+/// A key as on the wire, including quotes and colon, prepared for comparison.
 #[derive(Clone, Copy)]
 pub(super) struct Pattern {
     bytes: u128,
-    /// The bits that are compared.
+    /// The bits to compare.
     mask: u128,
     length: usize,
 }
@@ -30,7 +31,8 @@ impl Pattern {
     /// Matches nothing.
     const NONE: Self = Self { bytes: 1, mask: 0, length: 0 };
 
-    /// The pattern of a key of at most 13 bytes, which need no escape. To be called in constants: there a longer one is an error.
+    /// The pattern of a key of at most 13 bytes, without escapes. Call this only in constants, where a longer
+    /// key is a compile error.
     pub const fn of(key: &str) -> Self {
         let (mut bytes, mut length) = (b'"' as u128, 1);
         let mut rest = key.as_bytes();
@@ -61,7 +63,7 @@ impl Pattern {
     }
 }
 
-/// The plain text whose first byte behind the quote is at `start`, if it is that short.
+/// The plain text whose first byte (after the quote) is at `start`, if it is short enough.
 #[inline(always)]
 fn short_text(bytes: &[u8], start: usize) -> Option<Node> {
     let chunk = Chunk::at(bytes, start);
@@ -69,7 +71,7 @@ fn short_text(bytes: &[u8], start: usize) -> Option<Node> {
     (length < CHUNK && chunk.byte(length) == b'"').then(|| text(start, start + length))
 }
 
-/// The plain text whose opening quote stands here, however long it is.
+/// The plain text whose opening quote is at `quote`, of any length.
 #[inline]
 pub(super) fn plain_text(bytes: &[u8], quote: usize) -> Option<Node> {
     if bytes.get(quote) != Some(&b'"') {
@@ -91,7 +93,7 @@ fn short_number(bytes: &[u8], start: usize) -> Option<Node> {
     let chunk = Chunk::at(bytes, start);
     let sign = usize::from(chunk.byte(0) == b'-');
     let whole = chunk.digits_from(sign);
-    // A zero at the beginning stands alone.
+    // JSON does not allow leading zeros.
     if whole == 0 || (whole > 1 && chunk.byte(sign) == b'0') {
         return None;
     }

@@ -1,4 +1,4 @@
-//! The members of an instruction or a point: collected in any order first, read by meaning afterwards.
+//! The members of an instruction or a point. They are first collected in any order, then read by meaning.
 
 use crate::axis::AXES;
 use crate::encode::{Key, key};
@@ -12,8 +12,8 @@ use crate::value::{Node, Value};
 /// Every member that an instruction or a point can have, by slot.
 pub(crate) struct Fields;
 
-/// The members of camera points and of all instructions, one row each: what it is called here, and its name on the wire. What stands only in
-/// some instructions is in the table of [`super::instruction`].
+/// Defines the members of camera points and of all instructions. Each row has the name in the code and the
+/// name on the wire. Members of only some instructions are in the table of [`super::instruction`].
 macro_rules! fields {
     ($( $field:ident $name:literal )+) => {
         /// The names, in the order of the slots.
@@ -26,9 +26,10 @@ macro_rules! fields {
         impl Fields {
             $( pub const $field: usize = Slot::$field as usize; )+
 
-            /// The slot of a name, with the accepted spelling `Angle`.
+            /// The slot of a name, including the accepted spelling `Angle`.
             fn slot(name: &[u8]) -> Option<usize> {
-                // A match is several times as fast as a search through the names, and every member of a list comes by here.
+                // A `match` is several times as fast as a search through the names, and every member of a
+                // list passes here.
                 match name {
                     $( $name => Some(Self::$field), )+
                     b"Angle" => Some(Self::ANGEL),
@@ -39,7 +40,7 @@ macro_rules! fields {
     };
 }
 
-/// A name of the table as text. All are ASCII: `every_name_finds_its_own_slot` reads them back.
+/// A name of the table as text. All names are ASCII: `every_name_finds_its_own_slot` reads them back.
 const fn text(name: &'static [u8]) -> &'static str {
     match std::str::from_utf8(name) {
         Ok(text) => text,
@@ -58,7 +59,7 @@ fields! {
     SIMILARITY b"Similarity"  COLOR b"Color"  REL b"Rel"  CAM_ID b"camID"
 }
 
-/// The names of the table of instructions, each once, as often as several instructions have it.
+/// The names of the table of instructions, each once, even if several instructions use it.
 const TABLE_NAMES: [&str; distinct(instruction::NAMES)] = once_each(instruction::NAMES);
 
 /// All names, in the order of the slots.
@@ -70,7 +71,7 @@ const NAMES: [&str; OWN_NAMES.len() + TABLE_NAMES.len()] = {
     names
 };
 
-/// Which members are there is kept in 64 bits.
+/// The set of present members is stored in 64 bits.
 const _: () = assert!(NAMES.len() <= 64);
 
 const fn same(one: &[u8], other: &[u8]) -> bool {
@@ -81,7 +82,7 @@ const fn same(one: &[u8], other: &[u8]) -> bool {
     }
 }
 
-/// Where the name stands first.
+/// The first position of the name.
 const fn place(name: &str, names: &[&str]) -> Option<usize> {
     let (mut at, mut rest) = (0, names);
     while let [first, later @ ..] = rest {
@@ -93,7 +94,7 @@ const fn place(name: &str, names: &[&str]) -> Option<usize> {
     None
 }
 
-/// How many different names there are.
+/// Number of different names.
 const fn distinct(names: &[&str]) -> usize {
     let (mut count, mut rest) = (0, names);
     while let [name, later @ ..] = rest {
@@ -119,10 +120,10 @@ const fn once_each<const COUNT: usize>(names: &[&'static str]) -> [&'static str;
     each
 }
 
-/// The same, ready to be compared.
+/// The same names, prepared for comparison.
 static PATTERNS: [Pattern; NAMES.len()] = Pattern::all(NAMES);
 
-/// The same, ready to be written.
+/// The same names, prepared for writing.
 static KEYS: [Key; NAMES.len()] = {
     let mut keys = [Key::of(""); NAMES.len()];
     let (mut slots, mut names) = (keys.as_mut_slice(), NAMES.as_slice());
@@ -143,7 +144,8 @@ impl Fields {
 
     const COUNT: usize = NAMES.len();
 
-    /// The slot of a name of the table of instructions. To be called in constants: there a name that is in no table is an error.
+    /// The slot of a name of the table of instructions. Call this only in constants, where an unknown name is
+    /// a compile error.
     #[expect(clippy::panic, reason = "the compiler calls it, and tells the author of a table")]
     pub const fn of(name: &str) -> usize {
         match place(name, &TABLE_NAMES) {
@@ -162,22 +164,22 @@ impl Fields {
         NAMES.get(slot).copied().unwrap_or("?")
     }
 
-    /// The same, ready to be written.
+    /// The same name, prepared for writing.
     pub fn key(slot: usize) -> &'static Key {
         KEYS.get(slot).unwrap_or(key!("?"))
     }
 
-    /// All names, for the nearest word.
+    /// All names, for the search of the nearest word.
     pub fn names() -> impl Iterator<Item = &'static str> {
         NAMES.into_iter()
     }
 }
 
-/// The collected members of one object: key and value by slot. It is used again for the next object.
+/// The collected members of one object: key and value by slot. It is reused for the next object.
 #[derive(Debug)]
 pub(crate) struct FieldSet {
     members: [(Node, Node); Fields::COUNT],
-    /// Which slots hold a member of this object; the others hold what came before.
+    /// Which slots hold a member of this object. The other slots hold old values.
     present: u64,
     habit: Habit<{ Fields::COUNT }>,
 }
@@ -197,7 +199,7 @@ impl FieldSet {
         place: Place,
         extras: &mut Vec<ExtraNode>,
     ) -> Result<(), JsonError> {
-        // The accepted spelling is reported, and so read with everything else that is.
+        // The accepted spelling is reported, so the slow path reads it, as it reads all other extras.
         let slot_of = |name: &[u8]| Fields::slot(name).filter(|slot| Fields::name(*slot).as_bytes() == name);
         let known = self.habit.object(bytes, cursor.at(), &PATTERNS, slot_of, &mut self.members);
         if let Some((present, behind)) = known {
@@ -230,14 +232,14 @@ impl FieldSet {
         Ok(())
     }
 
-    /// The key and the value of a member, where it is there.
+    /// The key and the value of a member, if it is present.
     pub fn at(&self, slot: usize) -> Option<(Node, Node)> {
         if self.present & 1 << slot == 0 { None } else { self.members.get(slot).copied() }
     }
 
-    /// Lets the members `xpos` … `wpos` of the 2020 shape stand for `m0` … `m5`.
+    /// Uses the members `xpos` … `wpos` of the 2020 shape as `m0` … `m5`.
     ///
-    /// Where an object has both, the earlier shape counts and the other one is an extra.
+    /// If an object has both, the 2020 member counts and the other one is an extra.
     pub fn translate_2020(&mut self, place: Place, extras: &mut Vec<ExtraNode>) {
         for (pos, m) in Fields::POS.into_iter().zip(Fields::M) {
             let Some(member) = self.at(pos) else { continue };
@@ -252,7 +254,7 @@ impl FieldSet {
     }
 }
 
-/// A field set being read: it remembers what was used, so that the rest can be reported.
+/// A field set during reading. It records which members were used, so that the rest can be reported.
 pub(crate) struct FieldsView<'a> {
     pub bytes: &'a [u8],
     pub set: &'a FieldSet,
@@ -265,7 +267,7 @@ impl<'a> FieldsView<'a> {
         Self { bytes, set, place, used: 0 }
     }
 
-    /// Reads the field with `read`, or `None` where it is absent.
+    /// Reads the field with `read`; `None` if it is absent.
     pub fn optional<T>(
         &mut self,
         field: usize,
@@ -283,7 +285,7 @@ impl<'a> FieldsView<'a> {
         }
     }
 
-    /// Reads the field with `read`; it must be there.
+    /// Reads the field with `read`; the field is required.
     pub fn required<T>(
         &mut self,
         field: usize,
@@ -293,21 +295,21 @@ impl<'a> FieldsView<'a> {
         self.optional(field, wanted, read)?.ok_or_else(|| self.missing(field, wanted))
     }
 
-    /// A whole number that must be there.
+    /// Reads a required whole number.
     pub fn integer(&mut self, field: usize, wanted: &'static str) -> Result<i64, FieldError> {
         self.required(field, wanted, |value| value.integer())
     }
 
-    /// The error that the field is missing.
+    /// The error for a missing field.
     pub fn missing(&self, field: usize, wanted: &'static str) -> FieldError {
         FieldError { path: self.path(field), found: None, wanted, nearest: None }
     }
 
-    /// Members that are known but were not used for what this object is: key and value.
+    /// Members that are known but were not used for this object: key and value.
     pub fn unused(&self) -> impl Iterator<Item = (Node, Node)> + use<'a> {
         let unused = self.set.present & !self.used;
         let set = self.set;
-        // Most instructions use all they have, and then there is nothing to walk through.
+        // Most instructions use all their members, so usually there is nothing to search.
         let slots = if unused == 0 { 0..0 } else { 0..Fields::COUNT };
         slots.filter_map(move |slot| set.at(slot).filter(|_| unused & 1 << slot != 0))
     }
@@ -354,7 +356,7 @@ mod tests {
             .filter(|row| ["instruction field", "vision field"].contains(&row.group.as_str()))
             .filter_map(|row| row.item.rsplit('.').next())
             .collect();
-        // The eight axes share a row; the shape of 2020 is told in a sentence of its own.
+        // The eight axes share a row. A separate sentence describes the 2020 shape.
         let row = |slot: usize, name: &'static str| match slot {
             slot if Fields::M.contains(&slot) => Some("m0-m7"),
             slot if Fields::M_P.contains(&slot) => Some("m0_p-m7_p"),
@@ -366,7 +368,7 @@ mod tests {
         for name in &rows_of_names {
             assert!(covered.contains(name), "docs/PROTOCOL.md has no row in its coverage for {name}");
         }
-        // The answer to a photo, and the list itself, are read elsewhere.
+        // Other code reads the answer to a photo, and the list itself.
         for item in covered.into_iter().filter(|item| !["ret", "data"].contains(item)) {
             assert!(rows_of_names.contains(&item), "{item} has a row, and no slot");
         }

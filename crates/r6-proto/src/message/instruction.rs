@@ -19,7 +19,8 @@ pub use table::{BoardOutput, Manner, Output, PathSpeed, StopOnSignal, Wait, Work
 /// One step of an instruction list (manual 6, "instructions").
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instruction {
-    /// `oneshot`: `true` removes the step once it has run; `false` keeps it, and the list runs it again and again.
+    /// `oneshot`: `true` removes the step once it has run; `false` keeps it, and the list runs it again and
+    /// again.
     pub oneshot: bool,
     /// What the step does.
     pub action: Action,
@@ -28,15 +29,17 @@ pub struct Instruction {
 /// What an instruction does, by its `action` number (manual 6.1 and later).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
-    /// 4, "free path": every axis goes straight to its target, all arriving together. Coordinates in degrees.
+    /// 4, "free path": every axis moves directly to its target, and all arrive together. Coordinates in
+    /// degrees.
     AxisMove(Move),
-    /// 10, "pose line": the tool goes straight to a pose. Coordinates X, Y, Z in mm, U, V, W in degrees.
+    /// 10, "pose line": the tool moves in a straight line to a pose. Coordinates X, Y, Z in mm, U, V, W in
+    /// degrees.
     LinearMove(Move),
-    /// 17, "pose curve": the tool goes through a middle pose to an end pose.
+    /// 17, "pose curve": the tool moves through a middle pose to an end pose.
     CurveMove(CurveMove),
-    /// 51: later linear moves without a speed of their own run at this path speed (207beta91).
+    /// 51: the path speed of later linear moves that have no speed of their own (207beta91).
     PathSpeed(PathSpeed),
-    /// 52: an input that stops the motion when it takes a state.
+    /// 52: an input that stops the motion when it reaches a given state.
     StopOnSignal(StopOnSignal),
     /// 100: waits for an input or for a time.
     Wait(Wait),
@@ -46,7 +49,7 @@ pub enum Action {
     BoardOutput(BoardOutput),
     /// 800: changes the workbench.
     Workbench(Workbench),
-    /// Any other action: kept, its fields readable through [`crate::message::AddRcc::unknown_fields`].
+    /// Any other action. Its fields stay readable through [`crate::message::AddRcc::unknown_fields`].
     Unknown(UnknownAction),
 }
 
@@ -69,7 +72,8 @@ impl Action {
         known.number()
     }
 
-    /// What it is called: the name of its row in the table, such as `axis move`; `action 14` where there is no such row.
+    /// Its name: the name of its row in the table, such as `axis move`, or `action 14` if there is no such
+    /// row.
     #[must_use]
     pub fn name(&self) -> Cow<'static, str> {
         let number = self.number();
@@ -77,7 +81,7 @@ impl Action {
     }
 }
 
-/// Up to eight coordinates, each given or left out.
+/// Up to eight coordinates, each of them optional.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Coordinates {
     values: [f64; AXES],
@@ -85,7 +89,7 @@ pub struct Coordinates {
 }
 
 impl Coordinates {
-    /// The coordinates in order, as many as there are; more than eight are not taken.
+    /// The coordinates in order. Coordinates after the eighth are ignored.
     #[must_use]
     pub fn from_slice(values: &[f64]) -> Self {
         let mut coordinates = Self::default();
@@ -95,7 +99,7 @@ impl Coordinates {
         coordinates
     }
 
-    /// Gives one coordinate.
+    /// Sets one coordinate.
     pub fn set(&mut self, axis: AxisIndex, value: f64) {
         if let Some(slot) = self.values.get_mut(axis.index()) {
             *slot = value;
@@ -103,7 +107,7 @@ impl Coordinates {
         self.given = self.given.with(axis);
     }
 
-    /// The coordinate, or `None` where it was left out.
+    /// The coordinate, or `None` if it is not given.
     #[must_use]
     pub fn at(&self, axis: AxisIndex) -> Option<f64> {
         self.values.get(axis.index()).copied().filter(|_| self.given.contains(axis))
@@ -121,7 +125,7 @@ impl Coordinates {
 pub struct Move {
     /// `m0` … `m7`: degrees for an axis move; mm and degrees of a pose for a linear move.
     pub target: Coordinates,
-    /// How it goes there.
+    /// Mask, speed, delay, blend level and frames of the move.
     pub manner: Manner,
 }
 
@@ -132,16 +136,16 @@ pub struct CurveMove {
     pub middle: Coordinates,
     /// `m0_p` … `m7_p`: the pose at the end, mm and degrees.
     pub end: Coordinates,
-    /// How it goes there.
+    /// Mask, speed, delay, blend level and frames of the move.
     pub manner: Manner,
 }
 
-/// How much a corner is rounded: 0 (stop at the point) to 9 (`smooth`, manual 6.1.1).
+/// How much the path rounds a corner: 0 (stop at the point) to 9 (`smooth`, manual 6.1.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BlendLevel(u8);
 
 impl BlendLevel {
-    /// The level, 0 to 9; `None` beyond.
+    /// The level, 0 to 9; `None` above 9.
     #[must_use]
     pub const fn new(level: u8) -> Option<Self> {
         if level <= 9 { Some(Self(level)) } else { None }
@@ -155,14 +159,14 @@ impl BlendLevel {
 }
 
 impl PathSpeed {
-    /// The fastest that is sent, mm/s: arms of this protocol reach 2000 (reported, unit B).
+    /// The highest speed that is sent, mm/s. Arms of this protocol reach 2000 (reported, unit B).
     pub const FASTEST: u32 = 10_000;
 
-    /// What a wrong one has to be.
+    /// What a valid speed is.
     pub const WANTED: &str = "a whole number of mm/s, from 1 to 10000";
 
-    /// Whether this speed is sent while a path speed is on: a whole number of mm/s, from 1 to [`Self::FASTEST`]. A controller may take
-    /// more: no maximum is known.
+    /// Whether this speed can be sent while a path speed is on: a whole number of mm/s, from 1 to
+    /// [`Self::FASTEST`]. A controller may accept more; no maximum is known.
     #[must_use]
     pub fn is_possible(speed: f64) -> bool {
         speed.fract() == 0.0 && (1.0..=f64::from(Self::FASTEST)).contains(&speed)
@@ -191,11 +195,11 @@ pub enum WaitSource {
         /// 0 to 31.
         point: u8,
     },
-    /// Nothing but time (`type` 100).
+    /// Only time (`type` 100).
     Time,
 }
 
-/// For what a wait waits (`io_status` of action 100).
+/// The state or change that a wait waits for (`io_status` of action 100).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WaitCondition {
     /// 0: off.
@@ -217,7 +221,7 @@ pub enum OutputKind {
     M,
     /// 7: output EUY.
     Euy,
-    /// 100: output Y, set back after the delay.
+    /// 100: output Y, which is set back after the delay.
     TimedY,
 }
 
@@ -234,7 +238,7 @@ pub enum OutputBoard {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnknownAction {
     pub(crate) action: i64,
-    /// Its members, by position in the decoder's list.
+    /// Range of its members in the decoder's list.
     pub(crate) fields: (u32, u32),
 }
 
@@ -247,7 +251,7 @@ impl UnknownAction {
 }
 
 impl Instruction {
-    /// Reads the instruction that the fields tell, `Ok(None)` for an action number that nobody knows.
+    /// Reads the instruction from the fields; `Ok(None)` for an unknown action number.
     pub(crate) fn from_fields(fields: &mut FieldsView<'_>) -> Result<Option<Self>, FieldError> {
         let number = fields.integer(Fields::ACTION, "a whole number")?;
         let oneshot = fields.optional(Fields::ONESHOT, "1 or 0", |value| value.flag())?.unwrap_or(false);
@@ -270,10 +274,11 @@ impl Instruction {
         Ok(Some(Self { oneshot, action }))
     }
 
-    /// Appends the instruction as the manual writes it.
+    /// Appends the instruction in the manual's form.
     ///
     /// # Errors
-    /// A coordinate, speed or time that is not finite or out of range, and an unknown action, are not encoded.
+    /// A coordinate, speed or time that is not finite or is out of range, and an unknown action, are not
+    /// encoded.
     pub(crate) fn encode(&self, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let mut object = ObjectWriter::begin(out);
         object.quoted_flag(key!("oneshot"), self.oneshot);
@@ -340,7 +345,7 @@ impl Manner {
         if self.mask.is_some_and(|mask| mask.and(given) != mask) {
             return Err(EncodeError::new("ckStatus", "a mask of axes that all have a coordinate"));
         }
-        // A controller may take 0 for what it does not find.
+        // A controller may read a missing coordinate as 0, so the mask has to be explicit.
         let left_out = given.and(AxisMask::SIX) != AxisMask::SIX;
         Self { mask: self.mask.or(left_out.then_some(given)), ..*self }.write(object)
     }
@@ -348,7 +353,7 @@ impl Manner {
 
 impl PathSpeed {
     fn encode(&self, object: &mut ObjectWriter<'_>) -> Result<(), EncodeError> {
-        // Where it is switched off, 0 is what clients send.
+        // Clients send 0 when they switch it off.
         let is_sent = |speed| (!self.in_use && speed == 0.0) || Self::is_possible(speed);
         if self.speed.is_none_or(is_sent) {
             self.write(object)

@@ -13,7 +13,7 @@ pub struct Query<'a> {
 }
 
 impl<'a> Query<'a> {
-    /// Each address as sent, with what it means.
+    /// Each address as sent, with its meaning.
     pub fn resolved(
         &self,
     ) -> impl ExactSizeIterator<Item = (Value<'a>, Result<Address, UnknownAddress>)> + use<'a> {
@@ -30,21 +30,21 @@ fn resolve(word: Value<'_>) -> Result<Address, UnknownAddress> {
 
 /// The values that answer a query.
 ///
-/// Controllers drop what they do not support from the values but not from the echoed addresses (captured,
-/// unit C), so the two lists are never paired unless their lengths agree.
+/// Controllers leave unsupported addresses out of the values but not out of the echoed addresses (captured,
+/// unit C). So the two lists are paired only if their lengths agree.
 #[derive(Clone, Copy, Debug)]
 pub struct QueryReply<'a> {
-    /// The echo of the addresses, where the firmware sends one.
+    /// The echoed addresses, if the firmware sends them.
     pub addresses: Option<Values<'a>>,
     /// The values.
     pub values: Values<'a>,
 }
 
 impl<'a> QueryReply<'a> {
-    /// The values, if there are as many as were asked for.
+    /// Returns the values, if there are as many as the query asked for.
     ///
     /// # Errors
-    /// [`LengthMismatch`] if not: which value belongs to which address is then unknown.
+    /// [`LengthMismatch`] otherwise, because it is then unknown which value belongs to which address.
     pub fn aligned(&self, asked: usize) -> Result<Values<'a>, LengthMismatch> {
         if self.values.len() == asked {
             Ok(self.values)
@@ -54,10 +54,10 @@ impl<'a> QueryReply<'a> {
     }
 }
 
-/// A reply with more or fewer values than addresses were asked for.
+/// A reply with more or fewer values than the query has addresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LengthMismatch {
-    /// How many addresses were asked for.
+    /// How many addresses the query has.
     pub asked: usize,
     /// How many values came.
     pub answered: usize,

@@ -1,4 +1,4 @@
-//! The typed value of a query address, whatever form the firmware gave it.
+//! The typed value of a query address, read from any form that firmware sends.
 
 use std::fmt;
 
@@ -31,19 +31,19 @@ pub enum Reading {
 pub struct Counter {
     /// Its id.
     pub id: i64,
-    /// The count it goes to.
+    /// The target count.
     pub target: i64,
-    /// The count it has.
+    /// The current count.
     pub current: i64,
-    /// Its name, which only older firmware tells.
+    /// Its name, which only older firmware sends.
     pub name: Option<String>,
 }
 
 impl Reading {
-    /// Reads the value of an address: quoted or not, a counter as a list or as the text of older firmware.
+    /// Reads the value of an address, quoted or not. A counter may be a list or the text of older firmware.
     ///
     /// # Errors
-    /// [`FieldError`] if the value cannot be one of this address.
+    /// [`FieldError`] if the value is not valid for this address.
     pub fn of(address: Address, value: Value<'_>) -> Result<Self, FieldError> {
         let wrong = |wanted| FieldError {
             path: address.to_string(),
@@ -69,7 +69,7 @@ impl Reading {
     }
 }
 
-/// A word of 32 points; firmware that prints it signed means the same bits.
+/// Reads a word of 32 points. Some firmware prints it as a signed number with the same bits.
 fn word(value: Value<'_>) -> Option<u32> {
     let number = value.integer()?;
     let signed = || i32::try_from(number).ok().map(i32::cast_unsigned);
@@ -86,7 +86,7 @@ impl Counter {
         items.next().is_none().then_some(Self { id, target, current, name: None })
     }
 
-    /// `name[id][T:target][C:current]` (captured, unit E, older firmware).
+    /// Reads `name[id][T:target][C:current]` (captured, unit E, older firmware).
     fn of_text(text: &str) -> Option<Self> {
         let (rest, current) = text.strip_suffix(']')?.rsplit_once("][C:")?;
         let (rest, target) = rest.rsplit_once("][T:")?;

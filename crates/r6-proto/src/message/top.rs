@@ -1,6 +1,6 @@
-//! The keys that can stand at the top of a frame.
+//! The keys at the top of a frame.
 
-/// The table of keys, one row each: what it is called here, and its name on the wire.
+/// Defines the table of keys. Each row has the name in the code and the name on the wire.
 macro_rules! top {
     ($( $key:ident $name:literal )+) => {
         /// A key at the top of a frame; the number is its slot.
@@ -8,7 +8,7 @@ macro_rules! top {
         pub(crate) enum Top { $( $key, )+ }
 
         impl Top {
-            /// All, by slot.
+            /// All keys, by slot.
             pub const ALL: [Self; [$( $name ),+].len()] = [$( Self::$key ),+];
 
             /// Their names, by slot.

@@ -1,38 +1,40 @@
-//! The camera's side: photo requests and answers, and the points that a camera found (manual 5).
+//! The messages of cameras: photo requests and answers, and the points that a camera found (manual 5).
 
 use crate::encode::{Decimals, ObjectWriter, key};
 use crate::error::{EncodeError, FieldError};
 use crate::message::fields::{Fields, FieldsView};
 
-/// One part that a camera found, in the calibrated world of the robot (manual 5.2).
+/// One part that a camera found, in the robot's calibrated world (manual 5.2).
 ///
-/// What is left out is not written, and not read as 0: the tool keeps it. The manual always has all of X to `Angel`; what a shipped
-/// controller does with a point that lacks one is not known, so give all six where the wrist matters.
+/// A coordinate that is left out is not written, and is not read as 0: the tool keeps its present value. The
+/// manual always shows all of X to `Angel`. It is not known what a shipped controller does with an incomplete
+/// point, so give all six if the wrist matters.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Point {
-    /// `ModelID`: the template that recognised it.
+    /// `ModelID`: the template that recognised the part.
     pub model_id: i64,
     /// `X`, mm.
     pub x: f64,
     /// `Y`, mm.
     pub y: f64,
-    /// `Z`, mm; left out, the tool stays as high as it is.
+    /// `Z`, mm. If it is left out, the tool keeps its height.
     pub z: Option<f64>,
-    /// `U`, degrees; left out, it stays as it is. A four-axis robot has none.
+    /// `U`, degrees. If it is left out, the tool keeps its U. A four-axis robot has no U.
     pub u: Option<f64>,
-    /// `V`, degrees; left out, it stays as it is. A four-axis robot has none.
+    /// `V`, degrees. If it is left out, the tool keeps its V. A four-axis robot has no V.
     pub v: Option<f64>,
-    /// `Angel` (the wire's spelling), degrees: W, or U on a four-axis robot; left out, it stays as it is.
+    /// `Angel` (the wire's spelling), degrees: W, or U on a four-axis robot. If it is left out, the tool
+    /// keeps its angle.
     pub angle: Option<f64>,
-    /// `Similarity`; its range is left open by the manual.
+    /// `Similarity`. The manual does not give its range.
     pub similarity: Option<f64>,
-    /// `Color`; its range is left open by the manual.
+    /// `Color`. The manual does not give its range.
     pub color: Option<i64>,
     /// `Rel`: the coordinates are relative.
     pub relative: bool,
 }
 
-/// The points of one camera: `camID` and where they stand in the frame's points.
+/// The points of one camera: `camID` and the range of its points in the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PointSet {
     /// `camID`.
@@ -63,7 +65,7 @@ impl Point {
         })
     }
 
-    /// Appends the point as the manual's first set writes it: numbers without quotes.
+    /// Appends the point in the form of the manual's first set: numbers without quotes.
     pub(crate) fn encode(&self, out: &mut Vec<u8>) -> Result<(), EncodeError> {
         let mut object = ObjectWriter::begin(out);
         object.bare_integer(key!("ModelID"), self.model_id);

@@ -1,10 +1,11 @@
-//! What a request begins with: brace, `dsID` and type. It depends on three choices alone, and the compiler writes it for each of them, so
-//! that a frame begins with one copy.
+//! The beginning of a request: brace, `dsID` and type. It depends on only three choices, so the compiler
+//! prepares it for each of them, and one copy begins a frame.
 
 use crate::dialect::{Addressing, DsIdForm};
 use crate::message::{RequestType, TypeKey};
 
-/// The longest head, that of `heartbreak`, fills it; of a longer one the compiler would say so.
+/// Length of the buffer. The longest head, that of `heartbreak`, fits exactly; a longer head is a compile
+/// error.
 const MOST: usize = 64;
 
 #[derive(Clone, Copy)]
@@ -25,7 +26,7 @@ impl Head {
         }
     }
 
-    /// The head and a text behind it.
+    /// The head followed by a text.
     const fn and(mut self, text: &str) -> Self {
         let (_, mut room) = self.bytes.split_at_mut(self.length);
         let mut rest = text.as_bytes();

@@ -1,20 +1,20 @@
-//! The end of a string whose bytes come in pieces, in both encodings at once.
+//! Finds the end of a string that arrives in pieces, in both encodings at the same time.
 
 use super::plain_end;
 
-/// Where a string stands whose bytes arrive piece by piece: it finds the closing quote without looking back.
+/// The state of a string that arrives piece by piece. It finds the closing quote without looking back.
 ///
-/// Escapes are stepped over, not checked: that is [`super::scan_string`]'s part, which finds the same end.
+/// It skips escapes without checking them. [`super::scan_string`] checks them and finds the same end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StringState {
     reading: Reading,
-    /// The reading as UTF-8 stands behind a `\`.
+    /// The last byte, read as UTF-8, was a `\`.
     escape: bool,
-    /// The reading as GBK, kept up beside the other from the first byte beyond ASCII on.
+    /// The state as GBK, kept in parallel from the first non-ASCII byte on.
     gbk: GbkState,
 }
 
-/// How the bytes seen so far can be read.
+/// The possible readings of the bytes seen so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Reading {
     #[default]
@@ -23,19 +23,19 @@ enum Reading {
     Gbk,
 }
 
-/// What one step of [`StringState::advance`] came to.
+/// Result of one step of [`StringState::advance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// All bytes are used up and the string goes on.
+    /// All bytes are used, and the string is still open.
     Open,
-    /// The closing quote stands at this offset.
+    /// The closing quote is at this offset.
     Closed(usize),
-    /// A raw control byte stands at this offset: a string cannot hold it.
+    /// A raw control byte, which a string cannot contain, is at this offset.
     ControlByte(usize, u8),
 }
 
 impl StringState {
-    /// Looks at the bytes from the offset `from` on, which follow those of the call before.
+    /// Reads the bytes from the offset `from` on. They follow the bytes of the previous call.
     #[inline]
     pub fn advance(&mut self, bytes: &[u8], from: usize) -> Progress {
         if self.reading != Reading::Ascii {
@@ -47,7 +47,7 @@ impl StringState {
                 match bytes.get(at) {
                     None => return Progress::Open,
                     Some(0x20..0x80) => at += 1,
-                    // Anything else ends the string or speaks for itself below.
+                    // Any other byte is handled below.
                     Some(_) => {}
                 }
                 self.escape = false;
@@ -69,7 +69,7 @@ impl StringState {
         }
     }
 
-    /// Whether the bytes seen so far are UTF-8; they are GBK if not.
+    /// Whether the bytes seen so far are UTF-8; otherwise they are GBK.
     #[must_use]
     pub fn is_utf8(&self) -> bool {
         self.reading != Reading::Gbk
@@ -87,7 +87,7 @@ impl StringState {
         Progress::Open
     }
 
-    /// Takes one byte; tells whether it closes the string.
+    /// Takes one byte. Returns whether it closes the string.
     fn closes(&mut self, byte: u8) -> bool {
         let closes_gbk = self.gbk.closes(byte);
         let Reading::Utf8(sequence) = self.reading else { return closes_gbk };
@@ -104,18 +104,19 @@ impl StringState {
     }
 }
 
-/// Takes one byte that is no second byte of a pair; tells whether it is a quote that closes the string.
+/// Takes one byte that is not the second byte of a pair. Returns whether it is a quote that closes the
+/// string.
 fn takes_quote(escape: &mut bool, byte: u8) -> bool {
     let escaped = std::mem::replace(escape, byte == b'\\' && !*escape);
     byte == b'"' && !escaped
 }
 
-/// Where a reading as GBK stands.
+/// The state of a reading as GBK.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct GbkState {
-    /// The first byte of a pair was the last.
+    /// The last byte was the first byte of a pair.
     lead: bool,
-    /// A `\` was the last.
+    /// The last byte was a `\`.
     escape: bool,
 }
 
@@ -137,12 +138,12 @@ pub(super) fn is_gbk_trail(byte: u8) -> bool {
     matches!(byte, 0x40..=0x7E | 0x80..=0xFE)
 }
 
-/// What is still due of a UTF-8 sequence.
+/// The rest of a UTF-8 sequence that is still expected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Utf8Sequence {
-    /// How many bytes.
+    /// Number of bytes.
     due: u8,
-    /// The range of the next one.
+    /// The range of the next byte.
     low: u8,
     high: u8,
 }
@@ -150,7 +151,7 @@ struct Utf8Sequence {
 impl Utf8Sequence {
     const DONE: Self = Self { due: 0, low: 0x80, high: 0xBF };
 
-    /// The state behind this byte; `None` where it is no UTF-8 (RFC 3629: nothing overlong, no surrogates).
+    /// The state after this byte; `None` if it is not UTF-8 (RFC 3629: no overlong forms, no surrogates).
     fn then(self, byte: u8) -> Option<Self> {
         if self.due > 0 {
             let due = self.due - 1;

@@ -1,28 +1,28 @@
-//! Plain decimals by a few multiplications, without a loop over the digits.
+//! Reads plain decimals with a few multiplications, without a loop over the digits.
 
 use crate::chunk::{CHUNK, Chunk};
 
-/// A decimal number as it is written: up to 15 digits, with at most one point among them.
+/// A decimal number as written: up to 15 digits, with at most one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Decimal {
     negative: bool,
     /// All digits as one number, below 10^15.
     digits: u64,
-    /// Where the point stands in a chunk that ends with the number; 16 for none.
+    /// Position of the point in a chunk that ends with the number; 16 if there is no point.
     point: usize,
 }
 
-/// Which bytes of a chunk are digits where the point is at a given place, and what the digits are to be divided by.
+/// For one position of the point: which bytes of a chunk are digits, and the divisor.
 #[derive(Clone, Copy)]
 struct Place {
-    /// The bytes before the point; none where there is no point.
+    /// The bytes before the point; no bytes if there is no point.
     before: u128,
-    /// The bytes behind it; all where there is none.
+    /// The bytes after the point; all bytes if there is no point.
     behind: u128,
     divisor: f64,
 }
 
-/// By the place of the point; the last is for numbers without.
+/// By position of the point; the last entry is for numbers without a point.
 static PLACES: [Place; CHUNK + 1] = {
     let mut places = [Place { before: 0, behind: u128::MAX, divisor: 1.0 }; CHUNK + 1];
     let mut slots: &mut [Place] = &mut places;
@@ -39,7 +39,7 @@ static PLACES: [Place; CHUNK + 1] = {
     places
 };
 
-/// The last so many bytes of a chunk.
+/// Masks for the last n bytes of a chunk.
 static LAST: [u128; CHUNK + 1] = {
     let mut last = [0; CHUNK + 1];
     let mut slots: &mut [u128] = &mut last;
@@ -52,27 +52,28 @@ static LAST: [u128; CHUNK + 1] = {
     last
 };
 
-/// Sixteen times the digit 0.
+/// The digit 0, sixteen times.
 const ZEROS: u128 = 0x3030_3030_3030_3030_3030_3030_3030_3030;
 
 impl Decimal {
-    /// Reads what stands from `start` to `end`; `None` where it takes a closer look, as for an exponent, or where fewer than
+    /// Reads the number from `start` to `end`; `None` for other forms, such as an exponent, or if fewer than
     /// sixteen bytes come before `end`.
     ///
-    /// The digits are aligned to the end of a chunk, so that each has its place value there whatever comes before.
+    /// The digits are aligned to the end of a chunk, so each digit has a fixed place value.
     #[inline(always)]
     pub fn read(bytes: &[u8], start: usize, end: usize) -> Option<Self> {
         let chunk = Chunk::before(bytes, end)?;
         let negative = bytes.get(start) == Some(&b'-');
         let length = end.wrapping_sub(start + usize::from(negative));
-        // What comes before counts as zeros.
+        // Bytes before the number count as zeros.
         let text = (chunk.bits() ^ ZEROS) & LAST.get(length)?;
         let point = Chunk::of(text).place_of(b'.' ^ b'0');
         let place = PLACES.get(point)?;
-        // The digits before the point move up to those behind it.
+        // Moves the digits before the point next to those after it.
         let text = (text & place.behind) | (text & place.before) << 8;
         let digits = length - usize::from(point < CHUNK);
-        // A digit is at most 9: nothing else stays below 16 when 6 is added.
+        // A digit is at most 9. Any other byte reaches 16 or more when 6 is added, or already has a high bit
+        // set.
         let wrong = (text | text.wrapping_add(SIXES)) & HIGH_HALVES;
         if wrong != 0 || digits == 0 || digits >= CHUNK {
             return None;
@@ -81,7 +82,7 @@ impl Decimal {
         Some(Self { negative, digits: eight(high) * 100_000_000 + eight(low), point })
     }
 
-    /// The number, rounded once: the digits and the power of ten are exact.
+    /// The number, rounded once, because the digits and the power of ten are exact.
     #[inline(always)]
     pub fn number(self) -> Option<f64> {
         let number = self.digits as f64 / PLACES.get(self.point)?.divisor;
@@ -100,10 +101,10 @@ const EACH: u128 = 0x0101_0101_0101_0101_0101_0101_0101_0101;
 const SIXES: u128 = EACH * 6;
 const HIGH_HALVES: u128 = EACH * 0xF0;
 
-/// The number that eight digits make, as values from 0 to 9, the first of them lowest.
+/// The number formed by eight digits, given as values from 0 to 9; the first digit is the lowest byte.
 #[inline(always)]
 fn eight(digits: u64) -> u64 {
-    // Neighbours are joined to pairs, pairs to fours, fours to eight.
+    // Joins neighbours to pairs, pairs to fours, and fours to eight.
     let pairs = (digits.wrapping_mul(1 + (10 << 8)) >> 8) & 0x00FF_00FF_00FF_00FF;
     let fours = (pairs.wrapping_mul(1 + (100 << 16)) >> 16) & 0x0000_FFFF_0000_FFFF;
     fours.wrapping_mul(1 + (10_000 << 32)) >> 32

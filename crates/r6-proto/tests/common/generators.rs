@@ -1,4 +1,4 @@
-//! Strategies for everything that a request can say, within what the wire can carry exactly.
+//! Strategies for everything that a request can contain, limited to values that the wire carries exactly.
 
 use std::borrow::Cow;
 
@@ -16,7 +16,7 @@ use r6_proto::message::instruction::{
 use r6_proto::message::{PhotoAnswer, Point, TypeKey};
 use r6_proto::{ADDRESSES, Address, Command, RegisterIndex};
 
-/// One request, owning what a [`r6_proto::Request`] borrows.
+/// One request that owns the data that a [`r6_proto::Request`] borrows.
 #[derive(Clone, Debug)]
 pub enum Owned {
     Query(Vec<Address>),
@@ -27,7 +27,7 @@ pub enum Owned {
     PhotoAnswer(PhotoAnswer),
 }
 
-/// What an [`r6_proto::dialect::Addressing`] borrows.
+/// Owns the data that an [`r6_proto::dialect::Addressing`] borrows.
 #[derive(Clone, Debug)]
 pub struct OwnedAddressing {
     pub ds_id: DsIdForm,
@@ -71,7 +71,7 @@ fn register() -> impl Strategy<Value = RegisterIndex> {
     (RegisterIndex::FIRST..=RegisterIndex::LAST).prop_filter_map("a register", RegisterIndex::new)
 }
 
-/// A multiple of 1 / `parts`, up to ±`limit`; exactly the number that its decimal text means.
+/// A multiple of 1 / `parts`, up to ±`limit`; exactly the number that its decimal text stands for.
 fn decimal(parts: u32, limit: u32) -> impl Strategy<Value = f64> {
     let most = i64::from(parts) * i64::from(limit);
     #[expect(clippy::cast_precision_loss, reason = "at most 1e12: exact")]
@@ -82,7 +82,7 @@ fn positive(parts: u32, limit: u32) -> impl Strategy<Value = f64> {
     decimal(parts, limit).prop_map(f64::abs)
 }
 
-/// mm or degrees, to 1e-6.
+/// mm or degrees, in steps of 1e-6.
 fn coordinate() -> impl Strategy<Value = f64> {
     prop_oneof![decimal(1_000_000, 1_000_000), decimal(1000, 400), decimal(1, 360)]
 }
@@ -214,7 +214,7 @@ fn coordinates() -> impl Strategy<Value = Coordinates> {
     })
 }
 
-/// A mask is of axes that have a coordinate, and is written where one of the first six has none.
+/// A mask contains only axes with a coordinate. It is written if one of the first six axes has none.
 fn with_mask(manner: Manner, given: AxisMask) -> Manner {
     let left_out = given.and(AxisMask::SIX) != AxisMask::SIX;
     let mask = manner.mask.map(|mask| mask.and(given)).or(left_out.then_some(given));

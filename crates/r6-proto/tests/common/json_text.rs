@@ -1,4 +1,4 @@
-//! Strategies for bytes that are JSON, nearly JSON, or no JSON at all.
+//! Strategies for bytes that are JSON, almost JSON, or not JSON at all.
 
 use std::fmt;
 
@@ -16,7 +16,7 @@ impl fmt::Debug for Bytes {
     }
 }
 
-/// Keys of the protocol, of every level, and a few that are none.
+/// Keys of the protocol from every level, and a few unknown keys.
 const KEYS: &[&str] = &[
     "dsID",
     "reqType",
@@ -63,7 +63,7 @@ const KEYS: &[&str] = &[
     "",
 ];
 
-/// Words that mean something somewhere.
+/// Words that have a meaning somewhere in the protocol.
 const WORDS: &[&str] = &[
     "query",
     "command",
@@ -109,7 +109,7 @@ pub fn value() -> impl Strategy<Value = String> {
     })
 }
 
-/// Text of a JSON object with the keys of the protocol, some of them twice.
+/// Text of a JSON object with the keys of the protocol; some keys occur twice.
 pub fn object() -> impl Strategy<Value = String> {
     let typed = (select(&["reqType", "cmdType"]), select(WORDS))
         .prop_map(|(key, word)| format!("\"{key}\":\"{word}\""));
@@ -119,7 +119,7 @@ pub fn object() -> impl Strategy<Value = String> {
     )
 }
 
-/// A member whose value is what it has to be, more or less.
+/// A member with a value that is roughly valid.
 fn list_member() -> impl Strategy<Value = String> {
     let words =
         || vec(prop_oneof![string(), number()], 0..5).prop_map(|items| format!("[{}]", items.join(",")));
@@ -142,7 +142,8 @@ fn list_member() -> impl Strategy<Value = String> {
     ]
 }
 
-/// What follows the `{` of an object, to be put behind members: the comma before it is dropped where it is empty.
+/// Returns the part of an object after its `{`, to be appended to other members. For an empty object it
+/// returns a member and the `}`, because the comma before it needs a member.
 fn join_tail(object: &str) -> String {
     match object.strip_prefix('{') {
         Some("}") | None => "\"m1\":0}".to_owned(),
@@ -168,7 +169,7 @@ fn string() -> impl Strategy<Value = String> {
     ]
 }
 
-/// The word in quotes, seldom with one character as an escape.
+/// The word in quotes; occasionally one character is an escape.
 fn quoted(word: &str, escaped: Option<Index>) -> String {
     let Some(at) = escaped.filter(|_| !word.is_empty()).map(|index| index.index(word.len() * 8)) else {
         return format!("\"{word}\"");
@@ -200,7 +201,7 @@ fn blank() -> impl Strategy<Value = String> {
     prop_oneof![6 => Just(String::new()), 1 => "[ \t\r\n]{1,3}"]
 }
 
-/// Bytes from an alphabet in which JSON is likely.
+/// Bytes from an alphabet that often gives JSON.
 pub fn json_like_bytes() -> impl Strategy<Value = Bytes> {
     vec(select(&b"{}[]\"\":,,\\-+.0123eEnulltruefalse abu/\x01\t\n\x80\xd6\x5c\xe4\xb8\xad"[..]), 0..60)
         .prop_map(Bytes)

@@ -1,7 +1,8 @@
-//! What serde_json's value of an instruction or a point says, by the rules of the manual (5.2 and 6) and in as few words as they
-//! take: the reference that the decoder is held to.
+//! Reads an instruction or a point from serde_json's value, by the rules of the manual (5.2 and 6) and as
+//! simply as possible. The decoder is compared with this reference.
 //!
-//! A member may be left out where the manual says so; one that is there and cannot be read spoils the whole.
+//! A member may be absent if the manual allows it. A member that is present but invalid makes the whole value
+//! invalid.
 
 use r6_proto::AxisIndex;
 use r6_proto::axis::AxisMask;
@@ -15,10 +16,10 @@ use serde_json::{Map, Value};
 
 type Members = Map<String, Value>;
 
-/// A longer text is no number; see `r6_proto::value`.
+/// A longer text is not a number; see `r6_proto::value`.
 const LONGEST_NUMBER: usize = 64;
 
-/// Up to here a double tells every whole number from the next.
+/// Up to here a double represents every whole number exactly.
 const EXACT: f64 = 9_007_199_254_740_992.0;
 
 /// A finite number, quoted or not, as the standard library reads it.
@@ -53,7 +54,7 @@ pub fn flag(value: &Value) -> Option<bool> {
     }
 }
 
-/// A member that may be left out: what it says; the outer `None` where it is there and says nothing of the kind.
+/// Reads an optional member. The outer `None` means that the member is present but invalid.
 fn may<T>(members: &Members, key: &str, read: impl FnOnce(&Value) -> Option<T>) -> Option<Option<T>> {
     match members.get(key) {
         None => Some(None),
@@ -61,7 +62,7 @@ fn may<T>(members: &Members, key: &str, read: impl FnOnce(&Value) -> Option<T>) 
     }
 }
 
-/// A member that has to be there.
+/// Reads a required member.
 fn must<T>(members: &Members, key: &str, read: impl FnOnce(&Value) -> Option<T>) -> Option<T> {
     read(members.get(key)?)
 }
@@ -74,7 +75,7 @@ fn of_32_bits(value: &Value) -> Option<u32> {
     integer(value)?.try_into().ok()
 }
 
-/// A day at most.
+/// At most one day.
 fn seconds(value: &Value) -> Option<f64> {
     number(value).filter(|seconds| (0.0..=86_400.0).contains(seconds))
 }
@@ -84,11 +85,11 @@ fn seconds(value: &Value) -> Option<f64> {
 pub enum Does {
     /// One of the manual's actions.
     Known(Action),
-    /// Another, with this number.
+    /// Another action, with this number.
     Unknown(i64),
 }
 
-/// Whether an instruction is for once, and what it does; `None` where it cannot be read.
+/// Returns `oneshot` and the action of an instruction; `None` if it is invalid.
 pub fn instruction(value: &Value) -> Option<(bool, Does)> {
     let members = value.as_object()?;
     let number = must(members, "action", integer)?;
@@ -160,7 +161,7 @@ fn wait(members: &Members) -> Option<Wait> {
     };
     Some(Wait {
         source,
-        // A wait for time has nothing to be on or off.
+        // A wait for time has no state to wait for.
         condition: if kind == 100 { condition.unwrap_or(WaitCondition::Off) } else { condition? },
         limit: may(members, "limit", seconds)?.unwrap_or(0.0),
         unlimited: may(members, "isUnlimit", flag)?.unwrap_or(false),
@@ -205,7 +206,8 @@ fn mask(value: &Value) -> Option<AxisMask> {
     Some(AxisMask::from_bits(bits))
 }
 
-/// The point, its angle taken from the first of these spellings that is there; `None` where it cannot be read.
+/// Reads the point. Its angle is the first of these spellings that is present. `None` if the point is
+/// invalid.
 pub fn point(value: &Value, spellings: [&str; 2]) -> Option<Point> {
     let members = value.as_object()?;
     let angle = spellings.into_iter().find(|key| members.contains_key(*key)).unwrap_or("Angel");
@@ -223,7 +225,8 @@ pub fn point(value: &Value, spellings: [&str; 2]) -> Option<Point> {
     })
 }
 
-/// The instructions that clients of 2020 send in `dsData`: `xpos` … `wpos` of a move stand for `m0` … `m5`, and before them.
+/// The instructions that clients of 2020 send in `dsData`. `xpos` … `wpos` of a move stand for `m0` … `m5`
+/// and take precedence over them.
 pub fn from_2020(sets: &Value) -> Vec<Value> {
     let sets = sets.as_array().map_or(&[][..], Vec::as_slice);
     let mut steps: Vec<Value> =

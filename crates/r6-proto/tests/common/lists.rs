@@ -1,4 +1,4 @@
-//! The lists of a frame, as they were decoded, against what serde_json's values say by the rules in [`super::listed`].
+//! Compares the decoded lists of a frame with serde_json's values, by the rules in [`super::listed`].
 
 use std::collections::BTreeMap;
 
@@ -9,10 +9,11 @@ use serde_json::{Map, Value};
 use super::listed::{self, Does, flag, integer};
 use super::value;
 
-/// The two spellings of a point's angle. Where both are there the later one counts, and serde_json's map does not tell which that is.
+/// The two spellings of a point's angle. If both are present, the later one counts. serde_json's map does not
+/// tell which one came later.
 const SPELLINGS: [[&str; 2]; 2] = [["Angel", "Angle"], ["Angle", "Angel"]];
 
-/// The cameras, and each point in each of its members.
+/// Compares the cameras and every member of each point.
 pub fn points(ours: &AddPoints<'_>, theirs: &Map<String, Value>) {
     let sets = theirs["dsData"].as_array().expect("sets");
     assert_eq!(ours.sets().len(), sets.len());
@@ -27,7 +28,7 @@ pub fn points(ours: &AddPoints<'_>, theirs: &Map<String, Value>) {
     }
 }
 
-/// The instructions, in either shape, and what is to become of those before them.
+/// Compares the instructions in either shape, and `emptyList`.
 pub fn instructions(list: &AddRcc<'_>, theirs: &Map<String, Value>) {
     assert_eq!(list.shape_2020, !theirs.contains_key("instructions"));
     assert_eq!(list.empty_list, theirs.get("emptyList").and_then(flag));
@@ -42,7 +43,7 @@ pub fn instructions(list: &AddRcc<'_>, theirs: &Map<String, Value>) {
     }
 }
 
-/// Every member of the instruction says the same, and none that was left out says anything.
+/// Every member of the instruction must agree, and absent members must stay absent.
 fn instruction(list: &AddRcc<'_>, ours: &Instruction, theirs: &Value) {
     let (oneshot, does) =
         listed::instruction(theirs).unwrap_or_else(|| panic!("only we read it: {ours:?} and {theirs}"));
@@ -50,7 +51,7 @@ fn instruction(list: &AddRcc<'_>, ours: &Instruction, theirs: &Value) {
     match (&ours.action, does) {
         (Action::Unknown(unknown), Does::Unknown(number)) => {
             assert_eq!(unknown.number(), number);
-            // Of one that stands twice the later one counts.
+            // If a member occurs twice, the later one counts.
             let fields: BTreeMap<_, _> =
                 list.unknown_fields(unknown).map(|(name, value)| (name.text().into_owned(), value)).collect();
             let theirs = theirs.as_object().expect("it was read");
@@ -63,9 +64,9 @@ fn instruction(list: &AddRcc<'_>, ours: &Instruction, theirs: &Value) {
     }
 }
 
-/// What was refused has something wrong in it.
+/// A rejected frame must have an error in it.
 pub fn rejected(rejection: &Rejection<'_>, frame: &[u8], theirs: &Map<String, Value>) {
-    // A bare number of more than 64 characters is not read, and serde_json's value does not tell how long it was.
+    // A bare number of more than 64 characters is not read, and serde_json's value does not show its length.
     let is_number = |byte: &u8| byte.is_ascii_digit() || b"+-.eE".contains(byte);
     let long_number = frame.split(|byte| !is_number(byte)).any(|run| run.len() > 64);
     let sound = match rejection.request {

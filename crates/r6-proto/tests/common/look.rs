@@ -1,4 +1,4 @@
-//! Calls everything that reads from a message.
+//! Calls every function that reads from a message.
 
 use std::sync::LazyLock;
 
@@ -7,7 +7,7 @@ use r6_proto::message::{Action, Body};
 use r6_proto::value::{Value, Values};
 use r6_proto::{ADDRESSES, Address, Message, Reading};
 
-/// Looks at all that a message offers; none of it may panic.
+/// Reads everything that a message offers. No call may panic.
 pub fn look_at_everything(message: &Message<'_>) {
     for extra in message.extras() {
         assert!(!extra.to_string().is_empty());
@@ -17,7 +17,7 @@ pub fn look_at_everything(message: &Message<'_>) {
             values(query.addresses);
             for (word, address) in query.resolved() {
                 match address {
-                    // What is asked for can be named again.
+                    // The name of an address gives the same address again.
                     Ok(address) => assert_eq!(address.to_string().parse(), Ok(address), "{word:?}"),
                     Err(error) => assert!(!error.to_string().is_empty()),
                 }
@@ -60,7 +60,7 @@ pub fn look_at_everything(message: &Message<'_>) {
     }
 }
 
-/// One address of each form a reading can have.
+/// One address for each value type.
 static FORMS: LazyLock<Vec<Address>> = LazyLock::new(|| {
     let name = |form| match form {
         ValueType::Text => "version",
@@ -86,7 +86,7 @@ fn values(values: Values<'_>) {
     for value in values.iter() {
         let (number, integer) = (value.number(), value.integer());
         assert!(number.is_none_or(f64::is_finite));
-        // Beyond 2^53 a double no longer tells one whole number from the next.
+        // Beyond 2^53 a double cannot represent every whole number.
         if let (Some(number), Some(integer)) = (number, integer)
             && integer.unsigned_abs() < 1 << 53
         {
@@ -105,7 +105,7 @@ fn values(values: Values<'_>) {
     }
 }
 
-/// A reading is of the form of its address, and says what the value says.
+/// A reading has the type of its address and agrees with the value.
 fn is_read_as(form: ValueType, reading: &Reading, value: Value<'_>) {
     let said = match (form, reading) {
         (ValueType::Text, Reading::Text(text)) => *text == value.text(),

@@ -1,8 +1,9 @@
-//! What the decoder and serde_json make of the same bytes: both take them or none does, every known member says the same, and the
-//! others are kept as extras.
+//! Compares the decoder with serde_json on the same bytes: both accept them or both refuse them, every known
+//! member agrees, and all other members are extras.
 //!
-//! They differ where that is documented: bytes that are no UTF-8 may be GBK texts, and nesting has a limit of our own. The object itself
-//! and a list that is read item by item are not counted, so it takes hold one or two levels later.
+//! They differ only where this is documented: bytes that are not UTF-8 may be GBK texts, and the decoder
+//! limits nesting. The object itself and a list that is read item by item do not count as levels, so the
+//! limit applies one or two levels later.
 
 #[path = "listed.rs"]
 mod listed;
@@ -36,7 +37,7 @@ const TOP: [&str; 13] = [
     "dsData",
 ];
 
-/// The members of an object in their order, those with the same key each by itself.
+/// The members of an object in their order. Members with the same key stay separate.
 struct Members(Vec<(String, Value)>);
 
 impl<'de> Deserialize<'de> for Members {
@@ -61,7 +62,7 @@ impl<'de> Deserialize<'de> for Members {
     }
 }
 
-/// Checks what was decoded of these bytes against what serde_json makes of them.
+/// Compares the result of the decoder for these bytes with that of serde_json.
 pub fn check(decoded: &Result<Message<'_>, JsonError>, bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match (decoded, serde_json::from_str::<Value>(text)) {
@@ -79,7 +80,7 @@ pub fn check(decoded: &Result<Message<'_>, JsonError>, bytes: &[u8]) {
     }
 }
 
-/// How deep JSON nests.
+/// Depth of nesting of a JSON text.
 fn depth(json: &[u8]) -> usize {
     let (mut depth, mut deepest, mut in_string, mut escaped) = (0_usize, 0, false, false);
     for byte in json {
@@ -107,7 +108,7 @@ fn type_value(theirs: &Map<String, Value>) -> Option<&Value> {
     theirs.get("reqType").or(theirs.get("cmdType"))
 }
 
-/// Each member that is no known key, and each earlier one of a known key that stands twice, is an extra, in order.
+/// Each unknown member, and each earlier occurrence of a repeated known key, must be an extra, in order.
 fn nothing_is_lost(message: &Message<'_>, text: &str) {
     let Members(members) = serde_json::from_str(text).expect("it was read before");
     let lost = members.iter().enumerate().filter(|(at, (key, _))| {
@@ -192,7 +193,7 @@ fn value(key: &str, ours: Option<Wire<'_>>, theirs: Option<&Value>) {
 fn same_value(ours: Wire<'_>, theirs: &Value) -> bool {
     match theirs {
         Value::String(text) => ours.is_text() && ours.text() == *text,
-        // Beyond 64 characters a number is no measurement: we do not read it.
+        // The decoder does not read a number beyond 64 characters, because it is not a measurement.
         Value::Number(_) => {
             ours.is_number() && (ours.wire().len() > 64 || same(ours.number(), number(theirs)))
         }

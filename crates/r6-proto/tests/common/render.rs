@@ -1,4 +1,4 @@
-//! A decoded message in the JSON of `vectors/README.md`, written from that table alone.
+//! Renders a decoded message in the JSON of `vectors/README.md`, written only from the table there.
 
 use r6_proto::axis::AxisIndex;
 use r6_proto::message::instruction::{
@@ -8,9 +8,9 @@ use r6_proto::message::{AddPoints, AddRcc, Body, ExtraKind, Message, Point, Type
 use r6_proto::value::{Value as WireValue, Values};
 use serde_json::{Map, Value, json};
 
-/// The whole message: kind, header, payload, and what was unknown or stood twice.
+/// The whole message: kind, header, payload, and the unknown and repeated keys.
 ///
-/// A rejected message has no place in the table: it is rendered as kind `rejected` with the error's text.
+/// The table has no rejected messages. They are rendered as kind `rejected` with the error's text.
 pub fn message(message: &Message<'_>) -> Value {
     let mut out = Map::new();
     let header = &message.header;
@@ -67,14 +67,14 @@ fn body(body: &Body<'_>) -> (&'static str, Value) {
     }
 }
 
-/// A value exactly as on the wire, but for its encoding: texts unescaped, GBK as Unicode.
+/// A value exactly as on the wire, except for its encoding: texts are unescaped, and GBK becomes Unicode.
 pub fn wire(value: WireValue<'_>) -> Value {
     if value.is_text() {
         value.text().into()
     } else if value.is_list() {
         value.items().map(wire).collect::<Vec<_>>().into()
     } else {
-        // Only an object with GBK inside is no JSON to others: its bytes have to do.
+        // Only an object with GBK inside is invalid JSON for other readers. Then its bytes are used.
         serde_json::from_slice(value.wire())
             .unwrap_or_else(|_| String::from_utf8_lossy(value.wire()).into_owned().into())
     }

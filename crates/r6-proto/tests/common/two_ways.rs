@@ -1,17 +1,19 @@
-//! The fast way and the careful one: blanks between tokens mean nothing, but no fast path goes through them.
+//! Compares the fast path with the slow path. Blanks between tokens have no meaning, but the fast path stops
+//! at them.
 
 use r6_proto::message::Body;
 use r6_proto::{Decoder, Message};
 
 use super::render;
 
-/// Reads the frame as it is, with a decoder that has read it before, and with a blank before each token.
+/// Reads the frame as it is, with a decoder that may have read it before, and again with a blank before each
+/// token.
 pub fn check(decoder: &mut Decoder, frame: &[u8]) {
     let spaced = spaced(frame);
     let mut careful = Decoder::new();
     match (decoder.decode(frame), careful.decode(&spaced)) {
         (Ok(fast), Ok(careful)) => {
-            // A list or an object that is shown as it is on the wire has the blanks in it.
+            // A list or an object that is shown as on the wire contains the blanks.
             let shown = |message: &Message<'_>| told(message).replace(' ', "");
             assert_eq!(
                 shown(&fast),
@@ -30,10 +32,10 @@ pub fn check(decoder: &mut Decoder, frame: &[u8]) {
     }
 }
 
-/// The frame with a blank before each token outside its strings.
+/// Puts a blank before each token of the frame outside its strings.
 ///
-/// Bytes behind an open quote stay as they are; in GBK a quote or `\` can be the second byte of a character, but then the
-/// frame is not plain and not read fast either way.
+/// Bytes after an open quote stay unchanged. In GBK, a quote or `\` can be the second byte of a character.
+/// Such a frame is not plain, so the fast path reads neither form.
 fn spaced(frame: &[u8]) -> Vec<u8> {
     let mut spaced = Vec::with_capacity(frame.len() * 2);
     let (mut in_string, mut escaped, mut in_word) = (false, false, false);
@@ -54,7 +56,7 @@ fn spaced(frame: &[u8]) -> Vec<u8> {
     spaced
 }
 
-/// Everything that a message says, but for where it stands.
+/// Everything in a message except the positions.
 fn told(message: &Message<'_>) -> String {
     let extras: Vec<_> = message
         .extras()
@@ -72,12 +74,12 @@ fn told(message: &Message<'_>) -> String {
         _ => Vec::new(),
     };
     let addresses: Vec<_> = match message.body {
-        // The name of one that is unknown is cut at a length, blanks included.
+        // The name of an unknown address is cut at a length, and blanks count.
         Body::Query(query) => query.resolved().map(|(_, address)| address.ok()).collect(),
         _ => Vec::new(),
     };
     if let Body::Rejected(rejection) = message.body {
-        // What was found there is told as it is on the wire, blanks included, and cut at a length.
+        // The value found there is shown as on the wire, including blanks, and cut at a length.
         let error = rejection.error;
         return format!("{header} {:?} {} {} {extras:?}", rejection.request, error.path, error.wanted);
     }

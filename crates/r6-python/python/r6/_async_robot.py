@@ -86,7 +86,8 @@ class Connecting(Coroutine[Any, Any, _R]):
         traceback: TracebackType | None,
     ) -> None:
         if self._robot is not None:
-            await self._robot.__aexit__(kind, error, traceback)
+            # Not by its own __aexit__: the warning is about the line of the caller.
+            cut_short(await run(self._robot._core.close()))
 
 
 class AsyncRobot:

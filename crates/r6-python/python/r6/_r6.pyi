@@ -71,6 +71,7 @@ __all__ = [
     "to_thousandths",
     "tasks",
     "told",
+    "word_of",
 ]
 
 _T = TypeVar("_T")
@@ -795,7 +796,8 @@ class Command:
         """Changes a counter; ``None`` keeps the value."""
     @staticmethod
     def modify_output(point: str, on: bool) -> Command:
-        """Sets one output by its name: Y on boards 0 to 3, M on boards 0 to 2, EUY. A cell may start a motion by it."""
+        """Sets one output by its name: Y on boards 0 to 3, M on boards 0 to 2, EUY. A cell may start a motion
+        by it."""
     @staticmethod
     def clear_alarm_run_next() -> Command:
         """Clears the alarm and runs the next step."""
@@ -854,7 +856,8 @@ class Simulator:
     - ``clock``: ``"real"``, ``"max"`` (moves take no time), ``"10x"``, or the factor as a number.
     - ``seed``: the seed of random values.
     - ``start``: ``"waiting"`` (ready for instructions), ``"auto"``, ``"manual"`` or ``"stopped"``.
-    - ``program``, ``scenario``: a text, or the path of a file.
+    - ``program``: a program that every controller has (``"pick-and-place"``), a text, or the path of a file.
+    - ``scenario``: a text, or the path of a file.
     - ``cameras``: cameras that it connects to, ``"127.0.0.1:9000"`` or ``"1=127.0.0.1:9000"``.
     - ``state``: the folder that keeps what survives a power cut.
 

@@ -344,7 +344,7 @@ class Robot:
         ::
 
             def look(cam_id: int) -> r6.Shot:
-                return [r6.Point(x=20.0, y=10.0, angle=90.0)]   # or "failed", or "not_mine"
+                return [r6.Point(x=400.0, y=-40.0, z=450.0, angle=90.0)]   # or "failed", or "not_mine"
 
             print(robot.serve_photos(look))
 
@@ -457,7 +457,7 @@ WORLD = tuple(f"world-{component}" for component in range(6))
 
 def pose(result: QueryResult) -> Pose:
     """The pose that was asked for."""
-    return Pose.mm_deg([result.decimal(component) for component in WORLD])
+    return Pose.mm_deg([result.number(component) for component in WORLD])
 
 
 def point_name(point: str) -> str:

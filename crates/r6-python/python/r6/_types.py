@@ -174,7 +174,8 @@ class Status:
     moving: bool | None
     axis_count: int | None
     axes: Floats
-    """J1 to J6: shape (6,), degrees, or mm for a linear axis (no address says which); NaN if not known."""
+    """J1 to J6: shape (6,); J1 is ``axes[0]``. Degrees, or mm for a linear axis (no address says which); NaN if
+    not known."""
     pose: Floats
     """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN if not known."""
     list_length: int | None
@@ -219,7 +220,8 @@ class Done:
     """The arm stands without alarm, and its list is done as far as the controller reports."""
 
     axes: Floats
-    """J1 to J6: shape (6,), degrees, or mm for a linear axis (no address says which); NaN if not known."""
+    """J1 to J6: shape (6,); J1 is ``axes[0]``. Degrees, or mm for a linear axis (no address says which); NaN if
+    not known."""
     pose: Floats
     """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN if not known."""
     mode: int | None
@@ -248,7 +250,8 @@ class Followed:
     steps: int
     """The number of steps made."""
     axes: Floats
-    """J1 to J6: shape (6,), degrees, or mm for a linear axis (no address says which); NaN if not known."""
+    """J1 to J6: shape (6,); J1 is ``axes[0]``. Degrees, or mm for a linear axis (no address says which); NaN if
+    not known."""
     behind: float | None
     """The distance of the farthest axis from the last target, degrees; mm for a linear axis. ``None`` if
     there was no target, or the position of an axis is not known."""
@@ -598,7 +601,7 @@ class MachineState:
     programs: list[str]
     list_length: int
     axes: Floats
-    """Shape (number of axes,), degrees, or mm for a linear axis."""
+    """Shape (number of axes,); J1 is ``axes[0]``. Degrees, or mm for a linear axis."""
     pose: Floats
     """X, Y, Z, U, V, W: shape (6,), mm and degrees."""
     axis_limits: list[tuple[float, float]]

@@ -138,7 +138,7 @@ async fn status(
         (status = 415, description = "`not_json`", body = Problem),
         (
             status = 422,
-            description = "No such action, or one that is never possible: `bad_action`, `no_such_input`, \
+            description = "No such action, or an action that is never possible: `bad_action`, `no_such_input`, \
                            `no_such_axis`, `no_distance`, `bad_speed`, `no_such_alarm`",
             body = Problem
         ),

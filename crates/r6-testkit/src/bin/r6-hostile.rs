@@ -1,19 +1,19 @@
-//! A hostile controller on a port of its own, for tests in other languages and of the command line.
+//! A hostile controller on its own port, for tests in other languages and of the command line.
 //!
-//! `r6-hostile '{"dwell": 0.3}'` prints `{"port": n}` on its first line. The argument is a
-//! [`Character`] in JSON, `{}` if left out. Each line of its input is answered by one line of JSON:
+//! `r6-hostile '{"dwell": 0.3}'` prints `{"port": n}` on its first line. The argument is a [`Character`] in
+//! JSON; the default is `{}`. It answers each line of its input with one line of JSON:
 //!
 //! | line | answer |
 //! |---|---|
-//! | `log` | all that happened, as a list |
+//! | `log` | everything that happened, as a list |
 //! | `carried [robot]` | the steps that a robot began |
 //! | `now` | `{"now": seconds}` |
-//! | `position [seconds]` | where the axes of the robot that answers were at a time, or are now |
-//! | `path seconds` | how far each axis has moved since a time |
+//! | `position [seconds]` | the axes of the robot that answers, at this time or now |
+//! | `path seconds` | how far each axis has moved since this time |
 //! | `foreign-clear` | another client clears the list |
 //! | `foreign-list [..]` | another client appends instructions |
-//! | `swap`, `reboot` | another robot answers; the controller starts anew |
-//! | `quit` | it ends; as with the end of its input |
+//! | `swap`, `reboot` | another robot answers; the controller restarts |
+//! | `quit` | it ends, as at the end of its input |
 
 use std::io::Write;
 use std::sync::Arc;
@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     })?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let served = runtime.block_on(serve(character));
-    // A read of the standard input cannot be taken back.
+    // A pending read of the standard input cannot be cancelled.
     runtime.shutdown_background();
     served
 }

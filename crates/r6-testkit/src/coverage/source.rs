@@ -1,9 +1,9 @@
 //! Finds tests in the text of a Rust file.
 
-/// The macros that make a test of each line.
+/// The macros that make a test from each line.
 const LISTS: [&str; 3] = ["vectors! {", "on_every_hand! {", "for_every_hand! {"];
 
-/// Whether `source` holds a test called `function`, as a function or as a line of one of the [`LISTS`].
+/// Whether `source` has a test called `function`, as a function or as a line of one of the [`LISTS`].
 pub(super) fn has_test(source: &str, function: &str) -> bool {
     has_test_function(source, function) || names_in_lists(source).contains(&function)
 }
@@ -18,7 +18,7 @@ fn has_test_function(source: &str, function: &str) -> bool {
     })
 }
 
-/// Whether the attributes directly above a function, which are the last of `lines`, make it a test that runs.
+/// Whether the attributes directly above a function, at the end of `lines`, make it a test that runs.
 fn is_marked_as_test(lines: &[&str]) -> bool {
     let attributes =
         || lines.iter().rev().take_while(|line| line.starts_with("#[") || line.starts_with("///"));
@@ -26,7 +26,7 @@ fn is_marked_as_test(lines: &[&str]) -> bool {
         && !attributes().any(|line| line.starts_with("#[ignore"))
 }
 
-/// The word at the beginning of each line inside the [`LISTS`].
+/// The first word of each line inside the [`LISTS`].
 fn names_in_lists(source: &str) -> Vec<&str> {
     let mut names = Vec::new();
     let mut depth = 0_i64;

@@ -1,4 +1,4 @@
-//! What is to happen at a time that is known already.
+//! Events whose time is already known.
 
 use std::time::Duration;
 
@@ -6,7 +6,7 @@ use super::Foreign;
 use super::character::Reaction;
 use super::step::Step;
 
-/// Something that will happen.
+/// A future event.
 #[derive(Clone, Debug)]
 pub(super) enum Due {
     /// A stop takes effect.
@@ -21,11 +21,11 @@ pub(super) enum Due {
     Program(Vec<serde_json::Value>),
     /// Another robot takes the place.
     Swap,
-    /// The controller starts anew.
+    /// The controller restarts.
     Reboot,
 }
 
-/// All of it, the earliest first, and what was put down first of what is due at one time.
+/// All future events, the earliest first. Events with the same time keep the order in which they were added.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Agenda(Vec<(Duration, Due)>);
 
@@ -39,12 +39,12 @@ impl Agenda {
         self.0.first().map(|(at, _)| *at)
     }
 
-    /// What is due first, if that is not after `now`.
+    /// Takes the first event, if its time is not after `now`.
     pub(super) fn take(&mut self, now: Duration) -> Option<(Duration, Due)> {
         (self.next()? <= now).then(|| self.0.remove(0))
     }
 
-    /// What nobody remembers after a power cut of `robot`.
+    /// Drops the events that a power cut of `robot` removes.
     pub(super) fn forget(&mut self, robot: usize) {
         self.0.retain(|(_, due)| match due {
             Due::Halt { robot: other, .. }

@@ -11,16 +11,16 @@ use super::log::{Carried, Did, Entry};
 use super::step::Step;
 use super::{AXES, Kind};
 
-/// Bytes without a whole frame that a connection may hold; beyond, it ends.
+/// How many bytes without a complete frame a connection may hold. Beyond this, it ends.
 const MAX_UNREAD: usize = 1 << 20;
 
-/// Entries of the log; what happens after so many is not noted.
+/// The maximum number of entries in the log. Later events are not logged.
 const MAX_LOG: usize = 200_000;
 
-/// A hostile controller, without sockets and clocks.
+/// A hostile controller without sockets and clocks.
 ///
-/// Times count from its start and never go back. Connections are numbered in the order in which they open, the first is 1; robots
-/// in the same way.
+/// Times count from its start and never go back. Connections are numbered in the order in which they open,
+/// from 1. Robots are numbered in the same way.
 #[derive(Debug)]
 pub struct Arm {
     pub(super) character: Character,
@@ -29,7 +29,7 @@ pub struct Arm {
     pub(super) agenda: Agenda,
     pub(super) connections: Vec<Connection>,
     pub(super) log: Vec<Entry>,
-    /// Requests so far, of each kind; lists that clear apart.
+    /// The number of requests of each kind so far, without lists that clear.
     pub(super) counts: std::collections::BTreeMap<Kind, u32>,
     pub(super) lists_taken: u32,
     present: usize,
@@ -51,7 +51,7 @@ impl Connection {
         self.replies.insert(place, (at, bytes));
     }
 
-    /// The next whole frame. Bytes that are no JSON end the connection.
+    /// The next complete frame. Invalid JSON ends the connection.
     fn frame(&mut self) -> Option<Value> {
         let mut frames = serde_json::Deserializer::from_slice(&self.unread).into_iter::<Value>();
         match frames.next()? {
@@ -68,14 +68,14 @@ impl Connection {
     }
 }
 
-/// What a connection is to do.
+/// What a connection has to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Outgoing {
-    /// To be sent now; each element is one frame.
+    /// The frames to send now.
     pub frames: Vec<Vec<u8>>,
-    /// Whether the connection ends after that.
+    /// Whether the connection ends after them.
     pub ended: bool,
-    /// When to ask again at the latest.
+    /// When to poll again at the latest.
     pub next: Option<Duration>,
 }
 
@@ -151,7 +151,7 @@ impl Arm {
         }
     }
 
-    /// A connection is made. Its number, or `None` if nobody accepts it.
+    /// Opens a connection. Returns its number, or `None` if it is refused.
     pub fn open(&mut self, now: Duration) -> Option<u32> {
         self.advance(now);
         if self.now < self.away_until {
@@ -175,7 +175,7 @@ impl Arm {
         Some(number)
     }
 
-    /// The client has ended a connection.
+    /// The client ended a connection.
     pub fn close(&mut self, now: Duration, connection: u32) {
         self.advance(now);
         if std::mem::take(&mut self.at(connection).open) {
@@ -183,7 +183,7 @@ impl Arm {
         }
     }
 
-    /// Bytes have arrived.
+    /// Bytes arrived.
     pub fn receive(&mut self, now: Duration, connection: u32, bytes: &[u8]) {
         self.advance(now);
         let deaf = self.character.deaf.iter().find(|deaf| deaf.covers(connection, self.now)).copied();
@@ -199,7 +199,7 @@ impl Arm {
         }
     }
 
-    /// What a connection is to send, and when it is to ask again.
+    /// What a connection has to send, and when to poll again.
     pub fn poll(&mut self, now: Duration, connection: u32) -> Outgoing {
         self.advance(now);
         let deaf = self.character.deaf.iter().any(|deaf| deaf.covers(connection, now));
@@ -212,7 +212,7 @@ impl Arm {
         Outgoing { frames, ended: !at.open, next }
     }
 
-    /// Another client sends a list to the robot that answers now.
+    /// Another client sends a list to the robot that currently answers.
     pub fn foreign_list(&mut self, now: Duration, replace: bool, instructions: Vec<Value>) {
         self.advance(now);
         self.foreign(&Foreign { at: now, replace, instructions });
@@ -241,7 +241,8 @@ impl Arm {
         });
     }
 
-    /// The other robot answers from now on; again, and the first one is back. Without one in the character it is "cell 5".
+    /// Lets the other robot answer from now on. A second call brings the first one back. If the character has
+    /// no second robot, it is "cell 5".
     pub fn swap(&mut self, now: Duration) {
         self.advance(now);
         if self.bodies.len() == 1 {
@@ -264,7 +265,7 @@ impl Arm {
         }
     }
 
-    /// The controller starts anew, as [`Character::reboot`] says or as by default.
+    /// Restarts the controller, as in [`Character::reboot`] or with the default.
     pub fn reboot(&mut self, now: Duration) {
         self.advance(now);
         self.reboot_now();
@@ -280,7 +281,7 @@ impl Arm {
         self.end_all();
     }
 
-    /// All connections end, and nothing else happens: a cable is pulled, or a switch starts anew.
+    /// Ends all connections and nothing else, like a pulled cable or a switch that restarts.
     pub fn break_links(&mut self, now: Duration) {
         self.advance(now);
         self.end_all();
@@ -293,7 +294,8 @@ impl Arm {
         }
     }
 
-    /// What it does from now on; times in it that have an agenda (`foreign`, `program`, `swap`, `reboot`) are those of [`Arm::new`].
+    /// The character, which can be changed. Fields that schedule events (`foreign`, `program`, `swap`,
+    /// `reboot`) only count in [`Arm::new`].
     pub fn character_mut(&mut self) -> &mut Character {
         &mut self.character
     }
@@ -308,32 +310,32 @@ impl Arm {
         self.bodies.len()
     }
 
-    /// The number of the robot that answers new connections, the first is 1.
+    /// The number of the robot that answers new connections, from 1.
     pub fn present(&self) -> usize {
         self.present + 1
     }
 
-    /// Where the axes of a robot were at a time that has passed.
+    /// Where the axes of a robot were at a past time.
     pub fn position_at(&self, robot: usize, time: Duration) -> [f64; AXES] {
         self.bodies[robot - 1].track.position_at(time)
     }
 
-    /// How far each axis of a robot has moved since a time, back and forth added up.
+    /// How far each axis of a robot has moved since a time, with both directions added up.
     pub fn path_since(&self, robot: usize, since: Duration) -> [f64; AXES] {
         self.bodies[robot - 1].track.path(since, self.now)
     }
 
-    /// The steps that a robot began, in that order.
+    /// The steps that a robot began, in order.
     pub fn carried(&self, robot: usize) -> &[Carried] {
         &self.bodies[robot - 1].carried
     }
 
-    /// The steps that wait or run in the list of a robot.
+    /// The number of steps that wait or run in the list of a robot.
     pub fn list_length(&self, robot: usize) -> usize {
         self.bodies[robot - 1].list_length()
     }
 
-    /// The time up to which all is known.
+    /// The time to which the arm has advanced.
     pub fn now(&self) -> Duration {
         self.now
     }
@@ -349,7 +351,7 @@ impl Arm {
         self.push(Entry { at: self.now, connection, robot, frame: Value::Null, kind, did, answered: None });
     }
 
-    /// Notes what was done about a frame.
+    /// Logs what was done about a frame.
     pub(super) fn write(
         &mut self,
         connection: u32,

@@ -9,10 +9,10 @@ use super::log::Carried;
 use super::step::{Act, Step};
 use super::track::{Leg, Track};
 
-/// Every step takes at least this long, so that steps which are not one-shot cannot hold up time.
+/// The minimum time of every step, so that repeating steps cannot stop time.
 const SHORTEST_STEP: Duration = Duration::from_millis(1);
 
-/// Steps that a list holds at most: a test that sends without end is told no.
+/// The maximum number of steps in a list. A test that sends without end gets a refusal.
 const MAX_STEPS: usize = 1000;
 
 /// What the arm is doing.
@@ -20,9 +20,9 @@ const MAX_STEPS: usize = 1000;
 enum Phase {
     /// Nothing.
     Idle,
-    /// A step until a time; of the taught program, or of the list.
+    /// A step until a time, of the taught program or of the list.
     Step { until: Duration, taught: bool, moves: bool },
-    /// It stands at a point, and more steps wait.
+    /// It stands at a point while more steps wait.
     Dwell { until: Duration },
 }
 
@@ -35,7 +35,7 @@ pub(super) struct Body {
     pub homed: bool,
     pub track: Track,
     pub carried: Vec<Carried>,
-    /// AddRCC frames with instructions that came for it, other clients' included.
+    /// The number of AddRCC frames with instructions that it received, including those of other clients.
     pub lists: u32,
     dwell: Duration,
     now: Duration,
@@ -76,12 +76,12 @@ impl Body {
         matches!(self.phase, Phase::Dwell { .. })
     }
 
-    /// Instructions of the list that wait or run.
+    /// The number of instructions in the list that wait or run.
     pub(super) fn list_length(&self) -> usize {
         self.list.len()
     }
 
-    /// Lets time pass until `time`, with dwells as long as `dwell` from now on.
+    /// Lets time pass until `time`. New dwells last `dwell`.
     pub(super) fn pass(&mut self, time: Duration, dwell: Duration) {
         self.dwell = dwell;
         self.advance(time);
@@ -109,7 +109,7 @@ impl Body {
         self.now = self.now.max(time);
     }
 
-    /// Begins the step that is next; `false` if none is, or if the arm was stopped.
+    /// Begins the next step. Returns `false` if the arm is stopped or no step is left.
     fn begin_next(&mut self) -> bool {
         let taught = !self.taught.is_empty();
         let queue = if taught { &self.taught } else { &self.list };
@@ -132,7 +132,7 @@ impl Body {
         true
     }
 
-    /// Begins to move; how long it takes.
+    /// Begins a move. Returns how long it takes.
     fn go(&mut self, target: [Option<f64>; AXES], line: bool) -> Duration {
         let from = self.axes();
         let mut to = from;
@@ -172,7 +172,7 @@ impl Body {
         }
     }
 
-    /// Ends the step that runs where the arm is now. It stays in its list.
+    /// Ends the running step at the present position of the arm. The step stays in its list.
     fn cut(&mut self) {
         if matches!(self.phase, Phase::Step { .. }) {
             self.track.cut(self.now);
@@ -181,19 +181,19 @@ impl Body {
         self.phase = Phase::Idle;
     }
 
-    /// A stop takes effect: the arm stands from now on, its list stays.
+    /// A stop takes effect: the arm stands from now on, and its list stays.
     pub(super) fn halt(&mut self) {
         self.cut();
         self.halted = true;
     }
 
-    /// The mode and the alarm after a stop.
+    /// Sets the mode and the alarm after a stop.
     pub(super) fn show(&mut self, reaction: &Reaction) {
         self.mode = reaction.mode.unwrap_or(self.mode);
         self.alarm = reaction.alarm.unwrap_or(self.alarm);
     }
 
-    /// Drops the steps that wait; the one that runs goes on to its end.
+    /// Drops the waiting steps. The running step continues to its end.
     pub(super) fn clear(&mut self) {
         let runs = matches!(self.phase, Phase::Step { taught: false, .. });
         self.list.truncate(usize::from(runs));
@@ -202,7 +202,7 @@ impl Body {
         }
     }
 
-    /// Takes steps into its list and runs them. With `replace` what runs is cut short.
+    /// Takes steps into its list and runs them. With `replace`, the running step is cut short.
     pub(super) fn take(&mut self, replace: bool, steps: Vec<Step>) -> bool {
         if self.list.len() + steps.len() > MAX_STEPS {
             return false;
@@ -224,7 +224,7 @@ impl Body {
         self.advance(self.now);
     }
 
-    /// `startButton`; `false` if it cannot run.
+    /// `startButton`. Returns `false` if it cannot run.
     pub(super) fn start(&mut self) -> bool {
         if self.alarm != 0 || !self.homed {
             return false;
@@ -235,7 +235,7 @@ impl Body {
         true
     }
 
-    /// The power was cut: nothing is left but the place of the arm.
+    /// A power cut: only the position of the arm stays.
     pub(super) fn reboot(&mut self, mode: i64, alarm: i64, homed: bool) {
         self.cut();
         self.list.clear();

@@ -1,6 +1,7 @@
-//! In which ways an arm misbehaves.
+//! How an arm misbehaves.
 //!
-//! All fields have a default, which behaves. In JSON a time is a number of seconds, an unknown field is an error.
+//! All fields have a default value, which is correct behaviour. In JSON a time is a number of seconds, and an
+//! unknown field is an error.
 
 use std::time::Duration;
 
@@ -9,45 +10,48 @@ use serde_json::Value;
 
 use super::AXES;
 
-/// What the controller does, and what it says about it. Times that begin with `at` count from the start of the arm.
+/// What the controller does, and what it says about it. Fields named `at` count from the start of the arm.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Character {
     /// The robot that answers first.
     pub cabinet: Cabinet,
-    /// The arm stands this long at each point that is not blended while more steps wait, and `isMoving` is 0 (0.25 to 0.33 s seen,
-    /// unit A).
+    /// How long the arm stands at each point that is not blended while more steps wait; `isMoving` is then 0
+    /// (0.25 to 0.33 s seen, unit A).
     #[serde(deserialize_with = "seconds::deserialize")]
     pub dwell: Duration,
-    /// `RemoteCmdLen` is 0 during such a dwell, although steps wait.
+    /// Whether `RemoteCmdLen` is 0 during such a dwell, although steps wait.
     pub dwell_told_empty: bool,
-    /// What `RemoteCmdLen` tells.
+    /// The value of `RemoteCmdLen`.
     pub list_length: ListLength,
-    /// What each means of stopping does.
+    /// The effect of each way of stopping.
     pub stops: Stops,
-    /// How long each kind of reply takes.
+    /// The delay of each kind of reply.
     pub delays: Delays,
-    /// Connections that take bytes and answer nothing: stray connections wedge a small socket pool.
+    /// Connections that accept bytes but answer nothing. Stray connections can block a small socket pool.
     pub deaf: Vec<Deaf>,
-    /// Answers that never arrive, although the request was carried out.
+    /// Replies that never arrive, although the request was executed.
     pub lost: Vec<Lost>,
-    /// Lists that are taken later than they arrive.
+    /// Lists that take effect later than they arrive.
     pub late: Vec<Late>,
-    /// Instructions that are answered ok and dropped (seen: a curve move without a linear move before it).
+    /// Instructions that are answered with ok and dropped (seen: a curve move without a linear move before
+    /// it).
     pub never_executed: Option<NeverExecuted>,
-    /// In mode 2 a list is taken, and the mode goes to 7 by itself (unit B). Else mode 2 refuses lists (firmware F5.2.1).
+    /// Whether mode 2 accepts a list and changes to mode 7 (unit B). Otherwise mode 2 refuses lists (firmware
+    /// F5.2.1).
     pub arms_itself: bool,
-    /// What other clients do to the list.
+    /// What other clients send into the list.
     pub foreign: Vec<Foreign>,
     /// A taught program that runs at the start. `RemoteCmdLen` does not count its steps.
     pub program: Option<Program>,
-    /// Another robot takes the place of the first one: two cabinets behind one port, a `Listen` where the next controller dials.
+    /// Another robot replaces the first one, such as two cabinets behind one port, or a `Listen` where the
+    /// next controller dials.
     pub swap: Option<Swap>,
-    /// The controller starts anew in the middle of things.
+    /// A restart of the controller.
     pub reboot: Option<Reboot>,
 }
 
-/// One robot: who it says it is, and its state at the start.
+/// One robot: its identity, and its state at the start.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Cabinet {
@@ -55,11 +59,11 @@ pub struct Cabinet {
     pub version: String,
     /// `machineName`.
     pub name: String,
-    /// `machineName` comes as a list with the name in it, which is no text.
+    /// Whether `machineName` is a list with the name in it instead of a text.
     pub name_in_a_list: bool,
     /// `axisNum`, 1 to 8.
     pub axis_count: usize,
-    /// Where the axes stand, degrees.
+    /// The positions of the axes, degrees.
     pub axes: [f64; AXES],
     /// `curMode`.
     pub mode: i64,
@@ -67,7 +71,8 @@ pub struct Cabinet {
     pub alarm: i64,
     /// `origin`.
     pub homed: bool,
-    /// The speed of the axis that moves most, degrees per second; what an instruction says of speed does not count.
+    /// The speed of the axis with the longest way, degrees per second. The speed in an instruction has no
+    /// effect.
     pub deg_per_s: f64,
     /// The speed of a linear move, mm per second.
     pub mm_per_s: f64,
@@ -90,30 +95,31 @@ impl Default for Cabinet {
     }
 }
 
-/// What `RemoteCmdLen` tells.
+/// The value of `RemoteCmdLen`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ListLength {
-    /// The steps that wait or run.
+    /// The number of steps that wait or run.
     #[default]
     True,
-    /// Nothing: the address is unknown, as before firmware 207beta25.
+    /// No value: the address is unknown, as before firmware 207beta25.
     Absent,
-    /// 0, whatever waits.
+    /// Always 0.
     Zero,
 }
 
-/// What each means of stopping does.
+/// The effect of each way of stopping.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Stops {
     /// `actionStop`. Default: stops in 80 ms, then mode 3 and alarm 42 (unit B).
     pub action_stop: Reaction,
-    /// `stopButton`. Default: ok without effect (unit B).
+    /// `stopButton`. Default: ok without an effect (unit B).
     pub stop_button: Reaction,
     /// `actionPause`. Default: stops in 500 ms, then mode 2 (unit B).
     pub action_pause: Reaction,
-    /// AddRCC with `emptyList` 1 and no instructions. [`Effect::Works`]: steps that wait are dropped, the one that runs ends.
+    /// AddRCC with `emptyList` 1 and no instructions. [`Effect::Works`]: waiting steps are dropped, and the
+    /// running step ends normally.
     pub clear: Reaction,
 }
 
@@ -134,37 +140,37 @@ impl Default for Stops {
     }
 }
 
-/// What one means of stopping does.
+/// The effect of one way of stopping.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Reaction {
-    /// What is done and answered.
+    /// What is done and replied.
     pub effect: Effect,
-    /// The mode from then on, whatever the effect, [`Effect::Lost`] apart; as it was if left out.
+    /// The mode from then on, for every effect except [`Effect::Lost`]; unchanged if left out.
     pub mode: Option<i64>,
     /// The alarm from then on, in the same way.
     pub alarm: Option<i64>,
-    /// The time from the request until the effect, in which the arm moves on.
+    /// The time from the request to the effect. The arm moves on during this time.
     #[serde(deserialize_with = "seconds::deserialize")]
     pub takes: Duration,
 }
 
-/// What a stop does, and what it is answered.
+/// The effect of a stop, and the reply to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Effect {
-    /// Carried out, answered ok.
+    /// Executed, answered ok.
     #[default]
     Works,
-    /// Not carried out, answered ok.
+    /// Not executed, answered ok.
     NoEffect,
-    /// Not carried out, answered `err`.
+    /// Not executed, answered `err`.
     Refused,
-    /// Carried out, answered `err`.
+    /// Executed, answered `err`.
     RefusedButWorks,
-    /// Carried out, not answered.
+    /// Executed, not answered.
     WorksUnanswered,
-    /// Neither carried out nor answered.
+    /// Neither executed nor answered.
     Lost,
 }
 
@@ -173,7 +179,7 @@ impl Effect {
         matches!(self, Self::Works | Self::RefusedButWorks | Self::WorksUnanswered)
     }
 
-    /// `Some(ok)`, or `None` where nothing is answered.
+    /// `Some(ok)`, or `None` without a reply.
     pub(super) fn answer(self) -> Option<bool> {
         match self {
             Self::Works | Self::NoEffect => Some(true),
@@ -183,7 +189,7 @@ impl Effect {
     }
 }
 
-/// How long each kind of reply takes. What a reply tells is of the time the request arrived.
+/// The delay of each kind of reply. The values in a reply are those at the arrival of the request.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Delays {
@@ -199,7 +205,7 @@ pub struct Delays {
 }
 
 impl Default for Delays {
-    /// 18 ms each, as unit A's controller needs.
+    /// 18 ms each, as with unit A's controller.
     fn default() -> Self {
         let usual = Duration::from_millis(18);
         Self { query: usual, command: usual, list: usual }
@@ -216,23 +222,23 @@ pub enum Kind {
     Command,
     /// AddRCC.
     List,
-    /// Anything else; it is never answered.
+    /// Anything else. It never gets a reply.
     Other,
 }
 
-/// A connection that takes bytes and answers nothing.
+/// A connection that accepts bytes but answers nothing.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Deaf {
-    /// Which connection, the first is 1. Left out: every one.
+    /// The number of the connection, from 1. Left out: every connection.
     pub connection: Option<u32>,
-    /// From when on.
+    /// When it begins.
     #[serde(deserialize_with = "seconds::deserialize")]
     pub at: Duration,
-    /// For how long. Left out: for ever. What arrives meanwhile is gone.
+    /// How long it lasts. Left out: for ever. Bytes that arrive during this time are lost.
     #[serde(deserialize_with = "maybe_seconds::deserialize")]
     pub lasts: Option<Duration>,
-    /// Whether what arrives is carried out all the same: the way back is broken only.
+    /// Whether requests are still executed, because only the way back is broken.
     pub obeys: bool,
 }
 
@@ -243,40 +249,40 @@ impl Deaf {
     }
 }
 
-/// An answer that never arrives. The request is carried out.
+/// A reply that never arrives. The request is executed.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lost {
     /// The kind of the request.
     pub kind: Kind,
-    /// Which one of its kind, the first is 1, over all connections.
+    /// The number of the request among those of its kind, over all connections, from 1.
     pub nth: u32,
 }
 
-/// A list that is taken later than it arrives. Clearing the list is never late by this.
+/// A list that takes effect later than it arrives. It does not delay a list that clears.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Late {
-    /// Which list with instructions, the first is 1. Left out: every one.
+    /// The number of the list among those with instructions, from 1. Left out: every list.
     #[serde(default)]
     pub nth: Option<u32>,
     /// The time from its arrival until it is in the list and runs.
     #[serde(deserialize_with = "seconds::deserialize")]
     pub taken_after: Duration,
-    /// The time from its arrival until it is answered ok. Left out: it is never answered.
+    /// The time from its arrival to the reply ok. Left out: no reply.
     #[serde(default, deserialize_with = "maybe_seconds::deserialize")]
     pub answered_after: Option<Duration>,
 }
 
-/// Which instructions are answered ok and dropped.
+/// Which instructions are answered with ok and dropped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NeverExecuted {
-    /// Every one.
+    /// All instructions.
     Always,
-    /// Those with a `tool` other than 0.
+    /// Instructions with a `tool` other than 0.
     WithTool,
-    /// Those after a workbench step in the same list, and that step.
+    /// A workbench step, and all instructions after it in the same list.
     AfterWorkbench,
 }
 
@@ -284,18 +290,18 @@ pub enum NeverExecuted {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Foreign {
-    /// When.
+    /// When it arrives.
     #[serde(deserialize_with = "seconds::deserialize")]
     pub at: Duration,
-    /// Whether the list is emptied first (`emptyList`).
+    /// Whether it replaces the list (`emptyList`).
     #[serde(default)]
     pub replace: bool,
-    /// Instructions as in AddRCC. With `replace` and none, the list is cleared.
+    /// Instructions as in AddRCC. With `replace` and no instructions, the list is cleared.
     #[serde(default)]
     pub instructions: Vec<Value>,
 }
 
-/// A taught program. Its waits (action 100) stand for inputs that somebody gives after some time.
+/// A taught program. Its waits (action 100) stand for inputs that arrive after some time.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Program {
@@ -306,13 +312,13 @@ pub struct Program {
     pub steps: Vec<Value>,
 }
 
-/// Another robot takes the place of the first one. The first goes on with what it does.
+/// Another robot replaces the first one. The first one continues with its work.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Swap {
-    /// When.
+    /// When it happens.
     pub when: SwapWhen,
-    /// What becomes of connections that are open at that time.
+    /// What happens to the connections that are open then.
     #[serde(default)]
     pub links: Links,
     /// The other robot.
@@ -325,31 +331,32 @@ pub struct Swap {
 pub enum SwapWhen {
     /// At a time.
     At(#[serde(deserialize_with = "seconds::deserialize")] Duration),
-    /// From the connection with this number on, the first is 1; the ones before stay where they are.
+    /// From the connection with this number on, counted from 1. Earlier connections keep their robot.
     Connection(u32),
-    /// When the test says so ([`super::Arm::swap`]).
+    /// When the test calls [`super::Arm::swap`].
     Told,
 }
 
-/// What becomes of open connections at a swap at a time.
+/// What happens to open connections at a timed swap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Links {
     /// They end.
     #[default]
     End,
-    /// They go on with the other robot behind them: something between forwards the bytes elsewhere.
+    /// They continue with the other robot, because something in between forwards the bytes to it.
     Carried,
 }
 
-/// The controller starts anew: connections end, its list is empty, the arm stands where it was, and it is the same robot.
+/// A restart of the controller. Connections end, its list is empty, the arm stands where it was, and it is
+/// the same robot.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Reboot {
-    /// When.
+    /// When it happens.
     #[serde(deserialize_with = "seconds::deserialize")]
     pub at: Duration,
-    /// For how long connections are refused.
+    /// How long connections are refused.
     #[serde(deserialize_with = "seconds::deserialize")]
     pub away: Duration,
     /// The mode afterwards.

@@ -1,4 +1,4 @@
-//! What arrived, and what the arm did.
+//! The log: what arrived, and what the arm did.
 
 use std::time::Duration;
 
@@ -7,32 +7,32 @@ use serde_json::Value;
 
 use super::Kind;
 
-/// One thing that happened.
+/// One event.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Entry {
-    /// When, since the start of the arm; seconds in JSON.
+    /// The time since the start of the arm; seconds in JSON.
     #[serde(serialize_with = "as_seconds")]
     pub at: Duration,
-    /// The connection that brought it, the first is 1; 0 for what came over none.
+    /// The number of its connection, from 1; 0 for events without a connection.
     pub connection: u32,
-    /// The robot it came to: 1, or 2 after a swap.
+    /// The robot that received it: 1, or 2 after a swap.
     pub robot: usize,
-    /// What arrived; `null` where nothing did.
+    /// The received frame; `null` for an event without a frame.
     pub frame: Value,
-    /// The kind of what arrived.
+    /// The kind of the received frame.
     pub kind: Kind,
     /// What the arm did.
     pub did: Did,
-    /// When the answer leaves, since the start of the arm; `None` if there is none.
+    /// When the reply leaves, since the start of the arm; `None` without a reply.
     #[serde(serialize_with = "maybe_seconds")]
     pub answered: Option<Duration>,
 }
 
-/// What the arm did about something.
+/// What the arm did about an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Did {
-    /// It told values.
+    /// It reported values.
     Told,
     /// It stops, or has stopped.
     Halts,
@@ -40,17 +40,17 @@ pub enum Did {
     Cleared,
     /// It took instructions into its list.
     Took,
-    /// It will take them later.
+    /// It takes the instructions later.
     TakesLater,
-    /// It dropped instructions, all or some of them, and said ok.
+    /// It dropped some or all instructions and replied ok.
     Dropped,
-    /// Something else that it was told to: start, clear the alarm, a speed.
+    /// It executed something else: start, clear the alarm, a speed.
     Obeyed,
-    /// It did nothing and said so.
+    /// It did nothing, and replied so.
     Refused,
     /// It did nothing.
     Nothing,
-    /// The connection was deaf: nothing was even read.
+    /// The connection was deaf, so the bytes were not read.
     NotHeard,
     /// A connection was opened.
     Opened,
@@ -60,16 +60,17 @@ pub enum Did {
     Closed,
     /// Another robot answers from now on.
     Swapped,
-    /// The controller started anew.
+    /// The controller restarted.
     Rebooted,
 }
 
 /// A step that the arm began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Carried {
-    /// The AddRCC that brought it, the first one of this robot is 1, other clients' included; 0 for the taught program.
+    /// The number of its AddRCC among those of this robot, from 1, including those of other clients; 0 for
+    /// the taught program.
     pub list: u32,
-    /// Its place in that list, the first is 1.
+    /// Its place in that list, from 1.
     pub place: u32,
     /// When it began, since the start of the arm.
     #[serde(serialize_with = "as_seconds")]
@@ -77,7 +78,7 @@ pub struct Carried {
     /// When it ended; `None` while it runs.
     #[serde(serialize_with = "maybe_seconds")]
     pub ended: Option<Duration>,
-    /// Whether it was carried out to its end.
+    /// Whether it was executed to its end.
     pub whole: bool,
 }
 

@@ -1,4 +1,4 @@
-//! One request: what is done about it, and what is answered.
+//! Executes one request and replies to it.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use super::step::{Act, Step};
 use super::track::WORLD_OFFSET;
 use super::{AXES, Kind};
 
-/// What was done, and what is answered after how long.
+/// What was done, and the reply with its delay.
 struct Outcome {
     did: Did,
     reply: Option<(Value, Duration)>,
@@ -30,7 +30,7 @@ pub(super) fn kind(frame: &Value) -> Kind {
 }
 
 impl Arm {
-    /// Does what a frame asks for. Its answer leaves only if `audible`.
+    /// Executes a frame. Its reply is sent only if `audible`.
     pub(super) fn handle(&mut self, connection: u32, frame: Value, audible: bool) {
         let kind = kind(&frame);
         let count = self.counts.entry(kind).or_default();
@@ -80,7 +80,7 @@ impl Arm {
         Outcome { did, reply: reaction.effect.answer().map(|ok| (verdict(word, ok), delay)) }
     }
 
-    /// Lets a means of stopping have its effect, now or later.
+    /// Applies the effect of a way of stopping, now or later.
     fn react(&mut self, robot: usize, reaction: Reaction, due: Due, done: Did) -> Did {
         if reaction.effect.works() {
             self.agenda.put(self.now + reaction.takes, due);
@@ -120,7 +120,7 @@ impl Arm {
             self.advance(self.now);
             return Outcome { did: Did::TakesLater, reply };
         }
-        // A list of which nothing is left is not even put in the place of the one before.
+        // If all instructions of a list were dropped, it does not even replace the present list.
         let taken = steps.is_empty() || self.bodies[robot].take(replace, steps);
         let did = match (taken, dropped) {
             (false, _) => Did::Refused,
@@ -130,7 +130,7 @@ impl Arm {
         Outcome { did, reply: answer(taken) }
     }
 
-    /// Whether lists are taken in the mode that it is in; from mode 2 it goes to 7 where it does so by itself.
+    /// Whether the present mode accepts lists. If the character does so, mode 2 changes to 7.
     fn takes_lists(&mut self, robot: usize) -> bool {
         let body = &mut self.bodies[robot];
         if body.mode == 2 && self.character.arms_itself && body.alarm == 0 {
@@ -163,7 +163,7 @@ impl Arm {
 }
 
 impl Body {
-    /// A command that stops nothing; whether it was carried out.
+    /// A command that is not a stop. Returns whether it was executed.
     fn obey(&mut self, word: &str) -> bool {
         match word {
             "startButton" => self.start(),
@@ -171,7 +171,7 @@ impl Body {
                 self.alarm = 0;
                 true
             }
-            // Taken and of no effect on this machine.
+            // Accepted, but without effect on this machine.
             "modifyGSPD" | "modifyAccDec" | "switchTool" | "switchCoordinate" | "modifyTool"
             | "modifyOutput" | "modifyCounter" | "rewriteData" | "rewriteDataList" | "switchMold"
             | "modifyStackData" => true,
@@ -180,7 +180,7 @@ impl Body {
     }
 }
 
-/// The value of an address, as text; `None` for one that this controller does not know.
+/// The value of an address, as text; `None` for an unknown address.
 fn value(body: &Body, character: &Character, address: &str) -> Option<Value> {
     let decimal = |value: f64| Some(Value::from(format!("{value:.6}")));
     if let Some(axis) = address.strip_prefix("axis-") {
@@ -215,8 +215,8 @@ fn verdict(word: &str, ok: bool) -> Value {
     json!({ "cmdReply": [word, if ok { "ok" } else { "err" }] })
 }
 
-/// A reply in the form of captured controllers: keys in alphabetical order, no byte after the brace, `dsID`, `packID` and type as in
-/// the request.
+/// A reply in the form of captured controllers: keys in alphabetical order, no byte after the brace, and
+/// `dsID`, `packID` and type as in the request.
 fn enveloped(request: &Value, mut body: Value) -> Vec<u8> {
     for key in ["dsID", "packID", "reqType", "cmdType"] {
         if let (Some(value), Some(reply)) = (request.get(key), body.as_object_mut()) {

@@ -1,4 +1,4 @@
-//! An [`Arm`] behind streams of tokio. Its time is that of tokio, so a paused clock works.
+//! Serves an [`Arm`] over tokio streams. It uses tokio's time, so a paused clock works.
 
 use std::io;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,20 +11,20 @@ use tokio::time::{Instant, sleep_until};
 
 use super::{Arm, Character, Outgoing};
 
-/// Bytes that a stream in memory holds before writing waits.
+/// How many bytes an in-memory stream holds before a write has to wait.
 const IN_MEMORY: usize = 64 * 1024;
 
-/// A hostile controller that others connect to. It is shared by all its connections.
+/// A hostile controller that accepts connections. All its connections share it.
 #[derive(Debug)]
 pub struct HostileController {
     arm: Mutex<Arm>,
     start: Instant,
-    /// How often the arm was changed, so that connections look at it again.
+    /// A counter of changes to the arm, so that connections poll it again.
     changes: watch::Sender<u64>,
 }
 
 impl HostileController {
-    /// One whose time begins now.
+    /// Creates a controller whose time begins now.
     pub fn new(character: Character) -> Arc<Self> {
         let (changes, _) = watch::channel(0);
         Arc::new(Self { arm: Mutex::new(Arm::new(character)), start: Instant::now(), changes })
@@ -35,7 +35,7 @@ impl HostileController {
         self.start.elapsed()
     }
 
-    /// Looks at the arm as it is now, or changes it; connections learn of it.
+    /// Reads or changes the arm at the present time. All connections then poll it again.
     pub fn arm<R>(&self, look: impl FnOnce(&mut Arm, Duration) -> R) -> R {
         let result = self.quietly(look);
         self.changes.send_modify(|changes| *changes = changes.wrapping_add(1));
@@ -49,10 +49,10 @@ impl HostileController {
         look(&mut arm, now)
     }
 
-    /// A connection in memory; a task serves its other end.
+    /// Opens an in-memory connection; a task serves its other end.
     ///
     /// # Errors
-    /// Of kind `ConnectionRefused` while the controller starts anew.
+    /// Of kind `ConnectionRefused` while the controller restarts.
     pub fn dial(self: &Arc<Self>) -> io::Result<DuplexStream> {
         let number = self.quietly(Arm::open).ok_or(io::ErrorKind::ConnectionRefused)?;
         let (ours, theirs) = tokio::io::duplex(IN_MEMORY);
@@ -61,7 +61,7 @@ impl HostileController {
         Ok(ours)
     }
 
-    /// Accepts connections until this future is dropped; one that is refused ends at once.
+    /// Accepts connections until this future is dropped. A refused connection ends at once.
     ///
     /// # Errors
     /// Those of [`TcpListener::accept`].

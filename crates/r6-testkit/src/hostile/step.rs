@@ -1,4 +1,4 @@
-//! One instruction, read as far as this machine needs it.
+//! One instruction, read as far as this machine needs.
 
 use std::time::Duration;
 
@@ -7,41 +7,43 @@ use serde_json::Value;
 use super::AXES;
 use super::track::WORLD_OFFSET;
 
-/// A tool moves the flange so far from the target, mm in Z: the position that is told is another than the one that was sent.
+/// The distance by which a tool moves the flange from the target, mm in Z. So the reported position differs
+/// from the sent one.
 const TOOL_LENGTH: f64 = 50.0;
 
-/// What one instruction is for this machine.
+/// One instruction for this machine.
 #[derive(Clone, Debug)]
 pub(super) struct Step {
-    /// The AddRCC that brought it, the first is 1, whoever sent it; 0 for the taught program.
+    /// The number of its AddRCC, from 1, from any client; 0 for the taught program.
     pub list: u32,
-    /// Its place in that list, the first is 1.
+    /// Its place in that list, from 1.
     pub place: u32,
     pub act: Act,
-    /// The arm does not stop at its point (`smooth` above 0).
+    /// Whether the arm passes its point without stopping (`smooth` above 0).
     pub blended: bool,
-    /// Executed once (`oneshot`, 1 if left out).
+    /// Whether it is executed only once (`oneshot`, 1 if left out).
     pub once: bool,
-    /// `tool` other than 0.
+    /// Whether its `tool` is not 0.
     pub tool: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Act {
-    /// The axes that move, and where to: action 4.
+    /// Action 4: the axes that move, and their targets.
     Axes([Option<f64>; AXES]),
-    /// The same for an action 10, in degrees and mm of the axes.
+    /// Action 10 or 17 in the same form, in degrees and mm of the axes.
     Line([Option<f64>; AXES]),
-    /// An action 100, or the `delay` of another.
+    /// Action 100, or the `delay` of another action.
     Wait(Duration),
-    /// An action 800.
+    /// Action 800.
     Workbench,
-    /// Anything else: it takes no time and moves nothing.
+    /// Any other action: it takes no time and moves nothing.
     Nothing,
 }
 
 impl Step {
-    /// Reads an instruction. What is missing or cannot be read counts as not there; this is a machine that does not validate.
+    /// Reads an instruction. Missing or invalid members count as absent, because this machine does not
+    /// validate.
     pub(super) fn read(list: u32, place: u32, instruction: &Value) -> Self {
         let number = |key: &str| number(&instruction[key]);
         let tool = number("tool").is_some_and(|tool| tool != 0.0);
@@ -63,13 +65,13 @@ impl Step {
     }
 }
 
-/// The target of each axis that is given and in the mask.
+/// The target of each axis that has a coordinate and is in the mask.
 fn target(instruction: &Value) -> [Option<f64>; AXES] {
     let mask = instruction["ckStatus"].as_str().map_or(u32::MAX, mask);
     std::array::from_fn(|axis| number(&instruction[format!("m{axis}")]).filter(|_| mask >> axis & 1 == 1))
 }
 
-/// From the pose of the tool to the axes of the gantry.
+/// Converts the pose of the tool to the axes of the gantry.
 fn flange(pose: [Option<f64>; AXES], tool: bool) -> [Option<f64>; AXES] {
     let mut axes = pose;
     for (value, offset) in axes.iter_mut().zip(WORLD_OFFSET) {
@@ -81,7 +83,7 @@ fn flange(pose: [Option<f64>; AXES], tool: bool) -> [Option<f64>; AXES] {
     axes
 }
 
-/// A `ckStatus`: `"0x3F"` or decimal. One that cannot be read moves nothing.
+/// Reads a `ckStatus`: `"0x3F"` or decimal. An invalid one moves nothing.
 fn mask(text: &str) -> u32 {
     match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(digits) => u32::from_str_radix(digits, 16).unwrap_or(0),
@@ -89,7 +91,7 @@ fn mask(text: &str) -> u32 {
     }
 }
 
-/// A finite number, given as a number or as text.
+/// A finite number, sent as a number or as text.
 fn number(value: &Value) -> Option<f64> {
     let number = match value {
         Value::String(text) => text.trim().parse().ok()?,

@@ -1,4 +1,4 @@
-//! Where an arm was, and when.
+//! Where an arm was at which time.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use super::AXES;
 /// `world-n` minus `axis-n`: the machine is a gantry.
 pub const WORLD_OFFSET: [f64; AXES] = [500.0, 0.0, 800.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
-/// A move in a straight line at a steady speed.
+/// A move in a straight line at a constant speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     pub begin: Duration,
@@ -17,7 +17,7 @@ pub(super) struct Leg {
 }
 
 impl Leg {
-    /// Where it is at `time`, which may lie outside of it.
+    /// The position at `time`, which may be outside the leg.
     pub(super) fn at(&self, time: Duration) -> [f64; AXES] {
         let length = self.end.saturating_sub(self.begin).as_secs_f64();
         if time >= self.end || length == 0.0 {
@@ -30,7 +30,7 @@ impl Leg {
         })
     }
 
-    /// The leg until `time`, which lies within it.
+    /// The leg up to `time`, which must be within it.
     pub(super) fn cut(&self, time: Duration) -> Self {
         Self { end: time, to: self.at(time), ..*self }
     }
@@ -40,7 +40,7 @@ fn value(axes: &[f64; AXES], axis: usize) -> f64 {
     axes.get(axis).copied().unwrap_or(0.0)
 }
 
-/// All legs of an arm in the order of time.
+/// All legs of an arm in order of time.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
     start: [f64; AXES],
@@ -68,7 +68,7 @@ impl Track {
         self.legs.iter().rev().find(|leg| leg.begin <= time).map_or(self.start, |leg| leg.at(time))
     }
 
-    /// How far each axis went from `since` to `until`, back and forth added up.
+    /// How far each axis moved from `since` to `until`, with both directions added up.
     pub(super) fn path(&self, since: Duration, until: Duration) -> [f64; AXES] {
         let mut path = [0.0; AXES];
         for leg in self.legs.iter().filter(|leg| leg.end > since && leg.begin < until) {

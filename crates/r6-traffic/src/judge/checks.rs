@@ -1,4 +1,4 @@
-//! The checks that need no more than one frame.
+//! The checks of a single frame.
 
 use std::borrow::Cow;
 
@@ -35,7 +35,7 @@ pub fn header(message: &Message<'_>, finding: &mut Finding) {
     }
 }
 
-/// Names every key that does not belong where it stands.
+/// Reports every unknown, repeated, misspelt or misplaced key.
 pub fn extras(message: &Message<'_>, finding: &mut Finding) {
     finding.problems.extend(message.extras().map(|extra| Problem::Key(extra.to_key())));
 }

@@ -1,4 +1,4 @@
-//! What can be wrong with a frame, and what is worth knowing of it.
+//! The problems of a frame, and useful facts about it.
 
 use std::fmt;
 
@@ -12,57 +12,57 @@ use r6_proto::{Address, CommandName};
 use super::excerpt;
 use crate::recording::BrokenFrame;
 
-/// What is wrong with a frame; shown as one English sentence.
+/// A problem of a frame. Its text is one English sentence.
 ///
-/// Texts of a peer are as they were sent: show them with [`r6_proto::printable`].
+/// Texts of a peer are stored as sent: show them with [`r6_proto::printable`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Problem {
-    /// What began as a frame and is none.
+    /// Bytes that begin like a frame but are not one.
     Broken(BrokenFrame),
-    /// A whole frame that is no JSON.
+    /// A complete frame that is not JSON.
     NoJson(JsonError),
     /// There is no `dsID`.
     NoDsId,
-    /// The `dsID` is none of the protocol.
+    /// The `dsID` is not one of the protocol's.
     UnknownDsId {
-        /// As sent, as long as the frame has it.
+        /// The complete `dsID`, as sent.
         ds_id: String,
-        /// The one that comes nearest.
+        /// The nearest known one.
         nearest: Option<&'static str>,
     },
-    /// There is no `reqType`; a controller does not answer such a request.
+    /// There is no `reqType`. A controller does not answer such a request.
     NoType,
     /// The `reqType` is `AddrCC`, a misprint of the manual.
     MisprintedAddRcc,
-    /// The `reqType` is no request type, or there is nothing to tell the type by.
+    /// The `reqType` is not a request type, or it is missing and no member shows the type.
     UnknownType(UnknownTypeWord),
     /// An unknown, repeated, misspelt or misplaced key.
     Key(ExtraKey),
-    /// A field of a known type that cannot be right.
+    /// An invalid field of a known type.
     WrongField(FieldError),
     /// A query asks for an address that does not exist.
     UnknownAddress(UnknownAddress),
-    /// A query asks for nothing.
+    /// A query without addresses.
     NothingAsked,
-    /// A reply has more or fewer values than addresses were asked for.
+    /// A reply has more or fewer values than the query has addresses.
     WrongNumberOfValues(LengthMismatch),
-    /// A command that does not exist, or whose arguments are missing or wrong.
+    /// An unknown command, or a command with missing or wrong arguments.
     WrongCommand(CommandError),
-    /// The answer to a command is neither ok nor err.
+    /// The reply to a command is neither ok nor err.
     UnclearAnswer {
-        /// The answer, cut at 48 characters.
+        /// The reply, cut at 48 characters.
         answer: String,
     },
-    /// An instruction with an action that does not exist.
+    /// An instruction with an unknown action.
     UnknownAction {
-        /// Which instruction of the frame, counted from 0.
+        /// The number of the instruction in the frame, counted from 0.
         instruction: usize,
         /// The number of the action.
         action: i64,
     },
     /// An AddRCC longer than [`LONGEST_ADD_RCC`]: controllers neither answer nor execute it.
     TooLongAddRcc {
-        /// How many bytes it has.
+        /// Its length in bytes.
         bytes: usize,
     },
 }
@@ -97,10 +97,10 @@ impl fmt::Display for Problem {
     }
 }
 
-/// What is worth knowing of a frame, but not wrong; shown as one English sentence.
+/// A useful fact about a frame that is not a problem. Its text is one English sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Note {
-    /// The type stands under `cmdType`, the key of older firmware.
+    /// The type is under `cmdType`, the key of older firmware.
     OldTypeKey,
     /// A heartbreak arms the controller's watchdog.
     ArmsWatchdog,
@@ -111,7 +111,7 @@ pub enum Note {
         /// The address.
         address: Address,
     },
-    /// A command has more arguments than it takes.
+    /// A command has more arguments than it needs.
     SpareArguments {
         /// The command.
         command: CommandName,
@@ -125,7 +125,7 @@ pub enum Note {
         /// Its reason, if it gives one.
         reason: Option<String>,
     },
-    /// An instruction has `oneshot` 0: the list starts over, for ever.
+    /// An instruction has `oneshot` 0, so the list repeats for ever.
     Repeats,
     /// The instructions have the shape of 2020 (`dsData`, `xpos` …).
     Shape2020,

@@ -1,8 +1,8 @@
-//! What becomes of attempts to connect.
+//! What happens to attempts to connect.
 
 use crate::fault::{LinkFault, LinkFaultNow};
 
-/// What becomes of attempts to connect; connections that are there do not notice.
+/// What happens to attempts to connect. Existing connections do not notice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Door {
     /// They are accepted.
@@ -15,8 +15,8 @@ pub enum Door {
 }
 
 impl Door {
-    /// What these faults make of it. What gets no answer is not refused either. A chance of 0 is none; any other is no chance but certainty:
-    /// a port is closed or it is not.
+    /// The effect of these faults. A black hole takes precedence over a refusal. A chance of 0 turns a fault
+    /// off; any other chance means always, because a port is either closed or open.
     #[must_use]
     pub fn of(faults: &[LinkFaultNow]) -> Self {
         let has = |which| faults.iter().any(|one| one.fault == which && one.chance > 0.0);

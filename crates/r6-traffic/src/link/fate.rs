@@ -1,11 +1,11 @@
-//! Which of the faults in force strike, and what becomes of a frame then.
+//! Decides which faults strike, and what happens to a frame.
 
 use std::time::Duration;
 
 use crate::fault::{LinkFault, LinkFaultNow};
 use crate::random::Random;
 
-/// A fault, and what was drawn for this connection when it began.
+/// A fault, with the result that was drawn for this connection when it began.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct InForce {
     pub now: LinkFaultNow,
@@ -13,7 +13,7 @@ pub(super) struct InForce {
     pub felt: StrikeReport,
 }
 
-/// Whether anything of this connection was struck since the fault began.
+/// Whether the fault has struck anything of this connection since it began, and whether that was reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum StrikeReport {
     NotYet,
@@ -22,7 +22,7 @@ pub(super) enum StrikeReport {
 }
 
 impl InForce {
-    /// It has struck something of this connection.
+    /// Records that the fault has struck something of this connection.
     pub fn is_felt(&mut self) {
         if self.felt == StrikeReport::NotYet {
             self.felt = StrikeReport::ToBeTold;
@@ -30,10 +30,10 @@ impl InForce {
     }
 }
 
-/// What it is drawn for whether a fault strikes.
+/// The unit for which the chance of a fault is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum DrawnFor {
-    /// For none: it is about attempts to connect ([`super::Door`]).
+    /// Not drawn: the fault concerns attempts to connect ([`super::Door`]).
     Door,
     /// For each connection, when the fault begins.
     Connection,
@@ -55,7 +55,7 @@ pub(super) fn drawn_for(fault: LinkFault) -> DrawnFor {
     }
 }
 
-/// Bytes a second, where that is what the fault is.
+/// Bytes a second, if the fault is [`LinkFault::Slow`].
 pub(super) fn speed(one: &InForce) -> Option<u32> {
     if let LinkFault::Slow { bytes_per_second } = one.now.fault {
         Some(bytes_per_second.max(1))
@@ -64,25 +64,25 @@ pub(super) fn speed(one: &InForce) -> Option<u32> {
     }
 }
 
-/// What is to become of one frame.
+/// What happens to one frame.
 #[derive(Debug, Default)]
 pub(super) struct Fate {
-    /// The connection is closed in its place.
+    /// The connection is closed in place of the frame.
     pub close: bool,
-    /// After how many bytes it breaks off.
+    /// The number of bytes after which the frame is cut.
     pub cut: Option<usize>,
-    /// How much later its second half leaves.
+    /// The delay of its second half.
     pub stall: Option<Duration>,
-    /// With how many it leaves, and how long it waits for them.
+    /// The number of frames in its group, and how long it waits for them.
     pub gather: Option<(usize, Duration)>,
-    /// How long it takes.
+    /// Its delay.
     pub latency: Duration,
-    /// In pieces of how many bytes.
+    /// The length of its pieces in bytes.
     pub piece: Option<usize>,
 }
 
 impl Fate {
-    /// Draws it for a frame of so many bytes.
+    /// Draws the fate of a frame of this length.
     pub fn draw(in_force: &mut [InForce], random: &mut Random, length: usize) -> Self {
         let mut fate = Self::default();
         for one in in_force {
@@ -112,7 +112,7 @@ impl Fate {
     }
 }
 
-/// The bytes, as noise lets them be.
+/// Applies noise to the bytes.
 pub(super) fn disturbed(in_force: &mut [InForce], random: &mut Random, bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for noise in in_force.iter_mut().filter(|one| one.now.fault == LinkFault::Noise) {
@@ -123,7 +123,7 @@ pub(super) fn disturbed(in_force: &mut [InForce], random: &mut Random, bytes: &[
                 None => heard.push(byte),
                 Some(0) => {}
                 Some(1) => heard.extend([byte, drawn_byte(random, 0)]),
-                // Never the byte that it was.
+                // The changed byte always differs from the original.
                 Some(_) => heard.push(byte ^ drawn_byte(random, 1)),
             }
         }
@@ -135,7 +135,7 @@ pub(super) fn disturbed(in_force: &mut [InForce], random: &mut Random, bytes: &[
     bytes
 }
 
-/// A byte that is not below `least`.
+/// Draws a byte of at least `least`.
 fn drawn_byte(random: &mut Random, least: u8) -> u8 {
     let above = u8::try_from(random.below(usize::from(u8::MAX - least) + 1)).unwrap_or_default();
     least.saturating_add(above)

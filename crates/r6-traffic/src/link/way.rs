@@ -1,4 +1,4 @@
-//! One direction of a link: what is on its way, in its order.
+//! One direction of a link: the bytes in transit, in their order.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -7,17 +7,17 @@ use r6_proto::time::Instant;
 
 use super::{Delivery, MAX_WAITING_PARCELS};
 
-/// A slow line hands over what it carries in this time at once, but at least a byte: a timer for each byte would cost more than it
-/// shows.
+/// A slow line delivers the bytes of this period at once, but at least one byte. A timer for each byte would
+/// cost more than it shows.
 const SLICE: Duration = Duration::from_millis(20);
 
 /// Bytes that were given together.
 #[derive(Clone, Debug)]
 pub(super) struct Parcel {
     bytes: Vec<u8>,
-    /// How many of them were handed over.
+    /// How many bytes were delivered.
     taken: usize,
-    /// How many of them are handed over at once.
+    /// How many bytes are delivered at once.
     piece: Option<usize>,
 }
 
@@ -30,7 +30,7 @@ impl Parcel {
         self.bytes.len().saturating_sub(self.taken)
     }
 
-    /// The next piece, of at most so many bytes.
+    /// Returns the next piece, of at most `most` bytes.
     fn take(&mut self, most: usize) -> Vec<u8> {
         let count = self.piece.unwrap_or(usize::MAX).min(most).max(1).min(self.left());
         let begin = self.taken;
@@ -45,20 +45,20 @@ impl Parcel {
 /// Frames that leave together.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Group {
-    /// How many.
+    /// How many frames.
     pub frames: usize,
-    /// When at the latest.
+    /// The latest time at which they leave.
     pub until: Instant,
-    /// How long they take from then on.
+    /// Their delay from then on.
     pub latency: Duration,
 }
 
-/// The group that the last parcel is.
+/// The group in the last parcel.
 #[derive(Clone, Copy, Debug)]
 struct Gathering {
     group: Group,
     missing: usize,
-    /// When what was given before it is due.
+    /// When the bytes given before the group are due.
     after: Instant,
 }
 
@@ -66,16 +66,16 @@ struct Gathering {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Way {
     parcels: VecDeque<(Instant, Parcel)>,
-    /// How it ends behind the last parcel.
+    /// How it ends after the last parcel.
     end: Option<(Instant, Delivery)>,
     /// How many bytes wait.
     bytes: usize,
-    /// When what was given last is due: nothing overtakes it.
+    /// When the bytes given last are due. Nothing overtakes them.
     last_due: Instant,
     gathering: Option<Gathering>,
     /// Bytes a second.
     speed: Option<u32>,
-    /// When a slow line has carried what it was given last.
+    /// When a slow line has carried the bytes that it was given last.
     free: Instant,
 }
 
@@ -92,7 +92,8 @@ impl Way {
         self.room(most) > 0
     }
 
-    /// How many bytes it takes: no more than `most` wait, and on a slow line no more than it carries in a second.
+    /// How many bytes it takes. At most `most` bytes wait, and on a slow line at most the bytes of one
+    /// second.
     pub fn room(&self, most: usize) -> usize {
         if self.parcels.len() >= MAX_WAITING_PARCELS {
             return 0;
@@ -121,7 +122,7 @@ impl Way {
         }
     }
 
-    /// Ends it behind what was given; what comes later is lost.
+    /// Ends the direction after the bytes given so far. Later bytes are lost.
     pub fn end(&mut self, due: Instant, how: Delivery) {
         self.gathering = None;
         if self.end.is_none() {
@@ -130,7 +131,7 @@ impl Way {
         }
     }
 
-    /// Adds a frame to the group that is gathered, or begins one.
+    /// Adds a frame to the current group, or begins a new group.
     pub fn gather(&mut self, now: Instant, group: Group, frame: Parcel) {
         if self.gathering.is_some_and(|gathering| gathering.group.until <= now) {
             self.gathering = None;
@@ -145,7 +146,7 @@ impl Way {
                 let after = self.last_due;
                 let before = self.parcels.len();
                 self.append(group.until + group.latency, frame);
-                // Noise may have left nothing of it.
+                // Noise may have removed all of its bytes.
                 let is_there = self.parcels.len() > before;
                 self.gathering =
                     is_there.then_some(Gathering { group, missing: group.frames.saturating_sub(1), after });
@@ -156,7 +157,7 @@ impl Way {
         }
     }
 
-    /// Lets a group leave that is not complete.
+    /// Releases an incomplete group.
     pub fn close_group(&mut self, now: Instant) {
         if let (Some(gathering), Some((due, _))) = (self.gathering.take(), self.parcels.back_mut()) {
             *due = (*due).min(now + gathering.group.latency).max(gathering.after);
@@ -185,7 +186,7 @@ impl Way {
             self.parcels.pop_front();
         }
         if is_last {
-            // What is handed over gathers nothing any more.
+            // The delivered parcel can take no more frames.
             self.gathering = None;
         }
         Some(Delivery::Bytes(bytes))
@@ -199,7 +200,7 @@ impl Way {
         }
     }
 
-    /// Whatever is on its way is lost.
+    /// Drops everything in transit.
     pub fn clear(&mut self) {
         self.parcels = VecDeque::new();
         self.end = None;
@@ -208,12 +209,12 @@ impl Way {
     }
 }
 
-/// How many bytes are carried in a time, at so many a second.
+/// How many bytes are carried in `time`, at `speed` bytes a second.
 fn carried(speed: u32, time: Duration) -> usize {
     usize::try_from(u128::from(speed) * time.as_nanos() / 1_000_000_000).unwrap_or(usize::MAX)
 }
 
-/// How long so many bytes take, at so many a second.
+/// How long `bytes` bytes take, at `speed` bytes a second.
 fn time_for(bytes: usize, speed: u32) -> Duration {
     let nanos = u128::try_from(bytes).unwrap_or(u128::MAX).saturating_mul(1_000_000_000);
     Duration::from_nanos(u64::try_from(nanos.div_ceil(u128::from(speed.max(1)))).unwrap_or(u64::MAX))

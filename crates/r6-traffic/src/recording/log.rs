@@ -1,11 +1,11 @@
-//! Raw bytes and logs: frames with anything between them.
+//! Reads raw bytes and logs: frames with anything between them.
 
 use r6_proto::Decoder;
 use r6_proto::frame::{FrameBuffer, FrameError, Limits, READ_ROOM};
 
 use super::{BrokenFrame, Captured, Place, Recording, TooLong, is_printed_python};
 
-/// Reads raw bytes or a log, of at most so many frames.
+/// Reads raw bytes or a log, with at most `most` frames.
 pub(super) fn read(input: &[u8], most: usize) -> Result<Recording, TooLong> {
     let mut recording = Recording::default();
     let mut frames = FrameBuffer::new(Limits::default());
@@ -35,12 +35,12 @@ pub(super) fn read(input: &[u8], most: usize) -> Result<Recording, TooLong> {
     Ok(recording)
 }
 
-/// How many bytes are no blanks.
+/// Number of bytes that are not blanks or zeros.
 fn weight(bytes: Option<&[u8]>) -> usize {
     bytes.unwrap_or_default().iter().filter(|byte| !byte.is_ascii_whitespace() && **byte != 0).count()
 }
 
-/// Keys that only stand first in a frame, never in an object inside one.
+/// Keys that occur only first in a frame, never in a nested object.
 const FIRST_KEYS: [&[u8]; 10] = [
     b"dsID",
     b"reqType",
@@ -54,7 +54,8 @@ const FIRST_KEYS: [&[u8]; 10] = [
     b"instructions",
 ];
 
-/// Where the next frame begins, from `at` on. In the midst of a broken frame only a `{` with a key of its own kind counts.
+/// Where the next frame begins, from `at` on. Inside a broken frame, only a `{` with one of [`FIRST_KEYS`]
+/// counts.
 fn next_start(input: &[u8], at: usize, resync: bool) -> Option<usize> {
     let mut at = at;
     loop {
@@ -85,14 +86,14 @@ fn first_frame(frames: &mut FrameBuffer, bytes: &[u8]) -> Result<usize, FrameErr
             }
         }
     }
-    // The first byte is a brace, so what is left is a part of a frame.
+    // The first byte is a brace, so the rest is a part of a frame.
     match frames.abandon_partial() {
         Some(error) => Err(error),
         None => Ok(bytes.len()),
     }
 }
 
-/// What is wrong with a broken frame: the first thing that is no JSON, where the brackets only tell later.
+/// The error of a broken frame: the first JSON error, if it comes before the bracket error.
 fn explain(bytes: &[u8], error: FrameError, decoder: &mut Decoder) -> BrokenFrame {
     if is_printed_python(bytes) {
         return BrokenFrame::PrintedPython;
@@ -105,7 +106,7 @@ fn explain(bytes: &[u8], error: FrameError, decoder: &mut Decoder) -> BrokenFram
     }
 }
 
-/// Counts lines, going forward only.
+/// Counts lines, forward only.
 struct Lines<'i> {
     input: &'i [u8],
     at: usize,
@@ -136,7 +137,7 @@ mod tests {
         super::read(input.as_bytes(), 100).unwrap()
     }
 
-    /// For each frame its line and, of a broken one, the error.
+    /// For each frame: its line, and the error of a broken one.
     fn shape(input: &str) -> Vec<(usize, Option<String>)> {
         let told = |captured: Captured| {
             if let Ok(bytes) = &captured.frame {
@@ -164,7 +165,8 @@ mod tests {
         assert_eq!(found.len(), 2);
         assert!(found[0].1.is_some());
         assert_eq!(found[1], (2, None));
-        // The log's colon would make a nested object of the next frame to a reader that only counts brackets.
+        // A reader that only counts brackets would take the next frame for a nested object, because of the
+        // log's colon.
         let found = shape(&format!("tx: {{\"reqType\",\"query\"\nrx: {QUERY}"));
         assert_eq!(found.len(), 2);
         assert!(found[0].1.as_ref().unwrap().contains("`reqType` has no value"), "{found:?}");

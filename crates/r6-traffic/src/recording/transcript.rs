@@ -1,7 +1,8 @@
-//! Transcripts: whole conversations, one write of one side a line.
+//! Transcripts: complete conversations, one write of one side a line.
 //!
-//! A line is `{"from":"pc","ms":17,"bytes":"{…}"}`, as `vectors/README.md` describes it. Where the bytes are not UTF-8 (GBK, or a
-//! write that ends within a character), `bytes_hex` stands in place of `bytes`: two hexadecimal digits a byte.
+//! A line is `{"from":"pc","ms":17,"bytes":"{…}"}`, as `vectors/README.md` describes. If the bytes are not
+//! UTF-8 (GBK, or a write that ends within a character), the line has `bytes_hex` instead of `bytes`: two
+//! hexadecimal digits a byte.
 
 use std::time::Duration;
 
@@ -16,21 +17,22 @@ use crate::conversation::Side;
 /// One write of one side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Write {
-    /// The line that it stands in, counted from 1.
+    /// Its line, counted from 1.
     pub line: usize,
-    /// Who wrote.
+    /// The side that wrote.
     pub from: Side,
-    /// When, in whole milliseconds; the origin is the moment when the connection was made. `None` if the line does not tell.
+    /// When, in whole milliseconds. The origin is the time when the connection was made. `None` if the line
+    /// has no time.
     pub time: Option<Instant>,
-    /// What was written: a part of a frame, a frame or several.
+    /// The bytes: a part of a frame, a frame, or several frames.
     pub bytes: Vec<u8>,
 }
 
-/// One line, as it stands in the file.
+/// One line of the file.
 #[derive(Serialize, Deserialize)]
 struct Line {
     from: Side,
-    /// A time that is no whole number costs only itself, not the transcript.
+    /// If the time is not a whole number, only the time is ignored, not the transcript.
     #[serde(default)]
     ms: Value,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -39,19 +41,20 @@ struct Line {
     bytes_hex: Option<String>,
 }
 
-/// The first line of a transcript, and any other that only tells about it.
+/// The first line of a transcript, and any other line with only a description.
 #[derive(Serialize, Deserialize)]
 struct About {
     about: String,
 }
 
-/// The line that says what the transcript shows, with its end of line; it goes first.
+/// The line that says what the transcript shows, with its end of line. It comes first.
 #[must_use]
 pub fn about(text: &str) -> String {
     line_of(&About { about: text.to_owned() })
 }
 
-/// The line of one write, with its end of line. Of the time since the connection was made, the whole milliseconds are written.
+/// The line of one write, with its end of line. The time since the connection was made is written in whole
+/// milliseconds.
 #[must_use]
 pub fn line(from: Side, time: Instant, bytes: &[u8]) -> String {
     let ms = Value::from(time.as_nanos() / 1_000_000);
@@ -63,16 +66,17 @@ pub fn line(from: Side, time: Instant, bytes: &[u8]) -> String {
 }
 
 fn line_of(line: &impl Serialize) -> String {
-    // Neither kind of line has anything that JSON cannot say.
+    // Both kinds of line contain only values that JSON can express, so this never fails.
     let text = serde_json::to_string(line).unwrap_or_default();
     text + "\n"
 }
 
-/// How many writes of a transcript are read: hours of traffic. Each takes memory, even one without bytes.
+/// How many writes of a transcript are read: hours of traffic. Every write takes memory, even one without
+/// bytes.
 pub const MAX_WRITES: usize = 1 << 20;
 
-/// The writes of a transcript; `None` if a line is none of a transcript, or if there is no write or more than [`MAX_WRITES`]: such a file
-/// is read as a log.
+/// Returns the writes of a transcript. Returns `None` if a line is not one of a transcript, or if there are
+/// no writes or more than [`MAX_WRITES`]. Such a file is read as a log.
 #[must_use]
 pub fn writes(input: &[u8]) -> Option<Vec<Write>> {
     writes_within(input, MAX_WRITES)
@@ -107,7 +111,7 @@ fn from_hex(digits: &str) -> Option<Vec<u8>> {
     if rest.is_empty() { bytes.collect() } else { None }
 }
 
-/// The frames of a transcript, of at most so many.
+/// Returns the frames of a transcript, at most `most`.
 pub(super) fn frames(writes: &[Write], most: usize) -> Result<Recording, TooLong> {
     let mut recording = Recording::default();
     let mut sides = [Stream::new(Side::Pc), Stream::new(Side::Controller)];

@@ -1,4 +1,5 @@
-//! Calls that drive their connection badly: some are dropped where they wait, some are slow. What others wait for must not suffer by it.
+//! Calls that drive their connection badly: some are dropped while they wait, some are slow. Other calls must
+//! not suffer.
 
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
@@ -12,31 +13,31 @@ use crate::fault::Class;
 use crate::line::Line;
 use crate::shared::Shared;
 
-/// A call is dropped after less than so many polls: a query needs two or three, a motion that is begun some more.
+/// A call is dropped before this many polls. A query needs two or three; starting a motion needs a few more.
 const MOST_POLLS: usize = 8;
 
-/// So often a call is slow at most, so that none takes longer than calls may.
+/// How often one call can be slow, so that it stays within the time limit for calls.
 const MOST_NAPS: u32 = 2;
 
-/// The longest time for which a slow call is not polled, and the usual one.
+/// The longest time without a poll of a slow call, and the usual time, in ms.
 const LONGEST_NAP: u64 = 5000;
 const SHORT_NAP: u64 = 400;
 
-/// A call that is kept for so long outlives its world.
+/// A call that is kept this long outlives its world.
 const KEPT_FOR: Duration = Duration::from_secs(3600);
 
-/// The registers that are written by calls that come between.
+/// The registers that interleaved calls write.
 const BETWEEN: u16 = 840;
 
 impl Work {
-    /// The call as this world drives it, to its end.
+    /// The call with the drivers of this world, to its end.
     pub(super) fn driven<F: Future>(&self, call: F) -> Driven<F> {
         let naps = if self.shared.plan.drivers.are_slow() { MOST_NAPS } else { 0 };
         let (shared, first_nap) = (self.shared.clone(), None);
         Driven { call: Box::pin(call), shared, index: self.index, naps, first_nap, state: State::New }
     }
 
-    /// The call, or, where calls are dropped, some polls of it.
+    /// The call; if calls are dropped, only some polls of it.
     pub(super) fn perhaps_dropped<F: Future>(&self, call: F) -> Dropped<F> {
         let is_dropped = self.shared.plan.drivers.drop_calls();
         let draws = &mut self.shared.state().lines[self.index].draws;
@@ -50,7 +51,7 @@ impl Work {
         }
     }
 
-    /// Calls of others on the same handle. They are begun again and again, and nobody needs what they give.
+    /// Makes interleaved calls on the same handle, again and again. Their results are not used.
     pub(super) async fn come_between(mut self) {
         while !self.is_over() {
             sleep(self.random.up_to(ms(250))).await;
@@ -76,7 +77,8 @@ impl Work {
             }
         }
         if self.shared.plan.drivers.are_slow() {
-            // One is as slow as can be: polled once, and kept while the others show that all works again.
+            // The slowest possible call: it is polled once, and kept while the other calls show that
+            // everything works again.
             let robot = self.robot.clone();
             let mut kept = self.driven(async move { drop(robot.query(&[Address::CurMode]).await) });
             kept.first_nap = Some(KEPT_FOR);
@@ -85,13 +87,13 @@ impl Work {
     }
 }
 
-/// What a call does at present.
+/// The current state of a call.
 enum State {
     /// It was never polled.
     New,
     /// It is polled whenever it is woken.
     Awake,
-    /// It was polled, keeps its place, and is not polled before this is over.
+    /// It was polled and keeps its place. It is not polled before this time is over.
     Asleep(Pin<Box<Sleep>>),
     Over,
 }
@@ -101,15 +103,15 @@ pub(super) struct Driven<F> {
     call: Pin<Box<F>>,
     shared: Shared,
     index: usize,
-    /// So often it may still be slow.
+    /// How often it can still be slow.
     naps: u32,
-    /// How slow it is after its first poll, where that is not drawn.
+    /// How long it sleeps after its first poll, if this is fixed and not drawn.
     first_nap: Option<Duration>,
     state: State,
 }
 
 impl<F> Driven<F> {
-    /// Keeps count of those that are awake and asleep.
+    /// Counts the calls that are awake and asleep.
     fn becomes(&mut self, next: State) {
         let line = &mut self.shared.state().lines[self.index];
         count(line, &self.state, |count| count - 1);
@@ -117,7 +119,7 @@ impl<F> Driven<F> {
         self.state = next;
     }
 
-    /// For how long it is slow now, if it is.
+    /// How long it sleeps now, if at all.
     fn nap(&mut self) -> Option<Duration> {
         if self.naps == 0 {
             return None;
@@ -160,7 +162,7 @@ impl<F: Future> Future for Driven<F> {
         }
         if let Some(nap) = this.nap() {
             let mut nap = Box::pin(sleep(nap));
-            // So that it is woken when the time is over: it cannot be over now.
+            // The poll registers the waker. The time cannot be over yet.
             let _ = nap.as_mut().poll(cx);
             this.becomes(State::Asleep(nap));
             this.shared.state().record.strikes(Class::K4);
@@ -175,18 +177,18 @@ impl<F> Drop for Driven<F> {
     }
 }
 
-/// A call that may be dropped when it is woken once more.
+/// A call that may be dropped when it is woken the next time.
 pub(super) struct Dropped<F> {
     call: Option<Pin<Box<F>>>,
     shared: Shared,
     index: usize,
-    /// So often it is still polled; `None`: to its end.
+    /// How often it is still polled; `None`: to its end.
     left: Option<usize>,
     was_polled: bool,
 }
 
 impl<F: Future> Future for Dropped<F> {
-    /// `None`: it was dropped.
+    /// `None` means that it was dropped.
     type Output = Option<F::Output>;
 
     fn poll(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<F::Output>> {

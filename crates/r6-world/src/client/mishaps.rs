@@ -1,4 +1,5 @@
-//! What befalls the motions of a program: its connection goes deaf, its output fails, whoever owns the motion is interrupted.
+//! Mishaps of a program's motions: its connection becomes deaf, its output fails, or the owner of the motion
+//! is interrupted.
 
 use std::time::Duration;
 
@@ -10,17 +11,17 @@ use crate::fault::{Class, Promise};
 use crate::plan::Mishap;
 use crate::shared::{State, now};
 
-/// A path of the longest is carried out within this time, or something stops it.
+/// The longest path ends within this time in ms, unless something stops it.
 const ENDS_WITHIN: u64 = 40_000;
 
-/// What was in doubt when a stop was confirmed shows itself within this time.
+/// Doubts at the time of a confirmed stop show within this time.
 const LATEST: Duration = Duration::from_millis(4200);
 
-/// A stop takes effect within this time where the first connection is deaf.
+/// A stop takes effect within this time if the first connection is deaf.
 const STOPS_WITHIN: Duration = Duration::from_millis(1500);
 
 impl Work {
-    /// Streams a path, and lets that happen to it.
+    /// Streams a path, and applies the mishap to it.
     pub(super) async fn run_into(
         &mut self,
         mishap: Mishap,
@@ -36,7 +37,7 @@ impl Work {
                     self.stop_when_deaf(handle, steps).await;
                 }
             }
-            // Streams nothing.
+            // This one streams nothing.
             Mishap::StopsOthers => {}
             Mishap::Stopped => {
                 if let Ok(handle) = self.bounded("a motion", robot.run(motion, options)).await {
@@ -58,7 +59,7 @@ impl Work {
                 let patience = self.random.up_to(ms(150));
                 let later = self.random.strikes(0.5).then(|| self.random.up_to(ms(900)));
                 if let Ok(Ok(mut handle)) = timeout(patience, robot.run(motion, options)).await {
-                    // Interrupted where it waits for the end.
+                    // Interrupts the wait for the end.
                     let waiting = timeout(later.unwrap_or(patience), handle.wait()).await;
                     if waiting.is_ok() {
                         return;
@@ -69,7 +70,7 @@ impl Work {
         }
     }
 
-    /// Stops what is in motion, and looks at the arm for long enough to see what follows.
+    /// Stops a motion of another source, and waits long enough for the consequences to show.
     pub(super) async fn stop_others(&mut self) {
         self.start().await;
         sleep(ms(100) + self.random.up_to(ms(2500))).await;
@@ -78,7 +79,8 @@ impl Work {
         sleep(LATEST).await;
     }
 
-    /// Stops a motion at some time, by its handle or past it, and looks at the arm for long enough to see what follows.
+    /// Stops a motion at a random time, by its handle or by the robot, and waits long enough for the
+    /// consequences to show.
     async fn stop_it(&mut self, handle: MotionHandle) {
         sleep(ms(30) + self.random.up_to(ms(2500))).await;
         let stopped = if self.random.strikes(0.5) {
@@ -92,7 +94,7 @@ impl Work {
         sleep(LATEST).await;
     }
 
-    /// Stops the arm as soon as the connection is deaf, where it becomes so while the arm moves.
+    /// If the connection becomes deaf while the arm moves, stops the arm at once.
     async fn stop_when_deaf(&mut self, handle: MotionHandle, steps: &[i64]) {
         let is_deaf = || self.shared.state().floors[self.plan.robot].felt.is_in_force("half-open");
         for _ in 0..400 {
@@ -105,7 +107,7 @@ impl Work {
             let _ends = self.attend(handle, steps).await;
             return;
         }
-        // What goes deaf does so with the next byte.
+        // The fault takes effect with the next byte.
         sleep(ms(20)).await;
         let asked = now();
         self.shared.state().record.strikes(Class::E3);
@@ -123,7 +125,8 @@ impl Work {
         sleep(ms(900)).await;
     }
 
-    /// Tells the progress line by line, until a line cannot be written; whether that was so before the end.
+    /// Prints the progress line by line until a line cannot be written. Returns whether that happened before
+    /// the end.
     async fn prints_until_it_fails(&mut self, handle: &MotionHandle) -> bool {
         let mut news = handle.watch();
         let fails = 1 + self.random.below(8);
@@ -135,14 +138,14 @@ impl Work {
         true
     }
 
-    /// A motion has no owner any more: all of it that can be seen is that a stop leaves, or that each of its steps is carried out. One of
-    /// which nothing left never was.
+    /// Checks a motion that has lost its owner. Either a stop is sent, or all of its steps are executed. If
+    /// none of it was sent, there is nothing to check.
     async fn is_without_owner(&mut self, class: Class, begun: Duration, steps: &[i64]) {
         let (lost, index, robot) = (now(), self.index, self.plan.robot);
         self.shared.state().record.strikes(class);
         let connections = self.shared.state().lines[index].connections();
         let mut still = 0;
-        // Until it stands for a second and a half, with nothing left to do.
+        // Waits until the arm stands for a second and a half with an empty list.
         for _ in 0..ENDS_WITHIN / 50 {
             sleep(ms(50)).await;
             let rests = self.shared.state().floors[robot].rests_with_an_empty_list();

@@ -1,4 +1,5 @@
-//! What a program does with the arm: paths that are streamed, targets that are followed, stops, and places that cannot be reached.
+//! What a program does with the arm: it streams paths, follows targets, stops, and sends places that cannot
+//! be reached.
 
 use std::pin::pin;
 
@@ -13,26 +14,26 @@ use crate::fault::{Class, Promise};
 use crate::plan::Mishap;
 use crate::shared::{State, now};
 
-/// Steps that one client numbers at most: a thousandth of a degree of J2 each.
+/// The maximum number of steps that one client numbers. A number is a thousandth of a degree of J2.
 const MOST_STEPS: i64 = 6000;
 
-/// The places of a path are as far apart as this, degrees of J1: far enough to be told apart.
+/// The minimum distance between places of a path, in degrees of J1, so that they can be distinguished.
 const APART: f64 = 0.15;
 
-/// A frame that was handed over is through or taken back after this long.
+/// After this time in ms, a frame that was handed over has left or was withdrawn.
 const HANDED_OVER: u64 = 10;
 
-/// What became of a motion that the program has a handle of.
+/// What happened to a motion whose handle the program has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Attended {
-    /// The program knows its end.
+    /// The program knows how it ended.
     Ended,
     /// The program dropped the handle.
     Dropped,
 }
 
 impl Work {
-    /// Moves again and again, in one way or another.
+    /// Moves again and again, in various ways.
     pub(super) async fn move_about(mut self) {
         while self.plan.moves && !self.is_over() {
             self.move_once().await;
@@ -70,11 +71,12 @@ impl Work {
         }
     }
 
-    /// A path of new steps.
+    /// Creates a path of new steps.
     fn path(&mut self) -> Option<(Vec<i64>, Motion)> {
         let base = 1 + i64::try_from(self.place()).unwrap_or(0) * MOST_STEPS;
         let trap = self.shared.plan.trap;
-        // In one list, so that nothing in the middle of a path can be what was not carried out.
+        // For P10 the path fits in one list, so that the step that was not executed cannot be in the middle
+        // of a path.
         let most = match trap {
             Some(Class::P10) => 3,
             Some(Class::E5) => 24,
@@ -97,7 +99,7 @@ impl Work {
         for step in &steps {
             #[expect(clippy::cast_precision_loss, reason = "a small number")]
             let (mut j1, j2) = (self.random.below(30_000) as f64 / 1000.0, *step as f64 / 1000.0);
-            // No two steps end where a client has to take one for the other.
+            // No two steps end at places that a client could confuse.
             while places.iter().any(|place| (place - j1).abs() < APART) {
                 j1 += APART;
             }
@@ -151,12 +153,12 @@ impl Work {
         if is_dropped { line.run_is_dropped(run) } else { line.run_ends(run) }
     }
 
-    /// Sends a list as it is, and waits until it is done.
+    /// Sends a list directly, and waits until it is done.
     async fn send_and_wait(&mut self, motion: &Motion, steps: &[i64]) {
         let (Ok(instructions), robot) = (motion.instructions(), self.robot.clone()) else { return };
         let begun = now();
         let looked = self.bounded("a look", robot.status()).await;
-        // A program whose call was slow does not send a list for what it saw long ago.
+        // A program whose call was slow does not send a list based on an old status.
         if !looked.is_ok_and(|status| status.is_ready()) || now() - begun > self.plan.patience * 4 {
             return;
         }
@@ -174,7 +176,7 @@ impl Work {
         }
     }
 
-    /// Lets a motion come to its end, stops it, drops it, or has it go at another speed.
+    /// Waits for the end of a motion, stops it, drops it, or changes its speed.
     pub(super) async fn attend(&mut self, handle: MotionHandle, steps: &[i64]) -> Attended {
         let told: Vec<_> = (1..=steps.len()).filter_map(|step| handle.step(step)).collect();
         let after = ms(30) + self.random.up_to(ms(900));
@@ -183,7 +185,7 @@ impl Work {
                 sleep(after).await;
                 let stopped = self.bounded("a stop", handle.stop()).await;
                 self.note_stop(stopped.as_ref().ok().map(|report| report.confirmed));
-                // Long enough to see that it goes on standing.
+                // Long enough to see whether the arm stays at rest.
                 sleep(ms(900)).await;
             }
             4..6 if self.plan.drops => {
@@ -216,7 +218,7 @@ impl Work {
         Attended::Ended
     }
 
-    /// Another speed in the middle of it, or a pause and a start; at last all is as before.
+    /// Changes the speed during the motion, or pauses and starts it. Restores everything at the end.
     async fn change_speed(&mut self) {
         let robot = self.robot.clone();
         if self.random.strikes(0.6) {
@@ -231,7 +233,7 @@ impl Work {
         }
     }
 
-    /// Follows a target that moves about.
+    /// Follows a moving target.
     async fn follow(&mut self) {
         let (target, targets) = r6_client::TargetSender::new();
         let wanted = self.random.below(40);
@@ -272,17 +274,19 @@ impl Work {
         self.shared.state().lines[self.index].unnumbered -= 1;
     }
 
-    /// A list that a careless program sends without having looked: it leaves only where somebody has looked on this connection.
+    /// A careless program sends a list without reading the status first. The list is sent only if the status
+    /// was already read on this connection.
     async fn send_without_a_look(&mut self) {
         self.send_blindly().await;
         sleep(ms(400)).await;
     }
 
-    /// Sends such a list as soon as a connection was made anew: ahead of whoever looks there, or together with him.
+    /// Sends such a list as soon as the client has reconnected, before or together with the read of the
+    /// status there.
     pub(super) async fn be_hasty(mut self) {
         let mut news = self.shared.state().lines[self.index].news.subscribe();
         while self.plan.moves && !self.is_over() {
-            // A program whose robot stays away ends all the same.
+            // The program also ends if its robot does not come back.
             if matches!(timeout(ms(100), news.changed()).await, Ok(Ok(())))
                 && self.shared.state().lines[self.index].is_free_to_be_hasty()
             {
@@ -304,7 +308,7 @@ impl Work {
         self.shared.state().lines[self.index].unnumbered -= 1;
     }
 
-    /// A place beyond a soft limit, the same place twice, or none: it ends with an alarm, or where it was.
+    /// Sends a place twice, beyond a soft limit or within it. The motion ends with an alarm or at the place.
     async fn overreach(&mut self) {
         let beyond =
             AxisPosition::degrees([[160.0, -170.0, 10.0][self.random.below(3)], 0.0, 0.0, 0.0, 0.0, 0.0]);
@@ -322,7 +326,7 @@ impl Work {
         sleep(ms(800)).await;
     }
 
-    /// When all is well a motion comes to its end, and each of its steps was carried out.
+    /// Without faults, a motion comes to its end, and each of its steps is executed.
     pub(super) async fn move_to_the_end(&mut self) -> Result<(), String> {
         let Some((steps, motion)) = self.path() else { return Ok(()) };
         let run = self.shared.state().lines[self.index].run_begins(now(), &steps);

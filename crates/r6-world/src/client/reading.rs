@@ -1,4 +1,4 @@
-//! What a program watches and asks for.
+//! What a program subscribes to and queries.
 
 use std::time::Duration;
 
@@ -26,7 +26,8 @@ impl Work {
         }
     }
 
-    /// Whatever is shown has an age and a quality; what is shown as fresh came over the wire, and is what the machine was.
+    /// Checks that every value has an age and a quality. A fresh value must have come over the wire, and must
+    /// match the machine.
     fn check(&self, snapshot: &Snapshot) {
         let at = now();
         let mut state = self.shared.state();
@@ -63,7 +64,7 @@ impl Work {
         }
     }
 
-    /// Asks for values, other ones each time.
+    /// Queries values, different ones each time.
     pub(super) async fn ask(mut self) {
         let mut round: usize = 0;
         while self.plan.asks && !self.is_over() {

@@ -1,4 +1,4 @@
-//! What a program does when the faults are over: everything works again, on the handle that was there all the time.
+//! What a program does after the faults are over: it shows that everything works again, on the same handle.
 
 use r6_client::{Command, OperationMode, RegisterIndex, Unmet, WaitOptions};
 use tokio::time::sleep;
@@ -7,7 +7,8 @@ use super::writing::WRITTEN;
 use super::{Work, ms};
 
 impl Work {
-    /// Waits until all programs of this robot have done their work, and those before it are well.
+    /// Waits until all programs of this robot have finished their work, and until the clients before this one
+    /// have recovered.
     pub(super) async fn wait_for_turn(&self) {
         loop {
             let my_turn = {
@@ -26,15 +27,15 @@ impl Work {
         }
     }
 
-    /// The faults are over and somebody has seen to the machine: a query, a command, a motion and a stop succeed on the handle that was there
-    /// all the time.
+    /// The faults are over and a person has restored the machine. A query, a command, a motion and a stop
+    /// must succeed on the same handle.
     pub(super) async fn all_is_well(mut self) -> Result<(), String> {
         self.make_ready().await?;
         let register = RegisterIndex::new(WRITTEN).ok_or("no register")?;
         let value = self.next_value();
         let written = self.robot.command(Command::RewriteData { register, savable: false, value }).await;
         written.map_err(|error| format!("a command: {error}"))?;
-        // The client carries a motion to its end that the program dropped. How it ended is no matter here.
+        // The client completes a motion that the program dropped. It does not matter here how it ended.
         let patience = WaitOptions { timeout: ms(30_000), ..WaitOptions::default() };
         drop(self.robot.wait_until_done(patience).await);
         self.make_ready().await?;
@@ -43,10 +44,10 @@ impl Work {
         if report.confirmed { Ok(()) } else { Err(format!("a stop: {report}")) }
     }
 
-    /// Brings the machine to where it takes motions, by what a program may do.
+    /// Makes the machine ready for motions, with the means of a program.
     async fn make_ready(&mut self) -> Result<(), String> {
         let mut last = String::new();
-        // A person needs about a second to see to it.
+        // A person takes about a second to restore it.
         for _ in 0..60 {
             sleep(ms(250)).await;
             let status = match self.robot.status().await {

@@ -1,4 +1,5 @@
-//! What a program is told of a motion or a stop, compared with what left and with what the controller did.
+//! Compares what a program hears about a motion or a stop with what was sent and with what the controller
+//! did.
 
 use std::time::Duration;
 
@@ -12,7 +13,8 @@ use crate::record::Record;
 use crate::shared::{State, now};
 
 impl Work {
-    /// A motion came to its end, its program is told: what the controller did of it.
+    /// Checks the steps of a motion that ended successfully for its program against what the controller
+    /// executed.
     pub(super) fn check_end(
         &self,
         at: Duration,
@@ -25,7 +27,7 @@ impl Work {
         let of = if is_true { steps } else { &steps[steps.len() - 1..] };
         let left = steps.iter().all(|step| line.has_sent(*step));
         let others_clear = self.shared.plan.trap == Some(Class::E5);
-        // Where others clear the list while the arm makes a step, the controller never counts that step as carried out.
+        // If another client clears the list during a step, the controller never counts that step as executed.
         let is_through =
             if self.is_alone() && !others_clear { floor.has_done(of) } else { floor.is_through_with(of) };
         record.check(Promise::Once, at, left && is_through, || {
@@ -35,7 +37,7 @@ impl Work {
             return;
         }
         let Some((last, before)) = steps.split_last() else { return };
-        // Somebody may clear the list when the arm is as good as at the end of the last step.
+        // Another client may clear the list when the arm has almost reached the end of the last step.
         let is_there = || line.targets.get(last).is_some_and(|j1| floor.stands_at(*j1, *last));
         let ends = floor.has_done(&[*last]) || (others_clear && is_there());
         let is_gapless = floor.has_done(before);
@@ -50,7 +52,7 @@ impl Work {
         record.check(Promise::Gapless, at, is_gapless, told);
     }
 
-    /// What is told of each step agrees with what left and with what was carried out.
+    /// Checks that the reported state of each step agrees with what was sent and executed.
     pub(super) fn compare(&self, told: &[StepHandle], steps: &[i64]) {
         let at = now();
         let mut state = self.shared.state();
@@ -62,7 +64,7 @@ impl Work {
             let (done, begun) = (floor.has_done(&[*step]), floor.has_begun(*step));
             let holds = match told.state() {
                 StepState::Queued => !left,
-                // Where the next move is blended in, a client sees it begin before the machine counts this one.
+                // With blending, a client sees the next move begin before the machine counts this one.
                 StepState::Done => left && (begun || !is_true),
                 StepState::Sent | StepState::Running | StepState::Lost => true,
             };

@@ -1,4 +1,4 @@
-//! The registers that a program writes: some that are kept, and some that are not.
+//! The registers that a program writes. The controller saves some of them, and others not.
 
 use r6_client::{Address, Command, RegisterIndex, RequestError};
 use tokio::time::sleep;
@@ -8,12 +8,12 @@ use crate::fault::Promise;
 use crate::saved_registers::look_at_disk;
 use crate::shared::{State, now};
 
-/// The registers that clients write: one each that is kept, and one each that is not.
+/// The registers that clients write. Each client has one register that is saved, and another that is not.
 const KEPT: u16 = 860;
 pub(super) const WRITTEN: u16 = 880;
 
 impl Work {
-    /// A value that nobody else writes, and that no client writes twice.
+    /// Returns a value that no other client writes, and that this client writes only once.
     pub(super) fn next_value(&self) -> i64 {
         let mut state = self.shared.state();
         let line = &mut state.lines[self.index];
@@ -44,7 +44,7 @@ impl Work {
             let holds = match &result {
                 Err(RequestError::NotSent(_) | RequestError::Invalid(_)) => times == 0,
                 Ok(_) | Err(RequestError::Refused(_)) => times == 1,
-                // It may have left in part.
+                // A part of it may have left.
                 Err(RequestError::OutcomeUnknown(_)) => times <= 1,
             };
             record.check(Promise::Once, at, holds, || {
@@ -62,7 +62,7 @@ impl Work {
             }
         }
         if result.is_err() {
-            // After a reconnect somebody has to look before a command leaves.
+            // After a reconnect, the program has to read the status before a command can be sent.
             let robot = self.robot.clone();
             drop(self.bounded("a look", robot.query(&[Address::CurMode, Address::CurAlarm])).await);
         }

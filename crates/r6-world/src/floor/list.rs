@@ -1,4 +1,4 @@
-//! What a controller has in its list, what it carried out of it, and what left it undone.
+//! What a controller has in its list, what it executed, and which steps left the list without being executed.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -13,36 +13,37 @@ use crate::fault::Promise;
 use crate::line::Line;
 use crate::record::Record;
 
-/// An arm that is as near to its target as this, degrees, is there: a client compares with 0.05.
+/// How near an arm must be to its target, in degrees, to count as there. A client compares with 0.05.
 const NEAR: f64 = 0.06;
 
 impl Floor {
-    /// Whether these steps were carried out.
+    /// Whether these steps were executed.
     #[must_use]
     pub fn has_done(&self, numbers: &[i64]) -> bool {
         numbers.iter().all(|number| self.done.contains(number))
     }
 
-    /// Whether each of these steps was carried out, or left the list undone.
+    /// Whether each of these steps was executed, or left the list without being executed.
     #[must_use]
     pub fn is_through_with(&self, numbers: &[i64]) -> bool {
         numbers.iter().all(|number| self.done.contains(number) || self.gone.contains(number))
     }
 
-    /// Whether it has begun with this step, or is through with it.
+    /// Whether the controller has begun this step, or is through with it.
     #[must_use]
     pub fn has_begun(&self, number: i64) -> bool {
         self.ahead.front() == Some(&number) || self.is_through_with(&[number])
     }
 
-    /// Whether the arm stands, and nothing is left to do.
+    /// Whether the arm stands and the list is empty.
     #[must_use]
     pub fn rests_with_an_empty_list(&self) -> bool {
         self.ahead.is_empty()
             && self.sights.back().is_some_and(|sight| sight.speeds.iter().all(|speed| *speed == 0.0))
     }
 
-    /// Whether the arm stands where this step leads, as near as a client may tell it: within 0.06 degrees.
+    /// Whether the arm stands at the target of this step, within 0.06 degrees, which is as close as a client
+    /// can judge.
     #[must_use]
     pub fn stands_at(&self, j1: f64, step: i64) -> bool {
         #[expect(clippy::cast_precision_loss, reason = "a small number")]
@@ -73,14 +74,14 @@ impl Floor {
             self.lose_list();
         }
         for _ in self.completed..list.completed() {
-            // Whatever changes the list is an event of its own, after which somebody looked.
+            // Every change of the list is an event of its own, and each is followed by an observation.
             if let Some(number) = self.ahead.pop_front().filter(|number| *number > 0) {
                 let first = self.done.insert(number);
                 record.tally.instructions += 1;
                 record.check(Promise::Once, at, first, || {
                     format!("{} carries out step {number} twice", self.name)
                 });
-                // Each client has numbers of its own.
+                // Each client has its own numbers.
                 let is_theirs =
                     clients.iter().any(|line| line.robot() == self.robot && line.has_sent(number));
                 record.check(Promise::Once, at, is_theirs, || {

@@ -1,4 +1,4 @@
-//! The machine as it was seen, instant by instant: whether it rests when it has to, its limits, and what it was when.
+//! The machine over time: whether it rests when it must, its limits, and its values at each instant.
 
 use std::time::Duration;
 
@@ -10,15 +10,15 @@ use super::{AXES, Floor, SKEW};
 use crate::fault::Promise;
 use crate::record::Record;
 
-/// What was seen longer ago is of no use: no client calls it fresh.
+/// How long observations are kept. No client calls older values fresh.
 const REMEMBERED: Duration = Duration::from_secs(8);
 
-/// Speeds are compared over no shorter and no longer time: a difference of two instants is nothing but rounding, and over a longer
-/// one a peak is lost.
+/// The shortest and the longest interval over which speeds are compared, in seconds. Over a shorter interval
+/// the difference is only rounding; over a longer one a peak is lost.
 const COMPARED: [f64; 2] = [0.0009, 0.030];
 
-/// Acceleration and jerk that no axis exceeds, for one unit of its full speed: those of a stop from full speed within 78 ms, twice, as where
-/// one move is blended into the next (`docs/FIDELITY.md`).
+/// The maximum acceleration and jerk of an axis, for one unit of its full speed: twice those of a stop from
+/// full speed within 78 ms, as when one move is blended into the next (`docs/FIDELITY.md`).
 const MOST_ACCELERATION: f64 = 2.0 * 2.0 / 0.078;
 
 const MOST_JERK: f64 = 2.0 * 8.0 / (0.078 * 0.078);
@@ -81,7 +81,7 @@ impl Floor {
         self.sights.push_back(sight);
     }
 
-    /// Soft limits, speed, acceleration and jerk.
+    /// Checks soft limits, speed, acceleration and jerk.
     fn limit(&mut self, sight: &Sight, controller: &Controller, record: &mut Record) {
         let model = controller.machine().model();
         for (number, (axis, (place, speed))) in
@@ -128,7 +128,8 @@ impl Floor {
         }
     }
 
-    /// Whether the machine was so at some time between the two; after the last look it stays as it was.
+    /// Whether the machine had this value at some time between the two; `None` if that is not known. After
+    /// the last observation it keeps its values.
     #[must_use]
     pub fn was(&self, address: Address, reading: &Reading, from: Duration, to: Duration) -> Option<bool> {
         let (from, to) = (from.saturating_sub(SKEW), to + SKEW);

@@ -1,4 +1,4 @@
-//! What comes, and whether it bears out what the program is told.
+//! Received bytes, and whether they support what the program hears.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use crate::floor::SKEW;
 use crate::record::Record;
 
 impl Line {
-    /// Bytes came.
+    /// Bytes arrived.
     pub fn received(&mut self, at: Duration, number: usize, bytes: &[u8], record: &mut Record) {
         record.tally.frames += 1;
         let connection = &mut self.connections[number];
@@ -20,8 +20,9 @@ impl Line {
         connection.came.extend_from_slice(bytes);
     }
 
-    /// A command with this value was answered with ok: whole replies came since it left that say so (I1), and one of them has its number,
-    /// came in time, and answers nothing else (I2).
+    /// Checks that a command with this value was answered with ok. A complete reply since it was sent must
+    /// say so (I1). Such a reply must have the command's number, must be in time, and must not have answered
+    /// another command (I2).
     pub fn answered(&mut self, value: i64, since: Duration, at: Duration, record: &mut Record) {
         let (patience, found) = (self.patience + SKEW * 2, value.to_string());
         let (mut came, mut answered) = (false, false);
@@ -51,7 +52,7 @@ impl Line {
         });
     }
 
-    /// A value was delivered: a whole frame that came since then has it.
+    /// Checks a delivered value: a complete frame since then must contain it.
     pub fn delivered(
         &self,
         (address, reading): (Address, &Reading),
@@ -93,7 +94,8 @@ mod tests {
         Duration::from_millis(millis)
     }
 
-    /// The first promise that is broken when a command with number 5 and value 77 is said to be answered with ok; what came, and when.
+    /// The first broken promise if a command with number 5 and value 77 counts as answered with ok, after
+    /// these replies at these times.
     fn broken(replies: &[(u64, &str)]) -> Option<Promise> {
         let plan = ClientPlan {
             robot: 0,

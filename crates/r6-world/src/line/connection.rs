@@ -1,4 +1,4 @@
-//! One connection of a client: what left over it and what came.
+//! One connection of a client: sent frames and received bytes.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -7,26 +7,26 @@ use serde_json::Value;
 
 use crate::wire::whole_frames;
 
-/// What came is remembered for so long: no answer is made of what came earlier.
+/// How long received bytes are kept. No check needs older bytes.
 const REMEMBERED: Duration = Duration::from_secs(70);
 
-/// And no more of it than this, bytes: some replies are 200 000 bytes too long.
+/// The maximum number of kept bytes. Some replies are 200 000 bytes too long.
 const MOST_REMEMBERED: usize = 16 << 20;
 
 /// One connection.
 #[derive(Debug, Default)]
 pub(super) struct Connection {
-    /// Bytes that left and are no whole frame yet.
+    /// Sent bytes that do not yet form a complete frame.
     pub begun: Vec<u8>,
     pub sent: Vec<Sent>,
     pub came: Vec<u8>,
-    /// How many bytes came before those.
+    /// How many bytes came before those in `came`.
     pub forgotten: usize,
-    /// Where the bytes begin that came at a time.
+    /// For each time of arrival, the position of its first byte.
     pub marks: Vec<(Duration, usize)>,
-    /// Replies that answered a command already: where they end.
+    /// Replies that already answered a command, by the position of their end.
     pub used: BTreeSet<usize>,
-    /// Whether somebody was asked who is there.
+    /// Whether the client asked for the controller's identity.
     pub asked_who: bool,
     /// The robot at its other end.
     pub robot: usize,
@@ -46,7 +46,7 @@ pub(super) struct Sent {
 }
 
 impl Connection {
-    /// Forgets what came long ago, in large pieces.
+    /// Drops old bytes, in large pieces.
     pub fn forget(&mut self, at: Duration) {
         let is_old = self.marks.first().is_some_and(|(first, _)| *first + REMEMBERED * 2 < at);
         if !is_old && self.came.len() <= MOST_REMEMBERED {
@@ -59,7 +59,8 @@ impl Connection {
         self.forgotten = begin;
     }
 
-    /// The whole frames that came from then on: when the last byte came, where it ends, and its text.
+    /// The complete frames that arrived from then on: the time of the last byte, the position of the end, and
+    /// the text.
     pub fn since(&self, from: Duration) -> Vec<(Duration, usize, String)> {
         let Some((_, begin)) = self.marks.iter().find(|(at, _)| *at >= from) else { return Vec::new() };
         let bytes = self.came.get(begin - self.forgotten..).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What leaves: whether it may, and whether it is the first time.
+//! Sent frames: whether they may be sent, and whether they are sent for the first time.
 
 use std::time::Duration;
 
@@ -11,14 +11,15 @@ use crate::fault::Promise;
 use crate::floor::{Floor, SKEW, number_of};
 use crate::record::Record;
 
-/// The longest frame that a client sends unless it is told otherwise.
+/// The longest frame that a client sends with the default settings.
 const MOST_BYTES: usize = 2048;
 
-/// Who is asked who it is on a new connection.
+/// The addresses of the identity query on a new connection.
 const WHO: [&str; 5] = ["version", "machineName", "axisNum", "curMode", "curAlarm"];
 
 impl Line {
-    /// Bytes left; whether there is a command among them that another's motion may feel.
+    /// Records sent bytes. Returns whether they contain a command that can affect the motion of another
+    /// client.
     pub fn sent(
         &mut self,
         at: Duration,
@@ -51,7 +52,7 @@ impl Line {
         commands
     }
 
-    /// A whole frame has left.
+    /// A complete frame was sent.
     fn left(
         &mut self,
         at: Duration,
@@ -102,8 +103,9 @@ impl Line {
         let Some(steps) = steps.filter(|steps| !steps.is_empty()) else { return };
         floors[to].lists_sent += 1;
         floors[to].is_commanded(at);
-        // Where nobody numbered the step, a program sent it by itself, and when it looked is its own business. What streams steps looks by
-        // itself once it was asked to, whoever else did before.
+        // A step without a number was sent directly by a program, and the program decides when to read the
+        // status. A streamed motion must read the status itself after it was asked for, whatever was read
+        // before.
         let is_streamed = steps.iter().all(|step| number_in(step) > 0);
         let streams =
             |run: &&Run| is_streamed && steps.iter().any(|step| run.steps.contains(&number_in(step)));
@@ -138,12 +140,12 @@ impl Line {
         });
     }
 
-    /// When the last look at mode and alarm on this connection was answered; for a motion that was asked for at a time: the last look of
-    /// its own.
+    /// When the last query of mode and alarm on this connection was answered. For a motion that was asked for
+    /// at `asked`: the last query of its own.
     fn seen_before(&self, at: Duration, number: usize, asked: Option<Duration>) -> Option<Duration> {
         let connection = &self.connections[number];
-        // On a connection that was made anew neither what a subscription polls counts nor the question who is there: the program itself
-        // has to look. The first one begins with the program.
+        // After a reconnect, neither the polls of a subscription nor the identity query count: the program
+        // itself has to read the status. The first connection begins with the program.
         let looks = |sent: &&Sent| {
             let Some(addresses) = sent.frame["queryAddr"].as_array() else { return false };
             let has = |wanted: &str| addresses.iter().any(|address| address == wanted);

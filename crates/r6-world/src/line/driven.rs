@@ -1,4 +1,5 @@
-//! Whether the connections of a client are driven, however its calls drive: what came is read, and heartbeats leave.
+//! Checks that a client's connections are driven, however badly its calls drive: arrived bytes are read, and
+//! heartbeats are sent.
 
 use std::time::Duration;
 
@@ -7,20 +8,20 @@ use crate::fault::Promise;
 use crate::pipes::Pipes;
 use crate::record::Record;
 
-/// What is there is read within this time: some steps of the world.
+/// The maximum time until arrived bytes are read: some steps of the world.
 const READS_WITHIN: Duration = Duration::from_millis(20);
 
-/// Clients that keep the watchdog fed do so this often.
+/// The heartbeat period of clients that feed the watchdog.
 pub const BEATS_EVERY: Duration = Duration::from_secs(2);
 
-/// No heartbeat is later than this.
+/// The maximum delay of a heartbeat.
 const BEATS_WITHIN: Duration = Duration::from_millis(20);
 
 impl Line {
-    /// Looks at all connections of this client. `latency`: the longest time that a packet takes.
+    /// Checks all connections of this client. `latency`: the longest time that a packet takes.
     ///
-    /// A call that is slow harms itself: while no other call waits, nobody watches and no heartbeat is due, nobody has to read what comes
-    /// for it.
+    /// A slow call may harm itself. If no other call waits, there is no subscription and no heartbeat is due,
+    /// its bytes may stay unread.
     pub fn look_at_drivers(
         &self,
         client: usize,
@@ -43,7 +44,7 @@ impl Line {
                 )
             });
         }
-        // The second connection of a stop never beats.
+        // The second connection of a stop sends no heartbeats.
         let beating = self.connections.iter().filter(|it| !it.beaten.is_zero() && it.ended.is_none());
         for connection in beating {
             let due = connection.beaten.max(self.passes_since) + BEATS_EVERY + BEATS_WITHIN;

@@ -1,21 +1,21 @@
-//! What a frame says that came, to whoever reads it as generously as one can.
+//! Reads a received frame as tolerantly as possible.
 
 use r6_client::Reading;
 use serde_json::Value;
 
-/// Whether a reply has the number of a request, if it has one.
+/// Whether a reply has the number of a request, or no number at all.
 pub fn answers(reply: &str, request: &Value) -> bool {
     let number = request["packID"].as_str().unwrap_or_default();
     !reply.contains("\"packID\"") || reply.contains(&format!("\"packID\":\"{number}\""))
 }
 
-/// Whether a reply says of something that it was done.
+/// Whether a reply says ok.
 pub fn says_ok(reply: &str) -> bool {
     reply.to_ascii_lowercase().contains("ok")
 }
 
-/// Whether a frame tells this value of this address: in its list at the place of the address; where there is no list of addresses of that
-/// length, anywhere in its list.
+/// Whether a frame has this value for this address, at the place of the address in its list. If there is no
+/// list of addresses of the same length, the value may be anywhere in its list.
 pub fn tells(frame: &str, address: &str, reading: &Reading) -> bool {
     let is_it = |text: &String| is(text, reading);
     let fits = |asked: &Vec<String>, values: &Vec<String>| {
@@ -28,7 +28,7 @@ pub fn tells(frame: &str, address: &str, reading: &Reading) -> bool {
     })
 }
 
-/// Whether this text is that value. Only numbers are asked for here: of another kind nothing is.
+/// Whether this text is that value. Only numbers are queried here, so other kinds never match.
 fn is(text: &str, reading: &Reading) -> bool {
     let is_number = |number: f64| text.trim().parse::<f64>().is_ok_and(|said| said == number);
     match reading {
@@ -41,8 +41,8 @@ fn is(text: &str, reading: &Reading) -> bool {
     }
 }
 
-/// Every list that has this name in a frame: its members as text, quoted or not. A frame that is no JSON for something that is in it is read
-/// as a reader could who takes the list all the same.
+/// Every list with this name in a frame, with its members as text, quoted or not. Frames with invalid JSON
+/// are read too, like a reader that accepts the list in spite of an error elsewhere.
 fn lists(frame: &str, name: &str) -> Vec<Vec<String>> {
     let name = format!("\"{name}\"");
     let begins = frame.match_indices(&name).filter_map(|(at, _)| frame.get(at + name.len()..));
@@ -50,7 +50,7 @@ fn lists(frame: &str, name: &str) -> Vec<Vec<String>> {
     begins.filter_map(list).collect()
 }
 
-/// The members of a list, after its bracket; `None` where it does not end.
+/// The members of a list, from the byte after its bracket; `None` if the list does not end.
 fn members(rest: &str) -> Option<Vec<String>> {
     let (mut members, mut member) = (Vec::new(), String::new());
     let (mut depth, mut in_text, mut escaped) = (0_u32, false, false);
@@ -91,7 +91,7 @@ mod tests {
         let frame = r#"{"reqType":"query","queryAddr":["curMode","curAlarm"],"queryData":["7", 5]}"#;
         assert!(mode(frame, 7) && !mode(frame, 5));
         assert!(tells(frame, "curAlarm", &Reading::Decimal(5.0)));
-        // Of firmware that repeats no addresses any of its values may be the one.
+        // Firmware may repeat no addresses. Then any of its values may be the one.
         let frame = r#"{"reqType":"query","queryData":["7","5"]}"#;
         assert!(mode(frame, 7) && mode(frame, 5) && !mode(frame, 6));
         assert!(!tells(frame, "curMode", &Reading::Flag(true)));

@@ -1,4 +1,4 @@
-//! What is drawn for each robot and those around it.
+//! Draws the plan of each robot and of the hosts around it.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use r6_traffic::random::Random;
 use super::{Blow, CALM, CameraPlan, ClientPlan, NOBODYS_ALARM, Plan, RobotPlan, Temper, ms};
 use crate::fault::Class;
 
-/// Draws one robot and what is around it.
+/// Draws one robot and the hosts around it.
 pub(super) struct Draw<'p> {
     pub plan: &'p mut Plan,
     pub random: &'p mut Random,
@@ -31,12 +31,12 @@ impl Draw<'_> {
         from[self.random.below(from.len())]
     }
 
-    /// A time while things go wrong.
+    /// A time during the faults.
     fn at(&mut self) -> Duration {
         CALM + self.random.up_to(self.plan.over - CALM - ms(1500))
     }
 
-    /// A time, and a later one before all is over.
+    /// A time, and a later time before the faults are over.
     fn span(&mut self, longest: u64) -> (Duration, Duration) {
         let at = self.at();
         let left = (self.plan.over - at).min(ms(longest));
@@ -127,7 +127,7 @@ impl Draw<'_> {
         &mut self.plan.robots[self.robot]
     }
 
-    /// Something of the link, of the replies or of the controller's task is broken for a time.
+    /// A fault of the link, the replies or the controller's task, for a limited time.
     fn fault(&mut self) {
         use BadJson::*;
         use Class::*;
@@ -187,7 +187,7 @@ impl Draw<'_> {
         let (class, fault, chance) = self.random_of(&all);
         let once = matches!(fault, Fault::Link(LinkFault::HalfOpen));
         if once && self.mine().scenario.faults.iter().any(|window| window.fault == fault) {
-            // Twice, and the places of all who were there would be taken for good.
+            // A second half-open fault would occupy the places of all connections for good.
             return;
         }
         let has_numbers = self.mine().profile == "hc1";
@@ -197,7 +197,8 @@ impl Draw<'_> {
             P3 | P4 => !has_numbers,
             _ => false,
         };
-        // A reply to another request with the same number and word cannot be told from one's own.
+        // A reply to another request with the same number and word cannot be distinguished from the right
+        // one.
         let says_wrongly = lies || class == P4 || fault == Fault::Task(TaskFault::NotExecuted);
         let (from, to) = self.span(4000);
         let mine = self.mine();
@@ -220,7 +221,7 @@ impl Draw<'_> {
         self.mine().people.push((at, action));
     }
 
-    /// Somebody does something at the machine, or something happens to it.
+    /// A person does something at the machine, or something happens to it.
     fn deed(&mut self) {
         use Class::*;
         let at = self.at();
@@ -286,7 +287,7 @@ impl Draw<'_> {
                 self.person(soon(1000), PanelAction::SwitchProgram("cell".to_owned()));
                 self.person(soon(1100), PanelAction::Press(Button::Start));
             }
-            // Whoever else asks, commands and sends: a speed at last.
+            // Another master queries, commands and sends; in the end it restores the speed.
             _ => {
                 self.plan.classes.push(C7);
                 let words = self.pick(&[
@@ -320,7 +321,7 @@ impl Draw<'_> {
             _ => (C4, Blow::CutPower { robot }, Blow::Boot { robot }, 3000),
         };
         let (begins, ends) = self.span(longest);
-        // Of what is switched off and on, one after the other: nobody is started that runs.
+        // Restarts do not overlap, so that no running host is started again.
         let overlaps = self.plan.blows.iter().any(|(at, blow)| {
             std::mem::discriminant(blow) != std::mem::discriminant(&Blow::Hold { client })
                 && (begins.saturating_sub(ms(4200))..=ends + ms(200)).contains(at)

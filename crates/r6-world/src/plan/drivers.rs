@@ -1,4 +1,4 @@
-//! How the calls of clients drive the connections that others depend on, too.
+//! How the calls of clients drive the connections that other calls depend on.
 
 use std::fmt;
 
@@ -7,38 +7,41 @@ use r6_traffic::random::Random;
 use super::Plan;
 use crate::fault::Class;
 
-/// How the calls of a client drive its connection. Who waits for an answer drives for all; this says how badly he does it.
+/// How the calls of a client drive its connection. A call that waits for a reply drives the connection for
+/// all calls; this says how badly it does so.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Drivers {
     /// Each call is polled whenever it is woken, until its end.
     #[default]
     AsTheyCome,
-    /// Some calls are dropped, at any await: after so many polls, when they are woken again, or after some time (K3).
+    /// Some calls are dropped at any await: after some polls, when they are woken again, or after some time
+    /// (K3).
     Dropped,
-    /// Some calls are slow: once polled they keep their place, are woken, and are not polled for up to some seconds (K4).
+    /// Some calls are slow: after a poll they keep their place, are woken, but are not polled for up to some
+    /// seconds (K4).
     Slow,
-    /// Both.
+    /// Both dropped and slow calls.
     All,
 }
 
 impl Drivers {
-    /// Those that break something, by the names that they are chosen by.
+    /// The drivers that break something, by name.
     pub const NAMED: [(&'static str, Self); 3] =
         [("dropped", Self::Dropped), ("slow", Self::Slow), ("all", Self::All)];
 
-    /// Whether calls are dropped where they drive.
+    /// Whether calls are dropped while they drive.
     #[must_use]
     pub fn drop_calls(self) -> bool {
         matches!(self, Self::Dropped | Self::All)
     }
 
-    /// Whether calls are slow where they drive.
+    /// Whether calls are slow while they drive.
     #[must_use]
     pub fn are_slow(self) -> bool {
         matches!(self, Self::Slow | Self::All)
     }
 
-    /// Whether a run of these drivers cannot show this class of faults.
+    /// Whether these drivers can never show this class of faults.
     #[must_use]
     pub fn never_bring(self, class: Class) -> bool {
         (class == Class::K3 && !self.drop_calls()) || (class == Class::K4 && !self.are_slow())
@@ -53,8 +56,8 @@ impl fmt::Display for Drivers {
 }
 
 impl Plan {
-    /// The same world with other drivers. The rest of it stays as it is, but half of the clients watch nothing: with a subscription the
-    /// keeper drives all the time, and hides what calls fail to do.
+    /// The same world with other drivers. Everything else stays, except that half of the clients have no
+    /// subscription. With a subscription the keeper drives all the time and hides what calls fail to do.
     #[must_use]
     pub fn driven_by(mut self, drivers: Drivers) -> Self {
         if drivers == Drivers::AsTheyCome {

@@ -1,4 +1,4 @@
-//! Worlds in which one thing goes wrong: what a statement about an arm must not be deceived by.
+//! Worlds with a single fault that must not deceive a statement about an arm.
 
 use std::time::Duration;
 
@@ -9,27 +9,29 @@ use r6_traffic::random::Random;
 use super::{Blow, CALM, ClientPlan, Drivers, Mishap, Plan, RobotPlan, ms};
 use crate::fault::Class;
 
-/// The classes that a world can have as its only one.
+/// The classes that can be the only fault of a world.
 pub const TRAPS: [Class; 9] =
     [Class::E1, Class::E2, Class::E3, Class::E4, Class::E5, Class::E6, Class::E7, Class::E8, Class::P10];
 
-/// The name of a program that runs by itself and stands in between, as one that waits for inputs.
+/// The name of a program that moves without remote commands and stands in between, like a program that waits
+/// for inputs.
 pub const DWELLS: &str = "dwells";
 
-/// That program.
+/// The text of that program.
 pub const DWELLS_TEXT: &str = "\
 [[step]]\ndo = \"axis-move\"\nto = [25, -3, 4, 0, 5, 0]\nspeed = 40\n\
 [[step]]\ndo = \"wait\"\nseconds = 0.3\n\
 [[step]]\ndo = \"axis-move\"\nto = [0, -1, 4, 0, 5, 0]\nspeed = 40\n\
 [[step]]\ndo = \"wait\"\nseconds = 0.8\n";
 
-/// What clears the list of whoever sent it.
+/// A frame that clears the instruction list.
 const CLEAR: &[u8] =
     b"{\"dsID\":\"www.hc-system.com.HCRemoteCommand\",\"reqType\":\"AddRCC\",\"packID\":\"1\",\
     \"emptyList\":\"1\",\"instructions\":[]}";
 
 impl Plan {
-    /// A world in which nothing goes wrong but this; any other class than those of [`TRAPS`]: nothing at all.
+    /// A world with this class as its only fault. A class that is not in [`TRAPS`] gives a world without
+    /// faults.
     #[must_use]
     pub fn trapped(class: Class, seed: u64) -> Self {
         let mut random = Random::new(seed ^ 0x7472_6170_7065_6421);
@@ -55,7 +57,7 @@ impl Plan {
         plan
     }
 
-    /// A world with the trap whose turn it is.
+    /// A world with one trap, each class in turn.
     #[must_use]
     pub fn any_trap(seed: u64) -> Self {
         let count = u64::try_from(TRAPS.len()).unwrap_or(1);
@@ -72,11 +74,11 @@ impl Plan {
             Class::E1 => {
                 let how = [IgnoredStop::Ok, IgnoredStop::Err, IgnoredStop::Every][random.below(3)];
                 faults.push(task(TaskFault::StopIgnored(how)));
-                // The arm stands in between, for longer than two looks.
+                // The arm stands in between, longer than two observations of the client.
                 faults.push(task(TaskFault::Dwell { rest: ms(250) + random.up_to(ms(100)) }));
                 client.mishap = Some(Mishap::Stopped);
                 if random.strikes(0.5) {
-                    // It runs by itself, and stands in between.
+                    // The program moves without remote commands, and stands in between.
                     robot.program = DWELLS;
                     client.mishap = Some(Mishap::StopsOthers);
                 }
@@ -85,7 +87,7 @@ impl Plan {
                 faults.push(task(TaskFault::Dwell { rest: ms(250) + random.up_to(ms(1000)) }));
                 client.mishap = random.strikes(0.3).then_some(Mishap::Stopped);
                 if random.strikes(0.6) {
-                    // It does not tell how many instructions are left.
+                    // This profile does not report how many instructions are left.
                     robot.profile = "r6-host";
                 }
             }
@@ -112,7 +114,7 @@ impl Plan {
                 }
             }
             Class::E6 => {
-                // What it is told by values would be seen first.
+                // Other values would show the swap first.
                 let turn = random.below(3);
                 (client.watches, client.asks) = (turn == 0, turn == 1);
                 let mut at = CALM + random.up_to(ms(1500));
@@ -126,7 +128,7 @@ impl Plan {
             Class::E7 => client.mishap = Some(Mishap::OutputFails),
             Class::E8 => client.mishap = Some(Mishap::Interrupted),
             Class::P10 => {
-                // Commands are few; what counts is a list.
+                // Commands are rare, and only lists count here.
                 faults.push(Window { chance: 0.3, ..task(TaskFault::NotExecuted) });
                 (client.watches, client.asks) = (false, false);
             }

@@ -23,7 +23,7 @@ that is left half open can block their port. The port is 9760 where none is give
 seen on 9700, 502, 503, 3388 and 8888.
 
 The exit code is 0 if a controller answers at each address, else 3; it is 2 if one of them is no \
-address, and nobody was asked.
+address, and no controller was asked.
 
 Examples:
   r6 discover 192.168.1.10 192.168.1.11

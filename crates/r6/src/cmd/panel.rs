@@ -133,8 +133,8 @@ Examples:
     },
     /// Load a program from a file; it replaces a program with the same name
     #[command(after_help = "\
-The program is then there (`moldList`), and with `--state` it survives a restart; `r6 panel program` chooses it. One that runs, or \
-that the running one may call, is not replaced: stop it first.
+The program is then there (`moldList`), and with `--state` it survives a restart; `r6 panel program` chooses it. A program that runs, or \
+that the running program may call, is not replaced: stop it first.
 
 Examples:
   r6 panel load cell.toml                       it is called `cell`

@@ -119,7 +119,7 @@ impl LogArgs {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The first lines name the addresses that the controllers listen on; then comes one line for each \
-thing that happens. Ctrl-C ends it. What nobody reads is lost: controllers wait for nobody.
+thing that happens. Ctrl-C ends it. Lines that are not read in time are lost: controllers do not wait for a reader.
 
 A line on stdin does what a person or a machine in the cell would do:
   input BOARD POINT on|off    sets an input, board 0-7, point 0-31
@@ -252,7 +252,8 @@ pub async fn start(settings: SimSettings) -> Result<Simulation, Failure> {
     Ok(simulation)
 }
 
-/// What to say of a controller that has an alarm as soon as it is switched on: its program's first step cannot be carried out.
+/// The message for a controller that has an alarm as soon as it is switched on, because the first step of its
+/// program cannot be carried out.
 fn alarm_at_start(state: &ControllerSnapshot, address: SocketAddr) -> Option<String> {
     let code = i64::from(state.alarm);
     (code != 0).then(|| {

@@ -33,7 +33,7 @@ This is an ordinary command over a network, not an emergency stop: only the wire
 people.
 
 The exit code is 0 once the machine was seen to stand, 3 if it cannot be reached, else 4. It is 4, too, \
-if stdout cannot be written: the stop was sent, and nobody was told what was seen.
+if stdout cannot be written: the stop was sent, and its result could not be told.
 
 Ctrl-C and a closed terminal do not end a stop that is under way; Ctrl-C twice does, with exit code 4.
 

@@ -34,7 +34,7 @@ pub fn conclude(ended: Result<Exit, Failure>, as_json: bool) -> Exit {
             where_nobody_was_told(exit, has_acted())
         }
         (None, false) if has_acted() => {
-            note("r6: nobody reads stdout: what it says of the machine was not read");
+            note("r6: stdout is not read: what r6 says of the machine was lost");
             where_nobody_was_told(exit, true)
         }
         (None, _) => exit,

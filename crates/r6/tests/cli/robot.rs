@@ -283,6 +283,18 @@ fn advice_is_for_the_robot_that_was_asked() {
 }
 
 #[test]
+fn older_firmware_is_asked_in_its_own_words() {
+    let robot = Robot::start(&["--profile", "legacy"]);
+    let outcome = robot.r6(&["--type-key", "cmdType", "--ds-id", "short", "-vvv", "query", "version"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert!(outcome.err.contains("cmdType") && outcome.err.contains("HCRemoteMonitor"), "{}", outcome.err);
+    let usual = robot.r6(&["-vvv", "query", "version"]);
+    assert!(usual.err.contains("reqType") && usual.err.contains("www.hc-system.com"), "{}", usual.err);
+    let wrong = robot.r6(&["--ds-id", "shrt", "status"]);
+    assert!(wrong.code == 2 && wrong.err.contains("short"), "{wrong:?}");
+}
+
+#[test]
 fn a_robot_is_not_named_where_none_is_asked() {
     for (args, advice) in [
         (&["-r", "192.168.1.10", "up"][..], "`r6 up --listen 192.168.1.10`"),

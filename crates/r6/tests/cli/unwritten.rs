@@ -183,7 +183,7 @@ fn watching_for_a_reader_that_does_not_read_can_be_ended() {
     writer.write_all(&[b' '; PIPE_BYTES]).unwrap();
     let watch = ["-r", &cell.address, "watch", "axis-0", "--every", "1ms"];
     let running = Running::start_with_stdout(&watch, writer);
-    // Nobody else connects. It has taken over the signals by then. Every look starts a program that asks no robot.
+    // A connection shows that `r6 watch` runs and has taken over the signals. `r6 alarm` connects to nothing.
     let mut looks = (0..MANY_LOOKS).map(|_| r6(&["alarm", "1"]).code);
     assert!(looks.any(|code| code == 0 && cell.controller.handle().snapshot().connections > 0));
     assert_eq!(running.end("INT"), Some(0));

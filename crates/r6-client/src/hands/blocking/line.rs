@@ -1,4 +1,4 @@
-//! The socket of a blocking connection, and the attempts to make a new one.
+//! The socket of a blocking connection, and the attempts to reconnect.
 
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, Shutdown};
@@ -15,19 +15,21 @@ use crate::error::NotSent;
 use crate::hands::connect::Tcp;
 use crate::pushed::LostReason;
 
-/// The longest that a thread reads without coming back: what another thread does for it meanwhile, such as giving a lock back, it sees
-/// only then. Setting it costs a system call, so it is made shorter only for a nearer deadline.
+/// The longest time that a thread reads without returning. Only when it returns does it see what another
+/// thread does for it meanwhile, such as giving a lock back. Setting the timeout costs a system call, so it
+/// is made shorter only for a nearer deadline.
 const LONGEST_READ: Duration = Duration::from_millis(50);
 
-/// A write that waits for longer is given up and tried again: it holds up the other threads. Systems round it up by some milliseconds.
+/// A write that waits longer than this is given up and retried later, because it blocks the other threads.
+/// Systems round this up by some milliseconds.
 const LONGEST_WRITE: Duration = Duration::from_millis(2);
 
-/// So long after a peer took nothing it is tried again.
+/// The client retries writing this long after a peer accepted nothing.
 const WRITE_AGAIN: Duration = Duration::from_millis(20);
 
-/// How waiting for bytes ended.
+/// How a wait for bytes ended.
 pub(super) enum Came {
-    /// So many bytes came, or the connection has ended.
+    /// This many bytes came, or the connection has ended.
     Read(io::Result<usize>),
     /// Nothing came in time.
     Nothing,
@@ -39,33 +41,35 @@ pub(super) enum Came {
 #[derive(Debug)]
 pub(super) struct Socket {
     stream: Box<dyn Stream>,
-    /// The time-out of a read as it is set, milliseconds.
+    /// The read timeout as set on the socket, in milliseconds.
     read_ms: AtomicU64,
-    /// Whether the last read ended by it.
+    /// Whether the last read ended by its timeout.
     was_idle: AtomicBool,
 }
 
 impl Socket {
-    /// Until when the next read may wait. `latest`: when the thread that reads wants to be back.
+    /// The time until which the next read may wait. `latest`: when the reading thread wants to be back.
     pub fn reads_until(&self, now: Now, latest: Option<Instant>) -> Instant {
         let until = now.at + Duration::from_millis(self.next_ms(now, latest));
         now.due.map_or(until, |due| due.min(until))
     }
 
-    /// Sets the time-out of the next read to that.
+    /// Sets the timeout of the next read accordingly.
     pub fn set_time_out(&self, now: Now, latest: Option<Instant>) {
         let ms = self.next_ms(now, latest);
         if ms != self.read_ms.load(Ordering::Relaxed) {
-            // If that is refused, it stays as it was: the thread comes back later.
+            // If the system refuses, the old timeout stays: the thread returns later.
             self.stream.set_read_timeout(Duration::from_millis(ms)).ok();
             self.read_ms.store(ms, Ordering::Relaxed);
         }
     }
 
-    /// Between quick replies it is made shorter in a few big steps, and never longer; exactly as long as it may be once nothing comes.
+    /// Calculates the next read timeout, in milliseconds. Between quick replies the timeout is shortened in a
+    /// few big steps and never lengthened. After a read that brought nothing, it is set exactly.
     fn next_ms(&self, now: Now, latest: Option<Instant>) -> u64 {
         let left = now.due.map_or(LONGEST_READ, |due| due.since(now.at));
-        // Where no answer is due, the thread is back before the deadline and waits for it in a way that keeps it.
+        // If no reply is due, the thread returns before the deadline and waits for it by parking, which keeps
+        // the deadline exactly.
         let left = if now.awaits { left } else { left.saturating_sub(READ_SLACK) };
         let left = latest.map_or(left, |latest| latest.since(now.at).min(left));
         let left = millis(left.min(LONGEST_READ));
@@ -80,7 +84,7 @@ impl Socket {
     /// Waits for bytes.
     pub fn read(&self, buffer: &mut [u8]) -> Came {
         let came = match self.stream.read(buffer) {
-            // Not tried again here: the system would wait for the whole time once more.
+            // Not retried here: the system would wait for the whole time once more.
             Err(error) if error.kind() == ErrorKind::Interrupted => Came::Signal,
             Err(error) if is_time_out(&error) => Came::Nothing,
             read => Came::Read(read),
@@ -89,18 +93,18 @@ impl Socket {
         came
     }
 
-    /// Reads what is there; `None`: nothing is.
+    /// Reads the bytes that are there; `None` if there are none.
     fn read_now(&self, buffer: &mut [u8]) -> Option<io::Result<usize>> {
         unless_nothing_came(|| self.stream.read_now(buffer))
     }
 }
 
-/// At least one: none would mean for ever.
+/// Converts to milliseconds, at least one, because zero would mean "wait for ever".
 fn millis(time: Duration) -> u64 {
     u64::try_from(time.as_micros().div_ceil(1000)).unwrap_or(u64::MAX).max(1)
 }
 
-/// What came of reading; `None`: nothing came.
+/// Reads, and returns `None` if nothing came.
 fn unless_nothing_came(mut read: impl FnMut() -> io::Result<usize>) -> Option<io::Result<usize>> {
     loop {
         match read() {
@@ -111,32 +115,35 @@ fn unless_nothing_came(mut read: impl FnMut() -> io::Result<usize>) -> Option<io
     }
 }
 
-/// Whether our own time-out ended it. Elsewhere than on Windows the other word means that the peer is gone.
+/// Whether our own timeout ended the call. On other systems than Windows, `TimedOut` means that the peer is
+/// gone.
 fn is_time_out(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || (cfg!(windows) && error.kind() == ErrorKind::TimedOut)
 }
 
-/// How a connection ended that takes or gives nothing any more.
+/// Why a connection ended that can no longer be read or written.
 pub(super) fn reason(ended: io::Result<usize>) -> LostReason {
     ended.map_or_else(|error| LostReason::Io(error.kind()), |_none| LostReason::ClosedByPeer)
 }
 
-/// What carries the bytes of one connection through all its lives. It is locked behind the connection, never before.
+/// Carries the bytes of one connection across all its reconnections. Lock order: the connection first, then
+/// the line.
 #[derive(Debug)]
 pub(super) struct Line {
     target: Tcp,
     system: Arc<dyn System>,
     connect_timeout: Duration,
-    /// A second connection is not made anew.
+    /// Set for a second connection, which is never reconnected.
     only_once: bool,
     socket: Option<Arc<Socket>>,
-    /// Whether our side of the connection was ended.
+    /// Whether our side of the connection was shut down.
     shut: bool,
-    /// When a peer that took nothing is tried again.
+    /// When to retry writing to a peer that accepted nothing.
     again_at: Option<Instant>,
-    /// Until when an attempt to connect may take.
+    /// The time at which the attempt to connect is given up.
     attempt: Option<Instant>,
-    /// The thread that tries. It may hang in the name lookup for longer than its attempt; the next attempt takes what it brings.
+    /// The result of the thread that connects. The name lookup may block that thread longer than its attempt;
+    /// then the next attempt takes its result.
     trying: Option<Arc<Mutex<Option<Made>>>>,
 }
 
@@ -173,13 +180,13 @@ impl Line {
         self.socket.as_ref().is_some_and(|own| Arc::ptr_eq(own, socket))
     }
 
-    /// Reads what is there. Nobody may be reading.
+    /// Reads the bytes that are there. No thread may be reading.
     pub fn glance(&self, buffer: &mut [u8]) -> Option<(Arc<Socket>, io::Result<usize>)> {
         let socket = self.socket.as_ref()?;
         Some((Arc::clone(socket), socket.read_now(buffer)?))
     }
 
-    /// When it has to be looked after.
+    /// The time at which the line needs attention.
     pub fn deadline(&self) -> Option<Instant> {
         [self.again_at, self.attempt].into_iter().flatten().min()
     }
@@ -192,7 +199,7 @@ impl Line {
         (self.shut, self.again_at, self.attempt) = (false, None, None);
     }
 
-    /// Lets go of the socket. A thread that reads comes back by that.
+    /// Closes the socket. This makes a reading thread return.
     pub fn close(&mut self) {
         if let Some(socket) = self.socket.take() {
             socket.stream.shutdown(Shutdown::Both).ok();
@@ -200,7 +207,7 @@ impl Line {
         (self.shut, self.again_at) = (false, None);
     }
 
-    /// Writes what waits; whether the connection went on to another phase.
+    /// Writes what waits. Returns whether the connection changed to another phase.
     pub fn write(&mut self, connection: &mut Connection, wants: Wants, now: Instant) -> bool {
         let ended = loop {
             let Some(socket) = &self.socket else { break Ok(0) };
@@ -223,7 +230,7 @@ impl Line {
             match socket.stream.write(output) {
                 Ok(bytes) if bytes > 0 => {
                     connection.written(bytes);
-                    // The peer took a part in time.
+                    // The peer accepted a part in time.
                     self.again_at = (bytes < length).then(|| now + WRITE_AGAIN);
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
@@ -243,7 +250,8 @@ impl Line {
         true
     }
 
-    /// Goes on with an attempt to connect; what came of it. `done`: called by the thread that tries, at its end.
+    /// Continues an attempt to connect, or starts one. Returns its result once there is one. The connecting
+    /// thread calls `done` at its end.
     pub fn connect(&mut self, now: Instant, done: impl FnOnce() + Send + 'static) -> Option<Made> {
         if self.only_once {
             let once = io::Error::new(ErrorKind::NotConnected, "this connection is not made anew");
@@ -274,7 +282,7 @@ impl Line {
         Some(made)
     }
 
-    /// No connection is wanted: one that is made nevertheless is closed.
+    /// Gives up connecting. A connection that is made nevertheless is closed.
     pub fn give_up(&mut self) {
         self.attempt = None;
         if self.trying.is_some() {
@@ -299,7 +307,7 @@ pub(super) fn spawn(
     spawned.map_err(|error| NotSent::NoEngine { detail: error.to_string() })
 }
 
-/// Connects within this time. A name is looked up on another thread, because that can take longer.
+/// Connects within this time. A name is looked up on another thread, because the lookup can take longer.
 pub(super) fn dial_within(system: &Arc<dyn System>, target: &Tcp, within: Duration) -> Made {
     if target.host().parse::<IpAddr>().is_ok() {
         return dial(&**system, target, within);
@@ -307,7 +315,7 @@ pub(super) fn dial_within(system: &Arc<dyn System>, target: &Tcp, within: Durati
     let (tell, told) = mpsc::sync_channel(1);
     let (looking_up, on) = (target.clone(), Arc::clone(system));
     spawn(&**system, "r6-connect", move || {
-        // Too late, it is closed.
+        // If the receiver is gone, the connection came too late and is closed.
         tell.send(dial(&*on, &looking_up, within)).ok();
     })?;
     let over = NotSent::ConnectTimedOut { address: target.to_string(), after: within };

@@ -1,4 +1,4 @@
-//! What wakes a thread that waits: its future, or another thread that calls it.
+//! Wakes a waiting thread: its future can continue, or another thread calls it.
 
 use std::cell::Cell;
 use std::sync::Arc;
@@ -14,19 +14,19 @@ pub(super) struct Signal {
     thread: Arc<dyn Parked>,
     /// Whether the thread is parked, or about to be.
     parked: AtomicBool,
-    /// Whether its future can go on.
+    /// Whether its future can continue.
     woken: AtomicBool,
-    /// Whether it is called to look after the connection.
+    /// Whether another thread called it to handle the connection.
     called: AtomicBool,
 }
 
 thread_local! {
-    /// Made once for each thread: a call allocates none.
+    /// Created once for each thread, so that a call does not allocate one.
     static MINE: Cell<Option<(Arc<Signal>, Waker)>> = const { Cell::new(None) };
 }
 
 impl Signal {
-    /// For this thread.
+    /// Creates a signal for the calling thread.
     pub fn here(system: &dyn System) -> Arc<Self> {
         let signal = Self {
             thread: system.this_thread(),
@@ -37,7 +37,7 @@ impl Signal {
         Arc::new(signal)
     }
 
-    /// Calls this with the signal of this thread; a call within a call gets another one.
+    /// Runs a function with the signal of this thread. A nested call gets another signal.
     pub fn with<T>(system: &dyn System, what: impl FnOnce(&Arc<Self>, &Waker) -> T) -> T {
         let mine = MINE.take().unwrap_or_else(|| {
             let signal = Self::here(system);
@@ -49,30 +49,30 @@ impl Signal {
         done
     }
 
-    /// Whether the future can go on.
+    /// Whether the future can continue.
     pub fn is_woken(&self) -> bool {
         self.woken.load(Ordering::SeqCst)
     }
 
-    /// The future is about to be polled: what wakes it from now on counts.
+    /// Prepares to poll the future: from now on, each wake of the future counts.
     pub fn begin_poll(&self) {
         self.woken.store(false, Ordering::SeqCst);
     }
 
-    /// Calls the thread, which looks after the connection then.
+    /// Calls the thread, which then handles the connection.
     pub fn call(&self) {
         self.called.store(true, Ordering::SeqCst);
         self.rouse();
     }
 
-    /// Waits until the future can go on, the thread is called, or the time is over; perhaps less.
+    /// Waits until the future can continue, the thread is called, or the time is over. It may return earlier.
     pub fn park(&self, within: Option<Duration>) {
         self.parked.store(true, Ordering::SeqCst);
         if !self.is_woken() && !self.called.load(Ordering::SeqCst) {
             self.thread.park(within);
         }
         self.parked.store(false, Ordering::SeqCst);
-        // Whoever calls after this finds it awake, and it looks before it parks again.
+        // A call after this point finds the thread awake. The thread checks for it before it parks again.
         self.called.store(false, Ordering::SeqCst);
     }
 

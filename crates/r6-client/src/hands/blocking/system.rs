@@ -1,4 +1,5 @@
-//! What a blocking connection needs of the system: the time, threads that wait, sockets. Tests simulate it, to make faults and time.
+//! The part of the operating system that a blocking connection uses: the time, waiting threads, sockets.
+//! Tests simulate it, to control faults and time.
 
 use std::fmt;
 use std::io;
@@ -7,75 +8,78 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// What the threads of a blocking connection ask for.
+/// The operations of the system that the threads of a blocking connection use.
 pub trait System: fmt::Debug + Send + Sync {
     /// The time since an origin that stays the same. It never goes back.
     fn now(&self) -> Duration;
 
-    /// The calling thread waits for so long.
+    /// Makes the calling thread wait for this time.
     fn sleep(&self, time: Duration);
 
-    /// The thread that calls this.
+    /// The calling thread.
     fn this_thread(&self) -> Arc<dyn Parked>;
 
     /// Starts a thread.
     ///
     /// # Errors
-    /// What the system says if it has none.
+    /// The error of the system, if it cannot start one.
     fn spawn(&self, name: &str, what: Box<dyn FnOnce() + Send>) -> io::Result<()>;
 
-    /// Connects to the first address of this host that answers. The time counts for the addresses, not for the name lookup.
+    /// Connects to the first address of this host that answers. The time limit covers the addresses, but not
+    /// the name lookup.
     ///
     /// # Errors
-    /// What the last attempt failed by. It counts as a time-out if the time is over by then.
+    /// The error of the last attempt. It counts as a timeout if the time is over by then.
     fn connect(&self, host: &str, port: u16, within: Duration) -> io::Result<Box<dyn Stream>>;
 }
 
 /// A thread that waits to be woken.
 pub trait Parked: fmt::Debug + Send + Sync {
-    /// Waits until [`Self::unpark`] was called since the last wait, or the time is over; perhaps less. Only the thread itself calls this.
+    /// Waits until [`Self::unpark`] was called since the last wait, or the time is over. It may return
+    /// earlier. Only the thread itself calls this.
     fn park(&self, within: Option<Duration>);
 
     /// Ends the wait, or the next one.
     fn unpark(&self);
 }
 
-/// A connected socket, which several threads use at once.
+/// A connected socket that several threads use at once.
 pub trait Stream: fmt::Debug + Send + Sync {
-    /// Waits for bytes until the time-out. As [`io::Read::read`] of a [`TcpStream`].
+    /// Waits for bytes until the timeout. Works as [`io::Read::read`] of a [`TcpStream`].
     ///
     /// # Errors
-    /// As there: of kind `WouldBlock` (on Windows also `TimedOut`) if nothing came in time.
+    /// The errors of that function: of kind `WouldBlock` (on Windows also `TimedOut`) if nothing came in
+    /// time.
     fn read(&self, buffer: &mut [u8]) -> io::Result<usize>;
 
-    /// The same without waiting. No other thread reads or writes meanwhile.
+    /// Reads without waiting. No other thread reads or writes meanwhile.
     ///
     /// # Errors
-    /// Of kind `WouldBlock` if nothing is there.
+    /// Of kind `WouldBlock` if no bytes are there.
     fn read_now(&self, buffer: &mut [u8]) -> io::Result<usize>;
 
-    /// Writes what there is room for, and waits for room until the time-out.
+    /// Writes as many bytes as there is room for. Waits for room until the timeout.
     ///
     /// # Errors
-    /// As [`Self::read`].
+    /// The same errors as [`Self::read`].
     fn write(&self, bytes: &[u8]) -> io::Result<usize>;
 
     /// Sets how long reading waits.
     ///
     /// # Errors
-    /// What the system says.
+    /// The error of the system.
     fn set_read_timeout(&self, within: Duration) -> io::Result<()>;
 
     /// Sets how long writing waits.
     ///
     /// # Errors
-    /// What the system says.
+    /// The error of the system.
     fn set_write_timeout(&self, within: Duration) -> io::Result<()>;
 
-    /// Ends one or both directions. A thread that reads comes back if its direction ends.
+    /// Shuts down one or both directions. A thread that reads returns if its direction ends.
     ///
     /// # Errors
-    /// What the system says.
+    /// The error of the system.
     fn shutdown(&self, how: Shutdown) -> io::Result<()>;
 }
 
@@ -84,7 +88,7 @@ pub trait Stream: fmt::Debug + Send + Sync {
 pub(crate) struct Std(Instant);
 
 impl Std {
-    /// Its time begins now.
+    /// Starts its time at the present moment.
     pub fn start() -> Self {
         Self(Instant::now())
     }
@@ -115,7 +119,8 @@ impl System for Std {
             if left.is_zero() {
                 break;
             }
-            // A frame that waits for the acknowledgement of the one before costs up to 200 ms.
+            // `set_nodelay`, because otherwise a frame waits for the acknowledgement of the one before, which
+            // costs up to 200 ms.
             let made = TcpStream::connect_timeout(&at, left);
             match made.and_then(|stream| stream.set_nodelay(true).map(|()| stream)) {
                 Ok(stream) => return Ok(Box::new(stream)),

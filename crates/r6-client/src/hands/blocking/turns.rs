@@ -1,19 +1,22 @@
-//! Who reads, and who is called where something has to be done.
+//! Decides which thread reads, and which thread is called when something has to be done.
 //!
 //! ```text
-//!               sit, nobody reads                    stand
-//!  (a thread) ───────────────────────▶ reads ───────────────────▶ away: the next that is parked is called
+//!               sit, no thread reads                 stand
+//!  (a thread) ───────────────────────▶ reads ───────────────────▶ away: the next parked thread is called
 //!       │  ▲                                                        ▲
 //!       │  └────── called, or its time is over ──────┐              │ stand
 //!       └───── sit, another reads, or no socket ──▶ parked ─────────┘
 //! ```
 //!
-//! 1. One thread reads. A thread that reads cannot be called: it comes back at its own time.
-//! 2. Whoever stops reading calls one that is parked. Whoever was called sits again, or stands, and then calls the next.
-//! 3. The next deadline is covered: one that is parked or the keeper comes back by then, or the reader well before. Whoever sits,
-//!    stands, or moves a deadline, looks whether that still holds, and else calls the keeper.
-//! 4. What happened is looked at by the thread that made it happen, before it blocks or goes; if that is a stranger to this
-//!    connection, one that is parked is called, or else the keeper. Between two reads the keeper sees it by itself.
+//! 1. One thread reads. A reading thread cannot be called: it returns at its own time.
+//! 2. A thread that stops reading calls a parked thread. A called thread sits again, or stands and then calls
+//!    the next.
+//! 3. The next deadline is always covered: a parked thread or the keeper returns by then, or the reading
+//!    thread returns well before. A thread that sits, stands or moves a deadline checks whether that still
+//!    holds. If not, it calls the keeper.
+//! 4. A thread that starts something handles it before it blocks or leaves. If that thread is a stranger to
+//!    this connection, a parked thread is called, or else the keeper. Between two reads the keeper checks
+//!    without a call.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -23,61 +26,63 @@ use r6_proto::time::Instant;
 
 use super::signal::Signal;
 
-/// How long no call must have waited before the keeper reads: calls that follow each other faster never find it reading.
+/// The keeper reads after no call has waited for this long. Calls that follow each other faster never find it
+/// reading.
 const FIRST_PAUSE: Duration = Duration::from_millis(1);
 
-/// While calls follow each other, the keeper looks for their end so often.
+/// While calls follow each other, the keeper checks this often whether they have ended.
 const LONGEST_PAUSE: Duration = Duration::from_millis(10);
 
-/// While nothing is under way, the keeper looks so often whether the connection has ended: a controller has few of them.
+/// While nothing is under way, the keeper checks this often whether the connection has ended, because a
+/// controller has few connections.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
 
-/// The time-out of a read ends later than it was set, by ticks of the system: 4 ms each on most, 10 ms on some. A deadline that is
-/// nearer than this is kept by a thread that is parked.
+/// A read timeout ends later than it was set, rounded up to ticks of the system: 4 ms each on most, 10 ms on
+/// some. A parked thread keeps a deadline that is nearer than this.
 pub(super) const READ_SLACK: Duration = Duration::from_millis(20);
 
 /// What a thread that sits down has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Turn {
     Read,
-    /// Until then, or until it is called.
+    /// Park until this time, or until it is called.
     Park(Option<Instant>),
 }
 
 /// What the keeper has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Plan {
-    /// Read, and wait for what comes.
+    /// Read, and wait for bytes.
     Read,
-    /// Read what is there.
+    /// Read the bytes that are there.
     Look,
     Park(Instant),
 }
 
-/// How things are, for whoever decides who has to come.
+/// The present situation, for deciding which thread to call.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Now {
     pub at: Instant,
     /// The next deadline.
     pub due: Option<Instant>,
-    /// Whether something is to be done, perhaps without a call that waits.
+    /// Whether there is work under way, perhaps without a call that waits.
     pub busy: bool,
-    /// Whether the controller owes an answer.
+    /// Whether the controller owes a reply.
     pub awaits: bool,
 }
 
 impl Now {
-    /// Whether a thread that waits reads meanwhile: for an answer, or if there is time enough before the next deadline.
+    /// Whether a waiting thread may read meanwhile: for a reply, or if the next deadline is far enough away.
     pub fn lets_read(&self) -> bool {
         self.awaits || self.due.is_none_or(|due| due > self.at + READ_SLACK)
     }
 }
 
-/// What the keeper remembers.
+/// The memory of the keeper between two plans.
 #[derive(Debug)]
 pub(super) struct Rhythm {
     entries: u64,
-    /// When it last found that a thread had sat down.
+    /// When the keeper last found that a thread had sat down.
     heard_at: Option<Instant>,
     pause: Duration,
     look_at: Instant,
@@ -89,26 +94,26 @@ impl Rhythm {
     }
 }
 
-/// The threads that wait at one connection.
+/// The threads that wait on one connection.
 #[derive(Debug, Default)]
 pub(super) struct Turns {
     inner: Mutex<Inner>,
-    /// Whether something happened that nobody has looked at.
+    /// Whether something happened that no thread has handled.
     happened: AtomicBool,
 }
 
 #[derive(Debug, Default)]
 struct Inner {
-    /// Until when the thread that reads comes back; `None`: nobody reads.
+    /// When the reading thread returns at the latest; `None`: no thread reads.
     reader: Option<Instant>,
     parked: Vec<(Arc<Signal>, Option<Instant>)>,
-    /// The keeper, and until when it is parked; `None` while it is awake or reads.
+    /// The keeper, and until when it is parked. The time is `None` while the keeper is awake or reads.
     keeper: Option<(Arc<Signal>, Option<Instant>)>,
-    /// How often a thread sat down.
+    /// How often threads have sat down.
     entries: u64,
     /// Whether a thread drives the errands.
     carrying: bool,
-    /// Operations that other executors poll. No thread of theirs ever reads.
+    /// Operations that other executors poll. The threads of those executors never read.
     strangers: usize,
     /// Whether any errand is under way.
     errands: bool,
@@ -119,7 +124,7 @@ impl Inner {
         self.parked.retain(|(signal, _)| !Arc::ptr_eq(signal, me));
     }
 
-    /// Whether somebody comes back by then.
+    /// Whether a thread returns by this time.
     fn is_covered(&self, due: Option<Instant>) -> bool {
         let Some(due) = due else { return true };
         let parked = self.parked.iter().filter_map(|(_, until)| *until);
@@ -128,7 +133,7 @@ impl Inner {
         reader.into_iter().chain(parked).chain(keeper).any(|until| until <= due)
     }
 
-    /// One that is parked and has something to wait for. It sits again, or stands.
+    /// Takes a parked thread whose future still waits. That thread then sits again, or stands.
     fn call_parked(&mut self) -> Option<Arc<Signal>> {
         let at = self.parked.iter().rposition(|(signal, _)| !signal.is_woken())?;
         Some(self.parked.remove(at).0)
@@ -140,7 +145,7 @@ impl Inner {
         plan
     }
 
-    /// The keeper, if nobody else comes by then.
+    /// The keeper, if no other thread returns by this time.
     fn cover(&self, due: Option<Instant>) -> Option<Arc<Signal>> {
         let (keeper, _) = self.keeper.as_ref()?;
         (!self.is_covered(due)).then(|| Arc::clone(keeper))
@@ -150,7 +155,7 @@ impl Inner {
         busy || self.errands || self.strangers > 0
     }
 
-    /// Who has to come so that somebody reads and the next deadline is covered.
+    /// The thread to call so that a thread reads and the next deadline is covered.
     fn settle(&mut self, now: Now) -> Option<Arc<Signal>> {
         if self.reader.is_none()
             && let Some(next) = self.call_parked()
@@ -176,7 +181,7 @@ impl Turns {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A thread waits. `reads`: until when it would read, if there is a socket.
+    /// Registers a waiting thread. `reads`: until when it would read, if there is a socket.
     pub fn sit(&self, me: &Arc<Signal>, reads: Option<Instant>, due: Option<Instant>) -> Turn {
         let mut inner = self.inner();
         inner.entries = inner.entries.wrapping_add(1);
@@ -193,7 +198,7 @@ impl Turns {
         Turn::Park(until)
     }
 
-    /// The one that reads goes on reading.
+    /// Tells that the reading thread continues to read.
     pub fn read_on(&self, until: Instant, due: Option<Instant>) {
         let mut inner = self.inner();
         inner.reader = Some(until);
@@ -202,7 +207,7 @@ impl Turns {
         call(next);
     }
 
-    /// A thread goes: one that reads, or one that was parked or called.
+    /// Tells that a thread leaves. It was reading, or it was parked or called.
     pub fn stand(&self, me: &Arc<Signal>, reads: bool, now: Now) {
         let mut inner = self.inner();
         if reads {
@@ -215,7 +220,8 @@ impl Turns {
         call(next);
     }
 
-    /// Somebody wants to read what is there, without waiting; `false` if another reads.
+    /// Takes the turn to read the bytes that are there, without waiting. Returns `false` if another thread
+    /// reads.
     pub fn glance(&self, now: Instant) -> bool {
         let mut inner = self.inner();
         let free = inner.reader.is_none();
@@ -225,7 +231,7 @@ impl Turns {
         free
     }
 
-    /// The end of a glance, or of the keeper's reading.
+    /// Ends a glance, or the keeper's reading.
     pub fn stop_reading(&self, now: Now) {
         let mut inner = self.inner();
         inner.reader = None;
@@ -234,23 +240,23 @@ impl Turns {
         call(next);
     }
 
-    /// Calls whoever has to come. After a deadline was moved, or a socket came.
+    /// Calls the thread that is needed. Used after a deadline was moved, or a socket was opened.
     pub fn settle(&self, now: Now) {
         let next = self.inner().settle(now);
         call(next);
     }
 
-    /// Whether something happened that nobody has looked at.
+    /// Whether something happened that no thread has handled.
     pub fn has_happened(&self) -> bool {
         self.happened.load(Ordering::SeqCst)
     }
 
-    /// Something happened. This thread looks at it before it blocks or goes.
+    /// Notes that something happened. This thread handles it before it blocks or leaves.
     pub fn note(&self) {
         self.happened.store(true, Ordering::SeqCst);
     }
 
-    /// Something happened, made by a stranger: another has to look at it.
+    /// Notes that a stranger started something: another thread has to handle it.
     pub fn summon(&self) {
         self.note();
         let mut inner = self.inner();
@@ -263,7 +269,8 @@ impl Turns {
         call(next);
     }
 
-    /// Begins to drive the errands. `false`: another thread does, and looks again before it ends.
+    /// Takes the right to drive the errands. Returns `false` if another thread has it; that thread looks
+    /// again before it ends.
     pub fn begin(&self) -> bool {
         let mut inner = self.inner();
         if inner.carrying {
@@ -275,7 +282,8 @@ impl Turns {
         true
     }
 
-    /// Ends that; `false` if something happened meanwhile, which has to be looked at first. `errands`: whether any is under way.
+    /// Gives back that right. Returns `false` if something happened meanwhile, which has to be handled first.
+    /// `errands`: whether any is under way.
     pub fn end(&self, errands: bool) -> bool {
         let mut inner = self.inner();
         inner.errands = errands;
@@ -283,14 +291,14 @@ impl Turns {
         !inner.carrying
     }
 
-    /// Ends that, whatever happened meanwhile.
+    /// Gives back that right, even if something happened meanwhile.
     pub fn interrupt(&self) {
         let mut inner = self.inner();
         inner.carrying = false;
         self.note();
     }
 
-    /// An operation that another executor polls waits.
+    /// Notes that an operation that another executor polls waits.
     pub fn stranger_came(&self) {
         self.inner().strangers += 1;
     }
@@ -308,18 +316,19 @@ impl Turns {
         self.inner().keeper = None;
     }
 
-    /// Whether anything is under way that keeps the keeper.
+    /// Whether anything is under way for which the keeper is needed.
     pub fn is_wanted(&self, busy: bool) -> bool {
         self.inner().is_wanted(busy)
     }
 
-    /// What the keeper has to do next. `reads`: as in [`Self::sit`].
+    /// Decides what the keeper does next. `reads`: as in [`Self::sit`].
     pub fn plan(&self, rhythm: &mut Rhythm, reads: Option<Instant>, now: Now) -> Plan {
         let mut inner = self.inner();
         if rhythm.entries != inner.entries {
             (rhythm.entries, rhythm.heard_at) = (inner.entries, Some(now.at));
         }
-        // It may be called any time, also by itself: that it looks again says nothing.
+        // The keeper may be called at any time, also by itself. So waking up alone does not count as
+        // activity.
         let quiet = rhythm.heard_at.is_none_or(|at| now.at.since(at) >= FIRST_PAUSE);
         let alone = inner.reader.is_none() && inner.parked.is_empty();
         if inner.reader.is_none()
@@ -339,7 +348,7 @@ impl Turns {
                 rhythm.pause = FIRST_PAUSE;
                 return inner.keeper_reads(reads, Plan::Read);
             }
-            // A call that waits for long calls the keeper when it goes.
+            // A call that waits for long calls the keeper when it leaves.
             if !quiet || alone {
                 until = until.min(now.at + rhythm.pause);
                 rhythm.pause = (rhythm.pause * 2).min(LONGEST_PAUSE);
@@ -353,7 +362,7 @@ impl Turns {
         Plan::Park(until)
     }
 
-    /// The keeper is awake.
+    /// Notes that the keeper is awake.
     pub fn keeper_woke(&self) {
         self.inner().keeper.iter_mut().for_each(|(_, until)| *until = None);
     }
@@ -375,7 +384,7 @@ mod tests {
         Now { at: at(0), due: due.map(at), busy: false, awaits: false }
     }
 
-    /// The state of a thread, as it sees it.
+    /// The state of a thread, as the test sees it.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     enum Seen {
         Away,
@@ -385,11 +394,11 @@ mod tests {
 
     #[derive(Clone, Debug)]
     enum Step {
-        /// A thread sits down, or sits again, with this deadline before it.
+        /// A thread sits down, or sits again, with this deadline ahead.
         Sit(usize, Option<u64>),
-        /// The future of a thread can go on.
+        /// The future of a thread can continue.
         Wake(usize),
-        /// A thread goes; the deadline is another one by then.
+        /// A thread leaves; the deadline has changed by then.
         Stand(usize, Option<u64>),
         Summon,
     }
@@ -406,13 +415,14 @@ mod tests {
     }
 
     fn forget_calls(signal: &Arc<Signal>) {
-        // Nobody parks a signal that was called.
+        // The call was pending, so `park` returns at once.
         signal.call();
         signal.park(None);
     }
 
     proptest! {
-        /// Whatever the threads do: if one is parked, another reads, or one was called that will; and somebody comes by the deadline.
+        /// For any sequence of steps: if a thread is parked, another reads, or one was called that will read.
+        /// And some thread returns by the deadline.
         #[test]
         fn the_reading_is_never_lost(steps in steps()) {
             let turns = Turns::default();
@@ -451,12 +461,12 @@ mod tests {
                     Step::Summon => {
                         turns.summon();
                         let anybody = threads.iter().chain([&keeper]).any(|signal| signal.is_called());
-                        prop_assert!(anybody, "nobody looks at what a stranger made happen");
+                        prop_assert!(anybody, "no thread serves what a stranger caused");
                     }
                 }
                 let readers = seen.iter().filter(|seen| matches!(seen, Seen::Reads(_))).count();
                 prop_assert!(readers <= 1);
-                // Whoever was called or woken sits again or stands.
+                // A called or woken thread sits again or stands.
                 let comes = |thread: usize| threads[thread].is_called() || threads[thread].is_woken();
                 let waits = |thread: &usize| matches!(seen[*thread], Seen::Parked(_));
                 let somebody_comes = (0..5).filter(waits).any(comes);
@@ -483,7 +493,7 @@ mod tests {
         let wanted = |ms| Now { at: at(ms), due: None, busy: true, awaits: true };
         assert_eq!(turns.sit(&thread, Some(at(50)), None), Turn::Read);
         turns.stand(&thread, true, wanted(0));
-        // There was a call since it last looked, and there may be another soon.
+        // There was a call since the keeper last checked, and another may follow soon.
         assert_eq!(turns.plan(&mut rhythm, Some(at(50)), wanted(0)), Plan::Park(at(1)));
         turns.sit(&thread, Some(at(50)), None);
         turns.stand(&thread, true, wanted(1));
@@ -494,7 +504,7 @@ mod tests {
         turns.stop_reading(wanted(4));
         assert!(thread.is_called(), "a call that waits reads by itself");
         turns.stand(&thread, false, wanted(4));
-        // However often it looks.
+        // The number of its checks does not matter.
         assert!(matches!(turns.plan(&mut rhythm, Some(at(50)), wanted(4)), Plan::Park(_)));
         assert!(matches!(turns.plan(&mut rhythm, Some(at(50)), wanted(4)), Plan::Park(_)));
         assert_eq!(turns.plan(&mut rhythm, Some(at(50)), wanted(5)), Plan::Read);

@@ -1,4 +1,5 @@
-//! Whose turn it is to carry, where a loop calls: what happens while somebody carries is looked at before that one ends.
+//! Decides which call works on the connection when an event loop calls. What happens during that work is
+//! handled before the call at work ends.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
@@ -6,16 +7,16 @@ use std::task::Wake;
 
 use crate::hands::callback::EventLoop;
 
-/// Nobody carries, and nothing happened.
+/// No call is at work, and nothing has happened.
 const IDLE: u8 = 0;
-/// Nobody carries, and the loop was asked to call.
+/// No call is at work, and the loop was asked to call.
 const ASKED: u8 = 1;
-/// Somebody carries.
+/// A call is at work.
 const CARRYING: u8 = 2;
-/// Somebody carries, and something happened meanwhile.
+/// A call is at work, and something has happened meanwhile.
 const AGAIN: u8 = 3;
 
-/// Whose turn it is to carry.
+/// The right to work on the connection.
 pub(super) struct Turn {
     state: AtomicU8,
     loop_is_gone: AtomicBool,
@@ -27,7 +28,7 @@ impl Turn {
         Self { state: AtomicU8::new(IDLE), loop_is_gone: AtomicBool::new(false), event_loop }
     }
 
-    /// The loop does not call any more.
+    /// Notes that the loop does not call any more.
     pub fn loop_left(&self) {
         self.loop_is_gone.store(true, Ordering::Release);
     }
@@ -40,28 +41,28 @@ impl Turn {
         matches!(self.state.load(Ordering::Acquire), IDLE | ASKED)
     }
 
-    /// Goes to another state; the one before.
+    /// Changes the state. Returns the state before.
     fn go(&self, next: impl FnMut(u8) -> u8) -> u8 {
         self.state.update(Ordering::AcqRel, Ordering::Acquire, next)
     }
 
-    /// Begins to carry. `false`: somebody carries already, and looks again before ending.
+    /// Takes the right to work. Returns `false` if another call has it; that call looks again before it ends.
     pub fn begin(&self) -> bool {
         self.go(|state| if state < CARRYING { CARRYING } else { AGAIN }) < CARRYING
     }
 
-    /// Ends carrying; `false` if something happened meanwhile, which has to be looked at first.
+    /// Gives the right back. Returns `false` if something happened meanwhile, which has to be handled first.
     pub fn end(&self) -> bool {
         self.go(|state| if state == AGAIN { CARRYING } else { IDLE }) != AGAIN
     }
 
-    /// Ends carrying, whatever happened meanwhile: the loop is asked to call.
+    /// Gives the right back even if something happened meanwhile, and asks the loop to call.
     pub fn interrupt(&self) {
         self.state.store(IDLE, Ordering::Release);
         self.happened();
     }
 
-    /// Something happened.
+    /// Notes that something happened.
     pub fn happened(&self) {
         let before = self.go(|state| if state < CARRYING { ASKED } else { AGAIN });
         if before == IDLE && !self.loop_is_gone() {

@@ -1,4 +1,4 @@
-//! What the arguments of commands can be: as a person says them, and as the wire carries them.
+//! The arguments of commands: their kinds, the units of people, and their form on the wire.
 
 use std::borrow::Cow;
 
@@ -12,20 +12,20 @@ use crate::value::Value;
 /// One argument of a command.
 #[derive(Clone, Copy, Debug)]
 pub struct ArgumentInfo {
-    /// Its name in the CLI and the docs.
+    /// Its name in the CLI and the documentation.
     pub name: &'static str,
-    /// What values it can have, and how the wire carries them.
+    /// Its possible values, and their form on the wire.
     pub kind: ArgumentKind,
-    /// Its meaning and unit, as a person types it and as the wire has it.
+    /// Its meaning and unit, both as a person types it and as it is on the wire.
     pub meaning: &'static str,
-    /// Whether it can be left out. The optional arguments of a command are given all together, or not at all.
+    /// Whether it can be left out. A command takes either all of its optional arguments or none.
     pub optional: bool,
 }
 
-/// What values an argument can have, and how the wire carries them.
+/// The possible values of an argument, and their form on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ArgumentKind {
-    /// A text, as it is.
+    /// A text, unchanged.
     Text,
     /// A whole number.
     Whole {
@@ -33,13 +33,13 @@ pub enum ArgumentKind {
         first: i64,
         /// The highest.
         last: i64,
-        /// What a wrong one has to be.
+        /// What a valid number is.
         wanted: &'static str,
     },
-    /// A whole number of 32 bits with sign: a register's Modbus twin is two registers of 16. More is refused before it is sent, but
-    /// read.
+    /// A whole number of 32 bits with sign, because a register's Modbus twin is two registers of 16 bits.
+    /// Larger numbers are read, but refused before they are sent.
     Integer,
-    /// A count from 0; −1 keeps what is there.
+    /// A count from 0; −1 keeps the present value.
     Count,
     /// 1 or 0; a person may say `on` and `off`.
     Flag,
@@ -55,17 +55,17 @@ pub enum ArgumentKind {
         last: f64,
         /// The steps in which it can be sent.
         grid: Grid,
-        /// Whether the wire has the number of steps instead of the number: percent × 10, seconds × 1000.
+        /// Whether the wire carries the number of steps instead of the number: percent × 10, seconds × 1000.
         in_steps: bool,
-        /// What a wrong one has to be, as people say it.
+        /// What a valid number is, in the units of people.
         wanted: &'static str,
-        /// The same, as the wire has it.
+        /// The same, in the units of the wire.
         wanted_on_the_wire: &'static str,
     },
 }
 
 impl ArgumentKind {
-    /// What an argument of this kind has to be, as people say it.
+    /// What a valid argument of this kind is, in the units of people.
     #[must_use]
     pub const fn wanted(self) -> &'static str {
         match self {
@@ -78,7 +78,7 @@ impl ArgumentKind {
         }
     }
 
-    /// What it has to be on the wire.
+    /// What a valid argument is on the wire.
     #[must_use]
     pub const fn wanted_on_the_wire(self) -> &'static str {
         match self {
@@ -88,7 +88,7 @@ impl ArgumentKind {
         }
     }
 
-    /// Its unit, where it has one.
+    /// Its unit, if it has one.
     #[must_use]
     pub const fn unit(self) -> Option<&'static str> {
         match self {
@@ -99,7 +99,7 @@ impl ArgumentKind {
         }
     }
 
-    /// The lowest and the highest number that can be sent, as people say it, where there are such.
+    /// The lowest and the highest number that can be sent, in the units of people, if there are such limits.
     #[must_use]
     pub fn range(self) -> Option<(f64, f64)> {
         #[expect(clippy::cast_precision_loss, reason = "numbers of 32 bits")]
@@ -114,13 +114,13 @@ impl ArgumentKind {
         }
     }
 
-    /// Whether the wire has another number than people say.
+    /// Whether the number on the wire differs from the number that people use.
     #[must_use]
     pub const fn is_scaled(self) -> bool {
         matches!(self, Self::Number { in_steps: true, .. })
     }
 
-    /// Reads what a peer sent.
+    /// Reads the value that a peer sent.
     pub(super) fn read<'a>(self, value: Value<'a>) -> Option<Argument<'a>> {
         match self {
             Self::Text => Some(Argument::Text(value.text())),
@@ -133,10 +133,11 @@ impl ArgumentKind {
         }
     }
 
-    /// Reads what a person said.
+    /// Reads the word that a person typed.
     ///
     /// # Errors
-    /// The nearest values that can be sent and their steps, where it lies between two of them.
+    /// If the value lies between two steps: the nearest values that can be sent, and the steps. Otherwise
+    /// `None`.
     pub(super) fn read_word(self, word: &str) -> Result<Argument<'static>, Option<(Nearest, &'static str)>> {
         match self {
             Self::Text => Ok(Argument::Text(Cow::Owned(word.to_owned()))),
@@ -161,7 +162,7 @@ impl ArgumentKind {
         }
     }
 
-    /// A whole number, if this kind has it.
+    /// Returns the argument for a whole number, if this kind accepts it.
     fn whole(self, whole: i64) -> Option<Argument<'static>> {
         let fits = match self {
             Self::Whole { first, last, .. } => (first..=last).contains(&whole),
@@ -174,7 +175,7 @@ impl ArgumentKind {
         fits.then_some(Argument::Whole(whole))
     }
 
-    /// Appends the argument in quotes, behind a comma.
+    /// Appends a comma and the argument in quotes.
     pub(super) fn write(
         self,
         name: &'static str,
@@ -208,7 +209,8 @@ impl ArgumentKind {
                 }
                 step
             }
-            // No row of the table has a field of another kind: `every_command_is_written_and_read_again` writes them all.
+            // Unreachable: no row of the table combines a kind with such a field.
+            // `every_command_is_written_and_read_again` writes all rows.
             (
                 _,
                 Argument::Text(_)
@@ -232,29 +234,30 @@ impl ArgumentKind {
 pub(super) enum Argument<'a> {
     Text(Cow<'a, str>),
     Whole(i64),
-    /// A count that stays as it is.
+    /// A count that keeps its present value.
     Kept,
     Flag(bool),
     Number(f64),
 }
 
-/// Where the arguments of a command come from, one after the other.
+/// Supplies the arguments of a command one after the other.
 pub(super) trait Source<'a> {
     type Error;
 
-    /// Whether arguments that nobody expects are passed over, as those of old clients are.
+    /// Whether to ignore unexpected arguments, because old clients send some.
     const FORGIVES: bool;
 
-    /// The number of the next one, counted from 0.
+    /// The number of the next argument, counted from 0.
     fn number(&self) -> usize;
 
-    /// How many are left.
+    /// How many arguments are left.
     fn left(&self) -> usize;
 
-    /// The next one. Behind the last that the table has, more of the last.
+    /// Returns the next argument. After the last argument of the table, further arguments have the kind of
+    /// the last.
     fn next(&mut self) -> Result<Argument<'a>, Self::Error>;
 
-    /// Why the argument with this number cannot be what it is.
+    /// The error for an invalid argument with this number.
     fn wrong(&self, number: usize) -> Self::Error;
 }
 
@@ -283,12 +286,12 @@ impl Writer<'_> {
     }
 }
 
-/// What the argument with this number is; behind the last, more of the last.
+/// The argument with this number; after the last, the last one.
 pub(super) fn info(arguments: &'static [ArgumentInfo], number: usize) -> Option<&'static ArgumentInfo> {
     arguments.get(number).or(arguments.last())
 }
 
-/// A field of one argument.
+/// Implements [`Field`] for a type that is one argument.
 macro_rules! field {
     ($type:ty, $taken:pat => $value:expr, $field:ident => $given:expr) => {
         impl<'a> Field<'a> for $type {

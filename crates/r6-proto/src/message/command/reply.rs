@@ -1,26 +1,26 @@
-//! The answers to commands, AddPoints and AddRCC, in every dialect.
+//! Replies to commands, AddPoints and AddRCC, in every dialect.
 
 use std::borrow::Cow;
 
 use crate::value::{Value, Values};
 
-/// The answer to a command, to AddPoints or to AddRCC (manual 4.2, 5.2, 6).
+/// The reply to a command, to AddPoints or to AddRCC (manual 4.2, 5.2, 6).
 #[derive(Clone, Copy, Debug)]
 pub struct CommandReply<'a> {
     words: Values<'a>,
     text: Option<Value<'a>>,
 }
 
-/// What a [`CommandReply`] says.
+/// The meaning of a [`CommandReply`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Accepted. It says nothing about whether anything moves.
+    /// Accepted. This does not mean that anything moves.
     Ok,
-    /// Refused, with the controller's reason where it gives one.
+    /// Refused, with the controller's reason if it gives one.
     Refused(Option<String>),
-    /// AddPoints: how many points were taken.
+    /// AddPoints: how many points the controller took.
     Points(u64),
-    /// Neither: the words as they stand.
+    /// Neither accepted nor refused: the words as they stand.
     Unclear(String),
 }
 
@@ -33,20 +33,20 @@ impl<'a> CommandReply<'a> {
         Self { words: Values { bytes: text.bytes, nodes: &[] }, text: Some(text) }
     }
 
-    /// The words of `cmdReply`; none where it is a bare text.
+    /// The words of `cmdReply`; empty if it is a bare text.
     #[must_use]
     pub fn words(&self) -> Values<'a> {
         self.words
     }
 
-    /// The command it answers, as the controller names it; firmware before 2.0.2.1 does not.
+    /// The command that it answers, as the controller names it. Firmware before 2.0.2.1 does not name it.
     #[must_use]
     pub fn command(&self) -> Option<Cow<'a, str>> {
         let first = self.words.at(0)?;
         (self.words.len() >= 2).then(|| first.text())
     }
 
-    /// What it says, in any of the dialects: `["ok"]`, `""`, `[cmd,"ok"]`, `[cmd,"err",message]`, `["AddPoints","2"]`.
+    /// Its meaning in any dialect: `["ok"]`, `""`, `[cmd,"ok"]`, `[cmd,"err",message]`, `["AddPoints","2"]`.
     #[must_use]
     pub fn outcome(&self) -> Outcome {
         let verdict = match (self.text, self.words.len()) {

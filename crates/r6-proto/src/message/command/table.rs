@@ -1,4 +1,5 @@
-//! The table of commands. A new command is a row here, a row of `docs/PROTOCOL.md`, and what the virtual controller does on it.
+//! The table of commands. To add a command, add a row here, a row in `docs/PROTOCOL.md`, and what the virtual
+//! controller does.
 
 use std::borrow::Cow;
 
@@ -10,9 +11,11 @@ use crate::address::{Ports, RegisterIndex};
 use crate::error::EncodeError;
 use crate::grid::Grid;
 
-/// The table of commands, one row each: its name, its word on the wire, what it can do to the machine (`+ Frame`: poses refer to another tool or workbench
-/// after it), the ports that have it, the first manual or firmware that knows it, where it is written, what it does, what to do if it is refused; then its fields with the arguments that they are. Where fields and
-/// arguments are not the same, the arguments stand alone, with the functions that take and give them.
+/// Defines the table. Each row has: the name, the word on the wire, the effect on the machine (`+ Frame`:
+/// poses refer to another tool or workbench after it), the ports that offer it, the first manual or firmware
+/// that knows it, the source, what it does, and what to do if it is refused. The fields follow, each with its
+/// arguments. If fields and arguments differ, the arguments stand alone, with the functions that take and
+/// give them.
 macro_rules! commands {
     (
         $life:lifetime
@@ -63,7 +66,7 @@ macro_rules! commands {
         }
 
         impl<$life> Command<$life> {
-            /// Takes the arguments of a command.
+            /// Takes the arguments of a command from `from`.
             pub(super) fn take<S: Source<$life>>(name: CommandName, from: &mut S) -> Result<Self, S::Error> {
                 match name {$(
                     CommandName::$name => commands!(take from $name $({ $( $field )+ })? $( $take )?),
@@ -79,7 +82,7 @@ macro_rules! commands {
                 }
             }
 
-            /// Gives its arguments.
+            /// Passes its arguments to `to`.
             pub(super) fn give(&self, to: &mut Writer<'_>) -> Result<(), EncodeError> {
                 match self {
                     $( Self::$name $({ $( $field, )+ })? $($({ $( $own, )+ })?)? => {
@@ -146,7 +149,7 @@ const fn thousandths(unit: &'static str) -> ArgumentKind {
         wanted_on_the_wire: "mm or degrees, multiplied by 1000",
     }
 }
-/// The manual gives no unit and no limit; mm is our reading.
+/// The manual gives neither unit nor limit; mm is our reading.
 const SPACING: ArgumentKind = ArgumentKind::Number {
     unit: "mm",
     first: f64::MIN,
@@ -157,7 +160,7 @@ const SPACING: ArgumentKind = ArgumentKind::Number {
     wanted_on_the_wire: "a spacing in mm",
 };
 
-// What to do if one of several like commands is refused.
+// Advice for a refused command, where several commands share it.
 const GO_ON: &str = "the arm may go on: use the emergency stop, then look at the arm";
 const STARTS: &str = "a program starts in auto, without an alarm, and with the emergency stop released: look at the mode, the alarm and the key, then send it again";
 const CLEARS: &str = "it clears the alarm and starts the program: remove the cause of the alarm, release the emergency stop, turn the key to auto, then send it again";
@@ -168,10 +171,10 @@ const TOOLS: &str = "check the number of the tool and its values against the too
 commands! {
     'a
     rows {
-    /// Stops the motion at once; start begins from the first step. It is no emergency stop.
+    /// Stops the motion at once; start begins from the first step. It is not an emergency stop.
     ActionStop "actionStop" Stops Both "V6.0" "4.2.1 #1" "stops the motion at once; start begins from the first step"
         GO_ON
-    /// Pauses the motion; start goes on from the present step.
+    /// Pauses the motion; start continues from the present step.
     ActionPause "actionPause" Stops Both "V6.0" "4.2.1 #2" "pauses the motion; start goes on from the present step"
         GO_ON
     /// Enters single cycle.
@@ -186,10 +189,10 @@ commands! {
     /// Switches to another program.
     SwitchMold "switchMold" Moves Pendant "V6.0" "4.2.1 #6" "switches to another program (mold)"
         "compare the name with the programs of the controller (moldList); it changes only while the arm stands" {
-        /// Its name.
+        /// Name of the program.
         mold: Cow<'a, str> = [argument("mold", Text, "name of the program")],
     }
-    /// Changes a counter; `None` keeps what it has (−1 on the wire).
+    /// Changes a counter; `None` keeps the present value (−1 on the wire).
     ModifyCounter "modifyCounter" Changes Both "V6.0" "4.2.1 #7" "changes a counter"
         "compare the number with the counters of the controller (counterList)" {
         /// The counter.
@@ -212,7 +215,7 @@ commands! {
     /// Clears the alarm and runs the next step.
     ClearAlarmRunNext "clearAlarmRunNext" Moves Both "V6.0" "4.2.1 #9" "clears the alarm and runs the next step"
         CLEARS
-    /// Clears the alarm and goes on automatically.
+    /// Clears the alarm and continues automatically.
     ClearAlarmContinue "clearAlarmContinue" Moves Both "V6.0" "4.2.1 #10" "clears the alarm and goes on automatically"
         CLEARS
     /// Changes a stack.
@@ -220,7 +223,8 @@ commands! {
         "check the number of the stack, the spacing and the counts; not every firmware changes stacks over the network" {
         /// The stack.
         stack: u32 = [argument("stack", NUMBER, "stack")],
-        /// Spacing in X, Y, Z, in steps of 0.001, others are not sent; the manual gives no unit, mm is our reading.
+        /// Spacing in X, Y, Z, in steps of 0.001; other values are not sent. The manual gives no unit; mm is
+        /// our reading.
         spacing: [f64; 3] = [argument("dx", SPACING, "spacing in X, mm"), argument("dy", SPACING, "spacing in Y, mm"), argument("dz", SPACING, "spacing in Z, mm")],
         /// Count in X, Y, Z.
         count: [u32; 3] = [argument("nx", NUMBER, "count in X"), argument("ny", NUMBER, "count in Y"), argument("nz", NUMBER, "count in Z")],
@@ -228,7 +232,7 @@ commands! {
     /// Changes the global speed; on the wire percent × 10.
     ModifyGspd "modifyGSPD" Changes Both "V6.0" "4.2.1 #12" "changes the global speed"
         "check the value: the global speed is 0 to 100 percent" {
-        /// Percent, 0 to 100, in steps of 0.1; others are not sent.
+        /// Percent, 0 to 100, in steps of 0.1; other values are not sent.
         percent: f64 = [argument("percent", PERCENT, "global speed in percent; the wire has percent x 10")],
     }
     /// Writes one register.
@@ -236,27 +240,27 @@ commands! {
         REGISTERS {
         /// The register.
         register: RegisterIndex = [argument("register", Register, "800-900")],
-        /// Its value, 32 bits with sign.
+        /// Its value: 32 bits with sign.
         value: i64 = [argument("value", Integer, "a whole number")],
-        /// Whether it survives a power cut.
+        /// Whether the value survives a power cut.
         savable: bool = [argument("savable", Flag, "1 to keep it over a power cut")],
     }
-    /// Writes registers in a row.
+    /// Writes consecutive registers.
     RewriteDataList "rewriteDataList" Moves Both "V6.0" "4.2.1 #14" "writes several registers"
         REGISTERS
         = [argument("register", Register, "the first, 800-900"), argument("length", LENGTH, "how many values follow"), argument("savable", Flag, "1 to keep them over a power cut"), argument("values", Integer, "whole numbers")]
         take_registers give_registers {
             /// The first register.
             first: RegisterIndex,
-            /// Whether they survive a power cut.
+            /// Whether the values survive a power cut.
             savable: bool,
-            /// Their values, 1 to 101 of them, 32 bits with sign each.
+            /// The values: 1 to 101 of them, 32 bits with sign each.
             values: Vec<i64>,
         }
     /// Changes the acceleration and deceleration time of the path; on the wire seconds × 1000.
     ModifyAccDec "modifyAccDec" Changes Both "V6.0" "4.2.1 #15" "changes the acceleration and deceleration time of the path"
         "check both times: seconds from 0.001 to 60" {
-        /// Seconds, in steps of 0.001; others are not sent.
+        /// Seconds, in steps of 0.001; other values are not sent.
         acceleration: f64 = [argument("acceleration", SECONDS, "seconds; the wire has seconds x 1000")],
         /// Seconds, in steps of 0.001.
         deceleration: f64 = [argument("deceleration", SECONDS, "seconds; the wire has seconds x 1000")],
@@ -264,7 +268,7 @@ commands! {
     /// Switches to another tool.
     SwitchTool "switchTool" Changes + Frame Both "V6.0" "4.2.1 #16" "switches to another tool"
         TOOLS {
-        /// Its number; 0 for none.
+        /// Its number; 0 means no tool.
         tool: u32 = [argument("tool", NUMBER, "number of the tool")],
     }
     /// Changes a tool; on the wire × 1000.
@@ -272,7 +276,8 @@ commands! {
         TOOLS {
         /// Its number.
         tool: u32 = [argument("tool", NUMBER, "number of the tool")],
-        /// X, Y, Z in mm and RX, RY, RZ in degrees, from the flange, in steps of 0.001; others are not sent.
+        /// X, Y, Z in mm and RX, RY, RZ in degrees, from the flange, in steps of 0.001; other values are not
+        /// sent.
         offset: [f64; 6] = [argument("x", MM, "mm; the wire has mm x 1000"), argument("y", MM, "mm"), argument("z", MM, "mm"), argument("rx", DEGREES, "degrees; the wire has degrees x 1000"), argument("ry", DEGREES, "degrees"), argument("rz", DEGREES, "degrees")],
     }
     /// Switches to another workbench.
@@ -288,11 +293,12 @@ commands! {
         take_clear_alarm give_nothing
     }
     also {
-    /// Clears the alarm with the two arguments of the newest manual (V1.4; reported, unit B). Older firmware has no arguments.
+    /// Clears the alarm with the two arguments of the newest manual (V1.4; reported, unit B). Older firmware
+    /// has no arguments.
     ClearAlarmWith of ClearAlarm {
         /// Whether the program goes to its first line.
         first_line: bool,
-        /// Whether only the alarm is cleared. What else the controller resets without it is not known.
+        /// Whether only the alarm is cleared. It is not known what else the controller resets otherwise.
         only_alarm: bool,
     }
     }
@@ -312,8 +318,8 @@ impl<'a> Command<'a> {
         Ok(Self::RewriteDataList { first, savable, values })
     }
 
-    /// The two arguments of the newest manual. A controller passes any others over, because clients send some that no manual has (unit
-    /// H sends `"0"`).
+    /// Takes the two arguments of the newest manual. A controller ignores any other number of arguments,
+    /// because clients send some that no manual has (unit H sends `"0"`).
     fn take_clear_alarm<S: Source<'a>>(from: &mut S) -> Result<Self, S::Error> {
         if from.left() != 2 {
             return Ok(Self::ClearAlarm);
@@ -327,7 +333,7 @@ impl<'a> Command<'a> {
     }
 }
 
-/// How many registers there are from this one on.
+/// Number of registers from this one to the last.
 fn room_behind(first: RegisterIndex) -> usize {
     usize::from(RegisterIndex::LAST - first.number()) + 1
 }

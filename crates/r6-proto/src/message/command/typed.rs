@@ -1,4 +1,4 @@
-//! Commands as a person types them: the arguments as words, in the units of people.
+//! Commands as a person types them: the arguments are words in the units of people.
 
 use std::fmt;
 
@@ -7,27 +7,27 @@ use super::{Command, CommandName};
 use crate::grid::Nearest;
 use crate::printable::printable;
 
-/// Why words are no arguments of a command.
+/// Why words are not valid arguments of a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum TypedError {
-    /// There are too few or too many.
+    /// There are too few or too many words.
     Count {
-        /// How many it takes.
+        /// How many arguments the command takes.
         wanted: usize,
-        /// How many of those may be left out, all together.
+        /// How many of those are optional. They can only be left out together.
         optional: usize,
-        /// How many there are.
+        /// How many words were given.
         given: usize,
     },
-    /// One of them is wrong.
+    /// An argument is wrong.
     Argument {
         /// Its name.
         name: &'static str,
         /// What was typed.
         found: String,
-        /// What it has to be.
+        /// What a valid value is.
         wanted: &'static str,
-        /// The nearest values that can be sent, where it lies between two of them.
+        /// The nearest values that can be sent, if the value lies between two of them.
         nearest: Option<Nearest>,
     },
 }
@@ -62,15 +62,17 @@ impl fmt::Display for TypedError {
 impl std::error::Error for TypedError {}
 
 impl Command<'static> {
-    /// The command with these arguments, in the units of the table of commands: `modifyGSPD 5` is 5 %.
+    /// Creates the command with these arguments, in the units of the table of commands: `modifyGSPD 5` is 5
+    /// %.
     ///
     /// # Errors
-    /// [`TypedError`] names the argument that is wrong, what was typed and what it has to be; or how many arguments there have to be.
+    /// [`TypedError`] with the wrong argument, what was typed and what is valid; or with the right number of
+    /// arguments.
     pub fn typed(name: CommandName, words: &[impl AsRef<str>]) -> Result<Self, TypedError> {
         let arguments = name.info().arguments;
         let (wanted, given) = (arguments.len(), words.len());
         let optional = arguments.iter().filter(|argument| argument.optional).count();
-        // The last argument of a list of registers stands as often as there are values.
+        // The last argument of a list of registers repeats for each value.
         let more = name == CommandName::RewriteDataList && given > wanted;
         if given != wanted && given + optional != wanted && !more {
             return Err(TypedError::Count { wanted, optional, given });

@@ -1,13 +1,13 @@
-//! A poll is answered by the same reply again and again, in which only the number and the values differ. What stands around
-//! them is compared as two blocks of bytes with the reply before.
+//! Decodes a repeated reply. A poll gets the same reply again and again, and only the number and the values
+//! differ. The bytes around them are compared with the last reply, as two blocks.
 //!
 //! ```text
 //!  {"dsID":…,"packID":" │ 17 │ ","queryAddr":[…],"queryData":[ │ "10.250","7" │ ]}
 //!   before: one block     number    between: one block            values read     behind
 //! ```
 //!
-//! Where anything else differs, even the length of the number, the decoder reads the whole frame. What stands behind the values
-//! (`reqType`, as a rule) moves with their length.
+//! If anything else differs, even the length of the number, the decoder reads the whole frame. The members
+//! after the values (usually `reqType`) move with the length of the values.
 
 use std::ops::Range;
 
@@ -18,16 +18,16 @@ use crate::value::{Kind, Node};
 /// The last frame, if it was a reply to a query whose values are short plain texts.
 #[derive(Debug)]
 pub(super) struct LastReply {
-    /// The frame up to the first value, and what follows the last one.
+    /// The frame up to the first value, and the part after the last value.
     before: Vec<u8>,
     behind: Vec<u8>,
-    /// Where in `before` the digits of `packID` are; empty where it has none.
+    /// Position in `before` of the digits of `packID`; empty if the frame has no `packID`.
     digits: Range<usize>,
-    /// Where in the frame `behind` began.
+    /// Position in the frame where `behind` began.
     behind_at: usize,
-    /// The slots of the members at the top that stand in `behind`, as bits.
+    /// The slots of the members at the top that are in `behind`, as bits.
     slots_behind: u32,
-    /// Whether the last frame was one.
+    /// Whether the last frame was such a reply.
     is_known: bool,
     pub top: TopNodes,
 }
@@ -47,12 +47,12 @@ impl Default for LastReply {
 }
 
 impl LastReply {
-    /// The last frame was something else.
+    /// Records that the last frame was something else.
     pub fn forget(&mut self) {
         self.is_known = false;
     }
 
-    /// Keeps a frame that was read whole, with the members at its top and its values.
+    /// Stores a frame that was read completely, with the members at its top and its values.
     pub fn keep(&mut self, bytes: &[u8], top: &TopNodes, shape: Shape, values: &[Node]) {
         let is_plain = |node: &Node| node.kind == Kind::Text { has_escape: false, utf8: true };
         let (Shape::QueryReply, Some(list)) = (shape, top.at(Top::QueryData)) else { return };
@@ -81,8 +81,8 @@ impl LastReply {
         (self.behind_at, self.slots_behind) = (behind_at, slots_behind);
     }
 
-    /// How long the frame is at the beginning of `bytes`, if it is the same reply with another number and other values, which are put
-    /// into `values`.
+    /// If `bytes` begin with the same reply, with another number and other values, returns the length of that
+    /// frame and puts the values into `values`.
     #[inline]
     pub fn length_of(&mut self, bytes: &[u8], values: &mut Vec<Node>) -> Option<usize> {
         if !self.is_known {

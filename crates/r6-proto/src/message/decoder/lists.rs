@@ -1,4 +1,4 @@
-//! What is nested in a frame: instructions, and the points of cameras.
+//! Reads the nested lists of a frame: instructions, and the points of cameras.
 
 use crate::error::{FieldError, JsonError};
 use crate::json::Cursor;
@@ -8,14 +8,14 @@ use crate::message::instruction::{Action, Instruction, UnknownAction};
 use crate::message::vision::{Point, PointSet};
 use crate::value::{Kind, Node, Span, Value};
 
-/// The first wrong field of a list, where it is JSON; the list is read to its end all the same.
+/// The first wrong field of a list that is valid JSON. The list is read to its end in any case.
 type Checked = Result<(), FieldError>;
 
-/// The nested lists of one frame, in buffers that are used again.
+/// The nested lists of one frame, in reused buffers.
 #[derive(Debug, Default)]
 pub(super) struct Lists {
     instructions: Vec<Instruction>,
-    /// Which of them have no `oneshot`, in order.
+    /// Which instructions have no `oneshot`, in order.
     without_oneshot: Vec<u32>,
     /// The members of unknown actions.
     fields: Vec<(Node, Node)>,
@@ -23,10 +23,10 @@ pub(super) struct Lists {
     points: Vec<Point>,
     /// The members of the object that is being read.
     set: FieldSet,
-    /// How many instructions or points were met, right or wrong: what they are called by.
+    /// How many instructions or points were found, valid or not. This is the number in their names.
     items: u32,
     instructions_checked: Option<FieldError>,
-    /// Which list of cameras was read, and what was wrong with it: another may come after it.
+    /// Which list of cameras was read, and its error. Another list may follow in the same frame.
     cameras_checked: Option<(Node, Checked)>,
 }
 
@@ -67,7 +67,7 @@ impl Lists {
         (&self.sets, &self.points)
     }
 
-    /// Reads `instructions`, at whose `[` the cursor stands. A list that came before counts no more.
+    /// Reads `instructions`; the cursor stands at its `[`. It replaces an earlier list.
     pub fn instructions(
         &mut self,
         cursor: &mut Cursor<'_>,
@@ -80,12 +80,13 @@ impl Lists {
         Ok(Node { span: Span::new(start, cursor.at()), kind: Kind::List })
     }
 
-    /// What was wrong with the instructions that were read.
+    /// The error of the instructions that were read.
     pub fn checked_instructions(&mut self) -> Checked {
         self.instructions_checked.take().map_or(Ok(()), Err)
     }
 
-    /// `dsData: [{camID, data: [instruction …]}]`: the shape that clients of 2020 send. The list was checked before.
+    /// Reads `dsData: [{camID, data: [instruction …]}]`, the shape that clients of 2020 send. The list was
+    /// checked before.
     pub fn instructions_2020(
         &mut self,
         bytes: &[u8],
@@ -157,7 +158,7 @@ impl Lists {
         Ok(checked)
     }
 
-    /// An instruction whose action nobody knows: its members are kept as they are.
+    /// An instruction with an unknown action. Its members are kept as they are.
     fn unknown_action(
         &mut self,
         bytes: &[u8],
@@ -165,7 +166,7 @@ impl Lists {
         start: usize,
         extras: &mut Vec<ExtraNode>,
     ) -> Result<Instruction, JsonError> {
-        // Of an action that nobody knows no key is unknown: they are its fields.
+        // An unknown action has no unknown keys: all of its keys are its fields.
         let own = extras.iter().rposition(|extra| extra.place != place).map_or(0, |at| at + 1);
         extras.extract_if(own.., |extra| extra.kind != ExtraKind::DuplicateKey).for_each(drop);
         let first = number(self.fields.len());
@@ -188,7 +189,7 @@ impl Lists {
         Ok(Instruction { oneshot, action: Action::Unknown(UnknownAction { action, fields }) })
     }
 
-    /// Reads `dsData: [{camID, data: [point …]}]` (manual 5.2), at whose `[` the cursor stands.
+    /// Reads `dsData: [{camID, data: [point …]}]` (manual 5.2); the cursor stands at its `[`.
     pub fn cameras(
         &mut self,
         cursor: &mut Cursor<'_>,
@@ -218,7 +219,7 @@ impl Lists {
         Ok(list)
     }
 
-    /// What was wrong with the cameras; they are read now if these were not read on the way.
+    /// The error of the cameras. Reads `list` first if it is not the list that was read in the first pass.
     pub fn checked_cameras(
         &mut self,
         bytes: &[u8],
@@ -316,18 +317,18 @@ impl Lists {
     }
 }
 
-/// Members that are known but mean nothing in this object.
+/// Members that are known but have no meaning in this object.
 fn out_of_place(view: &FieldsView<'_>) -> impl Iterator<Item = ExtraNode> {
     let place = view.place;
     view.unused().map(move |(key, value)| ExtraNode { place, key, value, kind: ExtraKind::OutOfPlace })
 }
 
-/// A position in a buffer; a frame is far too short for more than 32 bits.
+/// Narrows a position in a buffer to 32 bits, which are far more than any frame needs.
 fn number(position: usize) -> u32 {
     u32::try_from(position).unwrap_or(u32::MAX)
 }
 
-/// The `data` of a camera's set that was checked before; its other members but `camID` are extras.
+/// The `data` of a camera's set that was checked before. Its other members, except `camID`, are extras.
 fn data_of(
     bytes: &[u8],
     set: Value<'_>,

@@ -1,12 +1,13 @@
-//! Lists of short plain texts: the addresses of a query, the values of its reply, the words of a command.
+//! Reads lists of short plain texts: the addresses of a query, the values of its reply, the words of a
+//! command.
 
 use super::short_text;
 use crate::value::Node;
 
-/// Reads texts of a list into `nodes`, from the quote of an item at `from` on, for as long as they are short and plain and
-/// nothing but a comma is between them; gives the offset behind the last.
+/// Reads texts of a list into `nodes`, beginning at the opening quote at `from`. It continues while the texts
+/// are short and plain, with only a comma between them. Returns the offset after the last text.
 ///
-/// Where not even the first is such a text, that is `from` itself.
+/// If the first item is not such a text, it returns `from`.
 #[inline]
 pub(in crate::message) fn read_texts(bytes: &[u8], from: usize, nodes: &mut Vec<Node>) -> usize {
     let mut at = from;

@@ -1,13 +1,13 @@
-//! Keys and members by habit: which member came after which the last time.
+//! Reads keys and members by habit: it expects the order of the last object.
 
 use super::{Pattern, short_number, short_text, text};
 use crate::chunk::Chunk;
 use crate::value::Node;
 
-/// Which of `COUNT` known keys came after which the last time.
+/// Remembers the order in which `COUNT` known keys came last time.
 #[derive(Clone, Debug)]
 pub(in crate::message) struct Habit<const COUNT: usize> {
-    /// By slot; that of the first key stands behind all.
+    /// The slot that followed each slot; the first key's slot is in `first`.
     next: [u8; COUNT],
     first: u8,
     last: Option<u8>,
@@ -26,7 +26,7 @@ impl<const COUNT: usize> Habit<COUNT> {
         self.last = None;
     }
 
-    /// The slot that comes next, if it is as the last time.
+    /// The slot that comes next if the order is the same as last time.
     #[inline(always)]
     fn expected(&self) -> u8 {
         match self.last {
@@ -35,7 +35,7 @@ impl<const COUNT: usize> Habit<COUNT> {
         }
     }
 
-    /// Remembers that this slot came now.
+    /// Records that this slot came now.
     #[inline(always)]
     fn came(&mut self, slot: u8) {
         let place = match self.last {
@@ -48,8 +48,8 @@ impl<const COUNT: usize> Habit<COUNT> {
         self.last = Some(slot);
     }
 
-    /// Reads a known key and the colon behind it: its slot, the key, and where its value begins. `slot_of` tells the slot of a
-    /// name that is not the expected one.
+    /// Reads a known key and its colon. Returns its slot, the key, and where its value begins. `slot_of`
+    /// returns the slot of a name that is not the expected one.
     #[inline(always)]
     pub fn key(
         &mut self,
@@ -89,8 +89,9 @@ fn short_value(bytes: &[u8], at: usize) -> Option<(Node, usize)> {
 }
 
 impl<const COUNT: usize> Habit<COUNT> {
-    /// Reads a whole object of known keys, none twice, with short plain values; gives the slots that are present and the offset
-    /// behind the object. `None` where it is anything else; what stands in `members` then counts for nothing.
+    /// Reads a whole object of known keys, each at most once, with short plain values. Returns the present
+    /// slots and the offset after the object. Returns `None` for anything else; `members` then holds nothing
+    /// useful.
     #[inline]
     pub fn object(
         &mut self,

@@ -1,4 +1,5 @@
-//! How the values of an instruction's members are read and written. [`super::table`] says which member has which.
+//! How the values of an instruction's members are read and written. [`super::table`] assigns these kinds to
+//! the members.
 
 use super::{BlendLevel, WaitSource};
 use crate::axis::AxisMask;
@@ -9,27 +10,27 @@ use crate::io_point::PairMask;
 use crate::message::fields::FieldsView;
 use crate::value::Value;
 
-/// What a point of an input has to be.
+/// What a valid point of an input is.
 pub(super) const POINT: &str = "a point from 0 to 31";
 
-/// Seconds that any delay or limit may last: a day. Longer ones are taken for a mistake in the unit.
+/// The longest delay or limit, in seconds: one day. A longer time is probably a mistake in the unit.
 const LONGEST_TIME: f64 = 86_400.0;
 
-/// How a value that stands in so many members is read and written.
+/// Reads and writes a value that takes `MEMBERS` members.
 pub(super) trait Kind<const MEMBERS: usize> {
     type Value;
 
-    /// What it has to be.
+    /// What a valid value is.
     fn wanted(&self) -> &'static str;
 
-    /// The value; `None` where the first member is left out.
+    /// Reads the value; `None` if the first member is absent.
     fn take(
         &self,
         fields: &mut FieldsView<'_>,
         slots: [usize; MEMBERS],
     ) -> Result<Option<Self::Value>, FieldError>;
 
-    /// Appends it.
+    /// Appends the value.
     fn give(
         &self,
         object: &mut ObjectWriter<'_>,
@@ -37,23 +38,23 @@ pub(super) trait Kind<const MEMBERS: usize> {
         value: Self::Value,
     ) -> Result<(), EncodeError>;
 
-    /// The error that it is left out.
+    /// The error for an absent value.
     fn missing(&self, fields: &FieldsView<'_>, slots: [usize; MEMBERS]) -> FieldError {
         fields.missing(slots.first().copied().unwrap_or_default(), self.wanted())
     }
 }
 
-/// A kind of value that stands in one member.
+/// A kind of value that takes one member.
 pub(super) trait OfOne {
     type Value;
 
-    /// What it has to be.
+    /// What a valid value is.
     fn wanted(&self) -> &'static str;
 
-    /// The value, if it is such a one.
+    /// Reads the value; `None` if it is not valid.
     fn read(&self, value: Value<'_>) -> Option<Self::Value>;
 
-    /// Appends it.
+    /// Appends the value.
     fn write(
         &self,
         object: &mut ObjectWriter<'_>,
@@ -108,7 +109,7 @@ impl OfOne for Flag {
     }
 }
 
-/// A whole number from 0; what it is of.
+/// A whole number from 0. The text says what a valid value is.
 pub(super) struct Whole(pub &'static str);
 
 impl OfOne for Whole {
@@ -128,7 +129,7 @@ impl OfOne for Whole {
     }
 }
 
-/// A whole number from 0 to this.
+/// A whole number from 0 to this maximum. The text says what a valid value is.
 pub(super) struct UpTo(pub u8, pub &'static str);
 
 impl UpTo {
@@ -189,7 +190,7 @@ impl OfOne for Mask {
         "a mask from 0 to 0xFF, such as \"0x3F\" or 63"
     }
 
-    /// As clients send it: `0x3F`, `0X3F`, `63` or a bare number.
+    /// Reads all forms that clients send: `0x3F`, `0X3F`, `63` or a bare number.
     fn read(&self, value: Value<'_>) -> Option<AxisMask> {
         let word = value.word();
         let word = word.trim_ascii();
@@ -242,7 +243,7 @@ impl OfOne for Pairs {
     }
 }
 
-/// A finite number; what it is of.
+/// A finite number. The text says what a valid value is.
 pub(super) struct Number(pub &'static str);
 
 impl OfOne for Number {
@@ -261,7 +262,8 @@ impl OfOne for Number {
     }
 }
 
-/// A number in equal steps, with one decimal. Any number is read; within these bounds it is sent.
+/// A number in equal steps, with one decimal. Any number is read, but only numbers within these bounds are
+/// sent.
 pub(super) struct OnGrid {
     pub from: f64,
     pub to: f64,
@@ -290,7 +292,7 @@ impl OfOne for OnGrid {
     }
 }
 
-/// Seconds in equal steps, with so many decimals.
+/// Seconds in equal steps, with this many decimals.
 pub(super) struct Seconds(pub Grid, pub Decimals);
 
 impl OfOne for Seconds {
@@ -313,7 +315,7 @@ impl OfOne for Seconds {
     }
 }
 
-/// One of these, by its number.
+/// One of the listed values, by its number.
 pub(super) struct Listed<T: 'static>(pub &'static str, pub &'static [(i64, T)]);
 
 impl<T: Copy + PartialEq> OfOne for Listed<T> {
@@ -336,11 +338,11 @@ impl<T: Copy + PartialEq> OfOne for Listed<T> {
     }
 }
 
-/// What a wait watches: which board, and which point of it. Time has no point.
+/// What a wait watches: a board and a point of it. Time has no point.
 pub(super) struct Watched;
 
 impl Watched {
-    /// The `type` of time.
+    /// The `type` number of time.
     const TIME: u8 = 100;
 }
 

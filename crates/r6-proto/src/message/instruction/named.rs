@@ -1,11 +1,11 @@
-//! Points by their names on the pendant, as instructions have them: `Y010` of an output, `X010` of a wait.
+//! Points of instructions, by their names on the pendant: `Y010` for an output, `X010` for a wait.
 
 use std::fmt;
 
 use super::{BoardOutput, OutputBoard, OutputKind, WaitSource};
 use crate::io_point::{IoPoint, PairMask, PointKind};
 
-/// Points in each of the two masks of action 204.
+/// How many points each of the two masks of action 204 has.
 const HALF: u8 = 16;
 
 /// The last board of inputs that a wait can watch (`type` 0 to 4).
@@ -17,14 +17,14 @@ const LAST_M_BOARD: u8 = 2;
 /// The last board that action 204 sets.
 const LAST_OUTPUT_BOARD: u8 = 1;
 
-/// Why an instruction cannot have a point.
+/// Why an instruction cannot use a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WrongPoint {
     /// An input cannot be set.
     IsInput(IoPoint),
-    /// An output cannot be waited for.
+    /// A wait cannot watch an output.
     IsOutput(IoPoint),
-    /// Only inputs X of the first board stop a move.
+    /// Only an input X of the first board can stop a move.
     StopsNoMove(IoPoint),
     /// Only outputs Y have pulses.
     HasNoPulse(IoPoint),
@@ -35,9 +35,9 @@ pub enum WrongPoint {
         /// The last board that it reaches, from 0.
         last: u8,
     },
-    /// The points have to be of one board.
+    /// All points must be on one board.
     OnAnotherBoard(IoPoint),
-    /// EU points are set one by one (action 200).
+    /// Action 204 cannot set this point: it is an EU point, or it is not on the first two boards.
     NotTogether(IoPoint),
     /// A point is named twice.
     Twice(IoPoint),
@@ -46,7 +46,7 @@ pub enum WrongPoint {
 }
 
 impl WrongPoint {
-    /// What an instruction has to have instead, to go behind "has to be".
+    /// What a valid point is. The text completes a sentence after "has to be".
     #[must_use]
     pub const fn wanted(self) -> &'static str {
         match self {
@@ -90,7 +90,7 @@ impl fmt::Display for WrongPoint {
 impl std::error::Error for WrongPoint {}
 
 impl OutputKind {
-    /// Kind and number of an output for action 200, which reaches the first board.
+    /// The kind and number of an output for action 200, which reaches only the first board.
     ///
     /// # Errors
     /// [`WrongPoint`] for an input, and for a point of another board.
@@ -109,7 +109,7 @@ impl OutputKind {
 }
 
 impl WaitSource {
-    /// What a wait for this point waits for (action 100): X on boards 0 to 4, M on boards 0 to 2, EUX.
+    /// The source of a wait for this point (action 100): X on boards 0 to 4, M on boards 0 to 2, EUX.
     ///
     /// # Errors
     /// [`WrongPoint`] for an output, and for a point of a further board.
@@ -127,7 +127,7 @@ impl WaitSource {
         }
     }
 
-    /// The point that is waited for; `None` for a time.
+    /// The point that the wait watches; `None` for a time.
     #[must_use]
     pub fn point(self) -> Option<IoPoint> {
         let (kind, board, point) = match self {
@@ -141,10 +141,11 @@ impl WaitSource {
 }
 
 impl BoardOutput {
-    /// Many outputs of one board, each with its state (action 204): Y or M, the first two boards of each.
+    /// Several outputs of one board, each with its state (action 204): Y or M, the first two boards of each.
     ///
     /// # Errors
-    /// [`WrongPoint`] for points that it cannot set, points of two boards, a point twice, and no point.
+    /// [`WrongPoint`] for points that it cannot set, for points on two boards, for a repeated point,
+    /// and for an empty list.
     pub fn of(points: impl IntoIterator<Item = (IoPoint, bool)>) -> Result<Self, WrongPoint> {
         let mut found: Option<Self> = None;
         let mut seen = 0_u32;

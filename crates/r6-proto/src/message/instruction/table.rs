@@ -1,9 +1,10 @@
-//! The table of what instructions have: a row is a member, with the struct that it stands in. The structs, reading and writing them, the
-//! names of the wire and the lists of [`super::super::action`] are made from it.
+//! The table of the members of instructions. Each row is one member; a struct groups its rows. The structs,
+//! the code that reads and writes them, the names on the wire and the lists of [`super::super::action`] are
+//! generated from this table.
 //!
-//! A row is: its docs, its name here and its type; `must` (it has to be there), `may` (it may be left out) or `or` (what counts
-//! where it is left out); its names on the wire, each with the section of the manual or the evidence for a later one; and how such a value is
-//! read and written ([`super::kinds`]). A struct is written in the order of its rows.
+//! Each row has: its documentation, its name in the code and its type; `must` (required), `may` (optional) or
+//! `or` (with a default); its names on the wire, each with the section of the manual or the evidence for a
+//! later one; and its kind ([`super::kinds`]). A struct is written in the order of its rows.
 
 use super::kinds::{
     Blend, Flag, Kind, Listed, Mask, Number, OnGrid, POINT, Pairs, Seconds, UpTo, Watched, Whole,
@@ -56,7 +57,7 @@ macro_rules! parts {
             }
         )+
 
-        /// The names of all members, as often as they are in the table.
+        /// The names of all members, as often as they occur in the table.
         pub(crate) const NAMES: &[&str] = &[$( $( $( $name, )+ )+ )+];
     };
     (@take must $fields:ident, $slots:ident, $kind:expr) => {
@@ -69,7 +70,7 @@ macro_rules! parts {
     (@take or($default:expr) $fields:ident, $slots:ident, $kind:expr) => {
         $kind.take($fields, $slots)?.unwrap_or($default)
     };
-    // Where it is left out, this counts if that holds, and it is missing otherwise.
+    // If the member is absent: the default counts if the condition holds. Otherwise the member is missing.
     (@take or($default:expr, $if:expr) $fields:ident, $slots:ident, $kind:expr) => {
         match $kind.take($fields, $slots)? {
             Some(value) => value,
@@ -88,19 +89,21 @@ macro_rules! parts {
 }
 
 parts! {
-    /// What all moves have besides their coordinates (manual 6.1.1; `tool` and `coord` from 206 master F1).
+    /// The members that all moves have besides their coordinates (manual 6.1.1; `tool` and `coord` from 206
+    /// master F1).
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     Manner {
-        /// `ckStatus`: the axes that move, each of which has to have a coordinate; `None`: all that are given.
+        /// `ckStatus`: the axes that move, each of which needs a coordinate; `None`: all axes with a
+        /// coordinate.
         ///
-        /// Where one of the first six is left out, the mask is written all the same: what a controller takes for a coordinate that it
-        /// does not find, nobody knows.
+        /// If one of the first six coordinates is absent, the mask is written even for `None`. It is not
+        /// known which value a controller uses for an absent coordinate.
         mask: Option<AxisMask> = may "ckStatus" "6.1.1" => Mask;
-        /// `speed`: percent, 0.1 to 100, in steps of 0.1; others are not sent.
+        /// `speed`: percent, 0.1 to 100, in steps of 0.1; other values are not sent.
         speed: Option<f64> = may "speed" "6.1.1" =>
-            // Below the first step nothing would move.
+            // At 0 percent nothing would move.
             OnGrid { from: 0.1, to: 100.0, grid: Grid::PERCENT, read: "a finite number of percent", sent: "percent, from 0.1 to 100" };
-        /// `delay`: seconds to wait before the move, 0 to 86400, in steps of 0.1; others are not sent.
+        /// `delay`: seconds to wait before the move, 0 to 86400, in steps of 0.1; other values are not sent.
         delay: Option<f64> = may "delay" "6.1.1" => Seconds(Grid::TENTHS_OF_A_SECOND, Decimals::TENTHS);
         /// `smooth`: blend level 0 to 9.
         smooth: Option<BlendLevel> = may "smooth" "6.1.1" => Blend;
@@ -110,32 +113,33 @@ parts! {
         coord: Option<u32> = may "coord" "later manual" => Whole("a workbench number from 0");
     }
 
-    /// Path speed for linear moves that bring no speed of their own (action 51).
+    /// Path speed for linear moves without a speed of their own (action 51).
     #[derive(Clone, Copy, Debug, PartialEq)]
     PathSpeed {
         /// `isUse`: on or off.
         in_use: bool = must "isUse" "later manual" => Flag;
-        /// `speed`: mm/s before the global speed is applied; the controller wants a whole number (`"0.05"` raised alarm 219).
+        /// `speed`: mm/s before the global speed is applied. The controller requires a whole number (`"0.05"`
+        /// raised alarm 219).
         speed: Option<f64> = may "speed" "later manual" => Number("a number of mm/s");
     }
 
     /// An input that stops the motion (action 52, manual 6.1.4).
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     StopOnSignal {
-        /// `isUse`: begin (`true`) or end (`false`) to watch.
+        /// `isUse`: start (`true`) or stop (`false`) watching.
         in_use: bool = must "isUse" "6.1.4" => Flag;
         /// `ioNumber`: ordinary input 0 to 31.
         input: u8 = must "ioNumber" "6.1.4" => UpTo(31, POINT);
-        /// `io_status`: the state that stops.
+        /// `io_status`: the state that stops the motion.
         on: bool = must "io_status" "6.1.4" => Flag;
     }
 
     /// A wait for a signal or a time (action 100, manual 6.1.3).
     #[derive(Clone, Copy, Debug, PartialEq)]
     Wait {
-        /// `type` and `point`: what is watched.
+        /// `type` and `point`: the signal, or time.
         source: WaitSource = must "type" "6.1.3", "point" "6.1.3" => Watched;
-        /// `io_status`: for what.
+        /// `io_status`: the state or change to wait for.
         condition: WaitCondition = or(WaitCondition::Off, source == WaitSource::Time) "io_status" "6.1.3" => Listed(
             "0 off, 1 on, 2 rising or 3 falling",
             &[
@@ -145,7 +149,8 @@ parts! {
                 (3, WaitCondition::FallingEdge),
             ],
         );
-        /// `limit`: seconds in steps of 0.1, others are not sent; the time itself where only time is waited for.
+        /// `limit`: seconds in steps of 0.1; other values are not sent. For a wait for time, this is the
+        /// time.
         limit: f64 = or(0.0) "limit" "6.1.3" => Seconds(Grid::TENTHS_OF_A_SECOND, Decimals::FEW);
         /// `isUnlimit`: `true` waits for ever.
         unlimited: bool = or(false) "isUnlimit" "6.1.3" => Flag;
@@ -160,8 +165,8 @@ parts! {
         on: bool = must "io_status" "later manual" => Flag;
         /// `point`: 0 to 32 (010 to 047 and one more in octal names).
         point: u8 = must "point" "later manual" => UpTo(32, "a point from 0 to 32");
-        /// `delay`: seconds in steps of 0.001, others are not sent; before the output for 0, 5 and 7, the length of the pulse for a timed
-        /// output.
+        /// `delay`: seconds in steps of 0.001; other values are not sent. For types 0, 5 and 7 it is the time
+        /// before the output; for a timed output it is the length of the pulse.
         delay: f64 = or(0.0) "delay" "later manual" => Seconds(Grid::MILLISECONDS, Decimals::FEW);
     }
 
@@ -176,7 +181,7 @@ parts! {
         high: PairMask = or(PairMask::from_bits(0)) "point2" "later manual" => Pairs;
     }
 
-    /// The workbench to use from here on (action 800, manual 6.1.2).
+    /// The workbench for the following instructions (action 800, manual 6.1.2).
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     Workbench {
         /// `cnt_id`: number of the workbench.
