@@ -38,8 +38,8 @@ impl Robot {
         self.command(Command::StartButton).await
     }
 
-    /// Sets an output by its name on the pendant (`modifyOutput`): Y on boards 0 to 3, M on boards 0 to 2, and
-    /// EUY. A cell may start a motion by it.
+    /// Sets an output by its name on the pendant (`modifyOutput`): Y on boards 0 to 3, M on boards 0 to 2,
+    /// and EUY. A cell may start a motion by it.
     ///
     /// ```no_run
     /// # async fn set(robot: r6_client::Robot) -> Result<(), Box<dyn std::error::Error>> {

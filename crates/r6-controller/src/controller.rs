@@ -434,8 +434,8 @@ impl Controller {
     }
 
     /// Runs the program in use from its first step to the end of one pass. The mode is then
-    /// [`OperationMode::Auto`]. Unlike [`Button::SingleCycle`], the program waits at every wait. At a step that
-    /// waits for remote commands the run ends with [`ModeReason::ProgramIsEmpty`].
+    /// [`OperationMode::Auto`]. Unlike [`Button::SingleCycle`], the program waits at every wait. At a step
+    /// that waits for remote commands the run ends with [`ModeReason::ProgramIsEmpty`].
     ///
     /// # Errors
     /// Why the machine refused. Nothing has changed then.

@@ -1,8 +1,9 @@
 //! Plays a motion or a taught program on a virtual controller, and draws what the arm did.
 //!
-//! [`play::motion`] and [`play::program`] run on a virtual clock and return a [`Recording`]. [`svg`] draws it:
-//! axis positions and speeds over time, the points that changed, and the path of the tool. [`words`] tells it
-//! in English. The crate opens no file, reads no clock and prints nothing. The same input gives the same bytes.
+//! [`play::motion`] and [`play::program`] run on a virtual clock and return a [`Recording`]. [`svg`] draws
+//! it: axis positions and speeds over time, the points that changed, and the path of the tool. [`words`] puts
+//! it into English. The crate opens no file, reads no clock and prints nothing. The same input gives the same
+//! bytes.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)

@@ -1,5 +1,5 @@
-//! Plays a motion or a taught program on a virtual controller with a virtual clock: the client, the arm and the
-//! inputs of the cell.
+//! Plays a motion or a taught program on a virtual controller with a virtual clock: the client, the arm and
+//! the inputs of the cell.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -349,7 +349,7 @@ impl Player {
             match line.event {
                 Event::AlarmRaised { alarm, why } if line.connection.is_none() && self.alarm.is_none() => {
                     self.done = usize::try_from(done).unwrap_or(usize::MAX);
-                    // The number of the instruction in this text would count from the present front of the list.
+                    // The number in the text of the step counts from the present front of the list.
                     let why = match why {
                         AlarmCause::Step { why, .. } => why.to_string(),
                         other => other.to_string(),
