@@ -223,7 +223,17 @@ impl Motion {
         Self::add(slf, |motion| motion.extend(&other))
     }
 
-    /// Plays the motion on a virtual controller and draws it.
+    /// Plays the motion on a virtual controller and draws it. No robot is asked, and no time passes. A
+    /// motion that repeats is played once. Inputs are off.
+    ///
+    /// - ``model`` (``"BRTIRUS0707A"``), ``profile`` (``"hc1"``): a name or a path, as for ``Simulator``.
+    /// - ``global_speed`` (100 %): at least 0.1 %.
+    /// - ``start``: where the axes stand before it; 0 for those that are not named.
+    ///
+    /// An alarm, or a wait for a signal that never comes, ends the picture: ``Plot.trouble`` says which.
+    ///
+    /// Errors: ``SimulatorError`` if the model or the profile is wrong; ``ValueError`` if the motion cannot
+    /// be played: more than 10 000 steps, a start out of reach, a step that this firmware does not know.
     #[pyo3(signature = (*, model=None, profile=None, global_speed=None, start=None))]
     fn plot(
         &self,

@@ -23,7 +23,14 @@ const PROFILE: &str = "hc1";
 /// The lowest global speed, percent. A controller at 0 never begins to move.
 const LOWEST_GLOBAL_SPEED: f64 = 0.1;
 
-/// The picture of a motion.
+/// What a motion does: axis positions, axis speeds and outputs over time, and the path of the tool. A
+/// notebook shows it as a picture.
+///
+/// ::
+///
+///     plot = r6.Program.load("square.toml").plot()
+///     plot.save("square.svg")
+///     assert plot.trouble is None
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Plot {
     svg: String,
@@ -104,16 +111,19 @@ pub fn plotted(
 
 #[pymethods]
 impl Plot {
+    /// The picture as SVG. The same motion gives the same text.
     #[getter]
     fn svg(&self) -> &str {
         &self.svg
     }
 
+    /// How long the motion takes, seconds.
     #[getter]
     fn duration(&self) -> f64 {
         self.duration
     }
 
+    /// Why the motion does not get to its end: an alarm, or a wait that never ends; ``None`` if it does.
     #[getter]
     fn trouble(&self) -> Option<&str> {
         self.trouble.as_deref()
@@ -125,6 +135,7 @@ impl Plot {
         &self.svg
     }
 
+    /// Writes the picture to a file, over one that is there. Errors: ``OSError``.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         Ok(interpreter::released(py, || std::fs::write(path, &self.svg)).0?)
     }

@@ -93,7 +93,7 @@ impl Program {
         self.remarks.clone()
     }
 
-    /// Plays the program on a virtual controller and draws it.
+    /// Plays it on a virtual controller and draws it, as ``Motion.plot`` does.
     #[pyo3(signature = (*, model=None, profile=None, global_speed=None, start=None))]
     fn plot(
         &self,

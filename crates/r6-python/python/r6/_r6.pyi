@@ -48,6 +48,7 @@ __all__ = [
     "MotionCore",
     "Operation",
     "Percent",
+    "Plot",
     "PhotosCore",
     "Pose",
     "Program",
