@@ -433,6 +433,24 @@ impl Controller {
         let _ = self.operate(now, &PanelAction::TurnKey(key));
     }
 
+    /// Runs the program in use from its first step to the end of one pass. The mode is then
+    /// [`OperationMode::Auto`]. Unlike [`Button::SingleCycle`], the program waits at every wait. At a step
+    /// that waits for remote commands the run ends with [`ModeReason::ProgramIsEmpty`].
+    ///
+    /// # Errors
+    /// Why the machine refused. Nothing has changed then.
+    ///
+    /// [`OperationMode::Auto`]: r6_proto::OperationMode::Auto
+    /// [`Button::SingleCycle`]: crate::Button::SingleCycle
+    /// [`ModeReason::ProgramIsEmpty`]: crate::event::ModeReason::ProgramIsEmpty
+    pub fn run_one_pass(&mut self, now: Instant) -> Result<(), Refused> {
+        self.advance(now);
+        let done = self.machine.run_one_pass();
+        self.collect_machine_events();
+        self.react(now);
+        done
+    }
+
     /// Whether an output is on.
     pub fn output(&mut self, now: Instant, point: OutputPoint) -> bool {
         self.advance(now);

@@ -10,12 +10,14 @@
 
 pub mod form;
 mod json;
+mod kind;
 mod lines;
 mod mistakes;
 mod run;
 mod step;
 pub mod taught;
 
+pub use kind::FileKind;
 pub use mistakes::{MAX_MISTAKES, Mistake, Mistakes};
 pub use r6_proto::nearest;
 pub use run::{MAX_FILE_BYTES, MotionList, MotionProgram};

@@ -105,7 +105,7 @@ fn instructions(steps: &[&Table], oneshot: bool, found: &mut Found<'_>) -> Vec<I
 fn elsewhere(key: &str) -> Option<String> {
     match key {
         "step" | "stack" | "counter" => Some(
-            "a taught program runs on the controller: `r6 sim --program FILE`, or `r6 panel load FILE` (docs/PROGRAMS.md)"
+            "a taught program runs on the controller: `r6 sim --program FILE`, `r6 panel load FILE`, or `r6 plot FILE` (docs/PROGRAMS.md)"
                 .to_owned(),
         ),
         // It may be the key of an instruction, written above the first instruction.

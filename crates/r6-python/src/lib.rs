@@ -23,6 +23,7 @@ mod operation;
 mod outcome;
 mod photos;
 mod pickling;
+mod plot;
 mod points;
 mod process;
 mod program;
@@ -74,6 +75,8 @@ mod _r6 {
     use crate::photos::PhotosCore;
     #[pymodule_export]
     use crate::pickling::remade;
+    #[pymodule_export]
+    use crate::plot::Plot;
     #[pymodule_export]
     use crate::points::word_of;
     #[pymodule_export]

@@ -11,6 +11,7 @@ use crate::convert::{seconds, word};
 use crate::errors::{Raise, raise};
 use crate::numbers::rows;
 use crate::pickling::not_pickled;
+use crate::plot::{Keywords, Plot, plotted};
 use crate::points::{awaited, output, outputs, pulsed, stopping};
 use crate::units::{AxisPosition, Given, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
 
@@ -220,6 +221,29 @@ impl Motion {
         };
         raise(slf.py(), other.instructions())?;
         Self::add(slf, |motion| motion.extend(&other))
+    }
+
+    /// Plays the motion on a virtual controller and draws it. No robot is asked, and no time passes. A
+    /// motion that repeats is played once. Inputs are off.
+    ///
+    /// - ``model`` (``"BRTIRUS0707A"``), ``profile`` (``"hc1"``): a name or a path, as for ``Simulator``.
+    /// - ``global_speed`` (100 %): at least 0.1 %.
+    /// - ``start``: where the axes stand before it; 0 for those that are not named.
+    ///
+    /// An alarm, or a wait for a signal that never comes, ends the picture: ``Plot.trouble`` says which.
+    ///
+    /// Errors: ``SimulatorError`` if the model or the profile is wrong; ``ValueError`` if the motion cannot
+    /// be played: more than 10 000 steps, a start out of reach, a step that this firmware does not know.
+    #[pyo3(signature = (*, model=None, profile=None, global_speed=None, start=None))]
+    fn plot(
+        &self,
+        py: Python<'_>,
+        model: Option<&Bound<'_, PyAny>>,
+        profile: Option<&Bound<'_, PyAny>>,
+        global_speed: Option<Given<Percent>>,
+        start: Option<Given<AxisPosition>>,
+    ) -> PyResult<Plot> {
+        plotted(py, &self.0, false, "motion", &Keywords { model, profile, global_speed, start })
     }
 
     fn __copy__(&self) -> Self {

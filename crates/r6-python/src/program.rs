@@ -10,6 +10,8 @@ use r6_program::{MAX_FILE_BYTES, MotionList, MotionProgram};
 use crate::errors::wrong_file;
 use crate::motion::Motion;
 use crate::pickling::not_pickled;
+use crate::plot::{Keywords, Plot, plotted};
+use crate::units::{AxisPosition, Given, Percent};
 
 /// The name of a text without a file, in errors.
 const NO_FILE: &str = "<text>";
@@ -22,17 +24,19 @@ const NO_FILE: &str = "<text>";
 ///     robot.run(program.motion, r6.RunOptions(append=program.append)).finished()
 #[pyclass(frozen, module = "r6._r6")]
 pub struct Program {
+    /// What a picture calls it.
+    name: String,
     motion: r6_client::Motion,
     append: bool,
     remarks: Vec<String>,
 }
 
 impl Program {
-    fn of(py: Python<'_>, file: &str, text: &str) -> PyResult<Self> {
+    fn of(py: Python<'_>, file: &str, name: String, text: &str) -> PyResult<Self> {
         let program =
             MotionProgram::read(text).map_err(|mistakes| wrong_file(py, "FileError", file, &mistakes))?;
         let append = program.lists.first().is_some_and(|list| !list.replace);
-        Ok(Self { append, motion: in_frames(program.lists), remarks: program.remarks })
+        Ok(Self { name, append, motion: in_frames(program.lists), remarks: program.remarks })
     }
 }
 
@@ -61,13 +65,14 @@ impl Program {
             let what = format!("{name} is too long: a program has {MAX_FILE_BYTES} bytes at most");
             return Err(PyValueError::new_err(what));
         }
-        Self::of(py, &name, &text)
+        let title = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        Self::of(py, &name, title, &text)
     }
 
     /// Reads a text. Errors: ``FileError``.
     #[staticmethod]
     fn read(py: Python<'_>, text: &str) -> PyResult<Self> {
-        Self::of(py, NO_FILE, text)
+        Self::of(py, NO_FILE, "program".to_owned(), text)
     }
 
     /// Its steps, as a copy: changing it does not change the program. It repeats if the file says so.
@@ -86,6 +91,20 @@ impl Program {
     #[getter]
     fn remarks(&self) -> Vec<String> {
         self.remarks.clone()
+    }
+
+    /// Plays it on a virtual controller and draws it, as ``Motion.plot`` does.
+    #[pyo3(signature = (*, model=None, profile=None, global_speed=None, start=None))]
+    fn plot(
+        &self,
+        py: Python<'_>,
+        model: Option<&Bound<'_, PyAny>>,
+        profile: Option<&Bound<'_, PyAny>>,
+        global_speed: Option<Given<Percent>>,
+        start: Option<Given<AxisPosition>>,
+    ) -> PyResult<Plot> {
+        let keywords = Keywords { model, profile, global_speed, start };
+        plotted(py, &self.motion, self.append, &self.name, &keywords)
     }
 
     fn __len__(&self) -> usize {

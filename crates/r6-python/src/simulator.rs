@@ -71,13 +71,13 @@ const STARTS: [(&str, StartState); 4] = [
 const MAX_FILE_BYTES: usize = r6_controller::scenario::MAX_TEXT_BYTES;
 
 /// A name or a text, or the file at a path and its text.
-enum Source {
+pub enum Source {
     Name(String),
     File { path: String, text: String },
 }
 
 impl Source {
-    fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
+    pub fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(name) = given.cast::<PyString>() {
             return Ok(Self::Name(name.to_cow()?.into_owned()));
         }
@@ -109,7 +109,8 @@ fn wrong(py: Python<'_>, problem: impl std::fmt::Display) -> PyErr {
     Exception::new(py, "SimulatorError", &problem).build()
 }
 
-fn profile(py: Python<'_>, source: Source) -> PyResult<Profile> {
+/// A profile by its name or its file. Errors: `SimulatorError`.
+pub fn profile_of(py: Python<'_>, source: Source) -> PyResult<Profile> {
     match source {
         Source::File { path, text } => {
             Profile::from_toml(&text).map_err(|mistakes| wrong_file(py, "SimulatorError", &path, &mistakes))
@@ -120,7 +121,8 @@ fn profile(py: Python<'_>, source: Source) -> PyResult<Profile> {
     }
 }
 
-fn model(py: Python<'_>, source: Source) -> PyResult<RobotModel> {
+/// A robot model by its name or its file. Errors: `SimulatorError`.
+pub fn model_of(py: Python<'_>, source: Source) -> PyResult<RobotModel> {
     match source {
         Source::File { path, text } => RobotModel::from_toml(&text)
             .map_err(|mistakes| wrong_file(py, "SimulatorError", &path, &mistakes)),
@@ -162,10 +164,10 @@ impl Simulator {
     ) -> PyResult<Self> {
         let mut builder = VirtualController::builder().seed(seed).stands(word("start", start, &STARTS)?);
         if let Some(given) = profile {
-            builder = builder.profile(self::profile(py, Source::of(given)?)?);
+            builder = builder.profile(profile_of(py, Source::of(given)?)?);
         }
         if let Some(given) = model {
-            builder = builder.model(self::model(py, Source::of(given)?)?);
+            builder = builder.model(model_of(py, Source::of(given)?)?);
         }
         if let Some(given) = clock {
             builder = builder.clock(self::clock(py, given)?);

@@ -50,6 +50,12 @@ pub const RULES: &[Rule] = &[
     Rule { package: "r6-http", layer: Layer::Shell, may_use: &["r6-api", "r6-proto"] },
     // A robot is reached only over the wire, so the client cannot know that it is simulated.
     Rule { package: "r6-client", layer: Layer::Shell, may_use: &["r6-proto"] },
+    // Its own sources are pure (`tests/layers.rs`). It is a shell because it uses the client.
+    Rule {
+        package: "r6-plot",
+        layer: Layer::Shell,
+        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-program", "r6-proto"],
+    },
     // The simulator is the other end of the wire. It shares only the protocol with the client.
     Rule {
         package: "r6-sim",
@@ -59,13 +65,22 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6",
         layer: Layer::Shell,
-        may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim", "r6-traffic"],
+        may_use: &[
+            "r6-api",
+            "r6-client",
+            "r6-controller",
+            "r6-plot",
+            "r6-program",
+            "r6-proto",
+            "r6-sim",
+            "r6-traffic",
+        ],
     },
     // Only this crate binds both sides, so that a Python program can start its own virtual controller.
     Rule {
         package: "r6-python",
         layer: Layer::Shell,
-        may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim"],
+        may_use: &["r6-api", "r6-client", "r6-controller", "r6-plot", "r6-program", "r6-proto", "r6-sim"],
     },
     // No crate depends on it, and it is not shipped. It may use everything, and it counts allocations as
     // tests do.

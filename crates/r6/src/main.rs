@@ -8,7 +8,6 @@ mod hint;
 mod limits;
 mod logs;
 mod output;
-mod recording;
 mod robot;
 mod signals;
 mod text_file;

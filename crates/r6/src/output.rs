@@ -3,9 +3,7 @@
 //! Threads write to stdout and stderr (`queue.rs`) and keep the error if a write fails. Nothing here ends the
 //! program or panics, because a motion may be under way; `ending.rs` turns the error into an exit code.
 
-pub mod action;
 pub mod alarm;
-pub mod drawing;
 pub mod ending;
 pub mod panel;
 pub mod plot;
@@ -127,6 +125,11 @@ fn escaped_json(text: &str) -> String {
 /// `1 line`, `2 lines`, `0 lines`.
 pub fn counted(count: usize, word: &str) -> String {
     if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
+}
+
+/// `1 instruction`, `2 instructions`.
+pub fn instructions(count: usize) -> String {
+    counted(count, "instruction")
 }
 
 /// The line printed in place of lines that were dropped.

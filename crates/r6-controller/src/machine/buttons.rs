@@ -33,6 +33,18 @@ impl Machine {
         Ok(())
     }
 
+    /// Runs the program from its first step to the end of one pass, and stops there. Unlike a single cycle,
+    /// the program waits at every wait.
+    pub(crate) fn run_one_pass(&mut self) -> Result<(), Refused> {
+        self.ready_to_run()?;
+        self.begin_anew();
+        self.mode = OperationMode::Running;
+        self.cycle.last_pass = true;
+        self.note(Event::ModeChanged { mode: self.mode, why: ModeReason::Started });
+        self.go_on();
+        Ok(())
+    }
+
     /// Presses single cycle: the program runs to the end of its pass and stops there.
     pub(crate) fn press_single_cycle(&mut self) -> Result<(), Refused> {
         self.ready_to_run()?;

@@ -453,7 +453,8 @@ impl Machine {
 
     /// The present step, for people. The controller fetches instructions of a program ahead of the arm. While
     /// fetched instructions are left, the first of them is the present step.
-    pub(crate) fn present_step(&self) -> Option<ProgramStep> {
+    #[must_use]
+    pub fn present_step(&self) -> Option<ProgramStep> {
         let fetched = self.program.places.front().filter(|_| !self.program.remote);
         let place = fetched.or_else(|| self.program.place())?;
         let step = place.program.steps().get(place.step)?;

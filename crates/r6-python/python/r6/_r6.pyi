@@ -48,6 +48,7 @@ __all__ = [
     "MotionCore",
     "Operation",
     "Percent",
+    "Plot",
     "PhotosCore",
     "Pose",
     "Program",
@@ -510,6 +511,26 @@ class Motion:
     @property
     def repeats(self) -> bool:
         """Whether a step stays in the controller's list, so that the motion has no end of its own."""
+    def plot(
+        self,
+        *,
+        model: str | PathLike[str] | None = None,
+        profile: str | PathLike[str] | None = None,
+        global_speed: Percent | None = None,
+        start: AxisPosition | None = None,
+    ) -> Plot:
+        """Plays the motion on a virtual controller and draws it. No robot is asked, and no time passes. A
+        motion that repeats is played once. Inputs are off.
+
+        - ``model`` (``"BRTIRUS0707A"``), ``profile`` (``"hc1"``): a name or a path, as for ``Simulator``.
+        - ``global_speed`` (100 %): at least 0.1 %.
+        - ``start``: where the axes stand before it; 0 for those that are not named.
+
+        An alarm, or a wait for a signal that never comes, ends the picture: ``Plot.trouble`` says which.
+
+        Errors: ``SimulatorError`` if the model or the profile is wrong; ``ValueError`` if the motion cannot
+        be played: more than 10 000 steps, a start out of reach, a step that this firmware does not know.
+        """
     def __getitem__(self, key: int | slice, /) -> Motion:
         """A step, or steps that follow one another, as a motion of its own: ``motion[2]``, ``motion[2:5]``."""
     def __len__(self) -> int:
@@ -585,7 +606,41 @@ class Program:
     @property
     def remarks(self) -> list[str]:
         """Remarks for the author of the file: older spellings, keys without a meaning."""
+    def plot(
+        self,
+        *,
+        model: str | PathLike[str] | None = None,
+        profile: str | PathLike[str] | None = None,
+        global_speed: Percent | None = None,
+        start: AxisPosition | None = None,
+    ) -> Plot:
+        """Plays it on a virtual controller and draws it, as ``Motion.plot`` does."""
     def __len__(self) -> int: ...
+
+@final
+class Plot:
+    """What a motion does: axis positions, axis speeds and outputs over time, and the path of the tool. A
+    notebook shows it as a picture.
+
+    ::
+
+        plot = r6.Program.load("square.toml").plot()
+        plot.save("square.svg")
+        assert plot.trouble is None
+    """
+
+    @property
+    def svg(self) -> str:
+        """The picture as SVG. The same motion gives the same text."""
+    @property
+    def duration(self) -> float:
+        """How long the motion takes, seconds."""
+    @property
+    def trouble(self) -> str | None:
+        """Why the motion does not get to its end: an alarm, or a wait that never ends; ``None`` if it does."""
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes the picture to a file, over one that is there. Errors: ``OSError``."""
+    def _repr_svg_(self) -> str: ...
 
 @final
 class RunOptions:

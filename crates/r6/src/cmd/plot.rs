@@ -1,27 +1,23 @@
 //! `r6 plot`: draws the motion of a program, without a robot.
 
 mod inputs;
-mod playback;
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use r6_controller::ControllerSettings;
-use r6_proto::message::Instruction;
+use r6_controller::{ControllerSettings, Program};
+use r6_plot::play::{self, Cell, InputChange};
+use r6_plot::{Ending, Picture, PlayError, Recording, words};
+use r6_program::{FileKind, MotionProgram};
 
-use self::inputs::InputChange;
-use self::playback::Cell;
 use crate::cmd::sim::given;
 use crate::cmd::{job, run};
 use crate::exit::{Exit, Failure};
-use crate::output::drawing::{self, Picture};
 use crate::output::problem::{self, Code};
 use crate::output::{self, plot};
-use crate::recording::Recording;
 use crate::units;
-use r6_program::MotionProgram;
 
 /// After this time the terminal shows progress.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -37,22 +33,29 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
 The program runs on a virtual controller and a virtual clock: it takes no time, and no robot is \
 asked. The picture is an SVG file, which every browser shows. It is written over without asking.
 
-The times are those at which the controller counts an instruction as done. A blended move has begun \
-in the corner before that. A list that repeats is drawn once.
+FILE holds instructions, as for `r6 run`, or a taught program ([[step]] tables, docs/PROGRAMS.md), as \
+for `r6 sim --program`. A list that repeats is drawn once, and so is a taught program: one pass from \
+its first step.
+
+The times are those at which the controller counts an instruction or a step as done. A blended move \
+has begun in the corner before that. Steps that take no time have no number in the picture.
+
+Outputs, M points and inputs that change have a row each, with a bar while they are on.
 
 An alarm, or a wait for a signal that never comes, ends the picture there: it is named with the \
-number of its instruction, and the exit code is 1. Inputs are off unless --input sets them.
+number of its instruction or step, and the exit code is 1. Inputs are off unless --input sets them.
 
 Examples:
   r6 plot examples/programs/square.toml                             writes examples/programs/square.svg
   r6 plot examples/programs/blend-j1.json --out blend.svg --global-speed 50
   r6 plot examples/programs/square-linear.json --from 0,10,-20,0,-80,0
   r6 plot examples/programs/io-and-wait.json --input X010=on@2.5s
+  r6 plot examples/taught/pick.toml --input X010=on@1s              one pass of a taught program
   r6 plot examples/programs/square.toml --json | jq .duration_s
   r6 plot - --out - < examples/programs/square.toml > square.svg"
 )]
 pub struct PlotArgs {
-    /// The program, as `r6 run` takes it: .json or .toml, or - for stdin
+    /// Instructions, as `r6 run` takes them, or a taught program: .json or .toml, or - for stdin
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// The picture; - writes it to stdout [default: FILE with .svg at its end]
@@ -110,16 +113,14 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
             model.axis_count()
         )));
     }
-    let program = program(&args.file)?;
-    let instructions: Vec<Instruction> =
-        program.lists.iter().flat_map(|list| &list.instructions).copied().collect();
+    let source = source(&args.file)?;
     let settings =
         ControllerSettings { global_speed: args.global_speed, ..ControllerSettings::new(profile, model) };
     let cell = Cell { settings: settings.clone(), from: args.from.clone(), inputs: args.input.clone() };
     let mut progress = Progress::begin();
-    let recording = playback::play(cell, program.lists, &mut |seconds| progress.show(seconds))?;
+    let recording = play(cell, source, &mut |seconds| progress.show(seconds))?;
     progress.clear();
-    let trouble = plot::trouble(&recording, &instructions);
+    let trouble = words::trouble(&recording);
     let picture = draw(&args, &settings, &recording, trouble.as_deref());
     if to_stdout {
         output::bytes(picture.as_bytes());
@@ -130,7 +131,7 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
     let failure = trouble.map(|trouble| {
         Failure::refused(trouble).with_code(Code::NotFinished).advise(advice(&recording)).told()
     });
-    report(&args, &settings, &recording, &instructions, &out, failure.as_ref());
+    report(&args, &settings, &recording, &out, failure.as_ref());
     failure.map_or(Ok(Exit::Done), Err)
 }
 
@@ -142,15 +143,56 @@ fn is_same_file(one: &Path, other: &Path) -> bool {
     }
 }
 
-/// Reads the program. A list that repeats runs once.
-fn program(file: &Path) -> Result<MotionProgram, Failure> {
-    let mut program = run::read(file)?;
+/// What a file holds.
+enum Source {
+    Motion(MotionProgram),
+    Program(Box<Program>),
+}
+
+/// Reads the file, which says by its contents what it holds. A list that repeats runs once.
+fn source(file: &Path) -> Result<Source, Failure> {
+    let text = run::read_text(file)?;
+    match FileKind::of(&text) {
+        FileKind::Instructions => {}
+        FileKind::Taught => {
+            let stem = file.file_stem().and_then(|stem| stem.to_str()).filter(|_| !run::is_stdin(file));
+            let program = given::program_of(&text, stem.unwrap_or("program"), &run::name(file))?;
+            return Ok(Source::Program(Box::new(program)));
+        }
+        FileKind::Neither => {
+            return Err(Failure::usage(format!(
+                "{} has neither instructions nor the steps of a taught program",
+                run::name(file)
+            ))
+            .advise(
+                "instructions for `r6 run` are [[instruction]] tables or AddRCC frames; a taught program has [[step]] tables",
+            ));
+        }
+    }
+    let mut program = run::read_program(file, &text)?;
     run::show_remarks(&program, file);
     if job::repeats(&program.lists) {
         output::note("r6: this list repeats until it is stopped; it is drawn once");
         program.run_once();
     }
-    Ok(program)
+    Ok(Source::Motion(program))
+}
+
+fn play(cell: Cell, source: Source, progress: &mut dyn FnMut(f64)) -> Result<Recording, Failure> {
+    let recording = match source {
+        Source::Motion(MotionProgram { lists, .. }) => {
+            let append = lists.first().is_some_and(|list| !list.replace);
+            play::motion(cell, &job::in_frames(lists), append, progress)
+        }
+        Source::Program(program) => play::program(cell, &program, progress),
+    };
+    recording.map_err(|error| match error {
+        PlayError::StartNotReached { alarm, why } => {
+            Failure::usage(format!("--from cannot be reached: alarm {alarm}: {why}"))
+        }
+        PlayError::FrameRefused { .. } => Failure::refused(error),
+        _ => Failure::usage(error),
+    })
 }
 
 fn draw(
@@ -165,11 +207,11 @@ fn draw(
     let name = if args.file == Path::new("-") { "program".to_owned() } else { name };
     let subtitle = format!(
         "{}; profile {}, global speed {} %",
-        plot::summary(recording),
+        words::summary(recording),
         settings.profile.name,
         args.global_speed
     );
-    drawing::svg(&Picture {
+    r6_plot::svg(&Picture {
         title: &format!("{name} on {}", settings.model.name),
         subtitle: &subtitle,
         trouble,
@@ -182,27 +224,24 @@ fn report(
     args: &PlotArgs,
     settings: &ControllerSettings,
     recording: &Recording,
-    instructions: &[Instruction],
     out: &Path,
     failure: Option<&Failure>,
 ) {
     let to_stdout = out == Path::new("-");
     if args.json {
-        let mut figures = plot::json(recording, &settings.model, instructions);
-        if let Some(figures) = figures.as_object_mut() {
-            figures.insert("profile".to_owned(), settings.profile.name.as_str().into());
-            figures.insert("global_speed_percent".to_owned(), args.global_speed.into());
-            figures.insert("picture".to_owned(), out.display().to_string().into());
-            figures.extend(failure.map(|failure| ("problem".to_owned(), problem::object(failure))));
-        }
+        let mut figures = plot::json(recording, &settings.model);
+        figures.insert("profile".to_owned(), settings.profile.name.as_str().into());
+        figures.insert("global_speed_percent".to_owned(), args.global_speed.into());
+        figures.insert("picture".to_owned(), out.display().to_string().into());
+        figures.extend(failure.map(|failure| ("problem".to_owned(), problem::object(failure))));
         output::json(&figures);
         return;
     }
     let text = format!(
         "{}\n\n{}\n\n{}",
-        plot::turn_table(recording, instructions),
+        plot::turn_table(recording),
         plot::axis_table(recording, &settings.model),
-        plot::summary(recording)
+        words::summary(recording)
     );
     if to_stdout {
         output::note(text);
@@ -213,13 +252,12 @@ fn report(
 
 fn advice(recording: &Recording) -> String {
     match &recording.ending {
-        crate::recording::Ending::Alarm(alarm) => output::alarm::advice(alarm.code).to_owned(),
-        crate::recording::Ending::Waiting => {
+        Ending::Alarm(alarm) => output::alarm::advice(i64::from(alarm.code)).to_owned(),
+        Ending::Waiting => {
             "--input X010=on@2.5s switches an input; a wait with a limit ends with an alarm".to_owned()
         }
-        crate::recording::Ending::Done | crate::recording::Ending::TooLong => {
-            "give it shorter waits and faster moves".to_owned()
-        }
+        Ending::Done | Ending::TooLong => "give it shorter waits and faster moves".to_owned(),
+        Ending::Endless => "a pass ends at the last step or at a step `end`: let it get there".to_owned(),
     }
 }
 

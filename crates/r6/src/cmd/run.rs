@@ -119,7 +119,8 @@ pub fn name(file: &Path) -> String {
     if is_stdin(file) { "stdin".to_owned() } else { file.display().to_string() }
 }
 
-fn is_stdin(file: &Path) -> bool {
+/// Whether the file is stdin.
+pub fn is_stdin(file: &Path) -> bool {
     file == Path::new("-")
 }
 
@@ -151,23 +152,33 @@ pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 /// # Errors
 /// The file cannot be read, or is wrong. The error says where and what.
 pub fn read(file: &Path) -> Result<MotionProgram, Failure> {
-    let name = name(file);
-    let extension = file.extension().and_then(|extension| extension.to_str());
-    let program = match extension {
-        _ if is_stdin(file) => MotionProgram::read(&read_text(file)?),
-        Some("json") => MotionProgram::from_json(&read_text(file)?),
-        Some("toml") => MotionProgram::from_toml(&read_text(file)?),
-        Some(_) | None => {
-            return Err(Failure::usage(format!("{name}: a program ends in .json or .toml")));
-        }
-    };
-    program.map_err(|mistakes| Failure::in_file(&name, &mistakes))
+    read_program(file, &read_text(file)?)
 }
 
-fn read_text(file: &Path) -> Result<String, Failure> {
+/// Reads a program from the text of a file, or of stdin.
+///
+/// # Errors
+/// The text is wrong. The error says where and what.
+pub fn read_program(file: &Path, text: &str) -> Result<MotionProgram, Failure> {
+    let program = match file.extension().and_then(|extension| extension.to_str()) {
+        _ if is_stdin(file) => MotionProgram::read(text),
+        Some("json") => MotionProgram::from_json(text),
+        Some(_) | None => MotionProgram::from_toml(text),
+    };
+    program.map_err(|mistakes| Failure::in_file(&name(file), &mistakes))
+}
+
+/// Reads the text of a file, or of stdin.
+///
+/// # Errors
+/// The file's name does not end in .json or .toml, or it cannot be read.
+pub fn read_text(file: &Path) -> Result<String, Failure> {
     if is_stdin(file) {
         let text = text_file::read_from(std::io::stdin().lock(), "stdin", "a program", MAX_FILE_BYTES);
         return text.map_err(Failure::usage);
+    }
+    if !file.extension().is_some_and(|extension| extension == "json" || extension == "toml") {
+        return Err(Failure::usage(format!("{}: a program ends in .json or .toml", name(file))));
     }
     text_file::read(file, "a program", MAX_FILE_BYTES)
         .map_err(|problem| Failure::usage(problem).while_doing(file.display()))

@@ -1,12 +1,11 @@
-//! What a program did, in figures: for people and for programs.
+//! What a motion or a program did, in figures: for people and for programs.
 
 use r6_controller::{AxisMotion, RobotModel};
-use r6_proto::message::Instruction;
-use serde_json::{Value, json};
+use r6_plot::{Ending, Played, PointTrack, Recording, Sample, Step};
+use serde_json::{Map, Value, json};
 
+use crate::output::alarm;
 use crate::output::table::Table;
-use crate::output::{action, alarm};
-use crate::recording::{Ending, Recording};
 
 /// The most rows of the table. More would scroll the figures off the screen.
 const MAX_ROWS: usize = 40;
@@ -17,47 +16,6 @@ fn unit(motion: AxisMotion) -> &'static str {
         AxisMotion::Turns => "deg",
         AxisMotion::Slides => "mm",
     }
-}
-
-/// `1 stop`, `2 stops`, `no stop`.
-fn stops_text(stops: usize) -> String {
-    match stops {
-        0 => "no stop".to_owned(),
-        1 => "1 stop".to_owned(),
-        stops => format!("{stops} stops"),
-    }
-}
-
-/// A summary in one line.
-pub fn summary(recording: &Recording) -> String {
-    format!(
-        "{:.3} s, {}, tool path {:.1} mm, {}",
-        recording.duration,
-        action::instructions(recording.instructions),
-        recording.tool_path,
-        stops_text(recording.stops)
-    )
-}
-
-/// What went wrong, in one line; `None` if nothing did.
-pub fn trouble(recording: &Recording, program: &[Instruction]) -> Option<String> {
-    let number = recording.ended_at()?;
-    let step = number.checked_sub(1).and_then(|index| program.get(index));
-    let name = step.map_or_else(String::new, |step| format!(" ({})", action::text(&step.action)));
-    Some(match &recording.ending {
-        Ending::Done => return None,
-        Ending::Alarm(raised) => format!(
-            "instruction {number}{name} ends with alarm {} at {:.3} s: {}",
-            alarm::short(raised.code),
-            recording.alarm_at.unwrap_or(recording.duration),
-            raised.why
-        ),
-        Ending::Waiting => format!(
-            "instruction {number}{name} waits for ever from {:.3} s on: nothing sets what it waits for",
-            recording.duration
-        ),
-        Ending::TooLong => format!("instruction {number}{name} is not done after a week"),
-    })
 }
 
 /// A table with one row for each axis.
@@ -82,16 +40,22 @@ pub fn axis_table(recording: &Recording, model: &RobotModel) -> Table {
     table
 }
 
-/// A table with one row for each instruction that began.
-pub fn turn_table(recording: &Recording, program: &[Instruction]) -> Table {
+/// A table with one row for each step that took time, or each instruction that began.
+pub fn turn_table(recording: &Recording) -> Table {
     let mut table = Table::with_right_columns(&[0, 2, 3, 4]);
-    table.row([&"N", &"INSTRUCTION", &"BEGIN", &"END", &"TOOK"]);
-    let rows = recording.turns.iter().zip(program).enumerate();
-    for (index, (turn, step)) in rows.take(MAX_ROWS) {
+    let (heading, main) = match &recording.played {
+        Played::Motion(_) => ("INSTRUCTION", None),
+        Played::Program { name, .. } => ("STEP", Some(name)),
+    };
+    table.row([&"N", &heading, &"BEGIN", &"END", &"TOOK"]);
+    for turn in recording.turns.iter().take(MAX_ROWS) {
         let end = turn.end.map_or_else(|| "-".to_owned(), |end| format!("{end:.3} s"));
         let took = turn.end.map_or_else(|| "-".to_owned(), |end| format!("{:.3} s", end - turn.begin));
         let begin = format!("{:.3} s", turn.begin);
-        table.row([&(index + 1), &action::text(&step.action), &begin, &end, &took]);
+        let Step { number, program, text, .. } = &turn.step;
+        let called = program.as_ref().filter(|program| Some(*program) != main);
+        let text = called.map_or_else(|| text.clone(), |called| format!("{text}, in `{called}`"));
+        table.row([number, &text, &begin, &end, &took]);
     }
     if recording.turns.len() > MAX_ROWS {
         let more = recording.turns.len() - MAX_ROWS;
@@ -101,7 +65,7 @@ pub fn turn_table(recording: &Recording, program: &[Instruction]) -> Table {
 }
 
 /// The figures and the series as JSON, units in the names.
-pub fn json(recording: &Recording, model: &RobotModel, program: &[Instruction]) -> Value {
+pub fn json(recording: &Recording, model: &RobotModel) -> Map<String, Value> {
     let axes: Vec<_> = (1..)
         .zip(recording.axes.iter().zip(model.drives()))
         .map(|(number, (axis, drive))| {
@@ -114,43 +78,66 @@ pub fn json(recording: &Recording, model: &RobotModel, program: &[Instruction]) 
             })
         })
         .collect();
-    let turns: Vec<_> = (1..)
-        .zip(recording.turns.iter().zip(program))
-        .map(|(number, (turn, step))| {
-            json!({
-                "number": number, "action": step.action.number(), "text": action::text(&step.action),
+    let turns: Vec<_> = recording
+        .turns
+        .iter()
+        .map(|turn| {
+            let mut told = json!({
+                "number": turn.step.number, "action": turn.step.action, "text": turn.step.text,
                 "begin_s": rounded(turn.begin), "end_s": turn.end.map(rounded),
-            })
+            });
+            if let (Some(told), Some(program)) = (told.as_object_mut(), &turn.step.program) {
+                told.insert("program".to_owned(), program.as_str().into());
+            }
+            told
         })
         .collect();
-    let (ended, alarm, why) = match &recording.ending {
-        Ending::Done => ("done", None, None),
-        Ending::Alarm(alarm) => ("alarm", Some(alarm.code), Some(alarm.why.as_str())),
-        Ending::Waiting => ("waiting", None, None),
-        Ending::TooLong => ("too_long", None, None),
+    let ended = match &recording.ending {
+        Ending::Done => "done",
+        Ending::Alarm(_) => "alarm",
+        Ending::Waiting => "waiting",
+        Ending::TooLong => "too_long",
+        Ending::Endless => "endless",
     };
-    json!({
+    let (program, count) = match &recording.played {
+        Played::Motion(count) => (None, count),
+        Played::Program { name, steps } => (Some(name), steps),
+    };
+    let alarm = recording.alarm();
+    let figures = json!({
         "model": &*model.name,
+        "program": program,
         "duration_s": rounded(recording.duration),
-        "instruction_count": recording.instructions,
+        "instruction_count": count,
         "tool_path_mm": rounded(recording.tool_path),
         "stops": recording.stops,
         "ended": ended,
-        "ended_at_instruction": recording.ended_at(),
-        "alarm": alarm,
-        "alarm_text": alarm.map(alarm::short),
-        "alarm_why": why,
-        "alarm_s": recording.alarm_at.map(rounded),
+        "ended_at_instruction": recording.ended_at.as_ref().map(|step| step.number),
+        "alarm": alarm.map(|alarm| alarm.code),
+        "alarm_text": alarm.map(|alarm| alarm::short(i64::from(alarm.code))),
+        "alarm_why": alarm.map(|alarm| alarm.why.as_str()),
+        "alarm_s": alarm.map(|alarm| rounded(alarm.at)),
         "axes": axes,
         "instructions": turns,
+        "points": recording.points.iter().map(|track| point(track, recording.duration)).collect::<Vec<_>>(),
         "samples": samples(recording),
-    })
+    });
+    match figures {
+        Value::Object(figures) => figures,
+        _ => Map::new(),
+    }
+}
+
+/// A point and the times at which it is on, each from its beginning to its end.
+fn point(track: &PointTrack, until: f64) -> Value {
+    let on: Vec<_> = track.on(until).into_iter().map(|(from, to)| [rounded(from), rounded(to)]).collect();
+    json!({ "point": track.point.to_string(), "on_s": on })
 }
 
 /// The series, one list for each column.
 fn samples(recording: &Recording) -> Value {
     let count = recording.axes.len();
-    let rows = |values: &dyn Fn(&crate::recording::Sample) -> Vec<f64>| -> Vec<Vec<f64>> {
+    let rows = |values: &dyn Fn(&Sample) -> Vec<f64>| -> Vec<Vec<f64>> {
         recording.samples.iter().map(|sample| values(sample).into_iter().map(rounded).collect()).collect()
     };
     json!({

@@ -248,6 +248,107 @@ fn a_sliding_axis_has_millimetres() {
     assert!((value_at(&values, y) + 50.0).abs() < 0.2, "{}", value_at(&values, y));
 }
 
+/// The rectangles of the panel of points, each from its left to its right edge, by the name of their row.
+fn bars(picture: &str) -> Vec<(String, Vec<(f64, f64)>)> {
+    let mut rows = Vec::new();
+    for line in groups(picture, "points").concat() {
+        if let Some(name) = line.strip_suffix("</text>").filter(|line| line.contains("\"end\"")) {
+            rows.push((name.rsplit('>').next().unwrap().to_owned(), Vec::new()));
+        } else if line.starts_with("<rect ") {
+            let [left, width] = ["x", "width"].map(|name| attribute(line, name).parse::<f64>().unwrap());
+            rows.last_mut().unwrap().1.push((left, left + width));
+        }
+    }
+    rows
+}
+
+#[test]
+fn points_that_change_have_a_bar_while_they_are_on() {
+    let output =
+        |point: &str, on: bool| format!("[[instruction]]\ndo = \"output\"\npoint = \"{point}\"\non = {on}\n");
+    let wait = |seconds: f64| format!("[[instruction]]\ndo = \"wait\"\nseconds = {seconds:.1}\n");
+    let steps = [
+        output("M012", true),
+        output("Y010", true),
+        wait(1.0),
+        output("Y010", false),
+        wait(2.0),
+        output("Y010", true),
+        wait(1.0),
+    ];
+    let plotted = Plotted::new("points.toml", &steps.concat());
+    let figures = plotted.figures(&["--input", "X011=on@500ms", "--input", "X011=off@1.5s"]);
+    assert_eq!(
+        figures["points"],
+        serde_json::json!([
+            { "point": "X011", "on_s": [[0.5, 1.5]] },
+            { "point": "Y010", "on_s": [[0.0, 1.0], [3.0, 4.0]] },
+            { "point": "M012", "on_s": [[0.0, 4.0]] },
+        ])
+    );
+    let picture = plotted.picture();
+    let times = groups(&picture, "time");
+    assert_eq!(times.len(), 3, "each panel has its scale of time");
+    let seconds = labels(&times[2], "x", 0.0);
+    let rows = bars(&picture);
+    assert_eq!(rows.iter().map(|row| row.0.as_str()).collect::<Vec<_>>(), ["X011", "Y010", "M012"]);
+    for ((name, bars), wanted) in
+        rows.iter().zip([vec![(0.5, 1.5)], vec![(0.0, 1.0), (3.0, 4.0)], vec![(0.0, 4.0)]])
+    {
+        assert_eq!(bars.len(), wanted.len(), "{name}");
+        for (bar, wanted) in bars.iter().zip(wanted) {
+            let (from, to) = (value_at(&seconds, bar.0), value_at(&seconds, bar.1));
+            assert!((from - wanted.0).abs() < 0.01 && (to - wanted.1).abs() < 0.01, "{name}: {from} {to}");
+        }
+    }
+}
+
+#[test]
+fn a_taught_program_is_drawn_for_one_pass() {
+    let move_to = |to: f64| format!("[[step]]\ndo = \"axis-move\"\nto = [{to:.1}]\nspeed = 50\n");
+    let text = move_to(20.0) + "[[step]]\ndo = \"wait\"\npoint = \"X010\"\n" + &move_to(0.0);
+    let plotted = Plotted::new("taught.toml", &text);
+    let outcome = plotted.plot(&["--input", "X010=on@3s"]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert!(
+        outcome.out.contains("wait until X010 is on") && outcome.out.contains("3 steps"),
+        "{}",
+        outcome.out
+    );
+    assert!(plotted.picture().contains(">step<") && !plotted.picture().contains(">instruction<"));
+    let figures = plotted.figures(&["--input", "X010=on@3s"]);
+    assert_eq!((&figures["ended"], &figures["instruction_count"]), (&"done".into(), &3.into()));
+    assert!(figures["program"].as_str().unwrap().ends_with("taught"), "{}", figures["program"]);
+    assert_near(&figures["instructions"][1]["end_s"], 3.0, 1e-9);
+    assert_near(&figures["axes"][0]["way"], 40.0, 1e-6);
+    let waits = plotted.plot(&[]);
+    assert_eq!(waits.code, 1, "{waits:?}");
+    assert!(waits.err.contains("step 2 (wait until X010 is on) waits for ever from"), "{}", waits.err);
+    // The same program in JSON, from stdin.
+    let json = r#"{"step": [{"do": "axis-move", "to": [20], "speed": 50}]}"#;
+    let outcome = r6_with_input(&["plot", "-", "--out", "-"], json.as_bytes());
+    assert_eq!(outcome.code, 0, "{outcome:?}");
+    assert!(outcome.err.contains("1 step,"), "{}", outcome.err);
+}
+
+#[test]
+fn the_contents_of_a_file_say_what_it_is() {
+    let step = "[[step]]\ndo = \"jumpp\"\n";
+    let neither = "[[move]]\nto = [1]\n";
+    let both = format!("{}[[step]]\ndo = \"end\"\n", axis_move("10", 50.0, 0));
+    for (name, text, wanted) in [
+        ("wrong-step.toml", step, "nearest: \"jump\""),
+        ("neither.toml", neither, "instructions for `r6 run` are [[instruction]] tables"),
+        ("neither.json", "{\"move\": 1}", "a taught program has [[step]] tables"),
+        ("both.toml", both.as_str(), "there is no key `step`"),
+        ("calls.toml", "[[step]]\ndo = \"call\"\nprogram = \"remot\"\n", "nearest: `remote`"),
+    ] {
+        let outcome = Plotted::new(name, text).plot(&[]);
+        assert_eq!(outcome.code, 2, "{name}: {outcome:?}");
+        assert!(outcome.err.contains(wanted), "{name}: {}", outcome.err);
+    }
+}
+
 #[test]
 fn programs_come_from_stdin_and_pictures_go_to_stdout() {
     let toml = axis_move("10", 50.0, 0);
@@ -318,7 +419,7 @@ fn the_picture_in_the_readme_is_the_one_that_is_drawn() {
     assert!(committed.len() < 100_000, "{} bytes", committed.len());
     assert!(std::fs::read_to_string(root().join("README.md")).unwrap().contains(name));
     let mut unclosed = String::new();
-    for group in ["legend", "time", "values", "curves", "view", "instructions"] {
+    for group in ["legend", "time", "values", "curves", "points", "view", "instructions"] {
         if groups(&committed, group).is_empty() {
             writeln!(unclosed, "{group}").unwrap();
         }

@@ -215,13 +215,11 @@ fn five_mistakes_are_five_lines_with_their_places_in_run_and_plot() {
 #[test]
 fn a_taught_program_is_told_apart() {
     let taught = TempFile::new("taught.toml", "[[step]]\ndo = \"remote\"\n");
-    for command in ["run", "plot"] {
-        let outcome = r6(&[command, taught.path()]);
-        assert!(
-            outcome.code == 2 && outcome.err.contains("a taught program runs on the controller"),
-            "{outcome:?}"
-        );
-    }
+    let outcome = r6(&["run", taught.path()]);
+    assert!(
+        outcome.code == 2 && outcome.err.contains("a taught program runs on the controller"),
+        "{outcome:?}"
+    );
     let outcome = r6(&["sim", "--listen", "127.0.0.1:0", "--program", "examples/programs/square.toml"]);
     assert!(
         outcome.code == 2 && outcome.err.contains("a list of instructions for a PC to send"),

@@ -12,7 +12,7 @@ use tokio::time::Instant;
 
 use crate::cmd::job::Job;
 use crate::cmd::job::events::{self, Accepted};
-use crate::output::{self, action};
+use crate::output;
 
 /// How often the progress on the terminal is refreshed: fast enough for eyes, with few queries.
 const REFRESH_EVERY: Duration = Duration::from_millis(100);
@@ -96,7 +96,7 @@ impl<'r> Teller<'r> {
 impl Accepted {
     /// Prints a line for people.
     pub fn say(&self) {
-        let instructions = action::instructions(self.instructions);
+        let instructions = output::instructions(self.instructions);
         let how = if self.replaced_list { "the list replaced" } else { "appended to the list" };
         let milliseconds = self.after.as_secs_f64() * 1e3;
         output::line(format_args!("{instructions} accepted after {milliseconds:.1} ms, {how}"));

@@ -14,7 +14,7 @@ use crate::cmd::stop;
 use crate::exit::{Exit, Failure};
 use crate::hint;
 use crate::output::problem::Code;
-use crate::output::{self, action, status};
+use crate::output::{self, status};
 use crate::robot;
 use crate::signals::Ending;
 use crate::waiting;
@@ -56,7 +56,7 @@ pub async fn run(
     if is_long && !args.json {
         output::line(format_args!(
             "streaming {}, at most {} of them in the controller's list; Ctrl-C sends no more",
-            action::instructions(motion.len()),
+            output::instructions(motion.len()),
             options.room
         ));
     }
@@ -182,7 +182,7 @@ fn what_goes_on(progress: &Progress, length: Option<i64>) -> String {
 /// Says how much of a long motion the controller accepted.
 fn say_lists(teller: &Teller<'_>, progress: &Progress) {
     let lists = output::counted(teller.accepted(), "list");
-    let instructions = action::instructions(progress.accepted);
+    let instructions = output::instructions(progress.accepted);
     let in_list = progress.under_way();
     output::line(format_args!("{instructions} accepted in {lists}; the arm finishes the last {in_list}"));
 }

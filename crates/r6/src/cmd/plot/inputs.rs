@@ -2,20 +2,8 @@
 
 use std::time::Duration;
 
+use r6_plot::play::InputChange;
 use r6_proto::io_point::{IoPoint, PointKind};
-
-/// A change of an input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct InputChange {
-    /// When, from the beginning of the program.
-    pub at: Duration,
-    /// The board, 0 to 7.
-    pub board: u8,
-    /// The point, 0 to 31.
-    pub point: u8,
-    /// The new level.
-    pub on: bool,
-}
 
 /// The format, for errors.
 const WANTED: &str = "write it as X010=on@2.5s: the input's name, on or off, and when";

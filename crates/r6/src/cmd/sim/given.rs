@@ -83,9 +83,15 @@ pub fn scenario(path: &Path) -> Result<Arc<Scenario>, Failure> {
 pub fn program(path: &Path, name: Option<&str>) -> Result<Program, Failure> {
     let file = text(path, "a program", MAX_TEXT_BYTES)?;
     let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
-    let shown = path.display().to_string();
-    let program =
-        Program::read(name.unwrap_or(stem), &file).map_err(|mistakes| Failure::in_file(&shown, &mistakes))?;
+    program_of(&file, name.unwrap_or(stem), &path.display().to_string())
+}
+
+/// The taught program of this text. Messages name the file as `shown`.
+///
+/// # Errors
+/// The text is wrong. The error names all places, and what is expected there.
+pub fn program_of(text: &str, name: &str, shown: &str) -> Result<Program, Failure> {
+    let program = Program::read(name, text).map_err(|mistakes| Failure::in_file(shown, &mistakes))?;
     if let Some(hint) = program.hint() {
         output::note(format_args!("r6: {shown}:{hint}"));
     }

@@ -1,4 +1,5 @@
-//! What an arm did during a program: positions and speeds over time, and figures derived from them.
+//! What an arm did during a motion or a program: positions and speeds over time, and figures derived from
+//! them.
 
 use std::time::Duration;
 
@@ -6,8 +7,13 @@ use r6_controller::RobotModel;
 use r6_controller::machine::Machine;
 use r6_proto::time::Instant;
 
+use crate::points::{PointRecorder, PointTrack};
+
 /// The first time between two samples of a moving arm: finer than any picture shows.
 const FIRST_STEP: Duration = Duration::from_millis(2);
+
+/// The longest time between two samples of a moving arm.
+const LONGEST_STEP: Duration = Duration::from_secs(3600);
 
 /// How many samples are kept. Above this, every other sample is removed and the step doubles. 50 000 samples
 /// are 100 s of motion at 2 ms, and far more than a picture has columns.
@@ -44,19 +50,34 @@ pub struct AxisSummary {
     pub top_speed: f64,
 }
 
-/// When an instruction ran, seconds.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// An instruction of a motion, or a step of a taught program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// Its number in the motion or in its program, from 1.
+    pub number: usize,
+    /// The taught program it belongs to; `None` for an instruction of a motion.
+    pub program: Option<String>,
+    /// What it does, in English; empty if that is unknown.
+    pub text: String,
+    /// The number of its action; `None` for a step of a taught program.
+    pub action: Option<i64>,
+}
+
+/// When a step ran, seconds.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Turn {
-    /// When the previous instruction was done.
+    /// What ran.
+    pub step: Step,
+    /// When the previous step was done.
     pub begin: f64,
-    /// When this instruction was done; `None` if it never was.
+    /// When this step was done; `None` if it never was.
     pub end: Option<f64>,
     /// Tool position at the end.
     tool: [f64; 3],
 }
 
 impl Turn {
-    /// The tool position when the instruction was done.
+    /// The tool position when the step was done.
     pub fn tool(&self) -> Option<[f64; 3]> {
         self.end.map(|_| self.tool)
     }
@@ -66,16 +87,14 @@ impl Turn {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Alarm {
     /// Its number.
-    pub code: i64,
+    pub code: u32,
     /// Its cause, in the controller's words.
     pub why: String,
-    /// When it came.
-    pub at: Instant,
-    /// The instruction that was running, counted from 1.
-    pub instruction: usize,
+    /// When it came, seconds.
+    pub at: f64,
 }
 
-/// How a program ended.
+/// How a motion or a program ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Ending {
     /// It ran to its end.
@@ -86,40 +105,70 @@ pub enum Ending {
     Waiting,
     /// It is longer than the time that is simulated.
     TooLong,
+    /// The pass of a taught program does not end.
+    Endless,
 }
 
-/// What a program did.
+/// What was played.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Played {
+    /// A motion of so many instructions.
+    Motion(usize),
+    /// One pass of a taught program.
+    Program {
+        /// Its name.
+        name: String,
+        /// How many steps it has.
+        steps: usize,
+    },
+}
+
+/// What an arm did.
 #[derive(Clone, Debug)]
 pub struct Recording {
+    /// What was played.
+    pub played: Played,
     /// The arm over time.
     pub samples: Vec<Sample>,
     /// What each axis did, J1 first, one entry per axis of the arm.
     pub axes: Vec<AxisSummary>,
-    /// One turn for each instruction that began.
+    /// One turn for each step that began. Steps of a taught program that take no time have none.
     pub turns: Vec<Turn>,
-    /// How many instructions the program has.
-    pub instructions: usize,
+    /// The points that changed: inputs, then outputs, then M points.
+    pub points: Vec<PointTrack>,
     /// Length of the tool's path, mm.
     pub tool_path: f64,
     /// How often the arm came to rest between two motions.
     pub stops: usize,
     /// How long it took, seconds.
     pub duration: f64,
-    /// When the alarm was raised, seconds.
-    pub alarm_at: Option<f64>,
     /// How it ended.
     pub ending: Ending,
+    /// The step at which it ended early; `None` if it ran to its end.
+    pub ended_at: Option<Step>,
 }
 
 impl Recording {
-    /// The instruction at which the program ended early, counted from 1; `None` if it ran to its end.
-    pub fn ended_at(&self) -> Option<usize> {
+    /// The alarm that ended it.
+    pub fn alarm(&self) -> Option<&Alarm> {
         match &self.ending {
-            Ending::Done => None,
-            Ending::Alarm(alarm) => Some(alarm.instruction),
-            Ending::Waiting | Ending::TooLong => Some(self.turns.len()),
+            Ending::Alarm(alarm) => Some(alarm),
+            Ending::Done | Ending::Waiting | Ending::TooLong | Ending::Endless => None,
         }
     }
+}
+
+/// How far the motion or the program is.
+#[derive(Clone, Debug)]
+pub enum Reached {
+    /// These instructions are done, the first of them first. Those that were done before are left out.
+    Done(Vec<Step>),
+    /// The program is at this step.
+    At(Step),
+    /// The step before is done, and no other has begun.
+    Between,
+    /// Nothing has changed.
+    Same,
 }
 
 /// Records what an arm does.
@@ -130,7 +179,7 @@ pub struct Recorder {
     samples: Vec<Sample>,
     axes: Vec<AxisSummary>,
     turns: Vec<Turn>,
-    done_before: u64,
+    points: PointRecorder,
     tool_path: f64,
     rests: usize,
     moved: bool,
@@ -155,7 +204,7 @@ impl Recorder {
             step: FIRST_STEP,
             samples: Vec::new(),
             turns: Vec::new(),
-            done_before: machine.list().completed(),
+            points: PointRecorder::new(machine.io()),
             tool_path: 0.0,
             rests: 0,
             moved: false,
@@ -163,7 +212,7 @@ impl Recorder {
         }
     }
 
-    /// Seconds since the program began.
+    /// Seconds since the recording began.
     pub fn seconds(&self, now: Instant) -> f64 {
         now.since(self.begin).as_secs_f64()
     }
@@ -173,8 +222,13 @@ impl Recorder {
         now + self.step
     }
 
+    /// How many turns there are.
+    pub fn turns(&self) -> usize {
+        self.turns.len()
+    }
+
     /// Takes a sample of the machine as it is now.
-    pub fn look(&mut self, now: Instant, machine: &Machine) {
+    pub fn look(&mut self, now: Instant, machine: &Machine, reached: Reached) {
         let motion = machine.motion();
         let [x, y, z, ..] = machine.pose_of(&motion.axes).components();
         let mut speeds = [0.0; 6];
@@ -189,7 +243,8 @@ impl Recorder {
             is_event: machine.is_moving() != self.moving,
         };
         self.moving = machine.is_moving();
-        sample.is_event |= self.finish_turns(&sample, machine);
+        sample.is_event |= self.note_turns(&sample, reached);
+        self.points.look(sample.at, machine.io());
         self.measure(&sample);
         self.count_rests(&sample);
         self.samples.push(sample);
@@ -198,16 +253,43 @@ impl Recorder {
         }
     }
 
-    /// Notes the instructions that ended since the last sample.
-    fn finish_turns(&mut self, sample: &Sample, machine: &Machine) -> bool {
-        let done = machine.list().completed().saturating_sub(self.done_before);
-        let done = usize::try_from(done).unwrap_or(usize::MAX);
-        let before = self.turns.len();
-        while self.turns.len() < done {
-            let begin = self.turns.last().and_then(|turn| turn.end).unwrap_or(0.0);
-            self.turns.push(Turn { begin, end: Some(sample.at), tool: sample.tool });
+    /// Notes which steps ended or began since the last sample. Returns whether any did.
+    fn note_turns(&mut self, sample: &Sample, reached: Reached) -> bool {
+        match reached {
+            Reached::Same => false,
+            Reached::Done(steps) if steps.is_empty() => false,
+            Reached::Done(steps) => {
+                for step in steps {
+                    let begin = self.turns.last().and_then(|turn| turn.end).unwrap_or(0.0);
+                    self.turns.push(Turn { step, begin, end: Some(sample.at), tool: sample.tool });
+                }
+                true
+            }
+            Reached::At(step) if self.open_step() == Some(&step) => false,
+            Reached::At(step) => {
+                self.end_turn(sample);
+                self.turns.push(Turn { step, begin: sample.at, end: None, tool: sample.tool });
+                true
+            }
+            Reached::Between => self.end_turn(sample),
         }
-        self.turns.len() > before
+    }
+
+    /// The step that runs now.
+    fn open_step(&self) -> Option<&Step> {
+        self.turns.last().filter(|turn| turn.end.is_none()).map(|turn| &turn.step)
+    }
+
+    /// Ends the turn that is open. Returns whether there was one.
+    fn end_turn(&mut self, sample: &Sample) -> bool {
+        match self.turns.last_mut().filter(|turn| turn.end.is_none()) {
+            Some(turn) => {
+                turn.end = Some(sample.at);
+                turn.tool = sample.tool;
+                true
+            }
+            None => false,
+        }
     }
 
     fn measure(&mut self, sample: &Sample) {
@@ -239,31 +321,35 @@ impl Recorder {
             keep = !keep;
             keep || sample.is_event
         });
-        self.step *= 2;
+        self.step = (self.step * 2).min(LONGEST_STEP);
     }
 
-    /// Ends the recording of a program of so many instructions.
-    pub fn finish(mut self, instructions: usize, ending: Ending) -> Recording {
+    /// Ends the recording. `ended_at` is the step at which it ended early, `rest` the first instruction of a
+    /// motion that was not done.
+    pub fn finish(
+        mut self,
+        played: Played,
+        ending: Ending,
+        ended_at: Option<Step>,
+        rest: Option<Step>,
+    ) -> Recording {
         let duration = self.samples.last().map_or(0.0, |sample| sample.at);
-        if self.turns.len() < instructions {
+        if let Some(step) = rest {
             let begin = self.turns.last().and_then(|turn| turn.end).unwrap_or(0.0);
-            self.turns.push(Turn { begin, end: None, tool: [0.0; 3] });
+            self.turns.push(Turn { step, begin, end: None, tool: [0.0; 3] });
         }
-        let alarm_at = match &ending {
-            Ending::Alarm(alarm) => Some(alarm.at.since(self.begin).as_secs_f64()),
-            Ending::Done | Ending::Waiting | Ending::TooLong => None,
-        };
         Recording {
+            played,
             samples: self.samples,
             axes: self.axes,
             turns: self.turns,
-            instructions,
+            points: self.points.finish(),
             tool_path: self.tool_path,
             // The last stop is the end of the program.
             stops: self.rests.saturating_sub(1),
             duration,
-            alarm_at,
             ending,
+            ended_at,
         }
     }
 }

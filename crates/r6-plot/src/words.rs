@@ -1,16 +1,60 @@
-//! Instructions in short text.
+//! Recordings and instructions in English.
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{Output, OutputKind, Wait, WaitCondition, WaitSource};
 
-/// `1 instruction`, `2 instructions`.
-pub fn instructions(count: usize) -> String {
-    super::counted(count, "instruction")
+use crate::recording::{Ending, Played, Recording, Step};
+
+/// A summary in one line: the duration, how many steps, the length of the tool's path, how many stops.
+pub fn summary(recording: &Recording) -> String {
+    let count = match recording.played {
+        Played::Motion(instructions) => counted(instructions, "instruction"),
+        Played::Program { steps, .. } => counted(steps, "step"),
+    };
+    let stops = match recording.stops {
+        0 => "no stop".to_owned(),
+        stops => counted(stops, "stop"),
+    };
+    format!("{:.3} s, {count}, tool path {:.1} mm, {stops}", recording.duration, recording.tool_path)
+}
+
+fn counted(count: usize, word: &str) -> String {
+    if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
+}
+
+/// What went wrong, in one line; `None` if it ran to its end.
+pub fn trouble(recording: &Recording) -> Option<String> {
+    let place = recording.ended_at.as_ref().map_or_else(|| "it".to_owned(), place);
+    Some(match &recording.ending {
+        Ending::Done => return None,
+        Ending::Alarm(alarm) => {
+            let text = AlarmCode(alarm.code).decode().text;
+            format!("{place} ends with alarm {} ({text}) at {:.3} s: {}", alarm.code, alarm.at, alarm.why)
+        }
+        Ending::Waiting => format!(
+            "{place} waits for ever from {:.3} s on: nothing sets what it waits for",
+            recording.duration
+        ),
+        Ending::TooLong => format!("{place} is not done after a week"),
+        Ending::Endless => {
+            format!("the program goes round without an end: at {:.3} s it is at {place}", recording.duration)
+        }
+    })
+}
+
+/// `instruction 2 (wait until X012 is on)`; a step of a taught program with the name of the program.
+fn place(step: &Step) -> String {
+    let what = match &step.program {
+        None => format!("instruction {}", step.number),
+        Some(program) => format!("program `{program}`, step {}", step.number),
+    };
+    if step.text.is_empty() { what } else { format!("{what} ({})", step.text) }
 }
 
 /// What an action does, with its signal if it has one: `wait until X010 is on`.
-pub fn text(action: &Action) -> String {
+pub fn action(action: &Action) -> String {
     match action {
         Action::Wait(wait) => wait_text(wait),
         Action::Output(output) => output_text(output),
@@ -72,12 +116,12 @@ mod tests {
             limit: 0.0,
             unlimited: true,
         };
-        assert_eq!(text(&Action::Wait(wait)), "wait until X012 is on");
+        assert_eq!(action(&Action::Wait(wait)), "wait until X012 is on");
         let wait = Wait { condition: WaitCondition::FallingEdge, limit: 1.5, unlimited: false, ..wait };
-        assert_eq!(text(&Action::Wait(wait)), "wait until X012 goes off, at most 1.5 s");
+        assert_eq!(action(&Action::Wait(wait)), "wait until X012 goes off, at most 1.5 s");
         let wait = Wait { source: WaitSource::Time, ..wait };
-        assert_eq!(text(&Action::Wait(wait)), "wait 1.5 s");
+        assert_eq!(action(&Action::Wait(wait)), "wait 1.5 s");
         let output = Output { kind: OutputKind::TimedY, point: 32, on: true, delay: 0.5 };
-        assert_eq!(text(&Action::Output(output)), "Y1.010 on for 0.5 s");
+        assert_eq!(action(&Action::Output(output)), "Y1.010 on for 0.5 s");
     }
 }

@@ -1,6 +1,9 @@
-//! Draws a recording: axis positions and speeds over time, and the path of the tool.
+//! Draws a recording: axis positions and speeds over time, the points that changed, and the path of the tool.
 
 mod canvas;
+#[cfg(test)]
+mod colours;
+mod points_panel;
 mod scale;
 mod thin;
 mod time_panel;
@@ -9,24 +12,29 @@ mod tool_path;
 use r6_controller::{AxisMotion, RobotModel};
 
 use self::canvas::{Anchor, Area, Canvas};
-use self::time_panel::{Curve, TimePanel, Unit};
-use crate::recording::{Ending, Recording};
+use self::points_panel::PointsPanel;
+use self::time_panel::{Curve, TimeFrame, TimePanel, Unit};
+use crate::recording::{Ending, Played, Recording};
 
-/// The size of the picture, pixels.
+/// The size of a picture without points, pixels.
 const SIZE: (f64, f64) = (1200.0, 1130.0);
 
 /// The areas of the curves over time.
 const POSITIONS: Area = Area { left: 80.0, top: 120.0, width: 1040.0, height: 270.0 };
 const SPEEDS: Area = Area { left: 80.0, top: 430.0, width: 1040.0, height: 190.0 };
 
-/// The areas of the tool's path, from above and from the side.
+/// The upper edge of the panel of points.
+const POINTS_TOP: f64 = 674.0;
+
+/// The areas of the tool's path, from above and from the side, in a picture without points.
 const TOP_VIEW: Area = Area { left: 80.0, top: 725.0, width: 480.0, height: 340.0 };
 const SIDE_VIEW: Area = Area { left: 640.0, top: 725.0, width: 480.0, height: 340.0 };
 
-/// One colour for each axis. Readers with red-green colour blindness can distinguish them too.
-const AXIS_COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc3399", "#b8860b", "#56a8e0"];
+/// One colour for each axis, from the design tokens of the light theme. Any two of them differ clearly, and
+/// all are dark enough on white: `colours.rs` tests it.
+const AXIS_COLOURS: [&str; 6] = ["#2719e6", "#6d8f1e", "#5a2163", "#3e8eea", "#184517", "#a97e94"];
 
-/// Above this number of instructions the picture does not separate them.
+/// Above this number of instructions or steps the picture does not separate them.
 const MANY_INSTRUCTIONS: usize = 80;
 
 /// The line width of each axis, pixels.
@@ -55,7 +63,9 @@ pub struct Picture<'p> {
 
 /// Returns the picture as an SVG file. The same recording gives the same bytes.
 pub fn svg(picture: &Picture<'_>) -> String {
-    let mut canvas = Canvas::new(SIZE.0, SIZE.1, picture.title);
+    let points = points_panel::height(picture.recording);
+    let shift = if points > 0.0 { points + POINTS_TOP - SPEEDS.bottom() } else { 0.0 };
+    let mut canvas = Canvas::new(SIZE.0, SIZE.1 + shift, picture.title);
     canvas.text(
         (80.0, 38.0),
         Anchor::Start,
@@ -72,9 +82,18 @@ pub fn svg(picture: &Picture<'_>) -> String {
         canvas.text((80.0, 80.0), Anchor::Start, trouble, &format!("font-size=\"13\" fill=\"{ALARM}\""));
     }
     legend(&mut canvas, picture.model.axis_count());
-    over_time(&mut canvas, picture);
-    tool_path::draw(&mut canvas, picture.recording, TOP_VIEW, SIDE_VIEW);
+    over_time(&mut canvas, picture, points);
+    let [top_view, side_view] = [TOP_VIEW, SIDE_VIEW].map(|view| Area { top: view.top + shift, ..view });
+    tool_path::draw(&mut canvas, picture.recording, top_view, side_view);
     canvas.finish()
+}
+
+/// What the numbers of the picture count.
+fn counted(recording: &Recording) -> &'static str {
+    match recording.played {
+        Played::Motion(_) => "instruction",
+        Played::Program { .. } => "step",
+    }
 }
 
 fn legend(canvas: &mut Canvas, axes: usize) {
@@ -106,8 +125,8 @@ fn stroke(axis: usize, colour: &str, is_dense: bool) -> String {
     format!("stroke=\"{colour}\" stroke-width=\"{width}\" stroke-linejoin=\"round\"")
 }
 
-/// Draws the two panels over time.
-fn over_time(canvas: &mut Canvas, picture: &Picture<'_>) {
+/// Draws the panels over time; the panel of points is so high, 0 for none.
+fn over_time(canvas: &mut Canvas, picture: &Picture<'_>, points: f64) {
     let recording = picture.recording;
     let curves = |value: &dyn Fn(usize, usize) -> f64, unit: &dyn Fn(AxisMotion) -> Unit| -> Vec<Curve> {
         picture
@@ -136,18 +155,17 @@ fn over_time(canvas: &mut Canvas, picture: &Picture<'_>) {
     });
     let speeds = curves(&speed, &|_| Unit::Percent);
     let mark = match &recording.ending {
-        Ending::Alarm(alarm) => recording.alarm_at.map(|at| (at, format!("alarm {}", alarm.code))),
+        Ending::Alarm(alarm) => Some((alarm.at, format!("alarm {}", alarm.code))),
         Ending::Waiting => recording.turns.last().map(|turn| (turn.begin, "waits".to_owned())),
-        Ending::Done | Ending::TooLong => None,
+        Ending::Done | Ending::TooLong | Ending::Endless => None,
     };
-    let panel = |area, name, curves, is_lowest| TimePanel {
-        area,
-        name,
-        recording,
-        curves,
-        mark: mark.clone(),
-        is_lowest,
-    };
-    panel(POSITIONS, "axis position", positions, false).draw(canvas);
-    panel(SPEEDS, "axis speed", speeds, true).draw(canvas);
+    let frame =
+        |area, is_top, is_lowest| TimeFrame { area, recording, mark: mark.clone(), is_top, is_lowest };
+    let has_points = points > 0.0;
+    TimePanel { frame: frame(POSITIONS, true, false), name: "axis position", curves: positions }.draw(canvas);
+    TimePanel { frame: frame(SPEEDS, false, !has_points), name: "axis speed", curves: speeds }.draw(canvas);
+    if has_points {
+        let area = Area { top: POINTS_TOP, height: points, ..SPEEDS };
+        PointsPanel { frame: frame(area, false, true) }.draw(canvas);
+    }
 }

@@ -3,7 +3,7 @@
 use super::canvas::{Anchor, Area, Canvas, Place};
 use super::scale::{Scale, Ticks};
 use super::thin::thin;
-use super::{ALARM, FRAME, GRID, INK, PALE_INK, is_dense};
+use super::{ALARM, FRAME, GRID, INK, PALE_INK, counted, is_dense};
 use crate::recording::{Ending, Recording, distance};
 
 /// The smallest range that is drawn, mm. The path of a tool that only turns stays a point.
@@ -120,8 +120,11 @@ fn draw_marks_legend(canvas: &mut Canvas, recording: &Recording, left: f64, y: f
         return;
     }
     canvas.circle((left + 136.0, y - 4.0), 2.5, &format!("fill=\"{INK}\""));
-    let text = "with a number: the controller counts this instruction as done (behind its corner where that is rounded)";
-    canvas.text((left + 146.0, y), Anchor::Start, text, &style);
+    let text = format!(
+        "with a number: the controller counts this {} as done (behind its corner where that is rounded)",
+        counted(recording)
+    );
+    canvas.text((left + 146.0, y), Anchor::Start, &text, &style);
     canvas.end_group();
 }
 
@@ -218,7 +221,7 @@ fn draw_numbers(canvas: &mut Canvas, recording: &Recording, place: impl Fn([f64;
     }
     let mut drawn: Vec<Place> = Vec::new();
     let mut before = recording.samples.first().map(|sample| sample.tool);
-    for (number, turn) in (1_usize..).zip(&recording.turns) {
+    for turn in &recording.turns {
         let Some(tool) = turn.tool() else { continue };
         let moved = before.is_none_or(|before| distance(before, tool) > 0.5);
         before = Some(tool);
@@ -226,7 +229,7 @@ fn draw_numbers(canvas: &mut Canvas, recording: &Recording, place: impl Fn([f64;
         let is_free = drawn.iter().all(|other| (other.0 - at.0).hypot(other.1 - at.1) >= CLOSEST_NUMBERS);
         if moved && is_free {
             canvas.circle(at, 2.5, &format!("fill=\"{INK}\""));
-            canvas.text((at.0 + 6.0, at.1 - 6.0), Anchor::Start, &number.to_string(), NUMBER);
+            canvas.text((at.0 + 6.0, at.1 - 6.0), Anchor::Start, &turn.step.number.to_string(), NUMBER);
             drawn.push(at);
         }
     }
@@ -246,7 +249,7 @@ fn draw_begin(canvas: &mut Canvas, place: Place) {
 fn draw_end(canvas: &mut Canvas, last: Place, recording: &Recording) {
     let stopped = match recording.ending {
         Ending::Done => INK,
-        Ending::Alarm(_) | Ending::Waiting | Ending::TooLong => ALARM,
+        Ending::Alarm(_) | Ending::Waiting | Ending::TooLong | Ending::Endless => ALARM,
     };
     let end = Area { left: last.0 - 4.0, top: last.1 - 4.0, width: 8.0, height: 8.0 };
     canvas.rectangle(end, &format!("fill=\"{stopped}\""));
