@@ -199,7 +199,7 @@ pub struct Snapshot {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Step {
-    /// The program it stands in: the one in use, or one that it calls.
+    /// The program it stands in: the program in use, or a program that it calls.
     pub program: String,
     /// Its number, from 1.
     pub number: usize,

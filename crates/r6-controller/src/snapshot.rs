@@ -68,7 +68,7 @@ pub struct ControllerSnapshot {
 /// A step of a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProgramStep {
-    /// The program it stands in: the one in use, or one that it calls.
+    /// The program it stands in: the program in use, or a program that it calls.
     pub program: String,
     /// Its number, from 1.
     pub number: usize,
