@@ -10,7 +10,7 @@ const LONGEST_COMMENT: usize = 110;
 const RIDDLES: [&str; 5] = ["whoever", "is none", "one that", "as told", "nobody"];
 
 /// How many lines may have such a word: where each was read and found plain in its place.
-const PLAIN_IN_ITS_PLACE: usize = 62;
+const PLAIN_IN_ITS_PLACE: usize = 50;
 
 /// Folders that hold what was built or fetched.
 const NOT_OURS: [&str; 4] = ["target", ".git", "node_modules", "mutants.out"];

@@ -68,7 +68,7 @@ pub const CLASSES: [(Class, &str, &str); 52] = {
         (E5, "another client clears the list", "a list that was cleared while a motion was under way"),
         (E6, "another robot answers at the address", "a connection to another robot"),
         (E7, "the program's own output fails while a motion is under way", "a motion that lost its program"),
-        (E8, "whoever owns a motion is interrupted", "a motion that lost its owner"),
+        (E8, "the owner of a motion is interrupted", "a motion that lost its owner"),
     ]
 };
 
@@ -88,7 +88,7 @@ pub const PROMISES: [(Promise, &str); 21] = {
         (I1, "nothing is delivered that was not received whole"),
         (I2, "a reply answers one request, and no late one answers any"),
         (I3, "no motion leaves without a look on the same connection"),
-        (I4, "after a stop, an alarm, a start or a reconnect nothing moves by itself"),
+        (I4, "nothing moves without a command"),
         (I5, "every value has an age and a quality that fits it"),
         (I6, "tasks, lists, points, connections, files and frames are bounded"),
         (I7, "what was acknowledged as kept survives kill -9 and power cuts"),
@@ -105,7 +105,7 @@ pub const PROMISES: [(Promise, &str); 21] = {
         (Meant, "no stop and no clear reaches a robot that it was not meant for"),
         (Owned, "a motion without an owner is stopped or carried to its end, never cut silently"),
         (Soon, "a stop takes effect within 1.5 s where the first connection is deaf"),
-        (Driven, "what comes is read, and what is due leaves, at once, whoever drives"),
+        (Driven, "what comes is read, and heartbeats leave, whichever call drives"),
     ]
 };
 

@@ -531,7 +531,7 @@ class Motion:
         Errors: ``SimulatorError`` if the model or the profile is wrong; ``ValueError`` if the motion cannot
         be played: more than 10 000 steps, a start out of reach, a step that this firmware does not know.
         """
-    def __getitem__(self, wanted: int | slice) -> Motion:
+    def __getitem__(self, key: int | slice, /) -> Motion:
         """A step, or steps that follow one another, as a motion of its own: ``motion[2]``, ``motion[2:5]``."""
     def __len__(self) -> int:
         """The number of steps."""
