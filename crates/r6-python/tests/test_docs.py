@@ -45,11 +45,19 @@ def pages() -> Iterator[Path]:
 
 def blocks() -> Iterator[Block]:
     for page in pages():
-        for number, match in enumerate(FENCE.finditer(page.read_text()), 1):
+        for number, match in enumerate(FENCE.finditer(page.read_text(encoding="utf-8")), 1):
             yield Block(page.relative_to(ROOT).as_posix(), number, dedent(match[2]))
 
 
-BLOCKS = {block.name: block for block in blocks()}
+def english(page: str) -> str:
+    """The page that this page says in Chinese; the page itself if it is in English."""
+    return page.replace("docs/zh/", "docs/").replace(".zh.md", ".md")
+
+
+BLOCKS = {block.name: block for block in blocks() if english(block.page) == block.page}
+
+CHINESE = [block for block in blocks() if english(block.page) != block.page]
+"""Blocks of the Chinese pages. They do not run: they are the blocks of the English pages."""
 
 
 def ten_lines(said: str, controller: r6.Simulator) -> None:
@@ -100,7 +108,16 @@ DID: dict[str, Callable[[str, r6.Simulator], None]] = {
 def test_every_block_is_here() -> None:
     assert set(BLOCKS) == set(DID)
     for page in pages():
-        assert not re.search(r"```(py|python3|pycon)\b", page.read_text()), f"{page}: write ```python"
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"```(py|python3|pycon)\b", text), f"{page}: write ```python"
+
+
+def test_the_blocks_of_the_chinese_pages_are_those_of_the_english_ones() -> None:
+    assert CHINESE
+    for page in (page.relative_to(ROOT).as_posix() for page in pages()):
+        if english(page) != page:
+            code = [block.code for block in CHINESE if block.page == page]
+            assert code == [block.code for block in BLOCKS.values() if block.page == english(page)], page
 
 
 def test_the_ten_lines_are_the_same_everywhere() -> None:

@@ -9,7 +9,8 @@ use crate::workspace;
 fn pages() -> Vec<PathBuf> {
     let root = workspace::root();
     let mut pages = workspace::files(&root.join("docs"), "md");
-    let at_root = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"];
+    let at_root =
+        ["README.md", "README.zh.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"];
     pages.extend(at_root.map(|page| root.join(page)));
     pages
 }
