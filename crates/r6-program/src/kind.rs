@@ -19,8 +19,8 @@ pub enum FileKind {
 }
 
 impl FileKind {
-    /// The kind of a text by its keys. The text may be wrong in other ways. A text that is neither TOML nor
-    /// JSON counts as instructions: their reader says where it is wrong.
+    /// The kind of a text by its keys. The text may be wrong in other ways. A text that is neither
+    /// TOML nor JSON counts as instructions: their reader says where it is wrong.
     #[must_use]
     pub fn of(text: &str) -> Self {
         // A taught program is not longer. Reading a long list twice would take time.

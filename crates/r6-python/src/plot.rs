@@ -135,7 +135,7 @@ impl Plot {
         &self.svg
     }
 
-    /// Writes the picture to a file, over one that is there. Errors: ``OSError``.
+    /// Writes the picture to a file. It replaces an existing file. Errors: ``OSError``.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         Ok(interpreter::released(py, || std::fs::write(path, &self.svg)).0?)
     }

@@ -639,7 +639,7 @@ class Plot:
     def trouble(self) -> str | None:
         """Why the motion does not get to its end: an alarm, or a wait that never ends; ``None`` if it does."""
     def save(self, path: str | PathLike[str]) -> None:
-        """Writes the picture to a file, over one that is there. Errors: ``OSError``."""
+        """Writes the picture to a file. It replaces an existing file. Errors: ``OSError``."""
     def _repr_svg_(self) -> str: ...
 
 @final
