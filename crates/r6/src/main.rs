@@ -140,6 +140,7 @@ fn asks_no_robot(subcommand: &Subcommands, robot: &str) -> Option<Failure> {
         Subcommands::Alarm(_) => ("alarm", "leave --robot out".to_owned()),
         Subcommands::Inspect(_) => ("inspect", "leave --robot out".to_owned()),
         Subcommands::Completions(_) => ("completions", "leave --robot out".to_owned()),
+        Subcommands::Man(_) => ("man", "leave --robot out".to_owned()),
         Subcommands::Status(_)
         | Subcommands::Query(_)
         | Subcommands::Watch(_)
