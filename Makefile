@@ -4,10 +4,10 @@ CARGO ?= cargo
 BUILT := $(or $(CARGO_TARGET_DIR),target)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check fuzz sim breaks bench microbench fmt docs clean
+.PHONY: help run test check dist fuzz sim breaks bench microbench fmt docs clean
 
 help: ## Show this list
-	@echo "Targets (ARGS=\"...\" is passed on to run, breaks and bench):"
+	@echo "Targets (ARGS=\"...\" is passed on to run, dist, breaks and bench):"
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
 
 run: ## Build r6 for release and start virtual controllers: r6 up ARGS
@@ -20,6 +20,9 @@ test: ## Run all tests: Rust, the examples in the documentation, Python
 
 check: ## Check everything else: format, lints, docs, dependencies, each crate alone, oracles, Python types
 	@tools/test check
+
+dist: ## Build into target/dist what would be published (crates, wheel, Debian package, checksums), and try it; ARGS="deb try-deb" chooses stages
+	@tools/dist/run $(ARGS)
 
 sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1] [TRAP=all: only worlds with one trap] [DRIVERS=all: dropped and slow calls drive], or all of one: SEED=7 [TRAP=E1] [DRIVERS=all] (dev profile)
 	@$(CARGO) build --locked --package r6-world

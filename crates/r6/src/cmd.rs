@@ -6,6 +6,7 @@ pub mod completions;
 pub mod discover;
 pub mod inspect;
 pub mod job;
+pub mod man;
 pub mod r#move;
 pub mod panel;
 pub mod plot;

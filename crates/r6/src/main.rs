@@ -61,12 +61,15 @@ enum Subcommands {
     Alarm(cmd::alarm::AlarmArgs),
     Inspect(cmd::inspect::InspectArgs),
     Completions(cmd::completions::CompletionsArgs),
+    #[command(hide = true)]
+    Man(cmd::man::ManArgs),
 }
 
 /// Subcommands that do not use `--robot`: their help hides it.
-const OFFLINE: [&str; 8] = ["up", "sim", "discover", "plot", "panel", "alarm", "inspect", "completions"];
+const OFFLINE: [&str; 9] =
+    ["up", "sim", "discover", "plot", "panel", "alarm", "inspect", "completions", "man"];
 
-/// The whole command line, for the parser and for the completions.
+/// The whole command line, for the parser, the completions and the man pages.
 fn command_line() -> clap::Command {
     let mut command = Cli::command();
     let of_robots =
@@ -136,6 +139,7 @@ fn asks_no_robot(subcommand: &Subcommands, robot: &str) -> Option<Failure> {
         Subcommands::Alarm(_) => ("alarm", "leave --robot out".to_owned()),
         Subcommands::Inspect(_) => ("inspect", "leave --robot out".to_owned()),
         Subcommands::Completions(_) => ("completions", "leave --robot out".to_owned()),
+        Subcommands::Man(_) => ("man", "leave --robot out".to_owned()),
         Subcommands::Status(_)
         | Subcommands::Query(_)
         | Subcommands::Watch(_)
@@ -228,5 +232,6 @@ fn run(cli: Cli) -> Result<Exit, Failure> {
         Subcommands::Alarm(args) => cmd::alarm::run(&args),
         Subcommands::Inspect(args) => cmd::inspect::run(&args),
         Subcommands::Completions(args) => cmd::completions::run(&args),
+        Subcommands::Man(args) => cmd::man::run(&args),
     }
 }

@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-const SUBCOMMANDS: [&str; 20] = [
+pub(crate) const SUBCOMMANDS: [&str; 20] = [
     "up",
     "sim",
     "discover",

@@ -1,5 +1,6 @@
 //! Commands that need no robot, and wrong command lines.
 
+use crate::help::SUBCOMMANDS;
 use crate::support::{TempFile, r6};
 
 #[test]
@@ -85,6 +86,32 @@ fn completions_are_for_every_shell() {
             assert!(outcome.out.contains(word), "{shell} does not complete {word}");
         }
     }
+}
+
+#[test]
+fn every_subcommand_has_a_man_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("man");
+    let outcome = r6(&["man", "--to", to.to_str().unwrap()]);
+    assert_eq!((outcome.code, outcome.err.as_str()), (0, ""));
+    let page = |name: &str| {
+        std::fs::read_to_string(to.join(format!("{name}.1")))
+            .unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    for words in SUBCOMMANDS {
+        let name = format!("r6-{}", words.replace(' ', "-"));
+        let text = page(&name);
+        assert!(text.contains(&format!(".TH {name} 1")), "{name}: {text}");
+        // An example has a line of its own, as in the help.
+        assert!(text.contains(".SH EXAMPLES\n.nf\n  r6 "), "{name}: {text}");
+    }
+    assert!(page("r6").contains(".SH \"EXIT STATUS\"\n.nf\n  0  done\n"), "{}", page("r6"));
+    assert!(!to.join("r6-man.1").exists() && !to.join("r6-help.1").exists(), "what the help hides");
+
+    let file = TempFile::new("no-folder", "");
+    let outcome = r6(&["man", "--to", file.path()]);
+    assert_eq!(outcome.code, 2);
+    assert!(outcome.err.contains("cannot be written"), "{}", outcome.err);
 }
 
 #[test]
