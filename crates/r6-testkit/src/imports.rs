@@ -84,8 +84,8 @@ impl Sources {
         found
     }
 
-    /// The files that this one imports, without its parents and children. An item that `lib.rs` exports counts
-    /// as imported from the file that `lib.rs` takes it from.
+    /// The files that this one imports, without its parents and children. An item that `lib.rs` exports
+    /// counts as imported from the file that `lib.rs` takes it from.
     fn imports_of(&self, module: &str) -> BTreeSet<&str> {
         let paths = self.paths[module].iter().filter(|_| module != "lib");
         let files = paths.filter_map(|path| self.file_of(&from_root(path, module)));

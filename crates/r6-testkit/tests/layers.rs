@@ -163,6 +163,20 @@ fn pure_crates_name_nothing_of_the_standard_library_that_is_not_allowed() {
     }
 }
 
+/// The statements of a source, each on one line: the formatter breaks the long ones.
+fn statements(text: &str) -> Vec<String> {
+    let mut statements = vec![String::new()];
+    for line in text.lines().map(str::trim) {
+        if let Some(statement) = statements.last_mut() {
+            statement.push_str(line);
+        }
+        if line.ends_with([';', '{', '}', ':', ',']) {
+            statements.push(String::new());
+        }
+    }
+    statements
+}
+
 /// Readers of a virtual controller's log must decide by its events, which have fields. The text of an event
 /// is for people.
 #[test]
@@ -172,34 +186,24 @@ fn nothing_outside_the_controller_decides_by_the_text_of_an_event() {
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            let is_controller = path == crates.join("r6-controller");
-            if path.is_dir() && !is_controller {
+            let of_the_controller = path == crates.join("r6-controller/src");
+            if path.is_dir() && !of_the_controller {
                 folders.push(path);
             } else if path.extension().is_some_and(|extension| extension == "rs" || extension == "py") {
                 sources.push(path);
             }
         }
     }
-    let parses = |line: &&str| {
-        let shown = [
-            "line.to_string()",
-            "entry.to_string()",
-            "event.to_string()",
-            ".text(Language",
-            "in line.text",
-            "line.text.",
-        ];
-        let asks = [
-            "contains(",
-            "starts_with(",
-            "ends_with(",
-            "strip_prefix(",
-            "split_once(",
-            " in ",
-            "startswith(",
-            "==",
-        ];
-        shown.iter().any(|shown| line.contains(shown)) && asks.iter().any(|ask| line.contains(ask))
+    let parses = |statement: &String| {
+        let shown =
+            ["line.to_string()", "entry.to_string()", "event.to_string()", ".text(Language", "line.text"];
+        let asks =
+            ["contains(", "starts_with(", "ends_with(", "strip_prefix(", "split_once(", "startswith(", "=="];
+        // A log that is kept as text is asked elsewhere.
+        let takes = ["== ", "contains(&", " in ", "log.push("];
+        shown.iter().filter_map(|shown| statement.split_once(shown)).any(|(before, after)| {
+            asks.iter().any(|ask| after.contains(ask)) || takes.iter().any(|take| before.ends_with(take))
+        })
     };
     let reads_a_log =
         |text: &str| text.contains("LogEntry") || text.contains(".log()") || text.contains("poll_log");
@@ -208,7 +212,7 @@ fn nothing_outside_the_controller_decides_by_the_text_of_an_event() {
         let text = fs::read_to_string(path).unwrap();
         if reads_a_log(&text) && !path.ends_with("r6-testkit/tests/layers.rs") {
             read += 1;
-            let lines: Vec<_> = text.lines().filter(parses).collect();
+            let lines: Vec<_> = statements(&text).into_iter().filter(parses).collect();
             assert!(lines.is_empty(), "{}: {lines:#?}", path.display());
         }
     }
