@@ -10,8 +10,8 @@ use tokio::sync::watch;
 use tokio::time::timeout;
 
 use crate::convert;
-use crate::errors::raise;
 use crate::operation::{Operation, STOP_GOES_ON};
+use crate::raising::raise;
 
 /// State that all handles of a connection share.
 #[derive(Default)]

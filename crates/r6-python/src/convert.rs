@@ -16,7 +16,7 @@ use r6_program::{Mistake, Mistakes};
 use r6_proto::Reading;
 use r6_proto::axis::AXES;
 
-use crate::errors::Raise;
+use crate::raising::Raise;
 use crate::record::{Record, array, class, query_result_class};
 
 /// The number of axes and pose components that the client reads.

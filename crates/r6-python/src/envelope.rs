@@ -4,9 +4,9 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use r6_client::units::AxisCoordinate;
 
-use crate::errors::raise;
 use crate::motion::Motion;
 use crate::pickling::not_pickled;
+use crate::raising::raise;
 use crate::units::{Degrees, Given, Millimetres, MillimetresPerSecond, Percent, axis, coordinate};
 
 /// The limits of a list. A limit that is not set is not checked. Each method returns a new envelope.

@@ -10,10 +10,10 @@ use tokio::sync::watch;
 
 use crate::closing::stopping;
 use crate::convert;
-use crate::errors::raise;
 use crate::handle::Streaming;
 use crate::operation::Operation;
 use crate::process::{OfThisProcess, Process};
+use crate::raising::raise;
 use crate::units::{AxisPosition, Given};
 
 type Outcome = Result<Followed, MotionError>;

@@ -13,10 +13,10 @@ use tokio::time::timeout;
 
 use crate::closing::stopping;
 use crate::convert::{self, seconds};
-use crate::errors::raise;
 use crate::operation::Operation;
 use crate::pickling::Reduced;
 use crate::process::OfThisProcess;
+use crate::raising::raise;
 
 /// The progress of a motion, from the controller's state. Its steps are done in order.
 #[pyclass(frozen, module = "r6._r6", eq)]

@@ -27,6 +27,7 @@ mod plot;
 mod points;
 mod process;
 mod program;
+mod raising;
 mod record;
 mod registers;
 mod robot;
@@ -49,7 +50,7 @@ mod _r6 {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         let py = module.py();
         crate::record::load(py)?;
-        crate::errors::load(py)?;
+        crate::raising::load(py)?;
         crate::interpreter::watch(py)
     }
 

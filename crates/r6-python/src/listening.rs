@@ -11,10 +11,10 @@ use tokio::task::spawn_blocking;
 
 use crate::convert;
 use crate::driver::Driver;
-use crate::errors::Raise;
 use crate::interpreter;
 use crate::operation::Operation;
 use crate::process::{OfThisProcess, Process};
+use crate::raising::Raise;
 use crate::record::Record;
 use crate::settings;
 

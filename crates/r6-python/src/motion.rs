@@ -8,11 +8,11 @@ use pyo3::types::PySlice;
 use r6_client::{StepError, WaitCondition};
 
 use crate::convert::{seconds, word};
-use crate::errors::{Raise, raise};
 use crate::numbers::rows;
 use crate::pickling::not_pickled;
 use crate::plot::{Keywords, Plot, plotted};
 use crate::points::{awaited, output, outputs, pulsed, stopping};
+use crate::raising::{Raise, raise};
 use crate::units::{AxisPosition, Given, MillimetresPerSecond, Percent, Pose, of_degrees, of_mm_deg};
 
 /// Moves, outputs and waits in order. Every step runs once, unless the motion repeats.

@@ -3,7 +3,7 @@
 use pyo3::exceptions::PyBaseException;
 use pyo3::prelude::*;
 
-use crate::errors::error_class;
+use crate::raising::error_class;
 use crate::record::class;
 
 /// The result of a stop: a `StopReport`, or the exception of a stop that failed.

@@ -10,10 +10,10 @@ use r6_client::{PhotosEnded, Robot, Shot};
 use r6_proto::message::Point;
 use tokio::sync::{mpsc, oneshot, watch};
 
-use crate::errors::Raise;
 use crate::handle::Streaming;
 use crate::operation::Operation;
 use crate::process::{OfThisProcess, Process};
+use crate::raising::Raise;
 use crate::record::{Record, class};
 
 /// A message from the serving task.

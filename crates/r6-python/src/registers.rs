@@ -7,7 +7,7 @@ use r6_proto::RegisterIndex;
 use r6_proto::message::Command;
 
 use crate::command::register;
-use crate::errors::{Exception, Raise, raise};
+use crate::raising::{Exception, Raise, raise};
 use crate::record::numpy;
 
 impl Raise for RegisterError {

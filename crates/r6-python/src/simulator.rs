@@ -18,10 +18,11 @@ use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::TryRecvError;
 
 use crate::convert::word;
-use crate::errors::{Exception, raise, wrong_file};
+use crate::errors::wrong_file;
 use crate::interpreter;
 use crate::points::named;
 use crate::process::OfThisProcess;
+use crate::raising::{Exception, raise};
 use crate::record::{Record, array};
 use crate::units::axis;
 

@@ -19,11 +19,11 @@ use tokio::sync::{oneshot, watch};
 use crate::closing::{Connection, Unowned, stopped};
 use crate::convert;
 use crate::driver::Driver;
-use crate::errors::raise;
 use crate::handle::MotionCore;
 use crate::operation::{Operation, STOP_GOES_ON};
 use crate::outcome;
 use crate::process::{OfThisProcess, Owed, Process};
+use crate::raising::raise;
 
 /// The phase of a motion on its way.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -11,9 +11,9 @@ use pyo3::{Borrowed, IntoPyObjectExt, PyClass};
 use r6_client::AxisIndex;
 use r6_client::units;
 
-use crate::errors::raise;
 use crate::numbers::{number, row, whole};
 use crate::pickling::Reduced;
+use crate::raising::raise;
 
 /// An angle, degrees.
 #[pyclass(frozen, module = "r6._r6")]

@@ -8,9 +8,9 @@ use std::io::ErrorKind;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use r6_controller::fault::{LinkFault, LinkFaultNow};
+use r6_controller::fault::{Fault, LinkFault, LinkFaultNow};
 use r6_controller::scenario::Scenario;
-use r6_controller::{LogEntry, Profile};
+use r6_controller::{ConnectionId, LogEntry, Profile};
 use r6_proto::frame::{FrameBuffer, Limits};
 use r6_sim::{Clock, ControllerHandle, SimSettings, Simulation};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -216,10 +216,12 @@ async fn a_strike_is_told_once_for_each_connection() {
         cell.set(&[]);
         assert_answered(&mut stream).await;
     }
-    let strikes =
-        std::iter::from_fn(|| log.try_recv().ok()).filter(|line| matches!(line.event, Event::Struck { .. }));
-    let strikes: Vec<_> = strikes.map(|line| line.to_string()).collect();
-    assert_eq!(strikes, ["connection 0: the connection was struck by fault pieces"; 2]);
+    let strikes: Vec<_> = std::iter::from_fn(|| log.try_recv().ok())
+        .filter(|entry| matches!(entry.event, Event::Struck { .. }))
+        .map(|entry| (entry.connection.map(ConnectionId::number), entry.event))
+        .collect();
+    let struck = Event::Struck { fault: Fault::Link(LinkFault::Pieces { bytes: 20 }) };
+    assert_eq!(strikes, [(Some(0), struck.clone()), (Some(0), struck)]);
 }
 
 #[tokio::test]

@@ -39,6 +39,7 @@ impl Sources {
     }
 
     /// The circles of more than `most` files that import each other. Each is one sentence with its edges.
+    /// Imports between a parent and its children do not count.
     pub fn circles_of_more_than(&self, most: usize) -> Vec<String> {
         let imports: BTreeMap<&str, BTreeSet<&str>> =
             self.paths.keys().map(|module| (module.as_str(), self.imports_of(module))).collect();
@@ -83,12 +84,15 @@ impl Sources {
         found
     }
 
-    /// The files that this one imports. An item that `lib.rs` exports counts as imported from the file that
-    /// `lib.rs` takes it from.
+    /// The files that this one imports, without its parents and children. An item that `lib.rs` exports
+    /// counts as imported from the file that `lib.rs` takes it from.
     fn imports_of(&self, module: &str) -> BTreeSet<&str> {
         let paths = self.paths[module].iter().filter(|_| module != "lib");
         let files = paths.filter_map(|path| self.file_of(&from_root(path, module)));
-        files.filter(|file| *file != module && *file != "lib").collect()
+        let is_within = |file: &str, parent: &str| {
+            file.strip_prefix(parent).is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
+        };
+        files.filter(|file| *file != "lib" && !is_within(file, module) && !is_within(module, file)).collect()
     }
 
     /// The file that a path from the root of the crate leads to.

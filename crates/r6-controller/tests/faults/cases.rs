@@ -1,5 +1,7 @@
 //! All scenarios, and how the effect of each is recognised.
 
+use r6_controller::Event;
+
 use crate::machine_cases as cases;
 use crate::world::World;
 
@@ -18,11 +20,10 @@ pub const CASES: [(&str, Felt); 40] = [
     ("C8-io", cases::points),
     ("C9-frozen-values", cases::frozen_values),
     ("C10-program-overwritten", cases::programs),
-    ("E1-stop-ignored", |world| world.log.iter().any(|line| line.contains("(fault stop-ignored)"))),
-    ("E2-dwell", |world| world.log.iter().any(|line| line.contains("(fault dwell)"))),
+    ("E1-stop-ignored", |world| world.told(|event| matches!(event, Event::StopIgnored { .. }))),
+    ("E2-dwell", |world| world.told(|event| matches!(event, Event::Dwells { .. }))),
     ("E4-late-list", |world| {
-        let late = world.log.iter().filter(|line| line.contains("late (fault late-list)")).count();
-        late > 0
+        world.told(|event| matches!(event, Event::LateListTaken { .. }))
             && world.client.motions.iter().any(|one| one.verdict.is_none() && world.visits(one.target) == 1)
     }),
     ("P1-bad-json", |world| world.client.seen.broken > 10),

@@ -4,6 +4,8 @@
 
 use crate::watch::Sight;
 use crate::world::World;
+use r6_controller::Event;
+use r6_proto::RequestType;
 
 /// Whether all of it holds; prints what does not.
 fn all(holds: &[(&str, bool)]) -> bool {
@@ -96,7 +98,10 @@ pub fn poses(world: &World) -> bool {
         ("beyond a limit", world.reads(16.5, 18.0, "curAlarm", "130")),
         ("and not a step further", world.goes_on(16.5..18.5, 18.5..20.0)),
         ("a point three times", world.ever(20.0, 23.0, steps_of_one)),
-        ("no number is refused", world.said("is \"NaN\", but has to be a finite number")),
+        (
+            "no number is refused",
+            world.told(|event| matches!(event, Event::Refused { request: RequestType::AddRcc, .. })),
+        ),
         ("and nothing of it is kept", world.reads(18.6, 40.0, "curAlarm", "0")),
         ("the wrist on one side", world.ever(30.0, 33.0, |seen| seen.axes[4] > 50.0)),
         ("and on the other", world.ever(30.0, 33.0, near(4, -60.0))),

@@ -1,6 +1,10 @@
 //! Events of a session as owned values, and starts found in the log.
 
-use r6_proto::client::{Event, StrayReason};
+use r6_controller::event::{Detail, DidNot, ShellEvent};
+use r6_controller::scenario::Happening;
+use r6_controller::{Button, Event, LogEntry, PanelAction, Refused};
+use r6_proto::CommandName;
+use r6_proto::client::{self, StrayReason};
 use r6_proto::message::{Body, Message};
 
 /// An event.
@@ -20,19 +24,19 @@ pub enum Said {
     Rejected,
 }
 
-pub fn told(event: Event<'_>) -> SessionEvent {
+pub fn told(event: client::Event<'_>) -> SessionEvent {
     match event {
-        Event::Reply { ticket, message, .. } => SessionEvent::Reply {
+        client::Event::Reply { ticket, message, .. } => SessionEvent::Reply {
             ticket: ticket.number(),
             frame: message.frame().to_vec(),
             body: said(&message),
         },
-        Event::Photo { message, .. } => SessionEvent::Photo(message.frame().to_vec()),
-        Event::Stray { reason, message } => SessionEvent::Stray(reason, message.frame().to_vec()),
-        Event::BadFrame(_) | Event::NotJson(_) => SessionEvent::Broken,
-        Event::TimedOut(ticket) => SessionEvent::TimedOut(ticket.number()),
-        Event::Lost { ticket, .. } => SessionEvent::Lost(ticket.number()),
-        Event::OutOfStep => SessionEvent::OutOfStep,
+        client::Event::Photo { message, .. } => SessionEvent::Photo(message.frame().to_vec()),
+        client::Event::Stray { reason, message } => SessionEvent::Stray(reason, message.frame().to_vec()),
+        client::Event::BadFrame(_) | client::Event::NotJson(_) => SessionEvent::Broken,
+        client::Event::TimedOut(ticket) => SessionEvent::TimedOut(ticket.number()),
+        client::Event::Lost { ticket, .. } => SessionEvent::Lost(ticket.number()),
+        client::Event::OutOfStep => SessionEvent::OutOfStep,
     }
 }
 
@@ -57,20 +61,38 @@ pub fn word(reason: StrayReason) -> &'static str {
     }
 }
 
-/// Whether one of these lines is a start that the machine did not refuse, of an operator or over the wire.
+/// Whether one of these entries is a start that the machine did not refuse, of an operator or over the wire.
 /// Nothing else may start an arm at rest: no stop, no choice of a program, no list without a program that
 /// waits for it.
-pub fn is_started(lines: &[String]) -> bool {
-    let pressed = |button: &str| {
-        let press = format!("scenario: button {button}");
-        let refusal = format!("{press}: ");
-        let accepted = lines.iter().filter(|line| **line == press).count();
-        // Without mains a press is not even logged as one.
-        let refused =
-            lines.iter().filter(|line| line.starts_with(&refusal) && !line.contains("the mains have failed"));
+pub fn is_started(entries: &[LogEntry]) -> bool {
+    let starts = |what: &Happening| {
+        use Button::{SingleCycle, SingleStep, Start};
+        matches!(what, Happening::Panel(PanelAction::Press(Start | SingleCycle | SingleStep)))
+    };
+    let pressed = |what: &Happening| {
+        let accepted = entries
+            .iter()
+            .filter(|entry| matches!(&entry.event, Event::Happens { what: press } if press == what))
+            .count();
+        let refused = entries.iter().filter(|entry| match &entry.event {
+            // Without mains a press is not even logged as one.
+            Event::DidNotHappen { why: DidNot::Refused { why: Refused::PowerOff }, .. } => false,
+            Event::DidNotHappen { what: press, .. } => press == what,
+            _ => false,
+        });
         accepted > refused.count()
     };
-    let over_the_wire = |line: &String| line.starts_with("connection ") && line.ends_with(": startButton");
-    ["start", "single-cycle", "single-step"].into_iter().any(pressed)
-        || lines.iter().any(|line| line == "person: start" || over_the_wire(line))
+    entries.iter().any(|entry| match &entry.event {
+        Event::Happens { what } => starts(what) && pressed(what),
+        Event::Shell(note) => *note == operator_starts(),
+        Event::CommandAccepted { command, done, .. } => {
+            command.as_str() == CommandName::StartButton.word() && entry.connection.is_some() && *done
+        }
+        _ => false,
+    })
+}
+
+/// The note that the log has when the operator of a test presses start.
+pub fn operator_starts() -> ShellEvent {
+    ShellEvent::Note { text: Detail::of("person: start") }
 }

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::time::Duration;
 
+use r6_controller::Event;
 use r6_controller::{ConnectionId, Controller, ControllerSnapshot};
 use r6_proto::time::Instant;
 use serde_json::{Value, json};
@@ -119,9 +120,9 @@ fn at(seconds: f64) -> Instant {
 }
 
 impl World {
-    /// Whether the machine logged this. Log lines of the scenario do not prove that it did anything.
-    pub fn said(&self, text: &str) -> bool {
-        self.log.iter().any(|line| !line.starts_with("scenario: ") && line.contains(text))
+    /// Whether the log has such an event.
+    pub fn told(&self, is: impl Fn(&Event) -> bool) -> bool {
+        self.log.iter().any(|entry| is(&entry.event))
     }
 
     /// The states of the machine in a period, in seconds.
