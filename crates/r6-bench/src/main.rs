@@ -4,6 +4,14 @@
 //! make bench                     all rows; writes docs/BENCHMARKS.md and the quoted figures of README.md
 //! make bench ARGS="round-trip"   the rows with this in their name; writes no file
 //! ```
+//!
+//! # A ratio
+//!
+//! `rows.rs` lists the rows. Each is a file of `rows/` that sets up both sides. `measure.rs` lets the sides
+//! take turns on one core, and drops disturbed rounds. `report.rs` writes `docs/BENCHMARKS.md` with its goals
+//! and reasons. A server that must not share a process with what is measured is this program again
+//! (`serve.rs`). The frames of the codec rows are those of `cargo bench -p r6-proto`
+//! (`r6-proto/benches/codec`).
 
 mod measure;
 mod report;

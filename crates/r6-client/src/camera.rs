@@ -1,4 +1,7 @@
 //! The camera's side: answers photo requests and sends the points found, on the robot's own connection.
+//!
+//! A closure gets each photo request. The answer is sent on the connection on which the request came, or not
+//! at all.
 
 use std::fmt;
 

@@ -10,6 +10,19 @@
 //!  a call that ends or is dropped:
 //!             leaves its seat; an event that woke it and that it did not handle goes to the next call
 //! ```
+//!
+//! # Who drives
+//!
+//! 1. A call polls its own operation, then carries bytes until it would block, then waits (this file).
+//! 2. `seats.rs` decides who is woken when something happens: the call that drove last, or the keeper. The
+//!    keeper belongs to the hand and drives while no call waits.
+//! 3. `errands.rs` has the work that continues whether or not a caller waits: a stop, a motion that is
+//!    streamed, the poller.
+//! 4. All of them wait for times in `time.rs` alone. `hub.rs` keeps what is known of the robot.
+//!
+//! Three hands carry bytes and time: `hands/tokio.rs`; `hands/blocking.rs`, for threads over a blocking
+//! socket; `hands/callback.rs`, for an event loop that calls back. Everything but `hands/` and `blocking/` is
+//! pure: no clock, socket, task or thread (`r6-testkit/tests/layers.rs` checks it).
 
 use std::fmt;
 use std::future::{Future, poll_fn};

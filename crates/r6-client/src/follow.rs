@@ -1,4 +1,7 @@
 //! Following a moving target: one small step after the other, always towards the target's present place.
+//!
+//! It reads the state and sends one step at a time; `follow/step.rs` decides which. It shares with `run` the
+//! check of the machine before the first step, the guard, and the one right to stream.
 
 mod step;
 mod target;

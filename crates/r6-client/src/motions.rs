@@ -3,6 +3,8 @@
 //! ```text
 //!  Told ──begin──▶ Streamed ──end──▶ Ended ──its owner got the result, or a later list was accepted──▶ Told
 //! ```
+//!
+//! `wait_until_done` waits for the motion that is streamed, and reports a motion that did not complete.
 
 use std::sync::{Mutex, PoisonError};
 

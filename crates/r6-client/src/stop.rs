@@ -9,6 +9,20 @@
 //! ```
 //!
 //! `evidence/standstill.rs` says what proves a standstill.
+//!
+//! # A stop
+//!
+//! `robot.stop()`:
+//!
+//! 1. This file starts an errand that carries the stop to its end.
+//! 2. `stop/halt.rs` sends one means after the other over one connection, and reads the state all the time.
+//! 3. If nothing comes back within 300 ms, this file does the same over a second connection
+//!    (`Robot::second_connection`).
+//! 4. After a reconnect, a stop waits for the identity of the controller, for half a second at most
+//!    (`Link::holds_stops`, `link/identification.rs`).
+//! 5. Requests that were made before the stop and were not sent are withdrawn (`Link::withdraw_overtaken`).
+//! 6. `doubt.rs` knows which frames the controller may still carry out. `stop/report.rs` tells the caller
+//!    what became of all that.
 
 mod halt;
 pub(crate) mod report;

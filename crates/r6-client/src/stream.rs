@@ -1,4 +1,25 @@
 //! Running a motion: checked first, then streamed, list by list, into the controller.
+//!
+//! # A long path
+//!
+//! `robot.run(&motion, options)`:
+//!
+//! 1. `moves.rs` has checked each step when it was added, in the types of `units.rs`.
+//! 2. `path.rs` cuts the steps into frames by their encoded length.
+//! 3. This file reads the state of the machine and asks the guard (`guard.rs`). If a condition is not met, it
+//!    sends nothing.
+//! 4. One errand (`stream/task.rs`) reads the state, sends what there is room for, and reads again.
+//!    `path/progress.rs` says how much room there is: from `RemoteCmdLen`, or, if the firmware has none, from
+//!    where the arm is on its path (`path/track.rs`).
+//! 5. `path/pace.rs`, with its geometry in `path/way.rs`, judges steps that are gone from the list: the arm
+//!    may have made them, or another client may have cleared them.
+//! 6. If another connection answers, `evidence/restart.rs` says whether the controller was switched off and
+//!    on.
+//! 7. `handle.rs` reports the state of each step to the caller (`progress.rs`). `done.rs` says what proves
+//!    the end.
+//!
+//! A motion that is appended to others (`RunOptions::append`) or repeats (`Motion::repeat`) takes the same
+//! way. It is sent at once and as a whole, and `path/whole.rs` says what proves its end.
 
 pub(crate) mod error;
 pub(crate) mod options;

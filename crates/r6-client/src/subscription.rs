@@ -1,4 +1,19 @@
 //! Subscriptions: many watchers, one poller.
+//!
+//! # A subscription
+//!
+//! 1. This file takes the request for values.
+//! 2. `board.rs` keeps all requests and the last value of each address. The first subscription starts the one
+//!    errand that polls, which is in this file.
+//! 3. `poll_plan.rs` says what is due: addresses and times in, addresses and the next time out.
+//! 4. The query goes the way of any other (`query.rs`, `connection.rs`), as `Lane::Background`: values that
+//!    it reads do not unlock commands.
+//! 5. `query/parts.rs` splits a query into parts, and checks the numbers of values in the replies.
+//!    `query/memory.rs` keeps what the replies tell of the controller.
+//! 6. `introduction.rs` asks for the identity before the first request and on a new connection.
+//!    `link/identification.rs` says which requests wait for the answer. Queries on a first connection wait
+//!    0.5 s at most.
+//! 7. `link_quality.rs` measures the connection by the replies.
 
 pub(crate) mod limits;
 

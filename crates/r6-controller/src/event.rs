@@ -1,5 +1,9 @@
 //! Events at a virtual controller, as data. `event/english.rs` and `event/chinese.rs` turn them into text for
 //! people.
+//!
+//! Each thing that happens is one event with fields. `log.rs` keeps events until they are read, and limits
+//! how much one connection can log. Events at sockets, cameras and files are [`ShellEvent`]s, which `r6-sim`
+//! reports. `r6 sim` (`r6/src/cmd/sim.rs`) prints events; tests and `r6-world` match on them.
 
 mod chinese;
 mod english;

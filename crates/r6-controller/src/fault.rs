@@ -1,6 +1,14 @@
 //! Fault injection: on the link, in the replies, and in how the controller handles requests.
 //!
 //! Each fault has a word that scenarios use, and a class (`docs/SCENARIOS.md`).
+//!
+//! `fault/file.rs` reads the words. Where each class takes effect:
+//!
+//! - Faults of requests are drawn before the dispatcher (`controller/dispatch.rs`) sees the requests.
+//! - Faults of replies change what the dispatcher wrote (`fault/reply.rs`).
+//! - Faults of the link are pure too (`r6-traffic/src/link.rs`: bytes and times in, bytes and endings out).
+//!   The owners of the sockets apply them: `r6-sim/src/door.rs` where connections come in,
+//!   `connection/faulty.rs` on each connection.
 
 pub mod file;
 pub(crate) mod reply;

@@ -4,6 +4,13 @@
 //! operators, other masters and the mains do (`[[at]]`), inputs that react to outputs (`[[react]]`), and
 //! faults with the time in which they are in force (`[[fault]]`). The same scenario, settings and input give
 //! the same bytes.
+//!
+//! - `scenario/file.rs` reads the text.
+//! - `scenario/run.rs` knows what is due next, and draws what the text leaves open.
+//! - `controller/advance.rs` lets time pass from one due event to the next, of the machine and of the
+//!   scenario. It works the same way without a scenario.
+//! - `controller/scenario.rs` does what the scenario says: power cuts in `controller/scenario/power.rs`,
+//!   requests while a fault is in force in `controller/scenario/broken.rs`.
 
 mod file;
 mod run;

@@ -8,6 +8,13 @@
 //! a profile.
 //!
 //! Units everywhere: degrees, millimetres, seconds.
+//!
+//! # How the arithmetic is checked
+//!
+//! `README.md` of this crate lists its properties and their tests. The stage `oracles` of `make check`
+//! compares it with two libraries that share no code with it. `tools/oracles/kinematics` builds every model
+//! as a chain of ikpy. `tools/oracles/trajectories` lets ruckig plan the moves that `examples/moves.rs`
+//! prints. Both are tools of these checks only; nothing that ships uses them.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)

@@ -4,6 +4,9 @@
 //! it: axis positions and speeds over time, the points that changed, and the path of the tool. [`words`] puts
 //! it into English. The crate opens no file, reads no clock and prints nothing. The same input gives the same
 //! bytes.
+//!
+//! `playback.rs` plays, `recording.rs` and `points.rs` record the arm and the points, `drawing.rs` draws. Of
+//! `r6-client` this crate uses only how a motion is cut into frames.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)

@@ -1,4 +1,6 @@
 //! Cameras that listen: each controller dials them, and dials again after a connection is lost.
+//!
+//! `r6-controller/src/controller/cameras.rs` knows which connection belongs to which camera.
 
 use std::fmt;
 use std::net::SocketAddr;

@@ -1,4 +1,9 @@
 //! The speed of time for a virtual controller.
+//!
+//! It maps real time to the controller's time, or lets `r6-controller/src/fast_clock.rs` drive the
+//! controller. That clock is pure, so a conversation without sockets has the same bytes as one over TCP.
+//! `machine/deadlines.rs` says which deadlines are the controller's own, and which measure the silence of
+//! others.
 
 use std::fmt;
 use std::str::FromStr;

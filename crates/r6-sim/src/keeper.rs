@@ -3,6 +3,13 @@
 //! Each change gets a number. One task writes the newest state whenever there is a new number, so changes
 //! during a write go to the disk together. If a request of a connection changed something, the frames of that
 //! connection wait until that number is on the disk: acknowledged changes survive. No other connection waits.
+//!
+//! # What survives a power cut
+//!
+//! - `r6-controller/src/saved.rs` is the state that survives. Its fields are `Persistent`
+//!   (`machine/persistent.rs`), which notices every mutable borrow.
+//! - This file is the task that writes, and `state.rs` the file that it writes.
+//! - `connection.rs` holds frames back until their changes are on the disk.
 
 use std::path::Path;
 use std::pin::{Pin, pin};

@@ -1,4 +1,7 @@
 //! A connection without a network: two ends in one process, which behave like those of TCP.
+//!
+//! It replaces the sockets, with the same door and the same links, on tokio's paused clock.
+//! `r6-client/tests/faults` runs a complete client and a complete controller this way (`docs/FAULTS.md`).
 
 use std::collections::VecDeque;
 use std::io;

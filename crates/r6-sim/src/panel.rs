@@ -10,6 +10,21 @@
 //! | `GET /v1/openapi.json` | this API in OpenAPI; committed as `openapi/panel.json` |
 //!
 //! There is no login, so by default it listens on this machine only, and web pages cannot use it.
+//!
+//! # An action
+//!
+//! `r6 panel estop`:
+//!
+//! 1. `r6/src/cmd/panel.rs` makes an [`r6_api::panel::Action`], and `cmd/panel/http.rs` posts it.
+//! 2. `r6-http/src/guard.rs` refuses it if a web page from elsewhere sent it.
+//! 3. `panel/routes.rs` reads it, and `panel/convert.rs` converts it to a `PanelAction`. Only there do HTTP
+//!    and the controller meet.
+//! 4. `Controller::operate` hands it to `r6-controller/src/machine/panel.rs`. Moves by hand are in
+//!    `machine/hand.rs`, programs that are loaded in `machine/loading.rs`. `Refused`
+//!    (`r6-controller/src/panel.rs`) says what is refused, and why.
+//! 5. The reply is the state that an operator would then see (`snapshot` in `panel/convert.rs`).
+//!
+//! `openapi/panel.json` is generated from the code. A test fails if it is out of date.
 
 mod convert;
 mod routes;

@@ -3,6 +3,11 @@
 //! It uses no other crate of the workspace, so that every crate, including `r6-proto`, can test with it.
 //! Every function panics with a message that names the file and the fault: a broken test file is a failed
 //! test.
+//!
+//! Tests that hold the repository together: `tests/layers.rs` (which crate and which file may import which),
+//! `tests/book.rs` (every link of the pages leads somewhere), `tests/pains.rs` (each test named in
+//! `docs/PAINS.md` exists), `tests/chinese.rs` (the Chinese pages say what the English ones say),
+//! `tests/plain.rs` (plain words, short comment lines).
 
 pub mod alloc;
 pub mod book;

@@ -1,8 +1,35 @@
 //! Clients, controllers, cameras and disks in one process on virtual time. A seed decides what breaks, and
 //! the promises are checked at every step.
 //!
-//! Each of them is a host of a simulated network (turmoil) with a clock of its own. `docs/SIMULATION.md`
-//! describes the hosts.
+//! `make sim` runs worlds. `plan.rs` draws one from a seed; `world.rs` runs it as a turmoil simulation, in
+//! steps of a millisecond. `docs/SIMULATION.md` describes the hosts, the promises and the faults.
+//! `breaks.toml` has a break of each promise and what has to see it; `make breaks` (`tools/breaks`) tries
+//! each in a copy.
+//!
+//! # What breaks what
+//!
+//! - **turmoil** is the network and the systems: hosts with a clock and a runtime each, packets that take
+//!   time, links that are held, hosts that are killed and started again. It replaces the sockets: the
+//!   client's `Connect` and the controller's `Wire` are in `wire.rs`.
+//! - **The scenario's link** (`r6-traffic/src/link.rs`, as in `r6 sim --scenario`) breaks bytes: silence,
+//!   resets within a frame, pieces, slowness, noise. The virtual controller uses the same code, so users can
+//!   try what is tested here.
+//! - **The disk** (`disk.rs`) takes the steps of `r6-sim/src/state.rs` one by one (`r6_sim::Disk`). At a
+//!   power cut it loses what was not safe by then.
+//!
+//! # What checks what
+//!
+//! - `line.rs` observes the wires of a client: `line/departure.rs` sent frames, `line/arrival.rs` received
+//!   bytes, `line/lenient.rs` a frame read as tolerantly as possible.
+//! - `floor.rs` observes a controller: `floor/list.rs` what it executes, `floor/observed.rs` its values over
+//!   time.
+//! - `client.rs` and the files of `client/` compare what the client's program hears with both.
+//! - `saved_registers.rs` compares registers that were acknowledged as saved with the disk.
+//! - `fault_effects.rs` finds which faults took effect, from the events of the controller's log.
+//! - `pulse.rs` ends a world whose clock has stopped.
+//! - `plan/trap.rs` makes worlds with a single fault, and `client/mishaps.rs` the mishaps of their motions.
+//! - `plan/drivers.rs` makes worlds whose calls are dropped or slow while they drive for others
+//!   (`client/driving.rs`). `pipes.rs` knows what was written and not read, and `line/driven.rs` judges it.
 #![allow(
     clippy::indexing_slicing,
     reason = "numbers of robots and clients come from the plan that they are numbers of"

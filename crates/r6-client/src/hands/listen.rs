@@ -1,4 +1,6 @@
 //! The other TCP role: the controller is set to client mode on its pendant, and dials this program.
+//!
+//! [`Listen`] is a [`Connect`](crate::hands::connect::Connect) that waits where others dial.
 
 use std::fmt;
 use std::future::poll_fn;

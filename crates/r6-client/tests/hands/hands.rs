@@ -13,6 +13,9 @@
 //! A test of this kind is an `async fn` named in [`on_every_hand`]. It connects with [`connect_with`] or
 //! [`connect`], and starts tasks with [`spawn`]. It waits with [`pause`] while nothing else of its own task
 //! is under way.
+//!
+//! `lockstep.rs` makes the clock, the threads and the sockets of the blocking hand, which asks for them
+//! through `src/hands/blocking/system.rs`.
 
 mod dial;
 mod event_loop;

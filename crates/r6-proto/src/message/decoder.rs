@@ -1,6 +1,34 @@
 //! The decoder: one pass over a frame, into buffers that are reused for the next.
 //!
 //! This file reads the members at the top and decides the type of the frame. `lists` reads the nested lists.
+//!
+//! # From bytes to a message
+//!
+//! 1. `FrameBuffer` (`frame.rs`) finds the end of an object: it counts brackets and skips strings
+//!    (`text.rs`).
+//! 2. [`Decoder`] reads the object once (`json.rs`) and stores positions (`Node`, `value.rs`) in buffers that
+//!    are reused.
+//! 3. It gives a [`Message`] that borrows from the bytes. Addresses that are queried by name become an
+//!    `Address`.
+//!
+//! Each fact of the protocol is in one row of one table:
+//!
+//! | facts | table |
+//! |---|---|
+//! | addresses | `address/table.rs` |
+//! | commands and their arguments | `message/command/table.rs` |
+//! | actions | `message/action.rs` |
+//! | members of instructions | `message/instruction/table.rs` |
+//! | members at the top and in points | `message/top.rs`, `message/fields.rs` |
+//!
+//! There are two faster ways for frames that arrive all the time. They decide nothing, and stop at anything
+//! unusual:
+//!
+//! - `message/fast.rs` compares each key with the key at its place last time, sixteen bytes at once
+//!   (`chunk.rs`).
+//! - `message/decoder/again.rs` recognises the reply of a repeated query by the bytes around its values.
+//!
+//! `tests/fast_path.rs` compares both with the slow way. To understand decoding, skip them.
 
 mod again;
 mod lists;

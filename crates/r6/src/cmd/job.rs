@@ -1,4 +1,11 @@
 //! Sends instructions and follows them: the common part of `r6 move` and `r6 run`.
+//!
+//! `job/under_way.rs` runs the motion. `job/progress.rs` shows how far it is. `job/ended.rs` turns what ended
+//! it into words and an exit code.
+//!
+//! Output goes through queues with a thread each (`output/queue.rs`), so a reader that does not read delays
+//! nothing. The first failed write is a value: `job/under_way.rs` waits for it where a stop was promised, and
+//! `output/ending.rs` turns it into an exit code. Failures become JSON in `output/problem.rs`.
 
 mod empty;
 mod ended;

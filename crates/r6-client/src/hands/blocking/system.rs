@@ -1,5 +1,7 @@
 //! The part of the operating system that a blocking connection uses: the time, waiting threads, sockets.
 //! Tests simulate it, to control faults and time.
+//!
+//! `tests/hands/lockstep.rs` has that simulation.
 
 use std::fmt;
 use std::io;
