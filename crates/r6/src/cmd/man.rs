@@ -50,7 +50,8 @@ fn write_pages(command: &Command, folder: &Path) -> io::Result<usize> {
     Ok(pages)
 }
 
-/// One page. Clap's own page runs the lines of examples and tables together, so what stands after the options is laid out here.
+/// One page. Clap's own page runs the lines of examples and tables together, so what stands after the options
+/// is laid out here.
 fn page(man: &Man, command: &Command) -> io::Result<Vec<u8>> {
     let mut page = Vec::new();
     man.render_title(&mut page)?;
