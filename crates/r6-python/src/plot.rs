@@ -10,9 +10,9 @@ use r6_plot::play::{self, Cell};
 use r6_plot::{Picture, PlayError, words};
 use r6_proto::AxisIndex;
 
-use crate::errors::Raise;
 use crate::interpreter;
 use crate::pickling::not_pickled;
+use crate::raising::Raise;
 use crate::simulator::{Source, model_of, profile_of};
 use crate::units::{AxisPosition, Given, Percent};
 
