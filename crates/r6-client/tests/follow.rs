@@ -48,7 +48,7 @@ async fn hold(target: &TargetSender, at: AxisPosition, time: Duration) {
     }
 }
 
-fn lists(log: &mut tokio::sync::broadcast::Receiver<r6_controller::LogEntry>) -> usize {
+fn lists(log: &mut tokio::sync::broadcast::Receiver<std::sync::Arc<r6_controller::LogEntry>>) -> usize {
     let mut count = 0;
     while let Ok(line) = log.try_recv() {
         count += usize::from(line.event.is_about_a_list());

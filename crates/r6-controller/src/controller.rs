@@ -73,7 +73,8 @@ enum Service {
 
 #[derive(Debug)]
 struct Connection {
-    session: ServerSession,
+    /// In a box: a node of the map has room for eleven connections, and a controller has one or two.
+    session: Box<ServerSession>,
     service: Service,
     /// The controller opened it: it does not count towards [`Profile::max_connections`].
     opened: bool,
@@ -199,7 +200,8 @@ impl Controller {
     }
 
     fn insert(&mut self, id: ConnectionId, service: Service, opened: bool) {
-        self.connections.insert(id, Connection { session: ServerSession::new(LIMITS), service, opened });
+        self.connections
+            .insert(id, Connection { session: Box::new(ServerSession::new(LIMITS)), service, opened });
     }
 
     /// Adds an event of the shell (sockets, cameras, files) to the log.
@@ -244,7 +246,7 @@ impl Controller {
             Some(connection) if connection.service == Service::Served && !connection.opened => {
                 connection.service = Service::Wedged;
                 self.log.forget(self.machine.now(), id);
-                connection.session = ServerSession::new(LIMITS);
+                *connection.session = ServerSession::new(LIMITS);
             }
             Some(_) | None => self.disconnect(id),
         }

@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -47,7 +47,7 @@ pub struct Simulator {
     /// `None` once it was closed. This is the only handle, and it holds the folder of the state.
     controller: OfThisProcess<Mutex<Option<VirtualController>>>,
     address: SocketAddr,
-    log: OfThisProcess<Mutex<Receiver<LogEntry>>>,
+    log: OfThisProcess<Mutex<Receiver<Arc<LogEntry>>>>,
 }
 
 const BUTTONS: [(&str, Button); 5] = [
@@ -355,7 +355,7 @@ impl Simulator {
                     entry.connection.map(|connection| connection.number()),
                     entry.level() == Level::Warning,
                     entry.event.to_string(),
-                    entry.event,
+                    entry.event.clone(),
                 ),
                 Err(TryRecvError::Lagged(count)) => (
                     None,

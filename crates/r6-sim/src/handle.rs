@@ -43,9 +43,10 @@ struct Shared {
     keeper: Option<Keeper>,
     /// Notified when the next deadline may have changed.
     timers: Notify,
-    log: broadcast::Sender<LogEntry>,
+    /// Entries are shared: the channel has a slot for each line of the backlog from the start.
+    log: broadcast::Sender<Arc<LogEntry>>,
     /// A receiver of the log from the start, until the first reader takes it.
-    log_from_start: Mutex<Option<broadcast::Receiver<LogEntry>>>,
+    log_from_start: Mutex<Option<broadcast::Receiver<Arc<LogEntry>>>>,
     /// How attempts to connect are treated.
     door: watch::Sender<Door>,
     /// Takes connections in memory, if the controller is reached that way.
@@ -169,7 +170,7 @@ impl ControllerHandle {
 
     /// The log from now on. A reader that falls behind loses the oldest lines and gets their number.
     #[must_use]
-    pub fn log(&self) -> broadcast::Receiver<LogEntry> {
+    pub fn log(&self) -> broadcast::Receiver<Arc<LogEntry>> {
         self.shared.log.subscribe()
     }
 
@@ -202,7 +203,7 @@ impl ControllerHandle {
 
     /// The log from the start for the first caller; from now on for all others.
     #[must_use]
-    pub fn log_from_start(&self) -> broadcast::Receiver<LogEntry> {
+    pub fn log_from_start(&self) -> broadcast::Receiver<Arc<LogEntry>> {
         let first = self.shared.log_from_start.lock().unwrap_or_else(PoisonError::into_inner).take();
         first.unwrap_or_else(|| self.log())
     }
@@ -352,7 +353,7 @@ impl ControllerHandle {
         let mut lines = Vec::new();
         while let Some(line) = state.controller.poll_log() {
             // Within the lock, to keep the order; it does not wait. There may be no receiver.
-            let _ = self.shared.log.send(line.clone());
+            let _ = self.shared.log.send(Arc::new(line.clone()));
             lines.push(line);
         }
         while let Some(id) = state.controller.poll_woken() {

@@ -51,7 +51,7 @@ fn written(event: &ShellEvent) -> bool {
 }
 
 /// The next event of this kind, in words.
-async fn line(log: &mut Receiver<LogEntry>, is_it: impl Fn(&ShellEvent) -> bool) -> String {
+async fn line(log: &mut Receiver<Arc<LogEntry>>, is_it: impl Fn(&ShellEvent) -> bool) -> String {
     let wait = async {
         loop {
             let entry = log.recv().await.unwrap();

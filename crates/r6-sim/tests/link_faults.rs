@@ -116,7 +116,7 @@ async fn assert_silent(stream: &mut TcpStream) {
 }
 
 /// Waits for an event of the log.
-async fn told(log: &mut Receiver<LogEntry>, what: impl Fn(&Event) -> bool) {
+async fn told(log: &mut Receiver<Arc<LogEntry>>, what: impl Fn(&Event) -> bool) {
     soon(async { while !what(&log.recv().await.unwrap().event) {} }).await;
 }
 
@@ -218,7 +218,7 @@ async fn a_strike_is_told_once_for_each_connection() {
     }
     let strikes: Vec<_> = std::iter::from_fn(|| log.try_recv().ok())
         .filter(|entry| matches!(entry.event, Event::Struck { .. }))
-        .map(|entry| (entry.connection.map(ConnectionId::number), entry.event))
+        .map(|entry| (entry.connection.map(ConnectionId::number), entry.event.clone()))
         .collect();
     let struck = Event::Struck { fault: Fault::Link(LinkFault::Pieces { bytes: 20 }) };
     assert_eq!(strikes, [(Some(0), struck.clone()), (Some(0), struck)]);

@@ -1,6 +1,7 @@
 //! Cameras that listen: the controller dials them, loses them, and finds them again.
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_controller::event::ShellEvent;
@@ -130,13 +131,13 @@ fn settings(cameras: Vec<Camera>, clock: Clock, ids: &[i64]) -> SimSettings {
 
 /// The next matching event of the log, and how many of the other kind came before it.
 async fn event(
-    log: &mut broadcast::Receiver<LogEntry>,
+    log: &mut broadcast::Receiver<Arc<LogEntry>>,
     is_it: impl Fn(&Event) -> bool,
     is_other: impl Fn(&Event) -> bool,
 ) -> (Event, usize) {
     let mut others = 0;
     loop {
-        let event = in_time(log.recv()).await.unwrap().event;
+        let event = in_time(log.recv()).await.unwrap().event.clone();
         if is_it(&event) {
             return (event, others);
         }

@@ -1,5 +1,6 @@
 //! A virtual controller, and a record of what it did.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_client::{Robot, RobotSettings};
@@ -16,7 +17,7 @@ pub const PATIENCE: Duration = Duration::from_secs(600);
 pub struct Cell {
     pub controller: VirtualController,
     pub robot: Robot,
-    log: Receiver<LogEntry>,
+    log: Receiver<Arc<LogEntry>>,
     lists: Vec<(usize, bool)>,
 }
 

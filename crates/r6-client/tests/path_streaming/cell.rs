@@ -1,6 +1,7 @@
 //! A controller, a client, and a record of what they did.
 
 use r6_controller::Event;
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_client::units::{AxisPosition, Percent};
@@ -15,7 +16,7 @@ pub const PATIENCE: Duration = Duration::from_secs(600);
 pub struct Cell {
     pub controller: VirtualController,
     pub robot: Robot,
-    log: Receiver<LogEntry>,
+    log: Receiver<Arc<LogEntry>>,
     lists: Vec<(usize, bool)>,
 }
 

@@ -5,6 +5,7 @@ mod stdin;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use r6_controller::{ControllerSnapshot, Level, LogEntry, StartState};
@@ -302,7 +303,7 @@ struct Line<'l> {
 /// Prints the events of a controller until it ends.
 pub async fn print_log(
     controller: ControllerHandle,
-    mut log: broadcast::Receiver<LogEntry>,
+    mut log: broadcast::Receiver<Arc<LogEntry>>,
     named: bool,
     told: LogArgs,
     lines: LineQueue,

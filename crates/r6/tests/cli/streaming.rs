@@ -1,6 +1,7 @@
 //! `r6 run` with more instructions than the controller's list holds, and what ends such a run early.
 
 use std::fmt::Write;
+use std::sync::Arc;
 
 use r6_controller::{LogEntry, Profile, Scenario};
 use r6_sim::{Clock, VirtualController};
@@ -21,7 +22,7 @@ pub const MANY_LOOKS: usize = 10_000;
 pub struct Cell {
     _runtime: Runtime,
     pub controller: VirtualController,
-    log: Receiver<LogEntry>,
+    log: Receiver<Arc<LogEntry>>,
     pub address: String,
 }
 

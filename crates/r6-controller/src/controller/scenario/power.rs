@@ -27,7 +27,7 @@ impl Controller {
         breakage.frozen = None;
         // Data on its way is lost.
         for connection in self.connections.values_mut() {
-            connection.session = ServerSession::new(LIMITS);
+            *connection.session = ServerSession::new(LIMITS);
         }
         if let Err(why) = chosen {
             self.tell(now, Event::ProgramNotChosen { why });
