@@ -57,15 +57,15 @@ fn some() -> Vec<(Event, Level, &'static str, &'static str, Value)> {
                 alarm: 135,
                 why: AlarmCause::Step {
                     step: Some(Detail::of("instruction 1 (action 4)")),
-                    why: Detail::of("J6 beyond its soft limit +"),
+                    why: Detail::of("J6 above its upper soft limit"),
                 },
             },
             info,
-            "alarm 135: instruction 1 (action 4): J6 beyond its soft limit +",
-            "报警 135：instruction 1 (action 4)：J6 beyond its soft limit +",
+            "alarm 135: instruction 1 (action 4): J6 above its upper soft limit",
+            "报警 135：instruction 1 (action 4)：J6 above its upper soft limit",
             json!({
                 "event": "alarm_raised", "alarm": 135,
-                "why": { "cause": "step", "step": "instruction 1 (action 4)", "why": "J6 beyond its soft limit +" },
+                "why": { "cause": "step", "step": "instruction 1 (action 4)", "why": "J6 above its upper soft limit" },
             }),
         ),
         (
