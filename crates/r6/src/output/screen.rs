@@ -59,7 +59,8 @@ impl Screen {
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        ratatui::restore();
+        // The terminal may be gone, and stderr with it: `ratatui::restore` would complain there, and panic.
+        let _ = ratatui::try_restore();
     }
 }
 
