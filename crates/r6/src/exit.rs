@@ -13,8 +13,10 @@ use crate::hint;
 use crate::output::alarm;
 use crate::output::problem::Code;
 
-/// The exit codes, for the help.
-pub const CODES: &str = "\
+/// Expands to the exit codes, because `concat!` takes no constants.
+macro_rules! codes {
+    () => {
+        "\
 Exit codes:
   0  done
   1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
@@ -23,10 +25,16 @@ Exit codes:
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted, or what came of it could not be written;
-     look at the machine before going on";
+     look at the machine before going on"
+    };
+}
+
+/// The exit codes, for the help.
+pub const CODES: &str = codes!();
 
 /// Examples and exit codes, for the long help.
-pub const EXAMPLES_AND_CODES: &str = "\
+pub const EXAMPLES_AND_CODES: &str = concat!(
+    "\
 Examples:
   r6 up                                             a whole cell on this machine; then, in a second shell:
   r6 status                                         what it does, and whether it takes motion
@@ -36,15 +44,9 @@ Examples:
   r6 stop
   r6 -r 192.168.1.10 status                         the same for a real controller
 
-Exit codes:
-  0  done
-  1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
-     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end;
-     the answer to a query could not be written
-  2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
-  3  unreachable, or no reply
-  4  outcome unknown: the request left and may have acted, or what came of it could not be written;
-     look at the machine before going on";
+",
+    codes!()
+);
 
 /// How a run ends, as the shell sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
