@@ -165,7 +165,19 @@ impl fmt::Display for WaitError {
     }
 }
 
-impl std::error::Error for WaitError {}
+impl std::error::Error for WaitError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Request(error) => Some(error),
+            Self::Motion(error) => Some(&**error),
+            Self::AlarmRaised { .. }
+            | Self::Stopped { .. }
+            | Self::Restarted(_)
+            | Self::TimedOut { .. }
+            | Self::AnotherConnection => None,
+        }
+    }
+}
 
 impl From<Interrupted> for WaitError {
     fn from(interrupted: Interrupted) -> Self {

@@ -369,10 +369,46 @@ impl fmt::Display for OutcomeUnknown {
     }
 }
 
-impl std::error::Error for RequestError {}
-impl std::error::Error for NotSent {}
+impl std::error::Error for RequestError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Invalid(error) => Some(error),
+            Self::NotSent(error) => Some(error),
+            Self::Refused(error) => Some(error),
+            Self::OutcomeUnknown(error) => Some(error),
+        }
+    }
+}
+impl std::error::Error for NotSent {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::NoRoom(error) => Some(error),
+            Self::NotStopped(why) => Some(&**why),
+            Self::Unreachable { .. }
+            | Self::ConnectTimedOut { .. }
+            | Self::Disconnected
+            | Self::StateNotRead
+            | Self::AnotherRobot { .. }
+            | Self::Unidentified { .. }
+            | Self::Overtaken
+            | Self::Busy { .. }
+            | Self::Closed
+            | Self::NoEngine { .. } => None,
+        }
+    }
+}
 impl std::error::Error for Refused {}
-impl std::error::Error for OutcomeUnknown {}
+impl std::error::Error for OutcomeUnknown {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Unreadable { error, .. } => Some(error),
+            Self::TimedOut { .. }
+            | Self::ConnectionLost { .. }
+            | Self::Unclear { .. }
+            | Self::AnotherRobot { .. } => None,
+        }
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -400,6 +436,25 @@ mod tests {
         // Only the advice on commands that start the machine mentions its mode.
         for command in [CommandName::ModifyGspd, CommandName::SwitchMold, CommandName::ModifyOutput] {
             assert!(!told(command, "no").contains("mode"), "{command}");
+        }
+    }
+
+    #[test]
+    fn an_error_leads_to_the_error_that_it_holds() {
+        use std::error::Error;
+
+        let stop = NotSent::NotStopped(Box::new(NotSent::NoRoom(SendError::TooManyInFlight { limit: 16 })));
+        let error = crate::WaitError::Request(stop.into());
+        let mut chain: Vec<&(dyn Error + 'static)> = vec![&error];
+        while let Some(held) = chain[chain.len() - 1].source() {
+            chain.push(held);
+        }
+        assert!(chain[1].is::<RequestError>(), "{chain:?}");
+        assert!(chain[2].is::<NotSent>() && chain[3].is::<NotSent>(), "{chain:?}");
+        assert!(chain[4].is::<SendError>() && chain.len() == 5, "{chain:?}");
+        // Each text includes the text of the error that it holds.
+        for pair in chain.windows(2) {
+            assert!(pair[0].to_string().contains(&pair[1].to_string()), "{chain:?}");
         }
     }
 

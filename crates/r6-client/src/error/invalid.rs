@@ -73,4 +73,14 @@ impl fmt::Display for Invalid {
     }
 }
 
-impl std::error::Error for Invalid {}
+impl std::error::Error for Invalid {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Value(error) => Some(error),
+            Self::Step(error) => Some(error),
+            Self::OutsideEnvelope(violation) => Some(violation),
+            Self::NotStopped(why) => Some(&**why),
+            Self::BadAddress { .. } | Self::TooLong { .. } => None,
+        }
+    }
+}

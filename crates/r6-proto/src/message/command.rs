@@ -230,7 +230,14 @@ impl fmt::Display for CommandError {
     }
 }
 
-impl std::error::Error for CommandError {}
+impl std::error::Error for CommandError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Argument(error) => Some(error),
+            Self::UnknownCommand { .. } => None,
+        }
+    }
+}
 
 impl Command<'_> {
     /// Appends `cmdData`: the name and the arguments as texts.
