@@ -12,6 +12,7 @@ use r6_controller::fault::{LinkFault, LinkFaultNow};
 use r6_controller::panel::EMERGENCY_STOP;
 use r6_controller::scenario::Happening;
 use r6_controller::{Button, Controller, Event, LogEntry, PanelAction};
+use r6_proto::CommandName;
 use tokio::sync::watch;
 
 use crate::fault_effects::FaultEffects;
@@ -253,8 +254,11 @@ impl Floor {
 
     /// Reads from the log what sets the machine in motion or stops it.
     fn read(&mut self, at: Duration, event: &Event) {
-        const STARTS: [&str; 5] =
-            ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue", "switchMold"];
+        // A program that is switched to while another one runs begins at once.
+        let starts = |command: &str| {
+            let name = CommandName::exact(command.as_bytes());
+            name.is_some_and(|name| name.starts() || name == CommandName::SwitchMold)
+        };
         match event {
             Event::ListTaken { instructions: 0, .. } => {}
             Event::ListTaken { done, .. } => {
@@ -267,7 +271,7 @@ impl Floor {
                 self.taken += 1;
                 self.starts(at);
             }
-            Event::CommandAccepted { command, done: true, .. } if STARTS.contains(&command.as_str()) => {
+            Event::CommandAccepted { command, done: true, .. } if starts(command.as_str()) => {
                 self.starts(at);
             }
             Event::ListRefused { why: ListRefusal::InTheMiddle }

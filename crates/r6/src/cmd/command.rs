@@ -66,7 +66,7 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         .map_err(|problem| Failure::usage(format!("{name}: {problem}")).advise(usage(name.info())))?;
     robot
         .ask(async |robot| {
-            if starts(name) && !args.run_leftover {
+            if name.starts() && !args.run_leftover {
                 check_list(robot, name).await?;
             }
             let (means, wire) = (wording::words(&command), wording::on_the_wire(&command));
@@ -93,17 +93,6 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 fn quoted(words: &[String]) -> String {
     let words: Vec<_> = words.iter().map(|word| format!("\"{word}\"")).collect();
     words.join(" ")
-}
-
-/// Whether the machine runs the rest of its instruction list after this command.
-fn starts(name: CommandName) -> bool {
-    [
-        CommandName::StartButton,
-        CommandName::ActionSingleCycle,
-        CommandName::ClearAlarmContinue,
-        CommandName::ClearAlarmRunNext,
-    ]
-    .contains(&name)
 }
 
 /// Refuses if instructions are left in the list. Passes if the firmware does not have `RemoteCmdLen`.
