@@ -1,6 +1,7 @@
 //! How a run of r6 ends: an exit code, and for a failure one or two lines. They say what failed, where, and
 //! what to do.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::process::ExitCode;
 
@@ -88,6 +89,8 @@ pub struct Failure {
     exit: Exit,
     code: Code,
     what: String,
+    /// The end of the first line: send this request again.
+    again: Option<&'static str>,
     advice: Option<String>,
     /// The lines for people, if a file is wrong.
     mistakes: Option<String>,
@@ -143,6 +146,7 @@ impl Failure {
             exit,
             code,
             what: what.to_string(),
+            again: None,
             advice: None,
             mistakes: None,
             members: Map::new(),
@@ -195,7 +199,8 @@ impl Failure {
 
     /// Appends text to the first line.
     pub fn add(mut self, more: impl fmt::Display) -> Self {
-        self.what = format!("{}; {more}", self.what);
+        self.what = format!("{}; {more}", self.what());
+        self.again = None;
         self
     }
 
@@ -207,13 +212,8 @@ impl Failure {
 
     /// Changes the advice for a controller that accepted the connection and never answered on it: sending
     /// again does not help.
-    pub fn unanswered(mut self) -> Self {
-        for again in ["; it only reads, so ask again", "; send it again until the arm is seen to stand"] {
-            if let Some(what) = self.what.strip_suffix(again) {
-                self.what = what.to_owned();
-            }
-        }
-        self.advise(
+    pub fn unanswered(self) -> Self {
+        Self { again: None, ..self }.advise(
             "the connection was made and nothing came back over it: other programs may hold all the connections of the \
              controller: close them (`r6 watch`, a panel, a PLC), then try again",
         )
@@ -230,8 +230,11 @@ impl Failure {
     }
 
     /// What is wrong, in one line.
-    pub fn what(&self) -> &str {
-        &self.what
+    pub fn what(&self) -> Cow<'_, str> {
+        match self.again {
+            None => Cow::Borrowed(&self.what),
+            Some(again) => Cow::Owned(format!("{}; {again}", self.what)),
+        }
     }
 
     /// What to do about it.
@@ -266,7 +269,7 @@ impl fmt::Display for Failure {
             return f.write_str(mistakes);
         }
         // The text may quote the peer. Escaping control characters keeps the output at these two lines.
-        write!(f, "r6: {}", printable(&self.what))?;
+        write!(f, "r6: {}", printable(&self.what()))?;
         match &self.advice {
             Some(advice) => write!(f, "\n    {}", printable(advice)),
             None => Ok(()),
@@ -303,7 +306,12 @@ impl From<RequestError> for Failure {
                 Effect::Changes | Effect::Moves | Effect::Stops => Exit::Unknown,
             },
         };
-        let failure = Self::new(exit, code_of(&error), &error);
+        let failure = match &error {
+            RequestError::OutcomeUnknown(unknown) if error.may_send_again() => {
+                Self { again: unknown.advice(), ..Self::new(exit, code_of(&error), unknown.what()) }
+            }
+            error => Self::new(exit, code_of(error), error),
+        };
         match &error {
             RequestError::NotSent(NotSent::Unreachable { address, .. }) if is_local(address) => {
                 failure.advise("for a virtual controller, start `r6 up` in another shell")

@@ -57,7 +57,7 @@ impl From<SendError> for RequestError {
 impl fmt::Display for Invalid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Self::NotStopped(why) = self {
-            return write!(f, "{}; {why}", super::NOT_STOPPED);
+            return write!(f, "{}; {why}", NotSent::NOT_STOPPED);
         }
         f.write_str("nothing was sent: ")?;
         match self {

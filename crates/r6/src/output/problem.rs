@@ -10,7 +10,7 @@ use crate::exit::Failure;
 pub fn object(failure: &Failure) -> Value {
     let mut object = json!(CommandProblem {
         code: failure.code(),
-        message: failure.what().to_owned(),
+        message: failure.what().into_owned(),
         advice: failure.advice().map(str::to_owned),
         exit: failure.exit().number(),
     });
