@@ -1,9 +1,7 @@
 //! `r6 stop`: ends the motion and clears the list.
 
 use clap::Args;
-use r6_client::{
-    Invalid, ListAfterStop, NotSent, RequestError, Robot, SecondConnection, StandProof, StopMeans, StopReport,
-};
+use r6_client::{Invalid, NotSent, RequestError, Robot, SecondConnection, StandProof, StopMeans, StopReport};
 use r6_proto::printable;
 use serde_json::{Value, json};
 
@@ -120,28 +118,11 @@ fn as_json(address: &str, report: &StopReport) -> Value {
 
 /// What became of a stop, as JSON, units in the names.
 pub fn seen(report: &StopReport) -> Value {
-    let list = match &report.list {
-        ListAfterStop::WasEmpty => "was empty",
-        ListAfterStop::Cleared => "cleared",
-        ListAfterStop::Refused(_) => "refused",
-        ListAfterStop::Unknown(_) => "unknown",
-        ListAfterStop::NotTried(_) => "not tried",
-    };
     json!({
         "confirmed": report.confirmed,
-        "proof": report.proof.map(|proof| match proof {
-            StandProof::NotRunning(_) => "not running",
-            StandProof::EmptyList(_) => "empty list",
-        }),
+        "proof": report.proof.map(StandProof::word),
         "means": report.means.map(StopMeans::word),
-        "second_connection": report.second.as_ref().map(|second| match second {
-            SecondConnection::Used => "used",
-            SecondConnection::Answered => "answered",
-            SecondConnection::Silent => "silent",
-            SecondConnection::Opening => "opening",
-            SecondConnection::NotMade(_) => "not made",
-            SecondConnection::Unidentified => "unidentified",
-        }),
+        "second_connection": report.second.as_ref().map(SecondConnection::word),
         "in_doubt": report.doubt.as_ref().map(|doubt| doubt.still_open),
         "attempts": report.attempts,
         "took_ms": output::readings::milliseconds(report.took),
@@ -149,6 +130,6 @@ pub fn seen(report: &StopReport) -> Value {
         "mode": report.mode.map(r6_client::OperationMode::number),
         "alarm": report.alarm,
         "list_length": report.list_length,
-        "list": list,
+        "list": report.list.word(),
     })
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use r6_client::{Done, EndProof, Missed, Progress, Unmet};
+use r6_client::{Done, Missed, Progress, Unmet};
 use serde_json::{Value, json};
 
 use crate::cmd::job::ended::Ended;
@@ -72,33 +72,17 @@ pub fn stands(robot: &str, done: &Done) -> Value {
         "robot": robot,
         "took_s": readings::milliseconds(done.took) / 1e3,
         "moved": done.moved,
-        "proof": proof(&done.proof),
-        "cut_short": cut_short(&done.proof),
+        "proof": done.proof.word(),
+        "cut_short": done.proof.cut_short().map(cut_short),
         "axes": status::axes_json(&done.axes),
         "pose": status::pose_json(&done.pose),
     })
 }
 
-/// The word for the proof of the end.
-fn proof(proof: &EndProof) -> &'static str {
-    match proof {
-        EndProof::Reached => "reached",
-        EndProof::Consumed => "consumed",
-        EndProof::CutShort(_) => "cut_short",
-        EndProof::AtRest => "at_rest",
-    }
-}
-
-/// Where the last move should have ended and where the arm stands, if an input cut that move short.
-fn cut_short(proof: &EndProof) -> Option<Value> {
-    match proof {
-        EndProof::CutShort(Missed { axis, of_pose, wanted, found }) => {
-            let (axis, unit) =
-                if *of_pose { (axis.world_name().to_owned(), "mm") } else { (axis.to_string(), "deg") };
-            Some(json!({ "axis": axis, "wanted": wanted, "found": found, "unit": unit }))
-        }
-        EndProof::Reached | EndProof::Consumed | EndProof::AtRest => None,
-    }
+/// Where the last move should have ended and where the arm stands. The unit of an axis is not known.
+fn cut_short(missed: &Missed) -> Value {
+    let unit = missed.of_pose.then_some("mm");
+    json!({ "axis": missed.name(), "wanted": missed.wanted, "found": missed.found, "unit": unit })
 }
 
 /// Adds event, steps and stop to the failure of a job, for programs: the steps if they were streamed, the
