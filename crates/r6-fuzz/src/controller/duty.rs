@@ -156,7 +156,7 @@ fn has_been_set(words: &str, before: &Before, cell: &mut Cell) {
 }
 
 /// Whether this request was answered with ok, with its name, or without a name as in older firmware.
-fn said_ok(word: &str, frames: &[u8]) -> bool {
+pub(super) fn said_ok(word: &str, frames: &[u8]) -> bool {
     let text = String::from_utf8_lossy(frames);
     text.contains(&format!(r#"["{word}","ok"]"#)) || text.contains(r#"["ok"]"#)
 }

@@ -6,6 +6,7 @@ use r6_controller::{ControllerSettings, ControllerSnapshot, OperationMode, Panel
 use r6_proto::time::Instant;
 
 use super::cell::Cell;
+use super::duty::said_ok;
 use super::operation::Operation;
 
 /// How far beyond a limit an axis may be because of rounding, in degrees or mm.
@@ -119,7 +120,7 @@ impl Model {
                 true
             }
             // A stop has no effect on a connection that is not served, or inside another frame.
-            _ => operation.is_stop() && said_ok(&cell.transcript[before.sent..]),
+            _ => operation.is_stop() && said_ok("actionStop", &cell.transcript[before.sent..]),
         };
         if stops {
             assert!(!runs(seen.mode), "{operation:?} left it running: {:?}", seen.mode);
@@ -192,10 +193,4 @@ impl Model {
             assert_eq!(seen.axes, rests_at, "after a stop it is elsewhere");
         }
     }
-}
-
-/// Whether a command was answered with ok.
-fn said_ok(frames: &[u8]) -> bool {
-    const OK: &[u8] = br#""ok"]"#;
-    frames.windows(OK.len()).any(|part| part == OK)
 }
