@@ -7,10 +7,6 @@ use r6_proto::{AxisIndex, OperationMode};
 
 use crate::mode::Key;
 
-/// The last alarm of the pendant's table; 5000 to 10000 belong to the user's programs (`docs/PROTOCOL.md`,
-/// 9).
-pub const LAST_ALARM: u32 = 10_000;
-
 /// The alarm that the emergency stop raises.
 pub const EMERGENCY_STOP: u32 = AlarmCode::EMERGENCY_STOP.0;
 
@@ -43,7 +39,7 @@ pub enum PanelAction {
     ReleaseEmergencyStop,
     /// Clears the alarm. Nothing starts to run.
     ClearAlarm,
-    /// Raises an alarm, 1 to [`LAST_ALARM`], for the fault of a part that is not simulated.
+    /// Raises an alarm, 1 to [`AlarmCode::LAST`], for the fault of a part that is not simulated.
     RaiseAlarm(u32),
     /// Homes the machine, in manual: all axes move to 0, and the machine is then homed (`origin`).
     Home,
@@ -233,7 +229,7 @@ impl fmt::Display for Refused {
             }
             Self::NoSuchAxis { axis, axes } => write!(f, "the arm has no {axis}: it has J1 to J{axes}"),
             Self::NoSuchAlarm { alarm } => {
-                write!(f, "there is no alarm {alarm}: there are 1 to {LAST_ALARM}")
+                write!(f, "there is no alarm {alarm}: there are 1 to {}", AlarmCode::LAST)
             }
             Self::ProgramRuns { name } => write!(
                 f,

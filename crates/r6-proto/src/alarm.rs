@@ -142,7 +142,7 @@ const TABLE: &[Row] = &[
     row(1500, Span::To(1691), "servo bus", WIRING),
     row(1692, Span::One, "vendor does not match", SETTINGS),
     row(1693, Span::One, "control type does not match", SETTINGS),
-    row(5000, Span::To(10_000), "user alarm of the program", "look in the program for what raises it, then clear the alarm"),
+    row(5000, Span::To(AlarmCode::LAST.0), "user alarm of the program", "look in the program for what raises it, then clear the alarm"),
 ];
 
 impl Row {
@@ -176,6 +176,9 @@ impl AlarmCode {
 
     /// A move has no speed, or the controller cannot set a path speed.
     pub const PATH_SPEED: Self = Self(219);
+
+    /// The last code of the table; 5000 to this one belong to the user's programs.
+    pub const LAST: Self = Self(10_000);
 
     /// What the code means.
     #[must_use]

@@ -739,7 +739,7 @@ fn instruction_4_delay() {
     assert_eq!(manner(r#""m0":1"#).delay, None);
     assert_eq!(sent_manner(Manner { delay: Some(1.0), ..Manner::default() }), r#""delay":"1.0""#);
     let good = r#""action":"4","m0":"1","delay":"1.0""#;
-    refuses(good, "delay", &["-0.1", r#""86400.1""#, r#""""#, "null"], "seconds, from 0 to 86400");
+    refuses(good, "delay", &["-0.1", r#""86400.1""#, r#""""#, "null"], "seconds from 0 to 86400");
 }
 
 #[test]
@@ -944,7 +944,7 @@ fn instruction_100_limit() {
         panic!("no wait")
     };
     assert_eq!((without.limit, without.unlimited), (0.0, false));
-    refuses(WAIT, "limit", &["-1", r#""""#, "86401", r#""1 s""#], "seconds, from 0 to 86400");
+    refuses(WAIT, "limit", &["-1", r#""""#, "86401", r#""1 s""#], "seconds from 0 to 86400");
 }
 
 #[test]
@@ -1004,7 +1004,7 @@ fn instruction_200_delay() {
         panic!("no output")
     };
     assert_eq!(without.delay.to_string(), "0");
-    refuses(OUTPUT, "delay", &["-1", r#""1 s""#, "null", "1e9"], "seconds, from 0 to 86400");
+    refuses(OUTPUT, "delay", &["-1", r#""1 s""#, "null", "1e9"], "seconds from 0 to 86400");
 }
 
 const BOARD: &str = r#""action":"204","type":"0","point":"151388258","point2":"393222""#;

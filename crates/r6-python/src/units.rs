@@ -25,7 +25,7 @@ pub struct Degrees(pub units::Degrees);
 #[derive(Clone, Copy)]
 pub struct Millimetres(pub units::Millimetres);
 
-/// A percentage of the maximum: the speed of a move, 0.001 to 100; else ``OutOfRange``.
+/// A percentage of the maximum: the speed of a move, 0.1 to 100 in steps of 0.1; else ``OutOfRange``.
 ///
 /// An axis move at 100 % drives its slowest axis at full speed. A linear move at 100 % goes 2000 mm/s
 /// (reported). The global speed multiplies both.

@@ -5,7 +5,8 @@ use super::execution::Activity;
 use super::halt::AfterHalt;
 use crate::event::{AlarmCause, Event};
 use crate::io::{BOARDS, POINTS};
-use crate::panel::{Button, EMERGENCY_STOP, LAST_ALARM, PanelAction, Refused};
+use crate::panel::{Button, EMERGENCY_STOP, PanelAction, Refused};
+use r6_proto::alarm::AlarmCode;
 
 impl Machine {
     /// Does what an operator does at the machine. The machine has to be at the present time.
@@ -48,7 +49,7 @@ impl Machine {
                 }
                 self.clear_alarm()?;
             }
-            PanelAction::RaiseAlarm(alarm) if !(1..=LAST_ALARM).contains(alarm) => {
+            PanelAction::RaiseAlarm(alarm) if !(1..=AlarmCode::LAST.0).contains(alarm) => {
                 return Err(Refused::NoSuchAlarm { alarm: *alarm });
             }
             PanelAction::RaiseAlarm(alarm) => self.raise(*alarm, AlarmCause::Panel),

@@ -4,13 +4,14 @@ use std::time::Duration;
 
 use r6_program::form::{self, Fields, Found, Node, Table, Wrong};
 use r6_program::{Mistake, Mistakes};
+use r6_proto::alarm::AlarmCode;
 use r6_proto::io_point::{IoPoint, PointKind};
 
 use super::{Bounce, Entry, Happening, InputPoint, MAX_ENTRIES, MAX_TEXT_BYTES, Reaction, Scenario, Window};
 use crate::fault;
 use crate::io::OutputPoint;
 use crate::mode::Key;
-use crate::panel::{Button, LAST_ALARM, PanelAction};
+use crate::panel::{Button, PanelAction};
 use crate::saved::MAX_COUNT;
 
 /// The words of the happenings (`do`), in the order of `docs/SCENARIOS.md`.
@@ -148,7 +149,7 @@ fn happening(fields: &Fields<'_>) -> Result<Happening, Wrong> {
         "alarm" => Happening::Panel(PanelAction::RaiseAlarm(fields.due_in(
             "number",
             "an alarm, 1 to 10000",
-            1..=LAST_ALARM,
+            1..=AlarmCode::LAST.0,
         )?)),
         "program" => program(fields)?,
         "counter" => {

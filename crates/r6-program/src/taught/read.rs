@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use r6_proto::RegisterIndex;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::Action;
-use r6_proto::message::instruction::{Coordinates, WaitSource};
+use r6_proto::message::instruction::{Coordinates, TIMES, TIMES_WANTED, WaitSource};
 
 use super::{
     Change, Compare, Condition, CounterState, MAX_FRAMES, MAX_NAME_BYTES, MAX_STACKS, MAX_STEPS,
@@ -96,11 +97,8 @@ const OWN_KEYS: [&str; 21] = [
 /// One more key, for comparisons.
 const EQUALS: &str = "equals";
 
-/// One day, in seconds. Nothing in a cell waits longer.
-const LONGEST: f64 = 86_400.0;
-
-/// The default alarm of an unanswered photo request: connect host fail. We chose it.
-const PHOTO_ALARM: u32 = 9;
+/// The default alarm of an unanswered photo request. We chose it.
+const PHOTO_ALARM: u32 = AlarmCode::NO_HOST.0;
 
 const A_LABEL: &str = "the name of a label";
 const A_COUNTER: &str = "the number of a counter";
@@ -280,7 +278,7 @@ fn read(number: usize, fields: &Fields<'_>, labels: &Labels<'_>) -> Result<Step,
 }
 
 const AN_ALARM: &str = "an alarm, 1 to 10000; those of users begin at 5000";
-const ALARMS: std::ops::RangeInclusive<u32> = 1..=10_000;
+const ALARMS: std::ops::RangeInclusive<u32> = 1..=AlarmCode::LAST.0;
 
 /// The step that a key's label refers to.
 fn target(fields: &Fields<'_>, key: &'static str, labels: &Labels<'_>) -> Option<usize> {
@@ -314,7 +312,7 @@ fn above(fields: &Fields<'_>) -> f64 {
 }
 
 fn limit(fields: &Fields<'_>) -> Option<f64> {
-    fields.number_in("limit", "seconds, 0 to 86400", 0.0..=LONGEST)
+    fields.number_in("limit", TIMES_WANTED, TIMES)
 }
 
 fn camera(fields: &Fields<'_>, key: &'static str) -> i64 {

@@ -101,8 +101,7 @@ parts! {
         mask: Option<AxisMask> = may "ckStatus" "6.1.1" => Mask;
         /// `speed`: percent, 0.1 to 100, in steps of 0.1; other values are not sent.
         speed: Option<f64> = may "speed" "6.1.1" =>
-            // At 0 percent nothing would move.
-            OnGrid { from: 0.1, to: 100.0, grid: Grid::PERCENT, read: "a finite number of percent", sent: "percent, from 0.1 to 100" };
+            OnGrid { range: Manner::SPEEDS, grid: Grid::PERCENT, read: "a finite number of percent", sent: Manner::SPEEDS_WANTED };
         /// `delay`: seconds to wait before the move, 0 to 86400, in steps of 0.1; other values are not sent.
         delay: Option<f64> = may "delay" "6.1.1" => Seconds(Grid::TENTHS_OF_A_SECOND, Decimals::TENTHS);
         /// `smooth`: blend level 0 to 9.
