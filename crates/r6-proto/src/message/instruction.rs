@@ -16,7 +16,7 @@ use crate::message::fields::{Fields, FieldsView};
 pub use kinds::{TIMES, TIMES_WANTED};
 pub use named::WrongPoint;
 pub(crate) use table::NAMES;
-pub use table::{BoardOutput, Manner, Output, PathSpeed, StopOnSignal, Wait, Workbench};
+pub use table::{BoardOutput, Manner, Output, PathSpeed, Point, StopOnSignal, Wait, Workbench};
 
 /// One step of an instruction list (manual 6, "instructions").
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -367,30 +367,6 @@ impl PathSpeed {
             self.write(object)
         } else {
             Err(EncodeError::new("speed", Self::WANTED))
-        }
-    }
-}
-
-impl OutputKind {
-    pub(super) const NUMBERS: [(i64, Self); 4] =
-        [(0, Self::Y), (5, Self::M), (7, Self::Euy), (100, Self::TimedY)];
-    /// The `type` number.
-    #[must_use]
-    pub fn number(self) -> i64 {
-        Self::NUMBERS.iter().find(|(_, kind)| *kind == self).map_or(0, |(number, _)| *number)
-    }
-}
-
-impl OutputBoard {
-    pub(super) const NUMBERS: [(i64, Self); 4] =
-        [(0, Self::Y(0)), (1, Self::Y(1)), (5, Self::M(0)), (6, Self::M(1))];
-
-    /// The `type` number.
-    #[must_use]
-    pub fn number(self) -> i64 {
-        match self {
-            Self::Y(board) => i64::from(board),
-            Self::M(board) => i64::from(board) + 5,
         }
     }
 }

@@ -268,6 +268,70 @@ impl OfOne for Number {
     }
 }
 
+/// A finite number, written without quotes with these decimals. The text says what a valid value is.
+pub(super) struct BareNumber(pub &'static str, pub Decimals);
+
+impl OfOne for BareNumber {
+    type Value = f64;
+
+    fn wanted(&self) -> &'static str {
+        self.0
+    }
+
+    fn read(&self, value: Value<'_>) -> Option<f64> {
+        value.number()
+    }
+
+    fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: f64) -> Result<(), EncodeError> {
+        object.bare_fixed(key, value, self.1)
+    }
+}
+
+/// A whole number, written without quotes.
+pub(super) struct BareWhole;
+
+impl OfOne for BareWhole {
+    type Value = i64;
+
+    fn wanted(&self) -> &'static str {
+        "a whole number"
+    }
+
+    fn read(&self, value: Value<'_>) -> Option<i64> {
+        value.integer()
+    }
+
+    fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: i64) -> Result<(), EncodeError> {
+        object.bare_integer(key, value);
+        Ok(())
+    }
+}
+
+/// `1` or `0`, written without quotes.
+pub(super) struct BareFlag;
+
+impl OfOne for BareFlag {
+    type Value = bool;
+
+    fn wanted(&self) -> &'static str {
+        OfOne::wanted(&Flag)
+    }
+
+    fn read(&self, value: Value<'_>) -> Option<bool> {
+        value.flag()
+    }
+
+    fn write(
+        &self,
+        object: &mut ObjectWriter<'_>,
+        key: &'static Key,
+        value: bool,
+    ) -> Result<(), EncodeError> {
+        object.bare_integer(key, i64::from(value));
+        Ok(())
+    }
+}
+
 /// A number in equal steps, with one decimal. Any number is read, but only numbers within these bounds are
 /// sent.
 pub(super) struct OnGrid {
