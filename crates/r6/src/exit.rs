@@ -121,13 +121,12 @@ impl Failure {
             .iter()
             .map(|mistake| {
                 let (line, column) = mistake.at.unzip();
-                json!({
-                    "file": file, "line": line, "column": column, "text": mistake.what, "advice": mistake.advice,
-                })
+                let (text, advice) = (mistake.what.clone(), mistake.advice.clone());
+                r6_api::Mistake { file: file.to_owned(), line, column, text, advice }
             })
             .collect();
         let first = mistakes.first();
-        let failure = Self::usage(first.line(file)).member("mistakes", listed);
+        let failure = Self::usage(first.line(file)).member("mistakes", json!(listed));
         Self { advice: first.advice.clone(), mistakes: Some(lines.join("\n")), ..failure }
     }
 
