@@ -7,9 +7,6 @@ use r6_proto::{AxisIndex, OperationMode};
 
 use crate::mode::Key;
 
-/// The alarm that the emergency stop raises.
-pub const EMERGENCY_STOP: u32 = AlarmCode::EMERGENCY_STOP.0;
-
 /// An action of an operator at the machine. A machine in the cell can also set inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PanelAction {
@@ -40,7 +37,7 @@ pub enum PanelAction {
     /// Clears the alarm. Nothing starts to run.
     ClearAlarm,
     /// Raises an alarm, 1 to [`AlarmCode::LAST`], for the fault of a part that is not simulated.
-    RaiseAlarm(u32),
+    RaiseAlarm(AlarmCode),
     /// Homes the machine, in manual: all axes move to 0, and the machine is then homed (`origin`).
     Home,
     /// Moves one axis by hand, in manual. The move ends at a soft limit, with the alarm of that limit.
@@ -120,7 +117,7 @@ pub enum Refused {
     /// An alarm is present.
     Alarm {
         /// Its number.
-        alarm: u32,
+        alarm: AlarmCode,
     },
     /// The machine is not homed, so it runs no program.
     NotHomed,
@@ -152,7 +149,7 @@ pub enum Refused {
     /// There is no such alarm.
     NoSuchAlarm {
         /// The number that was given.
-        alarm: u32,
+        alarm: AlarmCode,
     },
     /// The program could not be chosen.
     Program {

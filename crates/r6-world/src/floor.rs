@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use r6_controller::event::ListRefusal;
 use r6_controller::fault::{LinkFault, LinkFaultNow};
-use r6_controller::panel::EMERGENCY_STOP;
 use r6_controller::scenario::Happening;
 use r6_controller::{Button, Controller, Event, LogEntry, PanelAction};
 use r6_proto::CommandName;
+use r6_proto::alarm::AlarmCode;
 use tokio::sync::watch;
 
 use crate::fault_effects::FaultEffects;
@@ -235,7 +235,7 @@ impl Floor {
             self.felt.read(line, moves, record);
             self.read(at, &line.event);
             if let Event::AlarmRaised { alarm, .. } = line.event {
-                record.tally.alarms[usize::from(alarm != EMERGENCY_STOP)] += 1;
+                record.tally.alarms[usize::from(alarm != AlarmCode::EMERGENCY_STOP)] += 1;
             }
         }
         if machine.mode().may_run() && !machine.list().is_empty() {

@@ -146,11 +146,11 @@ fn happening(fields: &Fields<'_>) -> Result<Happening, Wrong> {
         "emergency-stop" => Happening::Panel(PanelAction::EmergencyStop),
         "release-emergency-stop" => Happening::Panel(PanelAction::ReleaseEmergencyStop),
         "clear-alarm" => Happening::Panel(PanelAction::ClearAlarm),
-        "alarm" => Happening::Panel(PanelAction::RaiseAlarm(fields.due_in(
+        "alarm" => Happening::Panel(PanelAction::RaiseAlarm(AlarmCode(fields.due_in(
             "number",
             "an alarm, 1 to 10000",
             1..=AlarmCode::LAST.0,
-        )?)),
+        )?))),
         "program" => program(fields)?,
         "counter" => {
             let count = "a count, -9007199254740992 to 9007199254740992";

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use r6_controller::{ControllerSettings, ControllerSnapshot, OperationMode, PanelAction, RobotModel};
+use r6_proto::alarm::AlarmCode;
 use r6_proto::time::Instant;
 
 use super::cell::Cell;
@@ -22,7 +23,7 @@ const REST_ROUNDING: Duration = Duration::from_millis(2);
 #[derive(Clone, Copy, Debug)]
 struct Before {
     mode: OperationMode,
-    alarm: u32,
+    alarm: AlarmCode,
     list: usize,
     now: Instant,
     sent: usize,

@@ -98,7 +98,7 @@ const OWN_KEYS: [&str; 21] = [
 const EQUALS: &str = "equals";
 
 /// The default alarm of an unanswered photo request. We chose it.
-const PHOTO_ALARM: u32 = AlarmCode::NO_HOST.0;
+const PHOTO_ALARM: AlarmCode = AlarmCode::NO_HOST;
 
 const A_LABEL: &str = "the name of a label";
 const A_COUNTER: &str = "the number of a counter";
@@ -238,7 +238,7 @@ fn read(number: usize, fields: &Fields<'_>, labels: &Labels<'_>) -> Result<Step,
             camera: camera(fields, "camera"),
             limit: limit(fields),
             tries: fields.whole_in("tries", "how often to ask, 1 to 100", 1..=100).unwrap_or(1),
-            alarm: fields.whole_in("alarm", AN_ALARM, ALARMS).unwrap_or(PHOTO_ALARM),
+            alarm: fields.whole_in("alarm", AN_ALARM, ALARMS).map_or(PHOTO_ALARM, AlarmCode),
         }),
         Kind::TakePoint => Step::TakePoint {
             camera: camera(fields, "camera"),
@@ -246,7 +246,7 @@ fn read(number: usize, fields: &Fields<'_>, labels: &Labels<'_>) -> Result<Step,
             limit: limit(fields),
             or_else: target(fields, "else", labels),
         },
-        Kind::Alarm => Step::Alarm { number: fields.due_in("number", AN_ALARM, ALARMS)? },
+        Kind::Alarm => Step::Alarm { number: AlarmCode(fields.due_in("number", AN_ALARM, ALARMS)?) },
         Kind::Counter => {
             let change = change(fields);
             let id = fields.due_in("number", A_COUNTER, 0..=u32::MAX)?;
