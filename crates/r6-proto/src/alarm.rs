@@ -187,8 +187,8 @@ impl AlarmCode {
     /// The negative soft limit of J1; the codes of the other axes follow.
     const NEGATIVE_LIMITS: u32 = 140;
 
-    /// A new list replaced the old one while the arm was moving.
-    pub const LIST_REPLACED: Self = Self(200);
+    /// A move cannot be carried out, or a new list replaced the old one while the arm was moving.
+    pub const ROUTE: Self = Self(200);
 
     /// The points of a route are not set.
     pub const NO_POINTS: Self = Self(201);

@@ -14,8 +14,8 @@ use crate::event::{AlarmCause, Detail, Event, ModeReason};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
 use crate::program::Photo;
-use r6_motion::{Blend, Movement, PlanError};
-use r6_proto::OperationMode;
+use r6_motion::{Blend, LimitSide, Movement, PlanError};
+use r6_proto::{AxisIndex, OperationMode};
 
 /// The shortest duration of a pass, so that a list of steps that take no time cannot run endlessly often at
 /// one instant. Chosen: about the scan of a controller's program.
@@ -405,8 +405,24 @@ pub(super) fn is_motion(step: &Instruction) -> bool {
     }
 }
 
+/// The alarm of a move that cannot be planned (135 for J6 and 219 for a fractional speed were reported from
+/// real units).
 pub(super) fn plan_failed(error: PlanError) -> (AlarmCode, String) {
-    (AlarmCode(u32::from(error.alarm())), error.to_string())
+    let alarm = match error {
+        PlanError::OutsideLimits { axis, side } => {
+            let limit = match side {
+                LimitSide::Plus => AlarmCode::positive_limit,
+                LimitSide::Minus => AlarmCode::negative_limit,
+            };
+            AxisIndex::new(axis.number()).map_or(AlarmCode::ROUTE, limit)
+        }
+        PlanError::Unreachable
+        | PlanError::Singular { .. }
+        | PlanError::CurvePoints
+        | PlanError::NotFinite => AlarmCode::ROUTE,
+        PlanError::Speed => AlarmCode::PATH_SPEED,
+    };
+    (alarm, error.to_string())
 }
 
 /// A duration from seconds.
