@@ -113,6 +113,21 @@ pub enum SecondConnection {
     Unidentified,
 }
 
+impl SecondConnection {
+    /// Its word, for programs.
+    #[must_use]
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::Used => "used",
+            Self::Answered => "answered",
+            Self::Silent => "silent",
+            Self::Opening => "opening",
+            Self::NotMade(_) => "not_made",
+            Self::Unidentified => "unidentified",
+        }
+    }
+}
+
 /// Frames that can move the arm and had no answer when a stop began. A controller may accept them late.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DoubtAfterStop {
@@ -135,6 +150,20 @@ pub enum ListAfterStop {
     Unknown(OutcomeUnknown),
     /// The client did not try to clear it.
     NotTried(NotTried),
+}
+
+impl ListAfterStop {
+    /// Its word, for programs.
+    #[must_use]
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::WasEmpty => "was_empty",
+            Self::Cleared => "cleared",
+            Self::Refused(_) => "refused",
+            Self::Unknown(_) => "unknown",
+            Self::NotTried(_) => "not_tried",
+        }
+    }
 }
 
 /// Why the client did not try to clear the list.

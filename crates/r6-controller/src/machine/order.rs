@@ -36,7 +36,7 @@ impl Machine {
         action: &Action,
         from: &Axes,
         told: EarlierSteps,
-    ) -> Result<Option<Order>, (u32, String)> {
+    ) -> Result<Option<Order>, (AlarmCode, String)> {
         let (target, given, manner) = match action {
             Action::AxisMove(step) => {
                 (MoveTarget::Axes(axes_target(step, from)?), step.target.given().bits(), &step.manner)
@@ -73,20 +73,24 @@ impl Machine {
     }
 }
 
-fn speed(target: &MoveTarget, manner: &Manner, path_speed: Option<f64>) -> Result<MoveSpeed, (u32, String)> {
+fn speed(
+    target: &MoveTarget,
+    manner: &Manner,
+    path_speed: Option<f64>,
+) -> Result<MoveSpeed, (AlarmCode, String)> {
     match (target, manner.speed, path_speed) {
         (_, Some(percent), _) => Ok(MoveSpeed::PercentOfMax(percent)),
         (MoveTarget::Line(_) | MoveTarget::Curve { .. }, None, Some(speed)) => {
             Ok(MoveSpeed::MmPerSecond(speed))
         }
         (MoveTarget::Axes(_), None, _) | (_, None, None) => {
-            Err((AlarmCode::PATH_SPEED.0, "the move has no speed".to_owned()))
+            Err((AlarmCode::PATH_SPEED, "the move has no speed".to_owned()))
         }
     }
 }
 
 /// The target of an axis move. An axis without a value stays where it is.
-fn axes_target(step: &MoveStep, from: &Axes) -> Result<Axes, (u32, String)> {
+fn axes_target(step: &MoveStep, from: &Axes) -> Result<Axes, (AlarmCode, String)> {
     let mut degrees: [f64; AXES] = *from.degrees();
     for (slot, axis) in degrees.iter_mut().zip(AxisIndex::ALL) {
         *slot = step.target.at(axis).unwrap_or(*slot);
@@ -104,29 +108,25 @@ fn pose_target(coordinates: &Coordinates) -> Pose {
 
 /// The workbench of action 800. Its number has to be below the limit of `switchCoordinate`, so that the
 /// workbench in use can be saved and read again.
-pub(super) fn workbench(step: Workbench) -> Result<u32, (u32, String)> {
+pub(super) fn workbench(step: Workbench) -> Result<u32, (AlarmCode, String)> {
     let Workbench { id } = step;
     if id < MAX_FRAMES {
         return Ok(id);
     }
     // Chosen: "user coordinate system wrong".
-    Err((
-        AlarmCode::FRAME.0,
-        format!("there is no workbench {id}, there are numbers 0 to {}", MAX_FRAMES - 1),
-    ))
+    Err((AlarmCode::FRAME, format!("there is no workbench {id}, there are numbers 0 to {}", MAX_FRAMES - 1)))
 }
 
 /// The path speed of action 51. It has to be a whole number of mm/s: a fraction raised alarm 219 on unit B.
-pub(super) fn path_speed(step: &PathSpeed) -> Result<Option<f64>, (u32, String)> {
+pub(super) fn path_speed(step: &PathSpeed) -> Result<Option<f64>, (AlarmCode, String)> {
     match (step.in_use, step.speed) {
         (false, _) => Ok(None),
         (true, Some(speed)) if speed >= 1.0 && speed.fract() == 0.0 => Ok(Some(speed)),
-        (true, Some(speed)) => Err((
-            AlarmCode::PATH_SPEED.0,
-            format!("the path speed {speed} is no whole number of mm/s from 1"),
-        )),
+        (true, Some(speed)) => {
+            Err((AlarmCode::PATH_SPEED, format!("the path speed {speed} is no whole number of mm/s from 1")))
+        }
         (true, None) => Err((
-            AlarmCode::PATH_SPEED.0,
+            AlarmCode::PATH_SPEED,
             "the path speed is missing: it is a whole number of mm/s from 1".to_owned(),
         )),
     }

@@ -9,6 +9,7 @@ mod places;
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::instruction::{Coordinates, Output, OutputKind};
 use r6_proto::message::{Action, Instruction};
 use r6_proto::time::Instant;
@@ -26,12 +27,6 @@ use crate::snapshot::ProgramStep;
 
 /// How deep programs may call each other.
 pub const MAX_CALLS: usize = 16;
-
-/// The alarm of a program that cannot continue: program error.
-const PROGRAM_ERROR: u32 = 10;
-
-/// The alarm of a counter that does not exist: counter not defined.
-const NO_COUNTER: u32 = 300;
 
 /// A step of a program.
 #[derive(Clone, Debug)]
@@ -263,7 +258,7 @@ impl Machine {
         self.program.last_round = Some(begins);
     }
 
-    fn carry_out_step(&mut self, step: &Step) -> Result<(), (u32, String)> {
+    fn carry_out_step(&mut self, step: &Step) -> Result<(), (AlarmCode, String)> {
         if !matches!(
             step,
             Step::Wait { .. }
@@ -314,7 +309,8 @@ impl Machine {
             }
             Step::Counter { id, change } => {
                 let counter = self.counters.get_mut(id);
-                let counter = counter.ok_or_else(|| (NO_COUNTER, format!("there is no counter {id}")))?;
+                let counter =
+                    counter.ok_or_else(|| (AlarmCode::NO_COUNTER, format!("there is no counter {id}")))?;
                 counter.current = changed(counter.current, *change);
                 self.program.next();
             }
@@ -399,13 +395,16 @@ impl Machine {
         }
     }
 
-    fn call(&mut self, name: &str) -> Result<(), (u32, String)> {
+    fn call(&mut self, name: &str) -> Result<(), (AlarmCode, String)> {
         if self.program.calls.len() > MAX_CALLS {
-            return Err((PROGRAM_ERROR, format!("programs call one another more than {MAX_CALLS} deep")));
+            return Err((
+                AlarmCode::PROGRAM,
+                format!("programs call one another more than {MAX_CALLS} deep"),
+            ));
         }
         let program = self.programs.library.named(name).cloned();
         let program =
-            program.ok_or_else(|| (PROGRAM_ERROR, format!("there is no program `{name}` to call")))?;
+            program.ok_or_else(|| (AlarmCode::PROGRAM, format!("there is no program `{name}` to call")))?;
         self.program.calls.push(Place { program, step: 0 });
         Ok(())
     }
@@ -437,7 +436,7 @@ impl Machine {
         }
     }
 
-    fn raise_here(&mut self, alarm: u32, why: &str) {
+    fn raise_here(&mut self, alarm: AlarmCode, why: &str) {
         let step = Some(Detail::of(self.program.place().map(said).unwrap_or_default()));
         self.raise(alarm, AlarmCause::Step { step, why: Detail::of(why) });
     }

@@ -228,6 +228,7 @@ mod tests {
     use ratatui::backend::TestBackend;
 
     use super::*;
+    use r6_proto::alarm::AlarmCode;
 
     fn state() -> ControllerSnapshot {
         ControllerSnapshot {
@@ -236,7 +237,7 @@ mod tests {
             profile: "hc1".to_owned(),
             model: "BRTIRUS0707A".to_owned(),
             mode: r6_controller::OperationMode::Running,
-            alarm: 135,
+            alarm: AlarmCode(135),
             emergency_stop: true,
             homed: true,
             moving: true,

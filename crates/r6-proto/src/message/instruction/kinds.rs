@@ -1,6 +1,8 @@
 //! How the values of an instruction's members are read and written. [`super::table`] assigns these kinds to
 //! the members.
 
+use std::ops::RangeInclusive;
+
 use super::{BlendLevel, WaitSource};
 use crate::axis::AxisMask;
 use crate::encode::{Decimals, Key, ObjectWriter};
@@ -13,8 +15,12 @@ use crate::value::Value;
 /// What a valid point of an input is.
 pub(super) const POINT: &str = "a point from 0 to 31";
 
-/// The longest delay or limit, in seconds: one day. A longer time is probably a mistake in the unit.
-const LONGEST_TIME: f64 = 86_400.0;
+/// The delays and limits that are read and sent, in seconds: at most one day. A longer time is probably a
+/// mistake in the unit.
+pub const TIMES: RangeInclusive<f64> = 0.0..=86_400.0;
+
+/// What a valid delay or limit is.
+pub const TIMES_WANTED: &str = "seconds from 0 to 86400";
 
 /// Reads and writes a value that takes `MEMBERS` members.
 pub(super) trait Kind<const MEMBERS: usize> {
@@ -262,11 +268,74 @@ impl OfOne for Number {
     }
 }
 
+/// A finite number, written without quotes with these decimals. The text says what a valid value is.
+pub(super) struct BareNumber(pub &'static str, pub Decimals);
+
+impl OfOne for BareNumber {
+    type Value = f64;
+
+    fn wanted(&self) -> &'static str {
+        self.0
+    }
+
+    fn read(&self, value: Value<'_>) -> Option<f64> {
+        value.number()
+    }
+
+    fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: f64) -> Result<(), EncodeError> {
+        object.bare_fixed(key, value, self.1)
+    }
+}
+
+/// A whole number, written without quotes.
+pub(super) struct BareWhole;
+
+impl OfOne for BareWhole {
+    type Value = i64;
+
+    fn wanted(&self) -> &'static str {
+        "a whole number"
+    }
+
+    fn read(&self, value: Value<'_>) -> Option<i64> {
+        value.integer()
+    }
+
+    fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: i64) -> Result<(), EncodeError> {
+        object.bare_integer(key, value);
+        Ok(())
+    }
+}
+
+/// `1` or `0`, written without quotes.
+pub(super) struct BareFlag;
+
+impl OfOne for BareFlag {
+    type Value = bool;
+
+    fn wanted(&self) -> &'static str {
+        OfOne::wanted(&Flag)
+    }
+
+    fn read(&self, value: Value<'_>) -> Option<bool> {
+        value.flag()
+    }
+
+    fn write(
+        &self,
+        object: &mut ObjectWriter<'_>,
+        key: &'static Key,
+        value: bool,
+    ) -> Result<(), EncodeError> {
+        object.bare_integer(key, i64::from(value));
+        Ok(())
+    }
+}
+
 /// A number in equal steps, with one decimal. Any number is read, but only numbers within these bounds are
 /// sent.
 pub(super) struct OnGrid {
-    pub from: f64,
-    pub to: f64,
+    pub range: RangeInclusive<f64>,
     pub grid: Grid,
     pub read: &'static str,
     pub sent: &'static str,
@@ -284,7 +353,7 @@ impl OfOne for OnGrid {
     }
 
     fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: f64) -> Result<(), EncodeError> {
-        if !(self.from..=self.to).contains(&value) {
+        if !self.range.contains(&value) {
             return Err(EncodeError::new(key.name(), self.sent));
         }
         self.grid.sendable(key.name(), value)?;
@@ -299,15 +368,15 @@ impl OfOne for Seconds {
     type Value = f64;
 
     fn wanted(&self) -> &'static str {
-        "seconds, from 0 to 86400"
+        TIMES_WANTED
     }
 
     fn read(&self, value: Value<'_>) -> Option<f64> {
-        value.number().filter(|time| (0.0..=LONGEST_TIME).contains(time))
+        value.number().filter(|time| TIMES.contains(time))
     }
 
     fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: f64) -> Result<(), EncodeError> {
-        if !(0.0..=LONGEST_TIME).contains(&value) {
+        if !TIMES.contains(&value) {
             return Err(EncodeError::new(key.name(), OfOne::wanted(self)));
         }
         self.0.sendable(key.name(), value)?;
