@@ -7,6 +7,7 @@
 
 mod chinese;
 mod english;
+mod reason;
 
 use std::fmt;
 use std::time::Duration;
@@ -17,6 +18,7 @@ use serde::{Serialize, Serializer};
 use crate::fault::{Fault, IgnoredStop, TaskFault};
 use crate::panel::Refused;
 use crate::scenario::Happening;
+pub use reason::{AtStep, Reason};
 
 /// The longest text in an event, and the longest line, in characters. A hostile peer's words are quoted, so
 /// they need a bound.
@@ -77,12 +79,12 @@ pub enum Event {
     /// A message was not understood; it is not answered.
     NotUnderstood {
         /// What is wrong with it.
-        problem: Detail,
+        problem: Reason,
     },
     /// Something in a message is odd; the message is handled nevertheless.
     Odd {
         /// What is odd, with the nearest known word.
-        problem: Detail,
+        problem: Reason,
     },
     /// An instruction has no `oneshot`.
     WithoutOneshot {
@@ -122,7 +124,7 @@ pub enum Event {
         #[serde(serialize_with = "as_text")]
         request: RequestType,
         /// Why.
-        why: Detail,
+        why: Reason,
     },
     /// A command was answered with ok.
     CommandAccepted {
@@ -138,13 +140,13 @@ pub enum Event {
         /// Its word.
         command: Detail,
         /// Why.
-        why: Detail,
+        why: Reason,
     },
     /// A command was answered with ok, as this firmware does, although its arguments are wrong. Nothing was
     /// done.
     CommandWithoutEffect {
         /// What is wrong with the arguments.
-        why: Detail,
+        why: Reason,
     },
     /// A stop was answered but not carried out: a fault.
     StopIgnored {
@@ -327,7 +329,7 @@ pub enum Event {
     /// A curve is not executed, as on real controllers, because no linear move came before it.
     CurveNotExecuted {
         /// Which step.
-        step: Detail,
+        step: AtStep,
     },
     /// The arm rests at its point for a while: a fault.
     Dwells {
@@ -512,6 +514,8 @@ pub enum AlarmCause {
     },
     /// An operator raised it at the panel.
     Panel,
+    /// The scenario raised it.
+    Scenario,
     /// A list was replaced while the arm moved.
     ListReplacedInMotion,
     /// The arm was moved by hand to its soft limit.
@@ -534,9 +538,9 @@ pub enum AlarmCause {
     /// A step could not be carried out.
     Step {
         /// The step; `None` if the arm passes through several without stopping.
-        step: Option<Detail>,
+        step: Option<AtStep>,
         /// Why.
-        why: Detail,
+        why: Reason,
     },
     /// Something else.
     Other {

@@ -1,7 +1,7 @@
 //! The messages of cameras: photo requests and answers, and the points that a camera found (manual 5).
 
 use crate::encode::{Decimals, ObjectWriter, key};
-use crate::error::{EncodeError, FieldError};
+use crate::error::{EncodeError, FieldError, Wanted};
 use crate::message::fields::{Fields, FieldsView};
 
 /// One part that a camera found, in the robot's calibrated world (manual 5.2).
@@ -47,11 +47,11 @@ pub struct PointSet {
 
 impl Point {
     pub(crate) fn from_fields(fields: &mut FieldsView<'_>) -> Result<Self, FieldError> {
-        const MM: &str = "a finite number of mm";
-        const DEGREES: &str = "a finite number of degrees";
+        const MM: Wanted = Wanted(&["a finite number of mm", "有限的毫米数"]);
+        const DEGREES: Wanted = Wanted(&["a finite number of degrees", "有限的角度"]);
         Ok(Self {
             model_id: fields
-                .optional(Fields::MODEL_ID, "a whole number", |value| value.integer())?
+                .optional(Fields::MODEL_ID, Wanted(&["a whole number", "整数"]), |value| value.integer())?
                 .unwrap_or(0),
             x: fields.required(Fields::X, MM, |value| value.number())?,
             y: fields.required(Fields::Y, MM, |value| value.number())?,
@@ -59,9 +59,16 @@ impl Point {
             u: fields.optional(Fields::U, DEGREES, |value| value.number())?,
             v: fields.optional(Fields::V, DEGREES, |value| value.number())?,
             angle: fields.optional(Fields::ANGEL, DEGREES, |value| value.number())?,
-            similarity: fields.optional(Fields::SIMILARITY, "a finite number", |value| value.number())?,
-            color: fields.optional(Fields::COLOR, "a whole number", |value| value.integer())?,
-            relative: fields.optional(Fields::REL, "1 or 0", |value| value.flag())?.unwrap_or(false),
+            similarity: fields.optional(
+                Fields::SIMILARITY,
+                Wanted(&["a finite number", "有限的数"]),
+                |value| value.number(),
+            )?,
+            color: fields
+                .optional(Fields::COLOR, Wanted(&["a whole number", "整数"]), |value| value.integer())?,
+            relative: fields
+                .optional(Fields::REL, Wanted(&["1 or 0", "1 或 0"]), |value| value.flag())?
+                .unwrap_or(false),
         })
     }
 
