@@ -109,7 +109,7 @@ impl Status {
             moving: flag(Address::IsMoving),
             list_length: integer(Address::RemoteCmdLen),
         };
-        let unmet: Vec<_> = facts.unmet().iter().map(Unmet::of).collect();
+        let unmet: Vec<_> = facts.unmet_with(remote_program).iter().map(Unmet::of).collect();
         Self {
             robot: robot.to_owned(),
             r#virtual: machine_name.as_ref().is_some_and(|name| name.to_lowercase().contains("virtual")),
@@ -190,6 +190,8 @@ pub enum Condition {
     Moving,
     /// Instructions are left in the list from before.
     LeftoverList,
+    /// The controller reports another program than the one that was named (`--remote-program`).
+    OtherProgram,
     /// A value that has to be known could not be read.
     Unknown,
 }
@@ -209,6 +211,7 @@ impl Unmet {
                 let is = format!("{length} instruction{s} left in the list");
                 (Condition::LeftoverList, Some(*length), None, is)
             }
+            Of::OtherProgram => (Condition::OtherProgram, None, None, "another program".to_owned()),
             Of::Unknown { address } => {
                 (Condition::Unknown, None, Some(address.to_string()), format!("{address} unknown"))
             }
@@ -292,7 +295,6 @@ mod tests {
         for (changed, known, ready, unknown) in [
             (vec![], Some("remote"), Some(true), json!([])),
             (vec![], None, None, json!(["remote_step"])),
-            (vec![], Some("wait"), None, json!(["remote_step"])),
             (vec![no_program.clone()], Some("remote"), None, json!(["remote_step"])),
             (vec![no_length.clone()], Some("remote"), None, json!(["list_length"])),
             (vec![no_program, no_length], None, None, json!(["remote_step", "list_length"])),
@@ -305,6 +307,11 @@ mod tests {
             );
             assert_eq!((&json["unmet"], json.get("problem")), (&json!([]), None));
         }
+        let other = status(&[], Some("wait"));
+        assert_eq!(
+            (&other["ready"], &other["unmet"][0]["condition"]),
+            (&json!(false), &json!("other_program"))
+        );
     }
 
     #[test]

@@ -187,7 +187,7 @@ impl Robot {
                 Unmet::Mode { found } => *found != options.idle_mode,
                 // Appending to a list that runs is what appending is for.
                 Unmet::Moving | Unmet::LeftoverList { .. } => !options.append,
-                Unmet::Alarm { .. } | Unmet::NotHomed | Unmet::Unknown { .. } => true,
+                Unmet::Alarm { .. } | Unmet::NotHomed | Unmet::OtherProgram | Unmet::Unknown { .. } => true,
             };
             status.unmet().into_iter().filter(in_the_way).collect()
         };

@@ -152,7 +152,7 @@ impl OutOfRange {
 
 impl fmt::Display for OutOfRange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} does not do: it has to be {}", self.value, self.wanted)?;
+        write!(f, "{} is not allowed: it has to be {}", self.value, self.wanted)?;
         match self.nearest {
             Some(nearest) => write!(f, "; nearest: {nearest}"),
             None => Ok(()),
@@ -250,7 +250,7 @@ mod tests {
         }
         let error = Percent::new(5.55).unwrap_err();
         let text =
-            "5.55 does not do: it has to be percent, from 0.1 to 100 in steps of 0.1; nearest: 5.5 or 5.6";
+            "5.55 is not allowed: it has to be percent, from 0.1 to 100 in steps of 0.1; nearest: 5.5 or 5.6";
         assert_eq!(error.to_string(), text);
     }
 

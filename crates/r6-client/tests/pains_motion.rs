@@ -92,7 +92,7 @@ async fn pain_01_it_does_not_move_and_says_why() {
         let refused = cause(&robot, &there).await;
         assert!(matches!(&refused, Cause::NotReady(unmet) if matches!(unmet[..], [Unmet::Mode { .. }])));
         let wanted = match start {
-            StartState::Auto => "in Auto turn Cycle on at the pendant and press Start",
+            StartState::Auto => "At the pendant, in Auto, turn Cycle on and press Start",
             _ => "on the pendant switch to Auto, turn Cycle on and press Start",
         };
         assert!(refused.to_string().contains(wanted), "{refused}");

@@ -70,11 +70,11 @@ fn some() -> Vec<(Event, Level, &'static str, &'static str, Value)> {
                 },
             },
             info,
-            "alarm 135: instruction 1 (action 4): J6 beyond its soft limit +",
-            "报警 135：第 1 条指令（action 4）：J6 超出正软限位",
+            "alarm 135: instruction 1 (action 4): J6 above its upper soft limit",
+            "报警 135：第 1 条指令（action 4）：J6 高于软限位上限",
             json!({
                 "event": "alarm_raised", "alarm": 135,
-                "why": { "cause": "step", "step": "instruction 1 (action 4)", "why": "J6 beyond its soft limit +" },
+                "why": { "cause": "step", "step": "instruction 1 (action 4)", "why": "J6 above its upper soft limit" },
             }),
         ),
         (

@@ -385,7 +385,7 @@ fn an_alarm_of_the_program_is_cleared_and_it_goes_on_behind_it() {
 fn a_step_that_cannot_be_is_left_out_by_run_next() {
     let mut cell = running(&format!("{}{COUNT}[[step]]\ndo=\"remote\"", axis_move(170.0, "")));
     assert_eq!(cell.text("curAlarm"), "130");
-    assert!(cell.log().contains("program `test`, step 1: J1 beyond its soft limit +"));
+    assert!(cell.log().contains("program `test`, step 1: J1 above its upper soft limit"));
     cell.ok(&["clearAlarmContinue"]);
     assert_eq!((cell.text("curAlarm").as_str(), count(&mut cell, 0)), ("130", 0), "the same step again");
     cell.ok(&["clearAlarmRunNext"]);

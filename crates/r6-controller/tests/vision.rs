@@ -162,7 +162,7 @@ fn a_photo_that_nobody_takes_is_told_and_is_the_programs_alarm() {
     cell.controller.disconnect(cell.id);
     cell.pass(5.0);
     let log = cell.log();
-    let lost = "photo requested from camera 4, but no connection can be its: the request is lost";
+    let lost = "photo requested from camera 4, but no camera is connected: the request is lost";
     // The first request was made when it was switched on, before the connection ended.
     assert!(log.contains(lost) && log.contains("alarm 5004"), "{log}");
     assert_eq!(cell.controller.snapshot(cell.now).alarm, 5004);

@@ -76,10 +76,10 @@ impl fmt::Display for PlanError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::OutsideLimits { axis, side: LimitSide::Plus } => {
-                write!(f, "{axis} beyond its soft limit +")
+                write!(f, "{axis} above its upper soft limit")
             }
             Self::OutsideLimits { axis, side: LimitSide::Minus } => {
-                write!(f, "{axis} beyond its soft limit -")
+                write!(f, "{axis} below its lower soft limit")
             }
             Self::Unreachable => f.write_str("out of reach"),
             Self::Singular { axis } => write!(f, "singular: {axis} cannot follow"),

@@ -75,7 +75,7 @@ const TABLE: &[Row] = &[
     row(6, Span::One, "teach data cannot be edited", PROGRAM),
     live(7, Span::One, "emergency stop", "make the cell safe, release the emergency stop, then clear the alarm"),
     row(8, Span::One, "automatic jump wrong", PROGRAM),
-    live(9, Span::One, "host connection failed", "the connection to the PC or panel was lost, or a heartbreak was missed: once one was sent it has to come every 10 s; restore it, then clear the alarm"),
+    live(9, Span::One, "host connection failed", "the connection to the PC or panel was lost, or a heartbreak was missed: once one was sent it has to come every 10 s; restore it, then clear the alarm. A program of r6 also raises it when a camera does not answer, or has no picture"),
     row(10, Span::One, "program error", PROGRAM),
     row(11, Span::One, "configuration storage failed", RESTART),
     row(12, Span::One, "machine settings wrong", SETTINGS),

@@ -46,6 +46,8 @@ pub enum Unmet {
         /// How many.
         length: i64,
     },
+    /// The controller reports another program than the one that the caller named.
+    OtherProgram,
     /// A required value is not known.
     Unknown {
         /// Its address.
@@ -122,11 +124,18 @@ impl ReadinessFacts<'_> {
         step.into_iter().chain(list).collect()
     }
 
+    /// [`Self::unmet`], and whether the controller reports another program than `remote_program`.
+    #[must_use]
+    pub fn unmet_with(&self, remote_program: Option<&str>) -> Vec<Unmet> {
+        let other = self.program.is_some() && remote_program.is_some() && self.program != remote_program;
+        self.unmet().into_iter().chain(other.then_some(Unmet::OtherProgram)).collect()
+    }
+
     /// Whether the machine accepts instructions, as far as its values prove it. For `remote_program` see
-    /// [`Self::unproved`].
+    /// [`Self::unproved`]. If the controller reports another program, the machine is not ready.
     #[must_use]
     pub fn readiness(&self, remote_program: Option<&str>) -> Readiness {
-        let (unmet, unproved) = (self.unmet(), self.unproved(remote_program));
+        let (unmet, unproved) = (self.unmet_with(remote_program), self.unproved(remote_program));
         match (unmet.is_empty(), unproved.is_empty()) {
             (false, _) => Readiness::NotReady(unmet),
             (true, false) => Readiness::Unknown(unproved),
@@ -140,8 +149,9 @@ impl fmt::Display for Unmet {
         match self {
             Self::Mode { found: found @ OperationMode::Auto } => write!(
                 f,
-                "the operation mode is {found}, not running (7): in Auto turn Cycle on at the pendant and press Start, or, with \
-                 no person near the arm, send the command startButton; the program must wait in its \"wait for remote commands\" step"
+                "the operation mode is {found}, not running (7): start the program. At the pendant, in Auto, turn Cycle on and press \
+                 Start; or, with no person near the arm, send startButton (`r6 command startButton`, `robot.start()`). The program \
+                 must then be at its \"wait for remote commands\" step"
             ),
             Self::Mode { found } => write!(
                 f,
@@ -158,6 +168,7 @@ impl fmt::Display for Unmet {
                 "{length} {} left in the list and would run first: clear the list, or wait until it is done",
                 if *length == 1 { "instruction is" } else { "instructions are" }
             ),
+            Self::OtherProgram => f.write_str("the controller runs another program than the one named"),
             Self::Unknown { address } => write!(
                 f,
                 "`{address}` cannot be read, and it has to be known first: look at the pendant, and at the raw reply"

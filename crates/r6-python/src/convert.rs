@@ -122,6 +122,7 @@ pub fn unmet<'py>(py: Python<'py>, unmet: &[Unmet]) -> PyResult<Bound<'py, PyTup
             Unmet::NotHomed => ("not_homed", None, None),
             Unmet::Moving => ("moving", None, None),
             Unmet::LeftoverList { length } => ("leftover_list", Some(*length), None),
+            Unmet::OtherProgram => ("other_program", None, None),
             Unmet::Unknown { address } => ("unknown", None, Some(address.to_string())),
         };
         Record::new(py, "Unmet")?

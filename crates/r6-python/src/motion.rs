@@ -50,7 +50,7 @@ impl Motion {
         Self::default()
     }
 
-    /// Moves the axes to this position, all arriving together (action 4).
+    /// Moves the axes to an ``AxisPosition``, all arriving together (action 4); ``speed`` is a ``Percent``.
     fn axis_move<'py>(
         slf: PyRefMut<'py, Self>,
         to: Given<AxisPosition>,
@@ -59,7 +59,8 @@ impl Motion {
         Self::add(slf, |motion| motion.axis_move(to.0, speed.0))
     }
 
-    /// Moves the tool straight to a pose (action 10). 100 % is 2000 mm/s (reported).
+    /// Moves the tool straight to a ``Pose`` (action 10); ``speed`` is a ``Percent``, 100 % is 2000 mm/s
+    /// (reported).
     fn linear_move<'py>(slf: PyRefMut<'py, Self>, to: Given<Pose>, speed: Given<Percent>) -> Chain<'py> {
         Self::add(slf, |motion| motion.linear_move(to.0, speed.0))
     }

@@ -146,7 +146,10 @@ fn shot(object: &Bound<'_, PyAny>) -> PyResult<Shot> {
         };
     }
     let points: Vec<Bound<'_, PyAny>> = object.extract().map_err(|_| {
-        PyTypeError::new_err(format!("a photo gives a list of r6.Point, not {}", object.get_type()))
+        PyTypeError::new_err(format!(
+            "a photo gives a list of r6.Point, perhaps empty, or \"failed\", or \"not_mine\": not {}",
+            object.get_type()
+        ))
     })?;
     Ok(Shot::Points(self::points(points)?))
 }

@@ -2,10 +2,10 @@
 
 use std::io::Read;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyOSError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use r6_controller::{
@@ -31,15 +31,19 @@ use crate::units::axis;
 /// It listens from the start. ``close``, the end of a ``with`` block, or dropping it ends it and its
 /// connections.
 ///
-/// - ``profile``: ``"hc1"``, ``"r6-host"``, ``"r6-pendant"``, ``"legacy"``, or the path of a TOML file.
-/// - ``model``: a name of ``r6.models()`` or a path.
-/// - ``clock``: ``"real"``, ``"max"`` (moves take no time), ``"10x"``, or the factor as a number.
+/// - ``profile``: ``"hc1"``, ``"r6-host"``, ``"r6-pendant"``, ``"legacy"``, or a file.
+/// - ``model``: a name of ``r6.models()``, or a file.
+/// - ``clock``: ``"real"``, ``"max"`` (moves take no time), ``"10x"``, or the factor as a number. At
+///   ``"max"`` time passes only as the program needs it: use ``"100x"`` if a time limit has to run out.
 /// - ``seed``: the seed of random values.
 /// - ``start``: ``"waiting"`` (ready for instructions), ``"auto"``, ``"manual"`` or ``"stopped"``.
-/// - ``program``: a program that every controller has (``"pick-and-place"``), a text, or the path of a file.
-/// - ``scenario``: a text, or the path of a file.
+/// - ``program``: a program that every controller has (``"pick-and-place"``), a file, or the text of one. A
+///   file's program has the name of the file without its extension.
+/// - ``scenario``: a file, or the text of one.
 /// - ``cameras``: cameras that it connects to, ``"127.0.0.1:9000"`` or ``"1=127.0.0.1:9000"``.
 /// - ``state``: the folder that keeps what survives a power cut.
+///
+/// A file is a ``pathlib.Path``, or a ``str`` that ends with ``.toml`` or ``.json``.
 ///
 /// Errors: ``SimulatorError`` says what is wrong. Nothing is left running then.
 #[pyclass(frozen, module = "r6._r6")]
@@ -71,6 +75,9 @@ const STARTS: [(&str, StartState); 4] = [
 /// device without an end.
 const MAX_FILE_BYTES: usize = r6_controller::scenario::MAX_TEXT_BYTES;
 
+/// What errors call a text that is in no file.
+const TEXT: &str = "<text>";
+
 /// A name or a text, or the file at a path and its text.
 pub enum Source {
     Name(String),
@@ -80,13 +87,23 @@ pub enum Source {
 impl Source {
     pub fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(name) = given.cast::<PyString>() {
-            return Ok(Self::Name(name.to_cow()?.into_owned()));
+            let name = name.to_cow()?;
+            // The same rule as on the command line.
+            if name.contains('\n') || !(name.ends_with(".toml") || name.ends_with(".json")) {
+                return Ok(Self::Name(name.into_owned()));
+            }
         }
         let path: PathBuf = given.extract().map_err(|_| PyTypeError::new_err("wanted: a str or a path"))?;
         let mut text = String::new();
         // Reading one byte more than allowed shows that the file is too long.
         let most = u64::try_from(MAX_FILE_BYTES).unwrap_or(u64::MAX).saturating_add(1);
-        std::fs::File::open(&path)?.take(most).read_to_string(&mut text)?;
+        // The number makes it the right class of exception, such as FileNotFoundError.
+        let unreadable = |error: std::io::Error| match error.raw_os_error() {
+            Some(number) => PyOSError::new_err((number, error.to_string(), path.clone())),
+            None => PyOSError::new_err(format!("{}: {error}", path.display())),
+        };
+        let mut file = std::fs::File::open(&path).map_err(unreadable)?.take(most);
+        file.read_to_string(&mut text).map_err(unreadable)?;
         if text.len() > MAX_FILE_BYTES {
             let what = format!(
                 "{} is too long: a file for a simulator has {MAX_FILE_BYTES} bytes at most",
@@ -97,11 +114,21 @@ impl Source {
         Ok(Self::File { path: path.display().to_string(), text })
     }
 
-    /// The text, and its name in errors: the path, or `<text>`.
-    fn text(self) -> (String, String) {
+    /// The text, and its name in errors: the path, or `<text>`. Errors: `SimulatorError` if it can only be
+    /// the name of a `what`, and none of `known` is meant.
+    fn text(self, py: Python<'_>, what: &str, known: &[&str]) -> PyResult<(String, String)> {
         match self {
-            Self::Name(text) => ("<text>".to_owned(), text),
-            Self::File { path, text } => (path, text),
+            Self::Name(name) if !name.contains(['\n', '=', '[']) => {
+                let there = match r6_proto::nearest(&name, known.iter().copied()) {
+                    Some(near) => format!("; nearest: `{near}`"),
+                    None if known.is_empty() => String::new(),
+                    None => format!("; there are: {}", known.join(", ")),
+                };
+                let file = "the name of a file ends with .toml or .json";
+                Err(wrong(py, format!("there is no {what} `{name}`{there} ({file})")))
+            }
+            Self::Name(text) => Ok((TEXT.to_owned(), text)),
+            Self::File { path, text } => Ok((path, text)),
         }
     }
 }
@@ -179,14 +206,22 @@ impl Simulator {
                 Source::Name(name) => Library::shipped().find(|(shipped, _)| shipped == name),
                 Source::File { .. } => None,
             };
-            let (file, text) = source.text();
-            let (name, text) = shipped.unwrap_or(("program", &text));
-            let program = Program::read(name, text)
+            let (file, name, text) = match shipped {
+                Some((name, text)) => (name.to_owned(), name.to_owned(), text.to_owned()),
+                None => {
+                    let known: Vec<_> = Library::shipped().map(|(name, _)| name).collect();
+                    let (file, text) = source.text(py, "program", &known)?;
+                    let stem = Path::new(&file).file_stem().filter(|_| file != TEXT);
+                    let name = stem.map_or("program".into(), |stem| stem.to_string_lossy());
+                    (file.clone(), name.into_owned(), text)
+                }
+            };
+            let program = Program::read(&name, &text)
                 .map_err(|mistakes| wrong_file(py, "SimulatorError", &file, &mistakes))?;
             builder = builder.program(program).map_err(|error| wrong(py, error))?;
         }
         if let Some(given) = scenario {
-            let (file, text) = Source::of(given)?.text();
+            let (file, text) = Source::of(given)?.text(py, "scenario", &[])?;
             let scenario = Scenario::read(&text)
                 .map_err(|mistakes| wrong_file(py, "SimulatorError", &file, &mistakes))?;
             builder = builder.scenario(scenario);
@@ -253,12 +288,12 @@ impl Simulator {
         self.operate(py, &PanelAction::RaiseAlarm(alarm))
     }
 
-    /// Presses a button of the pendant.
+    /// Presses a button of the pendant: ``start``, ``stop``, ``pause``, ``single_cycle``, ``single_step``.
     fn press(&self, py: Python<'_>, button: &str) -> PyResult<()> {
         self.operate(py, &PanelAction::Press(word("button", button, &BUTTONS)?))
     }
 
-    /// Turns the mode key.
+    /// Turns the mode key: ``manual``, ``stop``, ``auto``.
     fn turn_key(&self, py: Python<'_>, key: &str) -> PyResult<()> {
         self.operate(py, &PanelAction::TurnKey(word("key", key, &KEYS)?))
     }

@@ -6,7 +6,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::pyclass::CompareOp;
 use pyo3::pyclass::boolean_struct::True;
-use pyo3::types::{PyBool, PyTuple};
+use pyo3::types::{PyBool, PyList, PyTuple};
 use pyo3::{Borrowed, IntoPyObjectExt, PyClass};
 use r6_client::AxisIndex;
 use r6_client::units;
@@ -25,10 +25,10 @@ pub struct Degrees(pub units::Degrees);
 #[derive(Clone, Copy)]
 pub struct Millimetres(pub units::Millimetres);
 
-/// A percentage of the maximum: the speed of a move, 0.001 to 100; else ``OutOfRange``.
+/// A percentage of the maximum: the speed of a move, 0.1 to 100 in steps of 0.1; else ``OutOfRange``.
 ///
-/// An axis move at 100 % drives its slowest axis at full speed. A linear move at 100 % goes 2000 mm/s
-/// (reported). The global speed multiplies both.
+/// In an axis move at 100 % the axis that needs most time goes at its full speed. A linear move at 100 % goes
+/// 2000 mm/s (reported). The global speed multiplies both.
 #[pyclass(frozen, module = "r6._r6")]
 #[derive(Clone, Copy)]
 pub struct Percent(pub units::Percent);
@@ -98,6 +98,11 @@ fn no_unit(what: &str, given: &Bound<'_, PyAny>, instead: impl FnOnce(&str) -> S
                 "{what}, not the plain number {number}, whose unit is unknown: write {}",
                 instead(&number.to_string())
             )
+        }
+        (false, Err(_)) if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() => {
+            let text = given.str().map_or_else(|_| String::new(), |text| text.to_string());
+            let numbers = text.trim_matches(['[', ']', '(', ')']);
+            format!("{what}, not {name}: write {}", instead(if numbers.len() <= 60 { numbers } else { "…" }))
         }
         (true, _) | (false, Err(_)) => format!("{what}, not {name}"),
     })
@@ -465,7 +470,7 @@ impl Pose {
         Self(units::Pose::new([x.0, y.0, z.0], [u.0, v.0, w.0]))
     }
 
-    /// X, Y, Z; the tool keeps its orientation.
+    /// X, Y, Z, each a ``Millimetres``; the tool keeps its orientation. ``mm_deg`` takes bare numbers.
     #[staticmethod]
     fn position(x: Given<Millimetres>, y: Given<Millimetres>, z: Given<Millimetres>) -> Self {
         Self(units::Pose::position([x.0, y.0, z.0]))

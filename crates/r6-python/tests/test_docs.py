@@ -3,6 +3,7 @@
 import ast
 import inspect
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -94,11 +95,17 @@ def passed(said: str, controller: r6.Simulator) -> None:
     assert "2 passed" in said
 
 
+def tested(said: str, controller: r6.Simulator) -> None:
+    assert "1 passed" in said
+
+
 DID: dict[str, Callable[[str, r6.Simulator], None]] = {
     "README.md 1": ten_lines,
     "docs/FROM_SOCKETS.md 1": script,
     "docs/FROM_SOCKETS.md 2": replacement,
     "docs/QUICKSTART.md 1": ten_lines,
+    "docs/QUICKSTART.md 2": tested,
+    "docs/QUICKSTART.md 3": tested,
     "crates/r6-python/README.md 1": package,
     "crates/r6-python/README.md 2": watch,
     "crates/r6-python/README.md 3": passed,
@@ -170,6 +177,8 @@ def test_it_does_what_the_page_says(name: str, virtual_controller: r6.Simulator,
     block = BLOCKS[name]
     path = tmp_path / f"test_{block.file}"
     tests = "def test_" in block.code
+    # The page shows this program, and tells the reader to save it.
+    shutil.copy(ROOT / "examples/taught/camera-pick.toml", tmp_path)
     path.write_text(block.code if tests else program(block, virtual_controller))
     command = [sys.executable, *(["-m", "pytest", "-q", "-p", "no:cacheprovider"] if tests else []), str(path)]
     ended = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)

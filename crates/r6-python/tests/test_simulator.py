@@ -97,6 +97,31 @@ def test_what_is_wrong_with_its_arguments_is_told(tmp_path: Path) -> None:
     assert "hc1" in r6.profiles() and "BRTIRUS0707A" in r6.models()
 
 
+def test_a_file_may_be_a_str_or_a_path(tmp_path: Path) -> None:
+    file = tmp_path / "my-pick.toml"
+    file.write_text('[[step]]\ndo = "wait-for-remote"\n')
+    for given in (file, str(file)):
+        with r6.Simulator(program=given) as controller:
+            assert controller.snapshot().program == "my-pick"
+    profile = tmp_path / "mine.toml"
+    profile.write_text('name = "mine"\n')
+    with r6.Simulator(profile=str(profile)) as controller:
+        assert controller.snapshot().profile == "mine"
+
+
+def test_a_word_that_is_no_program_is_told_with_the_nearest(tmp_path: Path) -> None:
+    with pytest.raises(r6.SimulatorError, match="there is no program `pick-and-plce`; nearest: `pick-and-place`"):
+        r6.Simulator(program="pick-and-plce")
+    with pytest.raises(r6.SimulatorError, match="there is no program `pallets 2`; there are: .*remote"):
+        r6.Simulator(program="pallets 2")
+    with pytest.raises(r6.SimulatorError, match="there is no scenario `flood` .the name of a file ends with .toml"):
+        r6.Simulator(scenario="flood")
+    missing = tmp_path / "missing.toml"
+    with pytest.raises(FileNotFoundError) as caught:
+        r6.Simulator(program=str(missing))
+    assert str(missing) in str(caught.value)
+
+
 @pytest.mark.virtual_controller(profile="legacy", start="manual")
 def test_the_mark_gives_the_fixture_its_arguments(
     virtual_robot: r6.Robot, virtual_controller: r6.Simulator

@@ -61,7 +61,6 @@ enum Subcommands {
     Alarm(cmd::alarm::AlarmArgs),
     Inspect(cmd::inspect::InspectArgs),
     Completions(cmd::completions::CompletionsArgs),
-    #[command(hide = true)]
     Man(cmd::man::ManArgs),
 }
 

@@ -268,7 +268,7 @@ impl fmt::Display for DoubtAfterStop {
 impl fmt::Display for ListAfterStop {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::WasEmpty => f.write_str("the instruction list was empty"),
+            Self::WasEmpty => f.write_str("the instruction list is empty"),
             Self::Cleared => f.write_str("the instruction list was cleared"),
             Self::Refused(Some(reason)) => {
                 write!(f, "the instruction list was not cleared, refused: {}", printable(reason))

@@ -96,7 +96,7 @@ async fn no_value_proves_the_wait_step_but_the_name_of_a_program_that_is_known()
     const MET: [(&str, &str); 3] = [("curMode", "7"), ("origin", "1"), ("curMold", "wait-for-pc")];
     let told = status_of(&MET, &[]).await;
     assert_eq!(told.readiness(None), Readiness::Unknown(vec![Unproved::RemoteStep]));
-    assert_eq!(told.readiness(Some("other")), Readiness::Unknown(vec![Unproved::RemoteStep]));
+    assert_eq!(told.readiness(Some("other")), Readiness::NotReady(vec![Unmet::OtherProgram]));
     assert_eq!(told.readiness(Some("wait-for-pc")), Readiness::Ready);
     // The mainboard's port does not report the program.
     let untold = status_of(&MET, &["curMold"]).await;

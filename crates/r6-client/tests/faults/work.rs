@@ -311,7 +311,11 @@ impl Work {
                     self.floor.release();
                     drop(bounded("starting", self.robot.command(Command::StartButton)).await);
                 }
-                Unmet::Mode { .. } | Unmet::NotHomed | Unmet::Moving | Unmet::Unknown { .. } => {}
+                Unmet::Mode { .. }
+                | Unmet::NotHomed
+                | Unmet::Moving
+                | Unmet::OtherProgram
+                | Unmet::Unknown { .. } => {}
             }
         }
         if !status.unmet().is_empty() {

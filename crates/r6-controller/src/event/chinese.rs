@@ -357,11 +357,11 @@ fn frame(error: &FrameError) -> String {
 fn plan(error: PlanError) -> String {
     match error {
         PlanError::OutsideLimits { axis, side } => {
-            let side = match side {
-                LimitSide::Plus => "正",
-                LimitSide::Minus => "负",
+            let beyond = match side {
+                LimitSide::Plus => "高于软限位上限",
+                LimitSide::Minus => "低于软限位下限",
             };
-            format!("{axis} 超出{side}软限位")
+            format!("{axis} {beyond}")
         }
         PlanError::Unreachable => "目标位置到达不了".to_owned(),
         PlanError::Singular { axis } => format!("奇异点：{axis} 跟不上"),

@@ -90,7 +90,7 @@ impl fmt::Display for In<'_> {
             Event::PhotoAnswered { camera, ret } => write!(f, "camera {camera} answers: ret {ret}"),
             Event::PhotoRequested { camera } => write!(f, "photo requested from camera {camera}"),
             Event::PhotoLost { camera, away } => {
-                let why = if *away { "the camera is not connected" } else { "no connection can be its" };
+                let why = if *away { "the camera is not connected" } else { "no camera is connected" };
                 write!(f, "photo requested from camera {camera}, but {why}: the request is lost")
             }
             Event::CameraSpeaksAsAnother { dialled, speaks_as } => {

@@ -344,10 +344,10 @@ class Millimetres:
 
 @final
 class Percent:
-    """A percentage of the maximum: the speed of a move, 0.001 to 100; else ``OutOfRange``.
+    """A percentage of the maximum: the speed of a move, 0.1 to 100 in steps of 0.1; else ``OutOfRange``.
 
-    An axis move at 100 % drives its slowest axis at full speed. A linear move at 100 % goes 2000 mm/s
-    (reported). The global speed multiplies both.
+    In an axis move at 100 % the axis that needs most time goes at its full speed. A linear move at 100 % goes
+    2000 mm/s (reported). The global speed multiplies both.
     """
 
     def __new__(cls, value: float) -> Percent: ...
@@ -427,7 +427,7 @@ class Pose:
     ) -> Pose: ...
     @staticmethod
     def position(x: Millimetres, y: Millimetres, z: Millimetres) -> Pose:
-        """X, Y, Z; the tool keeps its orientation."""
+        """X, Y, Z, each a ``Millimetres``; the tool keeps its orientation. ``mm_deg`` takes bare numbers."""
     @staticmethod
     def mm_deg(values: npt.ArrayLike) -> Pose:
         """X, Y, Z in mm, shape (3,), or X, Y, Z, U, V, W in mm and degrees, shape (6,): bare numbers."""
@@ -458,9 +458,10 @@ class Motion:
 
     def __new__(cls) -> Motion: ...
     def axis_move(self, to: AxisPosition, speed: Percent) -> Motion:
-        """Moves the axes to this position, all arriving together (action 4)."""
+        """Moves the axes to an ``AxisPosition``, all arriving together (action 4); ``speed`` is a ``Percent``."""
     def linear_move(self, to: Pose, speed: Percent) -> Motion:
-        """Moves the tool straight to a pose (action 10). 100 % is 2000 mm/s (reported)."""
+        """Moves the tool straight to a ``Pose`` (action 10); ``speed`` is a ``Percent``, 100 % is 2000 mm/s
+        (reported)."""
     def linear_move_at_path_speed(self, to: Pose) -> Motion:
         """The same at the speed that ``path_speed`` set."""
     def curve_move(self, through: Pose, to: Pose, speed: Percent) -> Motion:
@@ -852,15 +853,19 @@ class Simulator:
     It listens from the start. ``close``, the end of a ``with`` block, or dropping it ends it and its
     connections.
 
-    - ``profile``: ``"hc1"``, ``"r6-host"``, ``"r6-pendant"``, ``"legacy"``, or the path of a TOML file.
-    - ``model``: a name of ``r6.models()`` or a path.
-    - ``clock``: ``"real"``, ``"max"`` (moves take no time), ``"10x"``, or the factor as a number.
+    - ``profile``: ``"hc1"``, ``"r6-host"``, ``"r6-pendant"``, ``"legacy"``, or a file.
+    - ``model``: a name of ``r6.models()``, or a file.
+    - ``clock``: ``"real"``, ``"max"`` (moves take no time), ``"10x"``, or the factor as a number. At
+      ``"max"`` time passes only as the program needs it: use ``"100x"`` if a time limit has to run out.
     - ``seed``: the seed of random values.
     - ``start``: ``"waiting"`` (ready for instructions), ``"auto"``, ``"manual"`` or ``"stopped"``.
-    - ``program``: a program that every controller has (``"pick-and-place"``), a text, or the path of a file.
-    - ``scenario``: a text, or the path of a file.
+    - ``program``: a program that every controller has (``"pick-and-place"``), a file, or the text of one. A
+      file's program has the name of the file without its extension.
+    - ``scenario``: a file, or the text of one.
     - ``cameras``: cameras that it connects to, ``"127.0.0.1:9000"`` or ``"1=127.0.0.1:9000"``.
     - ``state``: the folder that keeps what survives a power cut.
+
+    A file is a ``pathlib.Path``, or a ``str`` that ends with ``.toml`` or ``.json``.
 
     Errors: ``SimulatorError`` says what is wrong. Nothing is left running then.
     """
@@ -898,9 +903,9 @@ class Simulator:
     def raise_alarm(self, alarm: int) -> None:
         """Raises an alarm, 1 to 10 000."""
     def press(self, button: Literal["start", "stop", "pause", "single_cycle", "single_step"]) -> None:
-        """Presses a button of the pendant."""
+        """Presses a button of the pendant: ``start``, ``stop``, ``pause``, ``single_cycle``, ``single_step``."""
     def turn_key(self, key: Literal["manual", "stop", "auto"]) -> None:
-        """Turns the mode key."""
+        """Turns the mode key: ``manual``, ``stop``, ``auto``."""
     def home(self) -> None:
         """In manual: moves all axes to 0. The machine is homed once they are there."""
     def jog(self, axis: int, by: float, *, percent: float = 10.0) -> None:

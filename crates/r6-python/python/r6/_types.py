@@ -516,7 +516,8 @@ class Point:
     y: float
     z: float | None = None
     angle: float | None = None
-    """W; U on a four-axis robot, degrees."""
+    """W in degrees, absolute, not an offset; U on a four-axis robot. With the tool straight down W is near
+    180, so 0 turns the wrist half round."""
     u: float | None = None
     v: float | None = None
     model_id: int = 0

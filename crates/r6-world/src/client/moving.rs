@@ -58,7 +58,11 @@ impl Work {
                     drop(self.bounded("clearing", robot.command(Command::ClearAlarm)).await)
                 }
                 Unmet::Mode { found: OperationMode::Auto } if self.random.strikes(0.5) => self.start().await,
-                Unmet::Mode { .. } | Unmet::NotHomed | Unmet::Moving | Unmet::Unknown { .. } => {}
+                Unmet::Mode { .. }
+                | Unmet::NotHomed
+                | Unmet::Moving
+                | Unmet::OtherProgram
+                | Unmet::Unknown { .. } => {}
             }
         }
         if !unmet.is_empty() {

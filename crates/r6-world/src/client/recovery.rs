@@ -64,7 +64,11 @@ impl Work {
                 Unmet::LeftoverList { .. } => drop(self.robot.clear_list().await),
                 Unmet::Mode { found: OperationMode::Auto } => self.start().await,
                 Unmet::Alarm { .. } => drop(self.robot.command(Command::ClearAlarm).await),
-                Unmet::Mode { .. } | Unmet::NotHomed | Unmet::Moving | Unmet::Unknown { .. } => {}
+                Unmet::Mode { .. }
+                | Unmet::NotHomed
+                | Unmet::Moving
+                | Unmet::OtherProgram
+                | Unmet::Unknown { .. } => {}
             }
         }
         Err(format!("never ready: {last}"))

@@ -14,7 +14,7 @@ use crate::output;
 /// Write the man pages of r6 and of each subcommand to a folder
 #[derive(Debug, Args)]
 #[command(after_help = "\
-For whoever packs r6: `make dist` puts these pages into the Debian package.
+For packages of r6: `make dist` puts these pages into the Debian package.
 
 Examples:
   r6 man --to target/man

@@ -15,8 +15,8 @@ use crate::units;
 /// Make one motion: of the axes, along a line, or along a curve
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Before anything is sent the machine is looked at: it has to be in mode 7 (a program waits for \
-remote commands), without alarm, homed, at rest, and with an empty list. If not, each condition \
+Before anything is sent the machine is looked at: it has to be in mode 7 (a program \
+runs; it has to be at its step that waits for remote commands), without alarm, homed, at rest, and with an empty list. If not, each condition \
 is named and nothing is sent. What Ctrl-C, --timeout, --guard and --json do, and what becomes of a \
 motion that fails, is told by `r6 run --help`.
 

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 use r6_api::panel::{Action, Button, Key, Snapshot};
-use r6_proto::AxisIndex;
 use r6_proto::io_point::{IoPoint, PointKind};
+use r6_proto::{AxisIndex, printable};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -46,16 +46,9 @@ Examples:
 pub struct PanelArgs {
     #[command(subcommand)]
     what: What,
-    /// Where the panel is
-    #[arg(
-        long,
-        global = true,
-        value_name = "URL",
-        env = "R6_PANEL",
-        hide_env_values = true,
-        default_value = DEFAULT_PANEL
-    )]
-    panel: String,
+    /// Where the panel is [default: http://127.0.0.1:9770]
+    #[arg(long, global = true, value_name = "URL", env = "R6_PANEL", hide_env_values = true)]
+    panel: Option<String>,
     /// Which of its controllers, from 1
     #[arg(long, global = true, value_name = "N", default_value = "1")]
     controller: usize,
@@ -180,9 +173,12 @@ enum KeyWord {
 
 /// Sends the action to the panel, and prints what an operator then sees.
 pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
-    let panel = Panel::at(&args.panel)?;
+    let panel = Panel::at(args.panel.as_deref().unwrap_or(DEFAULT_PANEL))?;
     let starts = args.what.starts();
     let looks = matches!(args.what, What::Status);
+    if args.panel.is_none() && !looks {
+        is_of_the_named_robot(&panel, args.controller).await?;
+    }
     let state = match args.what.wish()? {
         Wish::Look => panel.state(args.controller).await?,
         Wish::Act(action) => panel.act(args.controller, &action).await.inspect(|_| output::acts())?,
@@ -208,6 +204,28 @@ pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
         output::line(panel::summary(&state));
     }
     alarmed.map_or(Ok(Exit::Done), Err)
+}
+
+/// Refuses to act at the default panel if `R6_ROBOT` names a robot on another port: the panel that answers
+/// there may belong to another person's cell.
+async fn is_of_the_named_robot(panel: &Panel, controller: usize) -> Result<(), Failure> {
+    let Ok(robot) = std::env::var("R6_ROBOT") else { return Ok(()) };
+    let found = panel.state(controller).await?.address;
+    if port(&robot) == port(&found) { Ok(()) } else { Err(another(&robot, &found)) }
+}
+
+fn another(robot: &str, found: &str) -> Failure {
+    Failure::usage(format!(
+        "the panel at {DEFAULT_PANEL} is that of the controller at {}, and R6_ROBOT names {}; nothing was done",
+        printable(found),
+        printable(robot)
+    ))
+    .advise("name the panel that `r6 up` or `r6 sim` shows, with --panel ADDR:PORT or R6_PANEL")
+}
+
+/// The port of an address; the usual one if it has none.
+fn port(address: &str) -> u16 {
+    address.rsplit_once(':').and_then(|(_, port)| port.parse().ok()).unwrap_or(r6_client::DEFAULT_PORT)
 }
 
 /// The state of a machine, and the problem if there is one.
@@ -299,6 +317,13 @@ fn axis_name(text: &str) -> Result<String, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_panel_of_another_robot_is_known_by_its_port() {
+        assert_eq!((port("127.0.0.1:19760"), port("robot-4"), port("[::1]:9771")), (19_760, 9760, 9771));
+        let refused = another("127.0.0.1:19760", "127.0.0.1:9760").to_string();
+        assert!(refused.contains("R6_ROBOT names 127.0.0.1:19760; nothing was done"), "{refused}");
+    }
 
     #[test]
     fn names_are_sent_as_the_pendant_writes_them() {

@@ -74,9 +74,10 @@ FILE.toml of --guard has limits; what is left out is not limited:
   max_axis_step = 90      degrees in one axis move       max_distance = 400      mm in one move of the tool
   [axes]                  J1 = [-120, 120]               degrees; [axes_mm] for axes that slide
   [workspace]             x = [250, 700]                 y, z likewise, mm; for moves of the tool
-Axis limits are held against axis moves, the workspace against moves of the tool. How far the \
-first move goes is told by the present position, and not in --dry-run. What cannot be told counts \
-as beyond: how far a move goes behind one of the other kind.
+Axis limits are checked on axis moves, the workspace on moves of the tool. The distance of the first \
+move is measured from the present position (--dry-run does not check it). After an axis move the \
+place of the tool is unknown, and after a move of the tool the axes are: such a distance counts as \
+over the limit.
 
 --json prints a line for each list that was accepted (event \"accepted\"), at most two a second on \
 how many steps are done (\"progress\"), and one for the outcome: \"stands\" with --wait, \

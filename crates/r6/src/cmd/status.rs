@@ -11,10 +11,11 @@ use crate::robot::RobotArgs;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The verdict comes last. NOT READY names each condition that is not met, and below what to do about \
-it. UNKNOWN means that all that can be read is met, and names what no value tells: no firmware tells \
-whether the program sits in its step that waits for remote commands, and older firmware does not tell \
-the length of the list. READY means that values prove every condition: the controller tells its \
-program (the pendant's port does), and --remote-program names it. The exit code is 1 for NOT READY, \
+it. UNKNOWN means that every value that can be read is fine, and lists what cannot be read: no firmware \
+reports whether the program is at its step that waits for remote commands, and older firmware does not \
+report the length of the list. READY means that values prove every condition: the controller reports the \
+length of its list and its program (the pendant's port does), and --remote-program names that program. If \
+another program runs, that is NOT READY. The exit code is 1 for NOT READY, \
 and 0 for UNKNOWN and READY; with --json, `ready` is true, false, or null for UNKNOWN.
 
 Examples:

@@ -43,7 +43,12 @@ pub fn summary(state: &Snapshot) -> String {
     let motion = if state.moving { "moving" } else { "at rest" };
     let pressed = if state.emergency_stop { ", EMERGENCY STOP pressed" } else { "" };
     let alarm = if state.alarm == 0 { "no alarm".to_owned() } else { format!("alarm {}", alarm(state)) };
-    printable(&format!("mode {}, {alarm}, {motion}{pressed}", state.mode_name)).to_string()
+    let (number, address) = (state.number, &state.address);
+    printable(&format!(
+        "controller {number} at {address}: mode {}, {alarm}, {motion}{pressed}",
+        state.mode_name
+    ))
+    .to_string()
 }
 
 fn alarm(state: &Snapshot) -> String {

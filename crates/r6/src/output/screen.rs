@@ -127,6 +127,7 @@ fn ready(state: &ControllerSnapshot) -> Span<'static> {
         Some(Unmet::NotHomed) => "not homed".to_owned(),
         Some(Unmet::Moving) => "moving".to_owned(),
         Some(Unmet::LeftoverList { length }) => format!("{length} left in the list"),
+        Some(Unmet::OtherProgram) => "another program".to_owned(),
         Some(Unmet::Unknown { address }) => format!("{address} unknown"),
     };
     Span::styled(format!("NOT READY: {why}"), Style::new().fg(Color::Yellow).add_modifier(Modifier::BOLD))

@@ -76,7 +76,14 @@ pub fn position_table(axes: &[Option<f64>], pose: &[Option<f64>]) -> Table {
 pub fn verdict(status: &Status, remote_program: Option<&str>) -> String {
     match status.readiness(remote_program) {
         Readiness::Ready => "READY".to_owned(),
-        Readiness::NotReady(unmet) => not_ready(&unmet),
+        Readiness::NotReady(unmet) => {
+            let other = unmet.contains(&Unmet::OtherProgram).then_some((&status.program, remote_program));
+            let named = match other {
+                Some((Some(found), Some(known))) => format!("\n  it runs `{found}`, not `{known}`"),
+                _ => String::new(),
+            };
+            not_ready(&unmet) + &named
+        }
         Readiness::Unknown(unproved) => {
             let names: Vec<_> = unproved.iter().map(ToString::to_string).collect();
             let mut text = format!("UNKNOWN: {}; all that can be read is met", names.join(", and "));
@@ -94,18 +101,15 @@ fn what_to_look_at(unproved: Unproved, status: &Status, remote_program: Option<&
     match unproved {
         Unproved::RemoteStep => {
             let named = match (remote_program, &status.program) {
-                (Some(known), Some(found)) => format!("the program is `{found}`, not `{known}`; "),
                 (Some(_), None) => "this controller does not tell its program; ".to_owned(),
-                (None, Some(found)) => {
-                    format!(
-                        "if `{found}` only waits for remote commands, --remote-program {found} makes this READY; "
-                    )
-                }
-                (None, None) => String::new(),
+                (None, Some(found)) => format!(
+                    "if you know that `{found}` only waits for remote commands, say so: --remote-program {found}; "
+                ),
+                (Some(_), Some(_)) | (None, None) => String::new(),
             };
             format!(
-                "{named}mode 7 says that a program runs, not at which step: look at the pendant; where it is at another step, instructions \
-                 are refused or wait, and `r6 run` stops the machine, production program included, when its list is refused"
+                "{named}mode 7 says that a program runs, not at which step: look at the pendant. If it is at another step, do not use \
+                 `r6 run`: the controller refuses the list, and `r6 run` then stops the machine, its production program too"
             )
         }
         Unproved::ListLength => format!(
@@ -149,9 +153,10 @@ fn advice(unmet: Unmet) -> String {
                 hint::r6("command startButton")
             )
         }
-        Unmet::Mode { .. } => {
-            format!("{unmet} (a virtual controller: `{}`)", hint::r6("command startButton"))
+        Unmet::OtherProgram => {
+            format!("{unmet} by --remote-program: look at the pendant, and choose the program there")
         }
+        Unmet::Mode { .. } => unmet.to_string(),
         Unmet::LeftoverList { length } => {
             let are = if length == 1 { "is" } else { "are" };
             format!(
@@ -260,13 +265,15 @@ mod tests {
             (&unnamed, None, "look at the pendant"),
             (&unnamed, Some("remote"), "does not tell its program"),
             (&status, None, "--remote-program remote"),
-            (&status, Some("wait"), "the program is `remote`, not `wait`"),
         ] {
             let text = text("127.0.0.1:9760", status, known);
             let (_, verdict) = text.split_once("UNKNOWN: whether the program sits in its ").unwrap();
             assert!(verdict.contains(words), "{text}");
             assert_ne!(text.lines().next_back(), Some("READY"));
         }
+        let other = verdict(&status, Some("wait"));
+        assert!(other.starts_with("NOT READY: another program\n"), "{other}");
+        assert!(other.contains("it runs `remote`, not `wait`"), "{other}");
         let both = Status { list_length: None, ..unnamed };
         assert_eq!(verdict(&both, None).lines().count(), 3);
     }

@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-pub(crate) const SUBCOMMANDS: [&str; 20] = [
+pub(crate) const SUBCOMMANDS: [&str; 21] = [
     "up",
     "sim",
     "discover",
@@ -24,6 +24,7 @@ pub(crate) const SUBCOMMANDS: [&str; 20] = [
     "alarm",
     "inspect",
     "completions",
+    "man",
 ];
 
 #[test]

@@ -46,7 +46,11 @@ impl Cell {
 fn an_emergency_stop_ends_what_runs_until_everything_is_undone() {
     let cell = Cell::start(&[]);
     let pressed = cell.done(&["estop"]);
-    assert_eq!(pressed.out, "mode auto (2), alarm 7 (emergency stop), at rest, EMERGENCY STOP pressed\n");
+    let said = format!(
+        "controller 1 at {}: mode auto (2), alarm 7 (emergency stop), at rest, EMERGENCY STOP pressed\n",
+        cell.robot
+    );
+    assert_eq!(pressed.out, said);
     let status = r6(&["-r", &cell.robot, "status"]);
     let head = status.out.lines().next().unwrap_or_default();
     assert!(head.ends_with(&format!("at {}, a virtual controller", cell.robot)), "{head}");
@@ -65,7 +69,8 @@ fn an_emergency_stop_ends_what_runs_until_everything_is_undone() {
     let refused = cell.panel(&["button", "start"]);
     assert!(refused.code == 1 && refused.err.contains("clear it first"), "{refused:?}");
     cell.done(&["clear"]);
-    assert_eq!(cell.done(&["button", "start"]).out, "mode running (7), no alarm, at rest\n");
+    let said = format!("controller 1 at {}: mode running (7), no alarm, at rest\n", cell.robot);
+    assert_eq!(cell.done(&["button", "start"]).out, said);
     assert_eq!(r6(&["-r", &cell.robot, "status"]).code, 0);
 }
 
@@ -124,7 +129,8 @@ fn a_status_is_the_same_json_on_the_command_line_and_from_the_panel() {
 #[test]
 fn an_axis_is_moved_by_hand() {
     let cell = Cell::start(&["--start", "manual"]);
-    assert_eq!(cell.done(&["jog", "j1", "-10", "--speed", "100"]).out, "mode manual (1), no alarm, moving\n");
+    let moves = cell.done(&["jog", "j1", "-10", "--speed", "100"]).out;
+    assert!(moves.ends_with(": mode manual (1), no alarm, moving\n"), "{moves}");
     let wait = || {
         // The loop is long enough: the move takes a tenth of a second, and each round runs a program.
         let states = (0..10_000).map(|_| cell.done(&["status", "--json"]).json());
@@ -147,10 +153,8 @@ fn a_program_is_loaded_out_of_a_file() {
         "load.toml",
         "[[step]]\ndo = \"counter\"\nnumber = 0\nby = 1\n[[step]]\ndo = \"wait\"\nseconds = 3600\n",
     );
-    assert_eq!(
-        cell.done(&["load", good.path(), "--name", "my cell"]).out,
-        "mode running (7), no alarm, at rest\n"
-    );
+    let loaded = cell.done(&["load", good.path(), "--name", "my cell"]).out;
+    assert!(loaded.ends_with(": mode running (7), no alarm, at rest\n"), "{loaded}");
     cell.done(&["program", "my cell"]);
     assert_eq!(cell.done(&["status", "--json"]).json()["program"], "my cell");
     assert_eq!(

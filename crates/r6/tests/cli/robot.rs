@@ -29,7 +29,11 @@ fn a_list_that_a_production_program_refuses_stops_the_machine() {
     let robot = Robot::start(&["--program", "register-move"]);
     let status = robot.r6(&["status"]);
     assert_eq!(status.code, 0, "{status:?}");
-    assert!(status.out.contains("`r6 run` stops the machine, production program included"), "{}", status.out);
+    assert!(
+        status.out.contains("`r6 run` then stops the machine, its production program too"),
+        "{}",
+        status.out
+    );
     let outcome = robot.r6(&["run", "examples/programs/square.toml", "--wait"]);
     assert_eq!(outcome.code, 1, "{outcome:?}");
     assert!(outcome.err.contains("refused the instruction list"), "{}", outcome.err);
@@ -52,10 +56,14 @@ fn a_program_that_only_waits_makes_it_ready() {
     // With another program, nothing proves that it waits for remote commands.
     assert_eq!(robot.r6(&["command", "switchMold", "register-follow"]).code, 0);
     let status = robot.r6(&known);
+    assert_eq!(status.code, 1, "{status:?}");
     assert!(
-        status.out.contains("UNKNOWN:") && status.out.contains("`register-follow`, not `remote`"),
+        status.out.contains("NOT READY: another program")
+            && status.out.contains("`register-follow`, not `remote`"),
         "{status:?}"
     );
+    let json = robot.r6(&[&known[..], &["--json"]].concat()).json();
+    assert_eq!((&json["ready"], &json["unmet"][0]["condition"]), (&false.into(), &"other_program".into()));
 }
 
 #[test]
@@ -337,4 +345,32 @@ fn whoever_is_there_is_found_by_asking() {
     );
     let json = r6(&["discover", robot.address(), "--json"]).json();
     assert_eq!((&json[0]["robot"], &json[0]["axis_count"]), (&robot.address().into(), &6.into()));
+}
+
+/// The first fenced block of the quick start that has `has` in it.
+fn block(has: &str) -> String {
+    let page = std::fs::read_to_string(crate::support::root().join("docs/QUICKSTART.md")).unwrap();
+    let mut blocks = page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next());
+    blocks.find(|block| block.contains(has)).unwrap_or_else(|| panic!("no block has {has}")).to_owned()
+}
+
+#[test]
+fn the_motion_of_the_quick_start_runs_to_its_end() {
+    let file = TempFile::new("quickstart.toml", &block("[[instruction]]"));
+    let robot = Robot::start(&[]);
+    for _ in 0..2 {
+        let outcome = robot.r6(&["run", file.path(), "--wait"]);
+        assert_eq!(outcome.code, 0, "{outcome:?}");
+        assert!(outcome.out.contains("the arm stands where the last move ends"), "{outcome:?}");
+    }
+    let drawn = r6(&["plot", file.path(), "--out", "-"]);
+    assert_eq!(drawn.code, 0, "{drawn:?}");
+}
+
+#[test]
+fn the_taught_program_of_the_quick_start_is_the_example() {
+    let file = crate::support::root().join("examples/taught/camera-pick.toml");
+    let example = std::fs::read_to_string(file).unwrap();
+    let (_, steps) = example.split_once("\n\n").unwrap();
+    assert_eq!(block("do = \"photo\""), steps);
 }
