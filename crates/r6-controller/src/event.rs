@@ -569,7 +569,7 @@ pub enum DidNot {
 }
 
 /// Why a list is not taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ListRefusal {
     /// No such action is known.
     UnknownAction(i64),
@@ -582,7 +582,7 @@ pub enum ListRefusal {
     /// No program waits for remote commands.
     NotArmed,
     /// The program that would take it could not be started.
-    NotStarted(&'static str),
+    NotStarted(Refused),
     /// The list is full: a fault.
     ListFull,
     /// An instruction in the middle was not taken: a fault.

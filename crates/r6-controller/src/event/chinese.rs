@@ -85,9 +85,9 @@ impl fmt::Display for In<'_> {
             Event::LateListTaken { instructions } => {
                 write!(f, "AddRCC：{instructions} 条指令，延迟接收（故障 late-list）")
             }
-            Event::LateListNotTaken { why } => write!(f, "延迟的列表没有接收：{}", refusal(*why)),
-            Event::ListRefused { why } => write!(f, "拒绝 AddRCC：{}", refusal(*why)),
-            Event::ListIgnored { why } => write!(f, "AddRCC 未执行，也不应答：{}", refusal(*why)),
+            Event::LateListNotTaken { why } => write!(f, "延迟的列表没有接收：{}", refusal(why)),
+            Event::ListRefused { why } => write!(f, "拒绝 AddRCC：{}", refusal(why)),
+            Event::ListIgnored { why } => write!(f, "AddRCC 未执行，也不应答：{}", refusal(why)),
             Event::ListTooLong { bytes, reset: true } => {
                 write!(f, "AddRCC 长 {bytes} 字节：与真实控制器一样，连接被复位")
             }
@@ -226,14 +226,14 @@ fn cause(f: &mut fmt::Formatter<'_>, cause: &AlarmCause) -> fmt::Result {
     }
 }
 
-fn refusal(why: ListRefusal) -> String {
+fn refusal(why: &ListRefusal) -> String {
     match why {
         ListRefusal::UnknownAction(action) => return format!("没有 action {action}"),
         ListRefusal::UnsupportedAction => "此固件没有其中一个 action",
         ListRefusal::NoRoom => "远程指令列表放不下这么多指令",
         ListRefusal::InMotion => "运动中替换了列表：报警 200",
         ListRefusal::NotArmed => "没有程序在等待远程指令：模式不是 7，或有报警，或使用的程序不是 `remote`",
-        ListRefusal::NotStarted(why) => why,
+        ListRefusal::NotStarted(why) => return refused(why),
         ListRefusal::ListFull => "远程指令列表已满",
         ListRefusal::InTheMiddle => "列表中间有一条指令没有接收",
     }

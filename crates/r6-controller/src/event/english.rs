@@ -220,7 +220,7 @@ impl fmt::Display for ListRefusal {
                 "no program waits for remote commands: the mode is not 7, an alarm is present, or another program than `remote` is \
                  in use, which does something else now"
             }
-            Self::NotStarted(why) => why,
+            Self::NotStarted(why) => why.reason(),
             Self::ListFull => "the instruction list is full",
             Self::InTheMiddle => "an instruction in the middle of the list was not taken",
         })
