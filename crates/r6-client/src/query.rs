@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::address::Address;
-use r6_proto::error::{EncodeError, FieldError};
+use r6_proto::error::{EncodeError, FieldError, FieldPath, Wanted};
 use r6_proto::time::Instant;
 
 use crate::error::{Invalid, NotSent, OutcomeUnknown, RequestError, Sent};
@@ -300,9 +300,9 @@ impl Robot {
 
 fn too_many(address: Address, answered: usize) -> FieldError {
     FieldError {
-        path: address.to_string(),
+        path: FieldPath::Member(address.to_string()),
         found: Some(format!("{answered} values")),
-        wanted: "one value",
+        wanted: Wanted(&["one value", "一个值"]),
         nearest: None,
     }
 }

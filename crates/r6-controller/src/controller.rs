@@ -304,7 +304,7 @@ impl Controller {
         for (id, connection) in &mut self.connections {
             let (inbox, _) = connection.session.split();
             if let Some(error) = inbox.handle_timeout(now) {
-                self.log.warn(now, *id, Event::NotUnderstood { problem: Detail::of(error) });
+                self.log.warn(now, *id, Event::NotUnderstood { problem: error.into() });
             }
         }
         self.log.handle_timeout(now);

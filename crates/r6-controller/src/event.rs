@@ -7,6 +7,7 @@
 
 mod chinese;
 mod english;
+mod reason;
 
 use std::fmt;
 use std::time::Duration;
@@ -18,6 +19,7 @@ use serde::{Serialize, Serializer};
 use crate::fault::{Fault, IgnoredStop, TaskFault};
 use crate::panel::Refused;
 use crate::scenario::Happening;
+pub use reason::{AtStep, Reason};
 
 /// The longest text in an event, and the longest line, in characters. A hostile peer's words are quoted, so
 /// they need a bound.
@@ -78,12 +80,12 @@ pub enum Event {
     /// A message was not understood; it is not answered.
     NotUnderstood {
         /// What is wrong with it.
-        problem: Detail,
+        problem: Reason,
     },
     /// Something in a message is odd; the message is handled nevertheless.
     Odd {
         /// What is odd, with the nearest known word.
-        problem: Detail,
+        problem: Reason,
     },
     /// An instruction has no `oneshot`.
     WithoutOneshot {
@@ -123,7 +125,7 @@ pub enum Event {
         #[serde(serialize_with = "as_text")]
         request: RequestType,
         /// Why.
-        why: Detail,
+        why: Reason,
     },
     /// A command was answered with ok.
     CommandAccepted {
@@ -139,13 +141,13 @@ pub enum Event {
         /// Its word.
         command: Detail,
         /// Why.
-        why: Detail,
+        why: Reason,
     },
     /// A command was answered with ok, as this firmware does, although its arguments are wrong. Nothing was
     /// done.
     CommandWithoutEffect {
         /// What is wrong with the arguments.
-        why: Detail,
+        why: Reason,
     },
     /// A stop was answered but not carried out: a fault.
     StopIgnored {
@@ -330,7 +332,7 @@ pub enum Event {
     /// A curve is not executed, as on real controllers, because no linear move came before it.
     CurveNotExecuted {
         /// Which step.
-        step: Detail,
+        step: AtStep,
     },
     /// The arm rests at its point for a while: a fault.
     Dwells {
@@ -515,6 +517,8 @@ pub enum AlarmCause {
     },
     /// An operator raised it at the panel.
     Panel,
+    /// The scenario raised it.
+    Scenario,
     /// A list was replaced while the arm moved.
     ListReplacedInMotion,
     /// The arm was moved by hand to its soft limit.
@@ -537,9 +541,9 @@ pub enum AlarmCause {
     /// A step could not be carried out.
     Step {
         /// The step; `None` if the arm passes through several without stopping.
-        step: Option<Detail>,
+        step: Option<AtStep>,
         /// Why.
-        why: Detail,
+        why: Reason,
     },
     /// Something else.
     Other {
@@ -568,7 +572,7 @@ pub enum DidNot {
 }
 
 /// Why a list is not taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ListRefusal {
     /// No such action is known.
     UnknownAction(i64),
@@ -581,7 +585,7 @@ pub enum ListRefusal {
     /// No program waits for remote commands.
     NotArmed,
     /// The program that would take it could not be started.
-    NotStarted(&'static str),
+    NotStarted(Refused),
     /// The list is full: a fault.
     ListFull,
     /// An instruction in the middle was not taken: a fault.

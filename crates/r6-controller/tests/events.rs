@@ -1,9 +1,15 @@
 //! Events of the log: as data, in English and in Chinese.
 
-use r6_controller::event::{AlarmCause, Detail, DidNot, Event, ListRefusal, ModeReason, ShellEvent};
+mod common;
+
+use common::Cell;
+use r6_controller::event::{
+    AlarmCause, AtStep, Detail, DidNot, Event, ListRefusal, ModeReason, Reason, ShellEvent,
+};
 use r6_controller::fault::{BadList, Fault, LinkFault, ReplyFault, TaskFault};
 use r6_controller::scenario::Happening;
 use r6_controller::{Level, LogEntry, PanelAction, Refused};
+use r6_motion::{AxisNumber, LimitSide, PlanError};
 use r6_proto::Language;
 use r6_proto::alarm::AlarmCode;
 use r6_proto::time::Instant;
@@ -36,34 +42,37 @@ fn some() -> Vec<(Event, Level, &'static str, &'static str, Value)> {
             Event::PointsTaken { camera: 2, points: 1, waiting: 5 },
             info,
             "AddPoints: camera 2 sent 1 point, 5 wait for a program",
-            "AddPoints：相机 2 发来 1 个点，共有 5 个点等待程序取用",
+            "AddPoints：相机 2 发来 1 个视觉点位，共有 5 个等待程序取用",
             json!({ "event": "points_taken", "camera": 2, "points": 1, "waiting": 5 }),
         ),
         (
             Event::PointsCleared { points: 3 },
             info,
             "3 points of cameras were removed",
-            "已清除相机点 3 个",
+            "已清除 3 个视觉点位",
             json!({ "event": "points_cleared", "points": 3 }),
         ),
         (
             Event::ListRefused { why: ListRefusal::ListFull },
             warning,
             "AddRCC refused: the instruction list is full",
-            "拒绝 AddRCC：指令列表已满",
+            "拒绝 AddRCC：远程指令列表已满",
             json!({ "event": "list_refused", "why": "the instruction list is full" }),
         ),
         (
             Event::AlarmRaised {
                 alarm: AlarmCode(135),
                 why: AlarmCause::Step {
-                    step: Some(Detail::of("instruction 1 (action 4)")),
-                    why: Detail::of("J6 above its upper soft limit"),
+                    step: Some(AtStep::OfList { instruction: 1, action: 4 }),
+                    why: Reason::Plan(PlanError::OutsideLimits {
+                        axis: AxisNumber::ARM[5],
+                        side: LimitSide::Plus,
+                    }),
                 },
             },
             info,
             "alarm 135: instruction 1 (action 4): J6 above its upper soft limit",
-            "报警 135：instruction 1 (action 4)：J6 above its upper soft limit",
+            "报警 135：第 1 条指令（action 4）：J6 高于软限位上限",
             json!({
                 "event": "alarm_raised", "alarm": 135,
                 "why": { "cause": "step", "step": "instruction 1 (action 4)", "why": "J6 above its upper soft limit" },
@@ -76,14 +85,14 @@ fn some() -> Vec<(Event, Level, &'static str, &'static str, Value)> {
             },
             info,
             "alarm 7: emergency stop, auto (2)",
-            "报警 7：急停，自动 (2)",
+            "报警 7：急停，自动模式 (2)",
             json!({ "event": "alarm_raised", "alarm": 7, "why": { "cause": "emergency_stop", "mode": "auto (2)" } }),
         ),
         (
             Event::ModeChanged { mode: OperationMode::Running, why: ModeReason::Started },
             info,
             "running (7): started",
-            "运行中 (7)：已启动",
+            "自动运行中 (7)：已启动",
             json!({ "event": "mode_changed", "mode": "running (7)", "why": "started" }),
         ),
         (
@@ -180,7 +189,7 @@ fn an_entry_tells_when_and_on_which_connection() {
 fn a_hostile_text_is_one_line_and_not_without_end() {
     let event = Event::CommandRefused {
         command: Detail::of("no\r\nalarm 7: forged"),
-        why: Detail::of("x".repeat(10_000)),
+        why: Reason::NoProgram { name: Detail::of("x".repeat(10_000)), nearest: None },
     };
     for language in [Language::English, Language::Chinese] {
         let text = event.text(language);
@@ -189,4 +198,74 @@ fn a_hostile_text_is_one_line_and_not_without_end() {
     }
     let data = serde_json::to_string(&event).unwrap();
     assert!(data.len() < 600 && data.contains(r"no\\r\\nalarm"), "{data}");
+}
+
+/// The log in Chinese of what a client sends in these frames.
+fn log_in_chinese(cell: &mut Cell, frames: &[&str]) -> Vec<String> {
+    while cell.controller.poll_log().is_some() {}
+    for frame in frames {
+        cell.send(frame);
+    }
+    std::iter::from_fn(|| cell.controller.poll_log()).map(|line| line.event.text(Language::Chinese)).collect()
+}
+
+#[test]
+fn reasons_are_chinese_too() {
+    let command = |data: &str| {
+        format!(r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"command","cmdData":{data}}}"#)
+    };
+    let list = |member: &str| {
+        format!(
+            r#"{{"dsID":"www.hc-system.com.HCRemoteCommand","reqType":"AddRCC","emptyList":"1","instructions":[{{"oneshot":"1","action":"4","m0":"1",{member}}}]}}"#
+        )
+    };
+    for (profile, frame, wanted) in [
+        (
+            "hc1",
+            command(r#"["rewriteData","800","12.5","0"]"#),
+            "已应答 ok，但没有执行：`rewriteData` 的第 2 个参数 (value) 是 \"12.5\"，应为 32 位整数",
+        ),
+        (
+            "hc1",
+            r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","queryAddr":["foo"]}"#.to_owned(),
+            "报文可疑：没有 `foo` 这个查询地址",
+        ),
+        (
+            "hc1",
+            r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","queryAddr":["axis-9"]}"#
+                .to_owned(),
+            "报文可疑：没有 `axis-9` 这个查询地址；最接近的是 `axis-n`，n 为 0 至 7",
+        ),
+        (
+            "hc1",
+            list(r#""smooth":"12""#),
+            "拒绝 AddRCC：`instructions[0].smooth` 是 \"12\"，应为 0 至 9 的平滑等级",
+        ),
+        (
+            "hc1",
+            list(r#""sped":"12""#),
+            "报文可疑：`instructions[0]` 中的 `sped` 不是已知的字段；最接近的是 `speed`",
+        ),
+        ("hc1", "} ".to_owned(), "无法识别，不应答：偏移 0 处的字节不是 JSON 对象：`}`；已跳到下一个 `{`"),
+        ("r6-pendant", command(r#"["switchMold","xx"]"#), "拒绝命令 switchMold：没有程序 `xx`"),
+        (
+            "r6-pendant",
+            command(r#"["actionStp"]"#),
+            "拒绝命令 actionStp：没有 `actionStp` 这个命令；最接近的是 `actionStop`",
+        ),
+        (
+            "r6-pendant",
+            command(r#"["heartbreak"]"#),
+            "拒绝命令 heartbreak：没有 `heartbreak` 这个命令；`heartbreak` 是请求类型，请写在 `reqType` 里",
+        ),
+        (
+            "r6-pendant",
+            command(r#"["modifyCounter","77","1","-1"]"#),
+            "拒绝命令 modifyCounter：没有计数器 77",
+        ),
+    ] {
+        let mut cell = Cell::with_profile(profile);
+        let log = log_in_chinese(&mut cell, &[&frame, "{}"]);
+        assert!(log.iter().any(|line| line == wanted), "{frame}: {log:#?}");
+    }
 }

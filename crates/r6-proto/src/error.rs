@@ -4,6 +4,8 @@
 use std::fmt;
 
 use crate::grid::Nearest;
+use crate::language::Language;
+use crate::message::CommandName;
 use crate::printable::printable;
 
 /// A frame that is not a JSON object.
@@ -64,15 +66,75 @@ impl fmt::Display for JsonError {
 
 impl std::error::Error for JsonError {}
 
+/// What a valid value is, in each [`Language`]. The English text completes a sentence after "has to be", the
+/// Chinese one after “应为”.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wanted(pub &'static [&'static str; 2]);
+
+impl Wanted {
+    /// Nothing is known of a valid value.
+    pub(crate) const UNKNOWN: Self = Self(&["?", "?"]);
+
+    /// In English.
+    #[must_use]
+    pub const fn english(self) -> &'static str {
+        let [english, _] = *self.0;
+        english
+    }
+
+    /// In this language.
+    #[must_use]
+    pub const fn text(self, language: Language) -> &'static str {
+        let [english, chinese] = *self.0;
+        match language {
+            Language::English => english,
+            Language::Chinese => chinese,
+        }
+    }
+}
+
+impl fmt::Display for Wanted {
+    /// In English.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.english())
+    }
+}
+
+/// Where a wrong value stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FieldPath {
+    /// In a member of the frame, as a path from its top, for example `instructions[2].m3`; or in the value of
+    /// this query address.
+    Member(String),
+    /// In an argument of a command.
+    Argument {
+        /// The command.
+        command: CommandName,
+        /// The number of the argument, from 1.
+        number: usize,
+        /// Its name in the table of commands.
+        name: &'static str,
+    },
+}
+
+impl fmt::Display for FieldPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Member(path) => f.write_str(path),
+            Self::Argument { command, number, name } => write!(f, "{command} argument {number} ({name})"),
+        }
+    }
+}
+
 /// A field of a well-formed frame has an invalid value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldError {
-    /// The field, as a path from the top of the frame, for example `instructions[2].m3`.
-    pub path: String,
+    /// The field.
+    pub path: FieldPath,
     /// The value as on the wire, cut at 48 characters; `None` if the field is missing.
     pub found: Option<String>,
     /// What a valid value is.
-    pub wanted: &'static str,
+    pub wanted: Wanted,
     /// The nearest valid word.
     pub nearest: Option<&'static str>,
 }
@@ -80,9 +142,12 @@ pub struct FieldError {
 impl fmt::Display for FieldError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.found {
-            None => write!(f, "`{}` is missing: it has to be {}", printable(&self.path), self.wanted)?,
+            None => {
+                write!(f, "`{}` is missing: it has to be {}", printable(&self.path.to_string()), self.wanted)?
+            }
             Some(found) => {
-                let (path, found) = (printable(&self.path), printable(found));
+                let (path, found) = (self.path.to_string(), printable(found));
+                let path = printable(&path);
                 write!(f, "`{path}` is {found}, but has to be {}", self.wanted)?;
             }
         }

@@ -6,7 +6,6 @@ pub enum Language {
     /// English.
     #[default]
     English,
-    /// Simplified Chinese. A peer's own words, and the reason why something could not be read or done, are
-    /// not translated.
+    /// Simplified Chinese. A peer's own words, and texts of the operating system, are not translated.
     Chinese,
 }

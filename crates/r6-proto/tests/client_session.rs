@@ -42,7 +42,7 @@ impl Seen {
                     after.as_millis(),
                 ),
                 Body::CommandReply(reply) => Self::Outcome(ticket, reply.outcome()),
-                Body::Rejected(rejection) => Self::Rejected(ticket, rejection.error.path.clone()),
+                Body::Rejected(rejection) => Self::Rejected(ticket, rejection.error.path.to_string()),
                 other => panic!("no reply: {other:?}"),
             },
             Event::Photo { cam_id, .. } => Self::Photo(cam_id),

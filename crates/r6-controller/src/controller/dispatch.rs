@@ -15,7 +15,7 @@ use super::ConnectionId;
 use super::cameras::Cameras;
 use super::scenario::{Asked, RequestFaults};
 use crate::answer::Answers;
-use crate::event::{Detail, Event, ListRefusal};
+use crate::event::{Detail, Event, ListRefusal, Reason};
 use crate::fault::IgnoredStop;
 use crate::log::Log;
 use crate::machine::{Machine, NotTaken};
@@ -74,7 +74,7 @@ impl<'c> Dispatcher<'c> {
     pub fn serve_next(&mut self, inbox: &mut Inbox, outbox: &mut Outbox) -> bool {
         match inbox.next_message() {
             Some(Ok(message)) => self.handle(&message, outbox),
-            Some(Err(error)) => self.malformed(&error),
+            Some(Err(error)) => self.malformed(error),
             None => return false,
         }
         true
@@ -83,10 +83,10 @@ impl<'c> Dispatcher<'c> {
     /// Logs the oddities of a message: the first few with the nearest known word, then only how many more
     /// there are. A hostile peer can put thousands of wrong words into one frame, and each explanation costs
     /// a search.
-    fn explain(&mut self, oddities: impl Iterator<Item = impl std::fmt::Display>) {
+    fn explain(&mut self, oddities: impl Iterator<Item = impl Into<Reason>>) {
         let mut oddities = oddities;
         for oddity in oddities.by_ref().take(MAX_EXPLAINED) {
-            self.warn(Event::Odd { problem: Detail::of(oddity) });
+            self.warn(Event::Odd { problem: oddity.into() });
         }
         self.tell_of_more(oddities.count());
     }
@@ -106,8 +106,8 @@ impl<'c> Dispatcher<'c> {
     }
 
     /// Logs malformed input. It gets no reply.
-    fn malformed(&mut self, error: &InputError) {
-        self.warn(Event::NotUnderstood { problem: Detail::of(error) });
+    fn malformed(&mut self, error: InputError) {
+        self.warn(Event::NotUnderstood { problem: error.into() });
     }
 
     fn handle(&mut self, message: &Message<'_>, outbox: &mut Outbox) {
@@ -138,7 +138,7 @@ impl<'c> Dispatcher<'c> {
             Body::AddPoints(points) => self.add_points(header, points, outbox),
             Body::AddRcc(list) => self.add_rcc(message, list, outbox),
             Body::Rejected(rejection) => self.rejected(message, rejection, outbox),
-            Body::Unknown(unknown) => self.warn(Event::NotUnderstood { problem: Detail::of(unknown) }),
+            Body::Unknown(unknown) => self.warn(Event::NotUnderstood { problem: (*unknown).into() }),
             Body::QueryReply(_) | Body::CommandReply(_) | Body::Photo(_) => {
                 self.warn(Event::ReplyCame);
             }
@@ -234,8 +234,9 @@ impl<'c> Dispatcher<'c> {
                 self.verdict(header, RequestType::Command, &word, Verdict::Ok, outbox);
             }
             Err(reason) => {
-                self.warn(Event::CommandRefused { command: Detail::of(&word), why: Detail::of(&reason) });
-                self.verdict(header, RequestType::Command, &word, Verdict::Err(&reason), outbox);
+                let text = reason.to_string();
+                self.warn(Event::CommandRefused { command: Detail::of(&word), why: reason });
+                self.verdict(header, RequestType::Command, &word, Verdict::Err(&text), outbox);
             }
         }
     }
@@ -399,7 +400,7 @@ impl<'c> Dispatcher<'c> {
     /// Refuses a request of a known type with a wrong field. The protocol only allows the answer `err`.
     fn rejected(&mut self, message: &Message<'_>, rejection: &Rejection<'_>, outbox: &mut Outbox) {
         let reason = rejection.error.to_string();
-        self.warn(Event::Refused { request: rejection.request, why: Detail::of(&reason) });
+        self.warn(Event::Refused { request: rejection.request, why: rejection.error.clone().into() });
         let header = &message.header;
         match rejection.request {
             RequestType::AddRcc if !self.fits(message) => {}

@@ -8,10 +8,10 @@ use std::sync::Arc;
 use r6_proto::time::Instant;
 
 use super::{ConnectionId, Controller, Service};
-use crate::event::{DidNot, Event};
+use crate::event::{AlarmCause, DidNot, Event};
 use crate::fault::{Fault, LinkFault, LinkFaultNow, ReplyFault, TaskFault};
 use crate::machine::{CounterState, Machine, NotTaken};
-use crate::panel::Refused;
+use crate::panel::{PanelAction, Refused};
 use crate::saved::MAX_COUNTERS;
 use crate::scenario::{Happening, LateList, Scenario, ScenarioRun, Turn};
 use crate::settings::ControllerSettings;
@@ -90,7 +90,14 @@ impl Controller {
         self.tell(now, Event::Happens { what: what.for_the_log() });
         match what {
             Happening::Panel(action) => {
-                if let Err(why) = self.machine.operate(action) {
+                let done = match action {
+                    PanelAction::RaiseAlarm(alarm) => {
+                        self.machine.raise(*alarm, AlarmCause::Scenario);
+                        Ok(())
+                    }
+                    action => self.machine.operate(action),
+                };
+                if let Err(why) = done {
                     self.tell_not(now, what, DidNot::Refused { why });
                 }
             }

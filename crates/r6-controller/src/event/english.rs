@@ -196,13 +196,15 @@ impl fmt::Display for AlarmCause {
         match self {
             AlarmCause::NoHeartbreak { seconds } => write!(f, "no heartbreak for {seconds} s"),
             AlarmCause::Panel => f.write_str("raised at the panel"),
+            AlarmCause::Scenario => f.write_str("raised by the scenario"),
             AlarmCause::ListReplacedInMotion => f.write_str("AddRCC replaced the list in mid-motion"),
             AlarmCause::MovedToLimit => f.write_str("moved by hand to the soft limit"),
             AlarmCause::ActionStop => f.write_str("actionStop"),
             AlarmCause::EmergencyStop { mode } => write!(f, "emergency stop, {mode}"),
             AlarmCause::WaitedTooLong { limit, meaning } => write!(f, "{meaning}: its limit is {limit} s"),
             AlarmCause::Step { step: Some(step), why } => write!(f, "{step}: {why}"),
-            AlarmCause::Step { step: None, why } | AlarmCause::Other { why } => fmt::Display::fmt(why, f),
+            AlarmCause::Step { step: None, why } => fmt::Display::fmt(why, f),
+            AlarmCause::Other { why } => fmt::Display::fmt(why, f),
         }
     }
 }
@@ -218,7 +220,7 @@ impl fmt::Display for ListRefusal {
                 "no program waits for remote commands: the mode is not 7, an alarm is present, or another program than `remote` is \
                  in use, which does something else now"
             }
-            Self::NotStarted(why) => why,
+            Self::NotStarted(why) => why.reason(),
             Self::ListFull => "the instruction list is full",
             Self::InTheMiddle => "an instruction in the middle of the list was not taken",
         })

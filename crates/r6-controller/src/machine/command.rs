@@ -5,7 +5,7 @@ use r6_proto::message::{CommandWords, RequestType};
 use r6_proto::{Command, RegisterIndex};
 
 use super::{AfterHalt, MAX_FRAMES, MAX_STACKS, Machine, Placed, Stack};
-use crate::event::{Detail, Event};
+use crate::event::{Detail, Event, Reason};
 use crate::io::OutputPoint;
 use r6_motion::{Frame, Pose, Ramps};
 
@@ -13,38 +13,33 @@ impl Machine {
     /// Carries out a command.
     ///
     /// # Errors
-    /// The reason in words, for the reply and the log.
-    pub(crate) fn execute(&mut self, words: &CommandWords<'_>) -> Result<(), String> {
+    /// The reason, for the reply and the log.
+    pub(crate) fn execute(&mut self, words: &CommandWords<'_>) -> Result<(), Reason> {
         if self.profile.accepts_heartbreak_command && words.word() == RequestType::Heartbreak.word() {
             self.watchdog.feed(self.now);
             return Ok(());
         }
         let name = words.name();
         if let Some(name) = name.filter(|name| !self.profile.has_command(*name)) {
-            return Err(format!("this firmware does not know {name}"));
+            return Err(Reason::NotOfFirmware(name));
         }
         match words.read() {
             Ok(command) => self.carry_out(&command),
             Err(CommandError::Argument(error)) if !self.profile.checks_arguments => {
-                self.note(Event::CommandWithoutEffect { why: Detail::of(error) });
+                self.note(Event::CommandWithoutEffect { why: error.into() });
                 Ok(())
             }
-            Err(error @ (CommandError::Argument(_) | CommandError::UnknownCommand { .. })) => {
-                let hint = self.hint(words).unwrap_or_default();
-                Err(format!("{error}{hint}"))
+            Err(CommandError::Argument(error)) => Err(error.into()),
+            Err(CommandError::UnknownCommand { word, nearest }) => {
+                // One known client sends heartbreak as a command.
+                let sent = words.word();
+                let request = RequestType::ALL.into_iter().find(|request| request.word() == sent);
+                Err(Reason::NoCommand { word: Detail::of(word), nearest, request })
             }
         }
     }
 
-    /// A hint for a request type that was sent as a command, as one known client does with heartbreak. It is
-    /// not a command.
-    fn hint(&self, words: &CommandWords<'_>) -> Option<String> {
-        let word = words.word();
-        let request = RequestType::ALL.into_iter().find(|request| request.word() == word)?;
-        Some(format!("; `{request}` is a request type: send it as `reqType`"))
-    }
-
-    fn carry_out(&mut self, command: &Command<'_>) -> Result<(), String> {
+    fn carry_out(&mut self, command: &Command<'_>) -> Result<(), Reason> {
         match command {
             Command::ActionStop => self.stop_action(),
             Command::ActionPause => self.pause_action(),
@@ -58,7 +53,7 @@ impl Machine {
             Command::ClearAlarmContinue => self.clear_alarm_and_run(false)?,
             Command::ModifyStackData { stack, spacing, count } => {
                 if *stack >= MAX_STACKS {
-                    return Err(format!("there are stacks 0 to {}", MAX_STACKS - 1));
+                    return Err(format!("there are stacks 0 to {}", MAX_STACKS - 1).into());
                 }
                 self.stacks.insert(*stack, Stack { spacing: *spacing, count: *count });
             }
@@ -79,8 +74,8 @@ impl Machine {
                 self.registers_written(*first, values.len());
             }
             Command::ModifyAccDec { acceleration, deceleration } => {
-                self.ramps = Ramps::new(*acceleration, *deceleration)
-                    .ok_or_else(|| "times from 0.001 to 60 seconds".to_owned())?;
+                self.ramps =
+                    Ramps::new(*acceleration, *deceleration).ok_or("times from 0.001 to 60 seconds")?;
             }
             Command::SwitchTool { tool } => self.frames.tool = frame_number(*tool)?,
             Command::ModifyTool { tool, offset } => {
@@ -93,7 +88,7 @@ impl Machine {
             // are accepted, and have no further effect.
             Command::ClearAlarm | Command::ClearAlarmWith { .. } => self.clear_alarm()?,
             #[allow(unreachable_patterns, reason = "a command may have its row before it is played here")]
-            other => return Err(format!("the virtual controller does not play {}", other.name())),
+            other => return Err(format!("the virtual controller does not play {}", other.name()).into()),
         }
         Ok(())
     }
@@ -107,14 +102,14 @@ impl Machine {
         }
     }
 
-    pub(super) fn switch_mold(&mut self, mold: &str) -> Result<(), String> {
+    pub(super) fn switch_mold(&mut self, mold: &str) -> Result<(), Reason> {
         let Some(program) = self.programs.library.named(mold).cloned() else {
             let nearest = r6_proto::nearest(mold, self.programs.library.names());
-            let hint = nearest.map(|near| format!("; nearest: `{near}`")).unwrap_or_default();
-            return Err(format!("there is no program `{mold}`{hint}"));
+            let nearest = nearest.map(Detail::of);
+            return Err(Reason::NoProgram { name: Detail::of(mold), nearest });
         };
         if self.is_moving() {
-            return Err("the machine is moving".to_owned());
+            return Err(Reason::Moving);
         }
         // The other program starts from its first step, with a list of its own.
         self.halt(self.profile.action_stop_time, AfterHalt::Drop);
@@ -126,28 +121,23 @@ impl Machine {
         Ok(())
     }
 
-    fn modify_counter(&mut self, id: u32, current: Option<u32>, target: Option<u32>) -> Result<(), String> {
+    fn modify_counter(&mut self, id: u32, current: Option<u32>, target: Option<u32>) -> Result<(), Reason> {
         let Some(counter) = self.counters.get_mut(&id) else {
             // Captured, unit C: a missing counter is answered ok nevertheless.
-            return if self.profile.checks_arguments {
-                Err(format!("there is no counter {id}"))
-            } else {
-                Ok(())
-            };
+            return if self.profile.checks_arguments { Err(Reason::NoCounter(id)) } else { Ok(()) };
         };
         if target.is_some() && !self.profile.counter_target_writable {
-            return Err("the target of a counter cannot be changed on this port: send -1".to_owned());
+            return Err(Reason::CounterTarget);
         }
         counter.current = current.map_or(counter.current, i64::from);
         counter.target = target.map_or(counter.target, i64::from);
         Ok(())
     }
 
-    fn modify_output(&mut self, board: u8, point: u8, on: bool) -> Result<(), String> {
-        let point =
-            OutputPoint::of_command(board, point).ok_or_else(|| format!("there is no board {board}"))?;
+    fn modify_output(&mut self, board: u8, point: u8, on: bool) -> Result<(), Reason> {
+        let point = OutputPoint::of_command(board, point).ok_or(Reason::NoBoard(board))?;
         if matches!(point, OutputPoint::M(..)) && !self.profile.m_output_writable {
-            return Err("M points cannot be set on this port".to_owned());
+            return Err(Reason::MPoints);
         }
         self.io.set(point, on);
         self.io_changed();
@@ -155,6 +145,6 @@ impl Machine {
     }
 }
 
-fn frame_number(number: u32) -> Result<u32, String> {
-    if number < MAX_FRAMES { Ok(number) } else { Err(format!("there are numbers 0 to {}", MAX_FRAMES - 1)) }
+fn frame_number(number: u32) -> Result<u32, Reason> {
+    if number < MAX_FRAMES { Ok(number) } else { Err(Reason::NumbersBelow(MAX_FRAMES)) }
 }

@@ -10,7 +10,7 @@ use r6_proto::time::Instant;
 use super::Machine;
 use super::halt::AfterHalt;
 use super::order::{EarlierSteps, path_speed, workbench};
-use crate::event::{AlarmCause, Detail, Event, ModeReason};
+use crate::event::{AlarmCause, Detail, Event, ModeReason, Reason};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
 use crate::program::Photo;
@@ -216,8 +216,8 @@ impl Machine {
                 self.cycle.pass_started = self.now;
             }
             if let Err((alarm, why)) = self.begin(&step) {
-                let step = Some(Detail::of(self.said_of(&step)));
-                self.raise(alarm, AlarmCause::Step { step, why: Detail::of(why) });
+                let step = Some(self.place_of_instruction(&step));
+                self.raise(alarm, AlarmCause::Step { step, why });
                 return;
             }
             if matches!(self.activity, Activity::Idle) {
@@ -291,7 +291,7 @@ impl Machine {
     }
 
     /// Begins a step. The machine stays idle if the step took no time.
-    pub(super) fn begin(&mut self, step: &Instruction) -> Result<(), (AlarmCode, String)> {
+    pub(super) fn begin(&mut self, step: &Instruction) -> Result<(), (AlarmCode, Reason)> {
         match &step.action {
             Action::CurveMove(_) if self.is_lone_curve(&step.action) => {
                 self.tell_lone_curve(step);
@@ -329,11 +329,11 @@ impl Machine {
                 self.frames.bench = workbench(*bench)?;
                 Ok(())
             }
-            Action::Unknown(_) => Err((AlarmCode::PROGRAM, "unknown action".to_owned())),
+            Action::Unknown(_) => Err((AlarmCode::PROGRAM, "unknown action".into())),
         }
     }
 
-    fn set_path_speed(&mut self, speed: &PathSpeed) -> Result<(), (AlarmCode, String)> {
+    fn set_path_speed(&mut self, speed: &PathSpeed) -> Result<(), (AlarmCode, Reason)> {
         self.path_speed = path_speed(speed)?;
         Ok(())
     }
@@ -407,7 +407,7 @@ pub(super) fn is_motion(step: &Instruction) -> bool {
 
 /// The alarm of a move that cannot be planned (135 for J6 and 219 for a fractional speed were reported from
 /// real units).
-pub(super) fn plan_failed(error: PlanError) -> (AlarmCode, String) {
+pub(super) fn plan_failed(error: PlanError) -> (AlarmCode, Reason) {
     let alarm = match error {
         PlanError::OutsideLimits { axis, side } => {
             let limit = match side {
@@ -422,7 +422,7 @@ pub(super) fn plan_failed(error: PlanError) -> (AlarmCode, String) {
         | PlanError::NotFinite => AlarmCode::ROUTE,
         PlanError::Speed => AlarmCode::PATH_SPEED,
     };
-    (alarm, error.to_string())
+    (alarm, Reason::Plan(error))
 }
 
 /// A duration from seconds.

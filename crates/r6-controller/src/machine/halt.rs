@@ -6,7 +6,7 @@ use r6_proto::time::Instant;
 
 use super::Machine;
 use super::execution::{Activity, Run, fulfilled_at_once, plan_failed};
-use crate::event::{AlarmCause, Detail};
+use crate::event::AlarmCause;
 
 /// What follows after a move has come to rest before its end. If there are two reasons, the stronger one
 /// counts.
@@ -142,7 +142,7 @@ impl Machine {
                     Ok(movement) => self.activity = Activity::Moving(run.by(movement, self.now)),
                     Err(error) => {
                         let (alarm, why) = plan_failed(error);
-                        self.raise(alarm, AlarmCause::Step { step: None, why: Detail::of(why) });
+                        self.raise(alarm, AlarmCause::Step { step: None, why });
                     }
                 }
             }

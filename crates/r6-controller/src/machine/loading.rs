@@ -37,7 +37,7 @@ impl Machine {
         self.note(Event::ProgramLoaded { name: Detail::of(name), steps });
         if in_use {
             let mold = self.programs.mold.clone();
-            self.switch_mold(&mold).map_err(|reason| Refused::Program { reason })?;
+            self.switch_mold(&mold).map_err(|reason| Refused::Program { reason: reason.to_string() })?;
         }
         Ok(())
     }

@@ -7,7 +7,7 @@
 use r6_proto::message::{Action, Instruction};
 
 use super::Machine;
-use crate::event::{Detail, Event};
+use crate::event::Event;
 use crate::profile::LoneCurve;
 
 /// What the current run of the remote list has contained so far.
@@ -43,7 +43,7 @@ impl Machine {
     /// Logs that a curve is not executed, the first time in each run.
     pub(super) fn tell_lone_curve(&mut self, step: &Instruction) {
         if !std::mem::replace(&mut self.list_run.told, true) {
-            let step = Detail::of(self.said_of(step));
+            let step = self.place_of_instruction(step);
             self.note(Event::CurveNotExecuted { step });
         }
     }

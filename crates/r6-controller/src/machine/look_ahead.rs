@@ -12,7 +12,7 @@ use r6_proto::message::{Action, Instruction};
 use super::Machine;
 use super::execution::{Activity, Run};
 use super::order::{EarlierSteps, Order, path_speed, workbench};
-use crate::event::{AlarmCause, Detail};
+use crate::event::AlarmCause;
 use r6_motion::Axes;
 use r6_proto::OperationMode;
 
@@ -107,7 +107,7 @@ impl Machine {
     fn begin_at_once(&mut self, steps: &[Instruction]) {
         for step in steps {
             if let Err((alarm, why)) = self.begin(step) {
-                self.raise(alarm, AlarmCause::Step { step: None, why: Detail::of(why) });
+                self.raise(alarm, AlarmCause::Step { step: None, why });
                 return;
             }
         }

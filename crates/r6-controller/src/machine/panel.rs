@@ -57,7 +57,7 @@ impl Machine {
             PanelAction::Jog { axis, by, percent } => self.jog(*axis, *by, *percent)?,
             PanelAction::ClearPoints => self.clear_points(),
             PanelAction::SwitchProgram(name) => {
-                self.switch_mold(name).map_err(|reason| Refused::Program { reason })?;
+                self.switch_mold(name).map_err(|reason| Refused::Program { reason: reason.to_string() })?;
             }
             PanelAction::LoadProgram { name, text } => self.load_program(name, text)?,
         }

@@ -17,7 +17,7 @@ use r6_proto::{OperationMode, RegisterIndex};
 
 use super::Machine;
 use super::execution::{Activity, SHORTEST_PASS};
-use crate::event::{AlarmCause, Detail, ModeReason};
+use crate::event::{AlarmCause, AtStep, Detail, ModeReason, Reason};
 use crate::instruction_list::{After, InstructionList};
 use crate::io::OutputPoint;
 use crate::profile::IdleSingleCycle;
@@ -193,8 +193,7 @@ impl Machine {
             }
             Ok(()) => true,
             Err((alarm, why)) => {
-                let step = Some(Detail::of(said(&place)));
-                self.raise(alarm, AlarmCause::Step { step, why: Detail::of(why) });
+                self.raise(alarm, AlarmCause::Step { step: Some(place_of(&place)), why });
                 false
             }
         }
@@ -258,7 +257,7 @@ impl Machine {
         self.program.last_round = Some(begins);
     }
 
-    fn carry_out_step(&mut self, step: &Step) -> Result<(), (AlarmCode, String)> {
+    fn carry_out_step(&mut self, step: &Step) -> Result<(), (AlarmCode, Reason)> {
         if !matches!(
             step,
             Step::Wait { .. }
@@ -301,7 +300,7 @@ impl Machine {
             }
             Step::Alarm { number } => {
                 self.program.next();
-                return Err((*number, "the program raises it".to_owned()));
+                return Err((*number, Reason::ByProgram));
             }
             Step::Tool(number) => {
                 self.frames.tool = *number;
@@ -309,8 +308,7 @@ impl Machine {
             }
             Step::Counter { id, change } => {
                 let counter = self.counters.get_mut(id);
-                let counter =
-                    counter.ok_or_else(|| (AlarmCode::NO_COUNTER, format!("there is no counter {id}")))?;
+                let counter = counter.ok_or_else(|| (AlarmCode::NO_COUNTER, Reason::NoCounter(*id)))?;
                 counter.current = changed(counter.current, *change);
                 self.program.next();
             }
@@ -395,16 +393,15 @@ impl Machine {
         }
     }
 
-    fn call(&mut self, name: &str) -> Result<(), (AlarmCode, String)> {
+    fn call(&mut self, name: &str) -> Result<(), (AlarmCode, Reason)> {
         if self.program.calls.len() > MAX_CALLS {
             return Err((
                 AlarmCode::PROGRAM,
-                format!("programs call one another more than {MAX_CALLS} deep"),
+                format!("programs call one another more than {MAX_CALLS} deep").into(),
             ));
         }
         let program = self.programs.library.named(name).cloned();
-        let program =
-            program.ok_or_else(|| (AlarmCode::PROGRAM, format!("there is no program `{name}` to call")))?;
+        let program = program.ok_or_else(|| (AlarmCode::PROGRAM, Reason::NoProgramToCall(Detail::of(name))))?;
         self.program.calls.push(Place { program, step: 0 });
         Ok(())
     }
@@ -436,17 +433,17 @@ impl Machine {
         }
     }
 
-    fn raise_here(&mut self, alarm: AlarmCode, why: &str) {
-        let step = Some(Detail::of(self.program.place().map(said).unwrap_or_default()));
-        self.raise(alarm, AlarmCause::Step { step, why: Detail::of(why) });
+    fn raise_here(&mut self, alarm: AlarmCode, why: Reason) {
+        let step = self.program.place().map(place_of);
+        self.raise(alarm, AlarmCause::Step { step, why });
     }
 
-    /// The name of the current instruction in a message.
-    pub(super) fn said_of(&self, step: &Instruction) -> String {
+    /// Where the current instruction stands, for the log.
+    pub(super) fn place_of_instruction(&self, step: &Instruction) -> AtStep {
         let action = step.action.number();
         match self.program.places.front().filter(|_| !self.program.remote) {
-            Some(place) => said(place),
-            None => format!("instruction {} (action {action})", self.steps().position() + 1),
+            Some(place) => place_of(place),
+            None => AtStep::OfList { instruction: self.steps().position() + 1, action },
         }
     }
 
@@ -472,8 +469,8 @@ impl Machine {
 }
 
 /// The name of a step in a message.
-fn said(place: &Place) -> String {
-    format!("program `{}`, step {}", place.program.name(), place.step + 1)
+fn place_of(place: &Place) -> AtStep {
+    AtStep::OfProgram { program: Detail::of(place.program.name()), step: place.step + 1 }
 }
 
 fn changed(value: i64, change: Change) -> i64 {

@@ -12,7 +12,7 @@ use crate::instruction_list::MAX_INSTRUCTIONS;
 use crate::profile::{ReplaceInMotion, Unarmed};
 
 /// Why an AddRCC was not taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum NotTaken {
     /// It is answered with `err`; the reason is for the log.
     Refused(ListRefusal),
@@ -88,8 +88,7 @@ impl Machine {
             Unarmed::Refuse => Err(NotTaken::Refused(WHY)),
             Unarmed::Silent => Err(NotTaken::Silent(WHY)),
             Unarmed::Arm if self.mode == OperationMode::Auto && !self.start_needed => {
-                self.press_start()
-                    .map_err(|refused| NotTaken::Refused(ListRefusal::NotStarted(refused.reason())))?;
+                self.press_start().map_err(|refused| NotTaken::Refused(ListRefusal::NotStarted(refused)))?;
                 if self.waits_for_remote() { Ok(()) } else { Err(NotTaken::Refused(WHY)) }
             }
             Unarmed::Arm => Err(NotTaken::Refused(WHY)),

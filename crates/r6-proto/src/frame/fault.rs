@@ -112,6 +112,12 @@ impl FrameError {
         Self { stream_offset, fault_offset, fault, head: Head::of(thrown_away) }
     }
 
+    /// The first bytes of what was thrown away, at most 16, for a person: in backticks, and escaped.
+    #[must_use]
+    pub fn shown(&self) -> impl fmt::Display {
+        self.head
+    }
+
     /// The first bytes of what was thrown away, at most 16.
     #[must_use]
     pub fn first_bytes(&self) -> &[u8] {

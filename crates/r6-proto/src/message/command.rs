@@ -9,7 +9,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 use crate::address::Ports;
-use crate::error::{EncodeError, FieldError};
+use crate::error::{EncodeError, FieldError, FieldPath, Wanted};
 use crate::message::fields::excerpt;
 use crate::printable::printable;
 use crate::spelling;
@@ -199,9 +199,12 @@ impl<'a> Source<'a> for Sent<'a> {
 
     fn wrong(&self, number: usize) -> FieldError {
         let info = argument::info(self.name.info().arguments, number);
-        let (name, wanted) = info.map_or(("?", "?"), |info| (info.name, info.kind.wanted_on_the_wire()));
+        let (name, wanted) = match info {
+            Some(info) => (info.name, info.kind.wanted_on_the_wire()),
+            None => ("?", Wanted::UNKNOWN),
+        };
         FieldError {
-            path: format!("{} argument {} ({name})", self.name, number + 1),
+            path: FieldPath::Argument { command: self.name, number: number + 1, name },
             found: self.values.at(number).map(excerpt),
             wanted,
             nearest: None,

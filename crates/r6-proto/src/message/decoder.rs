@@ -33,7 +33,7 @@
 mod again;
 mod lists;
 
-use crate::error::{FieldError, JsonError};
+use crate::error::{FieldError, FieldPath, JsonError, Wanted};
 use crate::json::Cursor;
 use crate::message::decoder::again::LastReply;
 use crate::message::decoder::lists::Lists;
@@ -285,35 +285,54 @@ impl Decoder {
             RequestType::AddRcc => Shape::AddRcc,
         };
         let checked = match shape {
-            Shape::Query => require_list(bytes, top, Top::QueryAddr, "a list of query addresses"),
-            Shape::QueryReply => require_list(bytes, top, Top::QueryData, "a list of values"),
-            Shape::Command => {
-                require_list(bytes, top, Top::CmdData, "a list: the command's name and arguments")
-                    .and_then(|()| self.require_name(bytes))
+            Shape::Query => require_list(
+                bytes,
+                top,
+                Top::QueryAddr,
+                Wanted(&["a list of query addresses", "查询地址的列表"]),
+            ),
+            Shape::QueryReply => {
+                require_list(bytes, top, Top::QueryData, Wanted(&["a list of values", "值的列表"]))
             }
+            Shape::Command => require_list(
+                bytes,
+                top,
+                Top::CmdData,
+                Wanted(&["a list: the command's name and arguments", "列表：命令名和参数"]),
+            )
+            .and_then(|()| self.require_name(bytes)),
             Shape::CommandReply => require_reply(bytes, top),
             Shape::Photo => require_integer(bytes, top, Top::CamId),
             Shape::PhotoAnswer => {
                 require_integer(bytes, top, Top::CamId).and_then(|()| require_integer(bytes, top, Top::Ret))
             }
             Shape::AddPoints => {
-                match require_list(bytes, top, Top::DsData, "a list of cameras with their points") {
+                match require_list(
+                    bytes,
+                    top,
+                    Top::DsData,
+                    Wanted(&["a list of cameras with their points", "相机及其视觉点位的列表"]),
+                ) {
                     Ok(()) => self.lists.checked_cameras(bytes, top.at(Top::DsData), &mut self.extras)?,
                     Err(error) => Err(error),
                 }
             }
-            Shape::AddRcc => require_list(bytes, top, Top::Instructions, "a list of instructions")
-                .and_then(|()| require_flag(bytes, top))
-                .and_then(|()| self.lists.checked_instructions()),
-            Shape::AddRcc2020 => match require_list(bytes, top, Top::DsData, "a list of instructions")
-                .and_then(|()| require_flag(bytes, top))
-            {
-                Ok(()) => {
-                    let sets = top.value(Top::DsData, bytes);
-                    self.lists.instructions_2020(bytes, sets, &mut self.extras)?
+            Shape::AddRcc => {
+                require_list(bytes, top, Top::Instructions, Wanted(&["a list of instructions", "指令列表"]))
+                    .and_then(|()| require_flag(bytes, top))
+                    .and_then(|()| self.lists.checked_instructions())
+            }
+            Shape::AddRcc2020 => {
+                match require_list(bytes, top, Top::DsData, Wanted(&["a list of instructions", "指令列表"]))
+                    .and_then(|()| require_flag(bytes, top))
+                {
+                    Ok(()) => {
+                        let sets = top.value(Top::DsData, bytes);
+                        self.lists.instructions_2020(bytes, sets, &mut self.extras)?
+                    }
+                    Err(error) => Err(error),
                 }
-                Err(error) => Err(error),
-            },
+            }
             Shape::Heartbreak | Shape::Unknown | Shape::Rejected(_) => Ok(()),
         };
         Ok(match checked {
@@ -326,11 +345,11 @@ impl Decoder {
     }
 
     fn require_name(&self, bytes: &[u8]) -> Result<(), FieldError> {
-        const WANTED: &str = "the name of a command";
+        const WANTED: Wanted = Wanted(&["the name of a command", "命令名"]);
         match self.words.first().map(|node| Value::new(bytes, *node)) {
             Some(name) if name.is_text() => Ok(()),
             found => Err(FieldError {
-                path: "cmdData[0]".to_owned(),
+                path: FieldPath::Member("cmdData[0]".to_owned()),
                 found: found.map(excerpt),
                 wanted: WANTED,
                 nearest: None,
@@ -465,12 +484,17 @@ fn list(cursor: &mut Cursor<'_>, bytes: &[u8], nodes: &mut Vec<Node>) -> Result<
     Ok(Node { span: Span::new(start, cursor.at()), kind: Kind::List })
 }
 
-fn top_error(top: &TopNodes, bytes: &[u8], key: Top, wanted: &'static str) -> FieldError {
+fn top_error(top: &TopNodes, bytes: &[u8], key: Top, wanted: Wanted) -> FieldError {
     let name = Top::KEYS.get(key as usize).copied().unwrap_or("?");
-    FieldError { path: name.to_owned(), found: top.value(key, bytes).map(excerpt), wanted, nearest: None }
+    FieldError {
+        path: FieldPath::Member(name.to_owned()),
+        found: top.value(key, bytes).map(excerpt),
+        wanted,
+        nearest: None,
+    }
 }
 
-fn require_list(bytes: &[u8], top: &TopNodes, key: Top, wanted: &'static str) -> Result<(), FieldError> {
+fn require_list(bytes: &[u8], top: &TopNodes, key: Top, wanted: Wanted) -> Result<(), FieldError> {
     match top.at(key) {
         Some(Node { kind: Kind::List, .. }) => Ok(()),
         Some(_) | None => Err(top_error(top, bytes, key, wanted)),
@@ -481,22 +505,25 @@ fn require_list(bytes: &[u8], top: &TopNodes, key: Top, wanted: &'static str) ->
 fn require_reply(bytes: &[u8], top: &TopNodes) -> Result<(), FieldError> {
     match top.at(Top::CmdReply).map(|node| node.kind) {
         Some(Kind::List | Kind::Text { .. }) => Ok(()),
-        Some(_) | None => Err(top_error(top, bytes, Top::CmdReply, "a list of words")),
+        Some(_) | None => Err(top_error(top, bytes, Top::CmdReply, Wanted(&["a list of words", "词的列表"]))),
     }
 }
 
 fn require_integer(bytes: &[u8], top: &TopNodes, key: Top) -> Result<(), FieldError> {
     match top.value(key, bytes).and_then(|value| value.integer()) {
         Some(_) => Ok(()),
-        None => Err(top_error(top, bytes, key, "a whole number")),
+        None => Err(top_error(top, bytes, key, Wanted(&["a whole number", "整数"]))),
     }
 }
 
 fn require_flag(bytes: &[u8], top: &TopNodes) -> Result<(), FieldError> {
     match top.value(Top::EmptyList, bytes) {
-        Some(value) if value.flag().is_none() => {
-            Err(top_error(top, bytes, Top::EmptyList, "1 (replace the list) or 0 (append to it)"))
-        }
+        Some(value) if value.flag().is_none() => Err(top_error(
+            top,
+            bytes,
+            Top::EmptyList,
+            Wanted(&["1 (replace the list) or 0 (append to it)", "1（替换列表）或 0（追加到列表）"]),
+        )),
         Some(_) | None => Ok(()),
     }
 }

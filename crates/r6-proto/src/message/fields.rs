@@ -2,7 +2,7 @@
 
 use crate::axis::AXES;
 use crate::encode::{Key, key};
-use crate::error::{FieldError, JsonError};
+use crate::error::{FieldError, FieldPath, JsonError, Wanted};
 use crate::json::Cursor;
 use crate::message::extra::{ExtraKind, ExtraNode, Place};
 use crate::message::fast::{Habit, Pattern};
@@ -273,7 +273,7 @@ impl<'a> FieldsView<'a> {
     pub fn optional<T>(
         &mut self,
         field: usize,
-        wanted: &'static str,
+        wanted: Wanted,
         read: impl FnOnce(Value<'a>) -> Option<T>,
     ) -> Result<Option<T>, FieldError> {
         self.used |= 1 << field;
@@ -291,19 +291,19 @@ impl<'a> FieldsView<'a> {
     pub fn required<T>(
         &mut self,
         field: usize,
-        wanted: &'static str,
+        wanted: Wanted,
         read: impl FnOnce(Value<'a>) -> Option<T>,
     ) -> Result<T, FieldError> {
         self.optional(field, wanted, read)?.ok_or_else(|| self.missing(field, wanted))
     }
 
     /// Reads a required whole number.
-    pub fn integer(&mut self, field: usize, wanted: &'static str) -> Result<i64, FieldError> {
+    pub fn integer(&mut self, field: usize, wanted: Wanted) -> Result<i64, FieldError> {
         self.required(field, wanted, |value| value.integer())
     }
 
     /// The error for a missing field.
-    pub fn missing(&self, field: usize, wanted: &'static str) -> FieldError {
+    pub fn missing(&self, field: usize, wanted: Wanted) -> FieldError {
         FieldError { path: self.path(field), found: None, wanted, nearest: None }
     }
 
@@ -316,8 +316,8 @@ impl<'a> FieldsView<'a> {
         slots.filter_map(move |slot| set.at(slot).filter(|_| unused & 1 << slot != 0))
     }
 
-    fn path(&self, field: usize) -> String {
-        format!("{}.{}", self.place, Fields::name(field))
+    fn path(&self, field: usize) -> FieldPath {
+        FieldPath::Member(format!("{}.{}", self.place, Fields::name(field)))
     }
 }
 

@@ -9,7 +9,7 @@ use std::ops::RangeInclusive;
 
 use crate::axis::{AXES, AxisIndex, AxisMask};
 use crate::encode::{Decimals, ObjectWriter, key};
-use crate::error::{EncodeError, FieldError};
+use crate::error::{EncodeError, FieldError, Wanted};
 use crate::message::action::{self, Known};
 use crate::message::fields::{Fields, FieldsView};
 
@@ -255,8 +255,10 @@ impl UnknownAction {
 impl Instruction {
     /// Reads the instruction from the fields; `Ok(None)` for an unknown action number.
     pub(crate) fn from_fields(fields: &mut FieldsView<'_>) -> Result<Option<Self>, FieldError> {
-        let number = fields.integer(Fields::ACTION, "a whole number")?;
-        let oneshot = fields.optional(Fields::ONESHOT, "1 or 0", |value| value.flag())?.unwrap_or(false);
+        let number = fields.integer(Fields::ACTION, Wanted(&["a whole number", "整数"]))?;
+        let oneshot = fields
+            .optional(Fields::ONESHOT, Wanted(&["1 or 0", "1 或 0"]), |value| value.flag())?
+            .unwrap_or(false);
         let Some(known) = Known::of(number) else { return Ok(None) };
         let action = match known {
             Known::AxisMove => Action::AxisMove(Move::from_fields(fields)?),
@@ -313,9 +315,11 @@ impl Instruction {
 fn coordinates(fields: &mut FieldsView<'_>, group: [usize; AXES]) -> Result<Coordinates, FieldError> {
     let mut coordinates = Coordinates::default();
     for (axis, field) in AxisIndex::ALL.into_iter().zip(group) {
-        if let Some(value) =
-            fields.optional(field, "a finite number of mm or degrees", |value| value.number())?
-        {
+        if let Some(value) = fields.optional(
+            field,
+            Wanted(&["a finite number of mm or degrees", "有限的毫米数或角度"]),
+            |value| value.number(),
+        )? {
             coordinates.set(axis, value);
         }
     }

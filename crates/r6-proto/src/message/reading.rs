@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::address::{Address, ValueType};
-use crate::error::FieldError;
+use crate::error::{FieldError, FieldPath, Wanted};
 use crate::message::fields::excerpt;
 use crate::value::Value;
 
@@ -46,25 +46,37 @@ impl Reading {
     /// [`FieldError`] if the value is not valid for this address.
     pub fn of(address: Address, value: Value<'_>) -> Result<Self, FieldError> {
         let wrong = |wanted| FieldError {
-            path: address.to_string(),
+            path: FieldPath::Member(address.to_string()),
             found: Some(excerpt(value)),
             wanted,
             nearest: None,
         };
         match address.info().value {
-            ValueType::Text if value.is_list() => Err(wrong("a text")),
+            ValueType::Text if value.is_list() => Err(wrong(Wanted(&["a text", "文本"]))),
             ValueType::Text => Ok(Self::Text(value.text().into_owned())),
-            ValueType::Integer => value.integer().map(Self::Integer).ok_or_else(|| wrong("a whole number")),
-            ValueType::Decimal => value.number().map(Self::Decimal).ok_or_else(|| wrong("a finite number")),
-            ValueType::Word => word(value).map(Self::Word).ok_or_else(|| wrong("a number of 32 bits")),
-            ValueType::Flag => value.flag().map(Self::Flag).ok_or_else(|| wrong("1 or 0")),
+            ValueType::Integer => {
+                value.integer().map(Self::Integer).ok_or_else(|| wrong(Wanted(&["a whole number", "整数"])))
+            }
+            ValueType::Decimal => value
+                .number()
+                .map(Self::Decimal)
+                .ok_or_else(|| wrong(Wanted(&["a finite number", "有限的数"]))),
+            ValueType::Word => word(value)
+                .map(Self::Word)
+                .ok_or_else(|| wrong(Wanted(&["a number of 32 bits", "32 位的数"]))),
+            ValueType::Flag => {
+                value.flag().map(Self::Flag).ok_or_else(|| wrong(Wanted(&["1 or 0", "1 或 0"])))
+            }
             ValueType::TextList if value.is_list() => {
                 Ok(Self::Texts(value.items().map(|item| item.text().into_owned()).collect()))
             }
-            ValueType::TextList => Err(wrong("a list of texts")),
-            ValueType::Counter => Counter::of(value)
-                .map(Self::Counter)
-                .ok_or_else(|| wrong("a counter: [id, target, current] or name[id][T:target][C:current]")),
+            ValueType::TextList => Err(wrong(Wanted(&["a list of texts", "文本列表"]))),
+            ValueType::Counter => Counter::of(value).map(Self::Counter).ok_or_else(|| {
+                wrong(Wanted(&[
+                    "a counter: [id, target, current] or name[id][T:target][C:current]",
+                    "计数器：[id, target, current] 或 name[id][T:target][C:current]",
+                ]))
+            }),
         }
     }
 }

@@ -54,7 +54,7 @@ pub fn look_at_everything(message: &Message<'_>) {
         }
         Body::Unknown(unknown) => assert!(!unknown.to_string().is_empty()),
         Body::Rejected(rejection) => {
-            assert!(!rejection.error.to_string().is_empty() && !rejection.error.path.is_empty());
+            assert!(!rejection.error.to_string().is_empty() && !rejection.error.path.to_string().is_empty());
         }
         Body::Heartbreak | Body::Photo(_) | Body::PhotoAnswer(_) => {}
     }

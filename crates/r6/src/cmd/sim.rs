@@ -82,6 +82,13 @@ pub struct LogArgs {
     /// The form of each log line
     #[arg(long, value_enum, default_value = "text")]
     log: Form,
+    #[command(flatten)]
+    lang: LangArg,
+}
+
+/// The language of what a virtual controller prints.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct LangArg {
     /// The language of the log
     #[arg(long, value_enum, default_value = "en")]
     lang: Lang,
@@ -108,7 +115,14 @@ enum Lang {
 }
 
 impl LogArgs {
-    fn language(self) -> Language {
+    /// Lines for people, in this language.
+    pub fn text(lang: LangArg) -> Self {
+        Self { log: Form::Text, lang }
+    }
+}
+
+impl LangArg {
+    pub fn language(self) -> Language {
         match self.lang {
             Lang::En => Language::English,
             Lang::Zh => Language::Chinese,
@@ -180,8 +194,9 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
     let simulation = start(settings).await?;
     let controllers = simulation.controllers();
     let lines = output::lines();
-    let listening = controllers.iter().map(|controller| format!("listening on {}", controller.address()));
-    let panel = simulation.panel().map(panel_line);
+    let language = args.told.lang.language();
+    let listening = controllers.iter().map(|controller| listening_line(controller.address(), language));
+    let panel = simulation.panel().map(|address| panel_line(address, language));
     let listening: Vec<_> = listening.chain(panel).collect();
     let named = controllers.len() > 1;
     let mut logs = JoinSet::new();
@@ -267,9 +282,20 @@ fn alarm_at_start(state: &ControllerSnapshot, address: SocketAddr) -> Option<Str
     })
 }
 
+/// The line that names the address of a controller.
+pub fn listening_line(address: SocketAddr, language: Language) -> String {
+    match language {
+        Language::English => format!("listening on {address}"),
+        Language::Chinese => format!("监听地址 {address}"),
+    }
+}
+
 /// The line that names the address of the panel.
-pub fn panel_line(address: SocketAddr) -> String {
-    format!("panel on http://{address}")
+pub fn panel_line(address: SocketAddr, language: Language) -> String {
+    match language {
+        Language::English => format!("panel on http://{address}"),
+        Language::Chinese => format!("面板地址 http://{address}"),
+    }
 }
 
 /// Prints as JSON where the controllers and the panel listen.
@@ -312,15 +338,15 @@ pub async fn print_log(
     loop {
         match (log.recv().await, told.log) {
             (Ok(entry), Form::Json) => {
-                let text = entry.event.text(told.language());
+                let text = entry.event.text(told.lang.language());
                 let line =
                     Line { controller: address.to_string(), level: entry.level(), entry: &entry, text };
                 json_line(&line, &lines);
             }
             (Ok(entry), Form::Text) if named => {
-                lines.line(format_args!("{address}  {}", log_text(&entry, told.language())));
+                lines.line(format_args!("{address}  {}", log_text(&entry, told.lang.language())));
             }
-            (Ok(entry), Form::Text) => lines.line(log_text(&entry, told.language())),
+            (Ok(entry), Form::Text) => lines.line(log_text(&entry, told.lang.language())),
             (Err(RecvError::Lagged(count)), Form::Json) => {
                 json_line(&serde_json::json!({ "event": "lost", "lines": count }), &lines);
             }

@@ -10,7 +10,7 @@ use r6_sim::panel::DEFAULT_PORT;
 use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
 use tokio::sync::broadcast::error::TryRecvError;
 
-use crate::cmd::sim::{self, CellArgs};
+use crate::cmd::sim::{self, CellArgs, LangArg};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::output::screen::{Screen, View};
@@ -65,6 +65,8 @@ pub struct UpArgs {
     #[arg(long, requires = "panel")]
     panel_open: bool,
     #[command(flatten)]
+    lang: LangArg,
+    #[command(flatten)]
     cell: CellArgs,
 }
 
@@ -79,19 +81,23 @@ impl UpArgs {
 pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let has_screen = args.has_screen();
     let mut ending = Ending::watch()?;
+    let lang = args.lang;
     let simulation = start(args).await?;
     let result = tokio::select! {
-        shown = show(&simulation, has_screen) => shown,
+        shown = show(&simulation, has_screen, lang) => shown,
         () = ending.signalled() => Ok(()),
     };
     let kept = sim::end(simulation).await;
     result.and(kept).map(|()| Exit::Done)
 }
 
-async fn show(simulation: &Simulation, has_screen: bool) -> Result<(), Failure> {
+async fn show(simulation: &Simulation, has_screen: bool, lang: LangArg) -> Result<(), Failure> {
     let Some(controller) = simulation.controllers().first() else { return Ok(()) };
     let panel = simulation.panel();
-    if has_screen { show_screen(controller, panel).await } else { show_lines(controller, panel).await }
+    match has_screen {
+        true => show_screen(controller, panel, lang.language()).await,
+        false => show_lines(controller, panel, lang).await,
+    }
 }
 
 /// Starts the cell. Without `--panel`, the panel takes its usual port if that is free, else any free port.
@@ -131,23 +137,39 @@ fn hints(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Vec<String
     commands.into_iter().chain(panel).collect()
 }
 
-async fn show_lines(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Result<(), Failure> {
+async fn show_lines(
+    controller: &ControllerHandle,
+    panel: Option<SocketAddr>,
+    lang: LangArg,
+) -> Result<(), Failure> {
     let log = controller.log_from_start();
     let state = controller.snapshot();
     let lines = output::lines();
-    lines.line(format_args!("listening on {}", controller.address()));
-    lines.line(format_args!("{}, profile {}, mode {}", state.machine_name, state.profile, state.mode));
+    let language = lang.language();
+    lines.line(sim::listening_line(controller.address(), language));
+    let (name, profile, mode) = (&state.machine_name, &state.profile, state.mode);
+    lines.line(match language {
+        Language::English => format!("{name}, profile {profile}, mode {mode}"),
+        Language::Chinese => format!("{name}，控制器配置 {profile}，模式 {}", mode.number()),
+    });
     if let Some(panel) = panel {
-        lines.line(sim::panel_line(panel));
+        lines.line(sim::panel_line(panel, language));
     }
     for hint in hints(controller, panel) {
-        lines.line(format_args!("try: {hint}"));
+        lines.line(match language {
+            Language::English => format!("try: {hint}"),
+            Language::Chinese => format!("可以试试：{hint}"),
+        });
     }
-    sim::print_log(controller.clone(), log, false, sim::LogArgs::default(), lines).await;
+    sim::print_log(controller.clone(), log, false, sim::LogArgs::text(lang), lines).await;
     Ok(())
 }
 
-async fn show_screen(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Result<(), Failure> {
+async fn show_screen(
+    controller: &ControllerHandle,
+    panel: Option<SocketAddr>,
+    language: Language,
+) -> Result<(), Failure> {
     let failed = |error: std::io::Error| Failure::usage(format!("the terminal cannot be drawn on: {error}"));
     let mut log = controller.log_from_start();
     let mut view = View::new(controller.address(), hints(controller, panel));
@@ -157,7 +179,7 @@ async fn show_screen(controller: &ControllerHandle, panel: Option<SocketAddr>) -
         ticks.tick().await;
         loop {
             match log.try_recv() {
-                Ok(line) => view.add_line(sim::log_text(&line, Language::English)),
+                Ok(line) => view.add_line(sim::log_text(&line, language)),
                 Err(TryRecvError::Lagged(lost)) => view.add_line(output::lost_lines(lost)),
                 Err(TryRecvError::Empty | TryRecvError::Closed) => break,
             }

@@ -359,9 +359,20 @@ fn connections_that_cannot_be_accepted_are_told_once() {
 #[test]
 fn the_log_speaks_chinese() {
     let mut sim = Running::start(&["sim", "--listen", "127.0.0.1:0", "--lang", "zh"]);
-    let address = sim.line().strip_prefix("listening on ").unwrap().to_owned();
+    let address = sim.line().strip_prefix("监听地址 ").unwrap().to_owned();
     assert_eq!(r6(&["-r", &address, "command", "actionStop"]).code, 0);
     let lines = [sim.line(), sim.line()];
+    assert!(lines.iter().any(|line| line.ends_with("连接 0：命令 actionStop")), "{lines:?}");
+
+    let mut up = Running::start(&["up", "--listen", "127.0.0.1:0", "--panel", "127.0.0.1:0", "--lang", "zh"]);
+    let address = up.line().strip_prefix("监听地址 ").unwrap().to_owned();
+    assert!(up.line().ends_with("，控制器配置 hc1，模式 7"));
+    assert!(up.line().starts_with("面板地址 http://127.0.0.1:"));
+    for _ in 0..4 {
+        assert!(up.line().starts_with("可以试试：r6 "));
+    }
+    assert_eq!(r6(&["-r", &address, "command", "actionStop"]).code, 0);
+    let lines = [up.line(), up.line()];
     assert!(lines.iter().any(|line| line.ends_with("连接 0：命令 actionStop")), "{lines:?}");
 }
 

@@ -7,7 +7,7 @@ use r6_proto::time::Instant;
 use r6_proto::{OperationMode, RegisterIndex};
 
 use super::{Machine, Place};
-use crate::event::ModeReason;
+use crate::event::{ModeReason, Reason};
 use crate::machine::execution::{Activity, Awaited, duration};
 use crate::program::{Photo, Step};
 
@@ -118,16 +118,16 @@ impl Machine {
                 self.leave_running(ModeReason::SingleStep);
             }
         } else {
-            self.photo_failed(&photo, tries, "the camera could not take the photo");
+            self.photo_failed(&photo, tries, Reason::NoPhoto { camera });
         }
         self.run_list();
     }
 
-    fn photo_failed(&mut self, photo: &Photo, tries: u32, why: &str) {
+    fn photo_failed(&mut self, photo: &Photo, tries: u32, why: Reason) {
         if tries > 1 {
             self.ask_for_photo(photo, tries - 1);
         } else {
-            self.raise_here(photo.alarm, &format!("camera {}: {why}", photo.camera));
+            self.raise_here(photo.alarm, why);
         }
     }
 
@@ -135,18 +135,18 @@ impl Machine {
     pub(in crate::machine) fn awaited_in_vain(&mut self, what: &Awaited) {
         match what {
             Awaited::Photo(photo, tries) => {
-                let limit = photo.limit.unwrap_or(0.0);
-                self.photo_failed(photo, *tries, &format!("no answer to the photo request within {limit} s"));
+                let seconds = photo.limit.unwrap_or(0.0);
+                self.photo_failed(photo, *tries, Reason::NoAnswerToPhoto { camera: photo.camera, seconds });
             }
             Awaited::Point => match self.program.step() {
                 Some(Step::TakePoint { or_else: Some(to), .. }) => {
                     let to = *to;
                     self.go_on_at(to);
                 }
-                _ => self.raise_here(AlarmCode::NO_POINTS, "no point has come in time"),
+                _ => self.raise_here(AlarmCode::NO_POINTS, Reason::NoPointInTime),
             },
             Awaited::Registers => {
-                self.raise_here(AlarmCode::PROGRAM, "the registers were not written in time");
+                self.raise_here(AlarmCode::PROGRAM, Reason::RegistersNotWritten);
             }
         }
     }

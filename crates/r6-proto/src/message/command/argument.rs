@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::address::RegisterIndex;
 use crate::encode::{Decimals, write_fixed, write_integer};
-use crate::error::EncodeError;
+use crate::error::{EncodeError, Wanted};
 use crate::grid::{Grid, Nearest};
 use crate::text;
 use crate::value::Value;
@@ -34,7 +34,7 @@ pub enum ArgumentKind {
         /// The highest.
         last: i64,
         /// What a valid number is.
-        wanted: &'static str,
+        wanted: Wanted,
     },
     /// A whole number of 32 bits with sign, because a register's Modbus twin is two registers of 16 bits.
     /// Larger numbers are read, but refused before they are sent.
@@ -58,32 +58,32 @@ pub enum ArgumentKind {
         /// Whether the wire carries the number of steps instead of the number: percent × 10, seconds × 1000.
         in_steps: bool,
         /// What a valid number is, in the units of people.
-        wanted: &'static str,
+        wanted: Wanted,
         /// The same, in the units of the wire.
-        wanted_on_the_wire: &'static str,
+        wanted_on_the_wire: Wanted,
     },
 }
 
 impl ArgumentKind {
     /// What a valid argument of this kind is, in the units of people.
     #[must_use]
-    pub const fn wanted(self) -> &'static str {
+    pub const fn wanted(self) -> Wanted {
         match self {
-            Self::Text => "a text",
-            Self::Integer => "a whole number of 32 bits",
-            Self::Count => "a count from 0, or -1 to keep it",
-            Self::Flag => "1 (on) or 0 (off)",
-            Self::Register => "a register from 800 to 900",
+            Self::Text => Wanted(&["a text", "文本"]),
+            Self::Integer => Wanted(&["a whole number of 32 bits", "32 位整数"]),
+            Self::Count => Wanted(&["a count from 0, or -1 to keep it", "不小于 0 的计数；-1 为不修改"]),
+            Self::Flag => Wanted(&["1 (on) or 0 (off)", "1（通）或 0（断）"]),
+            Self::Register => Wanted(&["a register from 800 to 900", "800 至 900 的寄存器"]),
             Self::Whole { wanted, .. } | Self::Number { wanted, .. } => wanted,
         }
     }
 
     /// What a valid argument is on the wire.
     #[must_use]
-    pub const fn wanted_on_the_wire(self) -> &'static str {
+    pub const fn wanted_on_the_wire(self) -> Wanted {
         match self {
             Self::Number { wanted_on_the_wire, .. } => wanted_on_the_wire,
-            Self::Flag => "1 or 0",
+            Self::Flag => Wanted(&["1 or 0", "1 或 0"]),
             Self::Text | Self::Whole { .. } | Self::Integer | Self::Count | Self::Register => self.wanted(),
         }
     }
@@ -182,7 +182,7 @@ impl ArgumentKind {
         argument: &Argument<'_>,
         out: &mut Vec<u8>,
     ) -> Result<(), EncodeError> {
-        let wrong = EncodeError::new(name, self.wanted());
+        let wrong = EncodeError::new(name, self.wanted().english());
         let whole = match (self, argument) {
             (Self::Text, Argument::Text(text)) => {
                 out.push(b',');

@@ -8,7 +8,7 @@ use ArgumentKind::{Count, Flag, Integer, Register, Text};
 use super::argument::{ArgumentInfo, ArgumentKind, Field, Source, Writer};
 use super::{CommandInfo, Effect};
 use crate::address::{Ports, RegisterIndex};
-use crate::error::EncodeError;
+use crate::error::{EncodeError, Wanted};
 use crate::grid::Grid;
 
 /// Defines the table. Each row has: the name, the word on the wire, the effect on the machine (`+ Frame`:
@@ -113,22 +113,30 @@ const fn optional(name: &'static str, kind: ArgumentKind, meaning: &'static str)
     ArgumentInfo { name, kind, meaning, optional: true }
 }
 
-const fn whole(first: i64, last: i64, wanted: &'static str) -> ArgumentKind {
+const fn whole(first: i64, last: i64, wanted: Wanted) -> ArgumentKind {
     ArgumentKind::Whole { first, last, wanted }
 }
 
-const NUMBER: ArgumentKind = whole(0, 0xFFFF_FFFF, "a number from 0");
-const BOARD: ArgumentKind = whole(0, 7, "0-3 (boards), 4-6 (M) or 7 (EU)");
-const POINT: ArgumentKind = whole(0, 31, "a point from 0 to 31");
-const LENGTH: ArgumentKind = whole(1, 101, "how many values follow, all within registers 800 to 900");
+const NUMBER: ArgumentKind = whole(0, 0xFFFF_FFFF, Wanted(&["a number from 0", "不小于 0 的整数"]));
+const BOARD: ArgumentKind =
+    whole(0, 7, Wanted(&["0-3 (boards), 4-6 (M) or 7 (EU)", "0 至 3（IO 板）、4 至 6（M 值）或 7（EUIO）"]));
+const POINT: ArgumentKind = whole(0, 31, Wanted(&["a point from 0 to 31", "0 至 31 的点位"]));
+const LENGTH: ArgumentKind = whole(
+    1,
+    101,
+    Wanted(&[
+        "how many values follow, all within registers 800 to 900",
+        "后面值的个数，寄存器都在 800 至 900 以内",
+    ]),
+);
 const PERCENT: ArgumentKind = ArgumentKind::Number {
     unit: "%",
     first: 0.0,
     last: 100.0,
     grid: Grid::PERCENT,
     in_steps: true,
-    wanted: "percent from 0 to 100",
-    wanted_on_the_wire: "percent x 10, from 0 to 1000",
+    wanted: Wanted(&["percent from 0 to 100", "0 至 100 的百分比"]),
+    wanted_on_the_wire: Wanted(&["percent x 10, from 0 to 1000", "百分比 × 10，0 至 1000"]),
 };
 const SECONDS: ArgumentKind = ArgumentKind::Number {
     unit: "s",
@@ -136,8 +144,8 @@ const SECONDS: ArgumentKind = ArgumentKind::Number {
     last: 60.0,
     grid: Grid::MILLISECONDS,
     in_steps: true,
-    wanted: "seconds from 0.001 to 60",
-    wanted_on_the_wire: "milliseconds, 1 to 60000",
+    wanted: Wanted(&["seconds from 0.001 to 60", "0.001 至 60 的秒数"]),
+    wanted_on_the_wire: Wanted(&["milliseconds, 1 to 60000", "1 至 60000 的毫秒数"]),
 };
 const MM: ArgumentKind = thousandths("mm");
 const DEGREES: ArgumentKind = thousandths("deg");
@@ -148,8 +156,8 @@ const fn thousandths(unit: &'static str) -> ArgumentKind {
         last: 1e6,
         grid: Grid::THOUSANDTHS,
         in_steps: true,
-        wanted: "a number of mm or degrees within ±1e6",
-        wanted_on_the_wire: "mm or degrees, multiplied by 1000",
+        wanted: Wanted(&["a number of mm or degrees within ±1e6", "毫米数或角度，不超过 ±1e6"]),
+        wanted_on_the_wire: Wanted(&["mm or degrees, multiplied by 1000", "毫米数或角度 × 1000"]),
     }
 }
 /// The manual gives neither unit nor limit; mm is our reading.
@@ -159,8 +167,8 @@ const SPACING: ArgumentKind = ArgumentKind::Number {
     last: f64::MAX,
     grid: Grid::THOUSANDTHS,
     in_steps: false,
-    wanted: "a spacing in mm",
-    wanted_on_the_wire: "a spacing in mm",
+    wanted: Wanted(&["a spacing in mm", "间隔，单位 mm"]),
+    wanted_on_the_wire: Wanted(&["a spacing in mm", "间隔，单位 mm"]),
 };
 
 // Advice for a refused command, where several commands share it.

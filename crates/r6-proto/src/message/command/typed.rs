@@ -90,7 +90,7 @@ struct Typed<'w, W> {
 impl<W: AsRef<str>> Typed<'_, W> {
     fn not_so(&self, number: usize, nearest: Option<(Nearest, &'static str)>) -> TypedError {
         let info = argument::info(self.name.info().arguments, number);
-        let (name, wanted) = info.map_or(("?", "?"), |info| (info.name, info.kind.wanted()));
+        let (name, wanted) = info.map_or(("?", "?"), |info| (info.name, info.kind.wanted().english()));
         TypedError::Argument {
             name,
             found: self.words.get(number).map_or_else(String::new, |word| word.as_ref().to_owned()),

@@ -1,6 +1,6 @@
 //! Reads the nested lists of a frame: instructions, and the points of cameras.
 
-use crate::error::{FieldError, JsonError};
+use crate::error::{FieldError, FieldPath, JsonError, Wanted};
 use crate::json::Cursor;
 use crate::message::extra::{ExtraKind, ExtraNode, Place};
 use crate::message::fields::{FieldSet, Fields, FieldsView, excerpt};
@@ -104,9 +104,9 @@ impl Lists {
                     self.read_instructions(&mut cursor, bytes, extras, true)?
                 }
                 None => Err(FieldError {
-                    path: "dsData[].data".to_owned(),
+                    path: FieldPath::Member("dsData[].data".to_owned()),
                     found: None,
-                    wanted: "a list of instructions",
+                    wanted: Wanted(&["a list of instructions", "指令列表"]),
                     nearest: None,
                 }),
             };
@@ -270,16 +270,16 @@ impl Lists {
             }
         }
         let wrong = |field: &str, node: Option<Node>, wanted| FieldError {
-            path: format!("{place}.{field}"),
+            path: FieldPath::Member(format!("{place}.{field}")),
             found: node.map(|node| excerpt(Value::new(bytes, node))),
             wanted,
             nearest: None,
         };
         if data.is_none_or(|node| node.kind != Kind::List) {
-            return Ok(Err(wrong("data", data, "a list of points")));
+            return Ok(Err(wrong("data", data, Wanted(&["a list of points", "点位列表"]))));
         }
         let Some(id) = cam_id.and_then(|node| Value::new(bytes, node).integer()) else {
-            return Ok(Err(wrong("camID", cam_id, "a whole number")));
+            return Ok(Err(wrong("camID", cam_id, Wanted(&["a whole number", "整数"]))));
         };
         self.sets.push(PointSet { cam_id: id, first: start, end: self.points.len() });
         Ok(checked)
@@ -360,5 +360,10 @@ fn data_of(
 }
 
 fn not_an_object(place: Place, found: Value<'_>) -> FieldError {
-    FieldError { path: place.to_string(), found: Some(excerpt(found)), wanted: "an object", nearest: None }
+    FieldError {
+        path: FieldPath::Member(place.to_string()),
+        found: Some(excerpt(found)),
+        wanted: Wanted(&["an object", "JSON 对象"]),
+        nearest: None,
+    }
 }

@@ -6,14 +6,14 @@ use std::ops::RangeInclusive;
 use super::{BlendLevel, WaitSource};
 use crate::axis::AxisMask;
 use crate::encode::{Decimals, Key, ObjectWriter};
-use crate::error::{EncodeError, FieldError};
+use crate::error::{EncodeError, FieldError, Wanted};
 use crate::grid::Grid;
 use crate::io_point::PairMask;
 use crate::message::fields::FieldsView;
 use crate::value::Value;
 
 /// What a valid point of an input is.
-pub(super) const POINT: &str = "a point from 0 to 31";
+pub(super) const POINT: Wanted = Wanted(&["a point from 0 to 31", "0 至 31 的点位"]);
 
 /// The delays and limits that are read and sent, in seconds: at most one day. A longer time is probably a
 /// mistake in the unit.
@@ -27,7 +27,7 @@ pub(super) trait Kind<const MEMBERS: usize> {
     type Value;
 
     /// What a valid value is.
-    fn wanted(&self) -> &'static str;
+    fn wanted(&self) -> Wanted;
 
     /// Reads the value; `None` if the first member is absent.
     fn take(
@@ -55,7 +55,7 @@ pub(super) trait OfOne {
     type Value;
 
     /// What a valid value is.
-    fn wanted(&self) -> &'static str;
+    fn wanted(&self) -> Wanted;
 
     /// Reads the value; `None` if it is not valid.
     fn read(&self, value: Value<'_>) -> Option<Self::Value>;
@@ -72,7 +72,7 @@ pub(super) trait OfOne {
 impl<K: OfOne> Kind<1> for K {
     type Value = K::Value;
 
-    fn wanted(&self) -> &'static str {
+    fn wanted(&self) -> Wanted {
         OfOne::wanted(self)
     }
 
@@ -96,8 +96,8 @@ pub(super) struct Flag;
 impl OfOne for Flag {
     type Value = bool;
 
-    fn wanted(&self) -> &'static str {
-        "1 or 0"
+    fn wanted(&self) -> Wanted {
+        Wanted(&["1 or 0", "1 或 0"])
     }
 
     fn read(&self, value: Value<'_>) -> Option<bool> {
@@ -116,12 +116,12 @@ impl OfOne for Flag {
 }
 
 /// A whole number from 0. The text says what a valid value is.
-pub(super) struct Whole(pub &'static str);
+pub(super) struct Whole(pub Wanted);
 
 impl OfOne for Whole {
     type Value = u32;
 
-    fn wanted(&self) -> &'static str {
+    fn wanted(&self) -> Wanted {
         self.0
     }
 
@@ -136,18 +136,22 @@ impl OfOne for Whole {
 }
 
 /// A whole number from 0 to this maximum. The text says what a valid value is.
-pub(super) struct UpTo(pub u8, pub &'static str);
+pub(super) struct UpTo(pub u8, pub Wanted);
 
 impl UpTo {
     fn sendable(&self, key: &'static Key, value: u8) -> Result<i64, EncodeError> {
-        if value <= self.0 { Ok(i64::from(value)) } else { Err(EncodeError::new(key.name(), self.1)) }
+        if value <= self.0 {
+            Ok(i64::from(value))
+        } else {
+            Err(EncodeError::new(key.name(), self.1.english()))
+        }
     }
 }
 
 impl OfOne for UpTo {
     type Value = u8;
 
-    fn wanted(&self) -> &'static str {
+    fn wanted(&self) -> Wanted {
         self.1
     }
 
@@ -167,8 +171,8 @@ pub(super) struct Blend;
 impl OfOne for Blend {
     type Value = BlendLevel;
 
-    fn wanted(&self) -> &'static str {
-        "a blend level from 0 to 9"
+    fn wanted(&self) -> Wanted {
+        Wanted(&["a blend level from 0 to 9", "0 至 9 的平滑等级"])
     }
 
     fn read(&self, value: Value<'_>) -> Option<BlendLevel> {
@@ -192,8 +196,8 @@ pub(super) struct Mask;
 impl OfOne for Mask {
     type Value = AxisMask;
 
-    fn wanted(&self) -> &'static str {
-        "a mask from 0 to 0xFF, such as \"0x3F\" or 63"
+    fn wanted(&self) -> Wanted {
+        Wanted(&["a mask from 0 to 0xFF, such as \"0x3F\" or 63", "0 至 0xFF 的轴掩码，例如 \"0x3F\" 或 63"])
     }
 
     /// Reads all forms that clients send: `0x3F`, `0X3F`, `63` or a bare number.
@@ -230,8 +234,8 @@ pub(super) struct Pairs;
 impl OfOne for Pairs {
     type Value = PairMask;
 
-    fn wanted(&self) -> &'static str {
-        "a number of 32 bits, two for each point"
+    fn wanted(&self) -> Wanted {
+        Wanted(&["a number of 32 bits, two for each point", "32 位的数，每个点占两位"])
     }
 
     fn read(&self, value: Value<'_>) -> Option<PairMask> {
@@ -250,12 +254,12 @@ impl OfOne for Pairs {
 }
 
 /// A finite number. The text says what a valid value is.
-pub(super) struct Number(pub &'static str);
+pub(super) struct Number(pub Wanted);
 
 impl OfOne for Number {
     type Value = f64;
 
-    fn wanted(&self) -> &'static str {
+    fn wanted(&self) -> Wanted {
         self.0
     }
 
@@ -269,12 +273,12 @@ impl OfOne for Number {
 }
 
 /// A finite number, written without quotes with these decimals. The text says what a valid value is.
-pub(super) struct BareNumber(pub &'static str, pub Decimals);
+pub(super) struct BareNumber(pub Wanted, pub Decimals);
 
 impl OfOne for BareNumber {
     type Value = f64;
 
-    fn wanted(&self) -> &'static str {
+    fn wanted(&self) -> Wanted {
         self.0
     }
 
@@ -293,8 +297,8 @@ pub(super) struct BareWhole;
 impl OfOne for BareWhole {
     type Value = i64;
 
-    fn wanted(&self) -> &'static str {
-        "a whole number"
+    fn wanted(&self) -> Wanted {
+        Wanted(&["a whole number", "整数"])
     }
 
     fn read(&self, value: Value<'_>) -> Option<i64> {
@@ -313,7 +317,7 @@ pub(super) struct BareFlag;
 impl OfOne for BareFlag {
     type Value = bool;
 
-    fn wanted(&self) -> &'static str {
+    fn wanted(&self) -> Wanted {
         OfOne::wanted(&Flag)
     }
 
@@ -337,14 +341,14 @@ impl OfOne for BareFlag {
 pub(super) struct OnGrid {
     pub range: RangeInclusive<f64>,
     pub grid: Grid,
-    pub read: &'static str,
+    pub read: Wanted,
     pub sent: &'static str,
 }
 
 impl OfOne for OnGrid {
     type Value = f64;
 
-    fn wanted(&self) -> &'static str {
+    fn wanted(&self) -> Wanted {
         self.read
     }
 
@@ -367,8 +371,8 @@ pub(super) struct Seconds(pub Grid, pub Decimals);
 impl OfOne for Seconds {
     type Value = f64;
 
-    fn wanted(&self) -> &'static str {
-        TIMES_WANTED
+    fn wanted(&self) -> Wanted {
+        Wanted(&[TIMES_WANTED, "0 至 86400 的秒数"])
     }
 
     fn read(&self, value: Value<'_>) -> Option<f64> {
@@ -377,7 +381,7 @@ impl OfOne for Seconds {
 
     fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: f64) -> Result<(), EncodeError> {
         if !TIMES.contains(&value) {
-            return Err(EncodeError::new(key.name(), OfOne::wanted(self)));
+            return Err(EncodeError::new(key.name(), TIMES_WANTED));
         }
         self.0.sendable(key.name(), value)?;
         object.quoted_fixed(key, value, self.1)
@@ -385,12 +389,12 @@ impl OfOne for Seconds {
 }
 
 /// One of the listed values, by its number.
-pub(super) struct Listed<T: 'static>(pub &'static str, pub &'static [(i64, T)]);
+pub(super) struct Listed<T: 'static>(pub Wanted, pub &'static [(i64, T)]);
 
 impl<T: Copy + PartialEq> OfOne for Listed<T> {
     type Value = T;
 
-    fn wanted(&self) -> &'static str {
+    fn wanted(&self) -> Wanted {
         self.0
     }
 
@@ -401,7 +405,7 @@ impl<T: Copy + PartialEq> OfOne for Listed<T> {
 
     fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: T) -> Result<(), EncodeError> {
         let row = self.1.iter().find(|(_, its)| *its == value);
-        let (number, _) = row.ok_or_else(|| EncodeError::new(key.name(), self.0))?;
+        let (number, _) = row.ok_or_else(|| EncodeError::new(key.name(), self.0.english()))?;
         object.quoted_integer(key, *number);
         Ok(())
     }
@@ -418,8 +422,8 @@ impl Watched {
 impl Kind<2> for Watched {
     type Value = WaitSource;
 
-    fn wanted(&self) -> &'static str {
-        "0–4 (X), 5–7 (M), 8 (EU) or 100 (time)"
+    fn wanted(&self) -> Wanted {
+        Wanted(&["0–4 (X), 5–7 (M), 8 (EU) or 100 (time)", "0 至 4（X）、5 至 7（M）、8（EU）或 100（延时）"])
     }
 
     fn take(
@@ -450,11 +454,12 @@ impl Kind<2> for Watched {
         source: WaitSource,
     ) -> Result<(), EncodeError> {
         let (kind, point) = match source {
-            WaitSource::Input { board, point } => {
-                (UpTo(4, "input board 0 to 4").sendable(kind_key, board)?, point)
-            }
+            WaitSource::Input { board, point } => (
+                UpTo(4, Wanted(&["input board 0 to 4", "0 至 4 的输入板"])).sendable(kind_key, board)?,
+                point,
+            ),
             WaitSource::M { board, point } => {
-                (UpTo(2, "M board 0 to 2").sendable(kind_key, board)? + 5, point)
+                (UpTo(2, Wanted(&["M board 0 to 2", "0 至 2 的 M 板"])).sendable(kind_key, board)? + 5, point)
             }
             WaitSource::Eu { point } => (8, point),
             WaitSource::Time => (i64::from(Self::TIME), 0),

@@ -13,14 +13,14 @@ use super::kinds::{
 use super::{BlendLevel, OutputBoard, OutputKind, WaitCondition, WaitSource};
 use crate::axis::AxisMask;
 use crate::encode::{Decimals, ObjectWriter, key};
-use crate::error::{EncodeError, FieldError};
+use crate::error::{EncodeError, FieldError, Wanted};
 use crate::grid::Grid;
 use crate::io_point::PairMask;
 use crate::message::action::MemberInfo;
 use crate::message::fields::{Fields, FieldsView};
 
-const MM: &str = "a finite number of mm";
-const DEGREES: &str = "a finite number of degrees";
+const MM: Wanted = Wanted(&["a finite number of mm", "有限的毫米数"]);
+const DEGREES: Wanted = Wanted(&["a finite number of degrees", "有限的角度"]);
 
 macro_rules! parts {
     ($(
@@ -105,15 +105,15 @@ parts! {
         mask: Option<AxisMask> = may "ckStatus" "6.1.1" => Mask;
         /// `speed`: percent, 0.1 to 100, in steps of 0.1; other values are not sent.
         speed: Option<f64> = may "speed" "6.1.1" =>
-            OnGrid { range: Manner::SPEEDS, grid: Grid::PERCENT, read: "a finite number of percent", sent: Manner::SPEEDS_WANTED };
+            OnGrid { range: Manner::SPEEDS, grid: Grid::PERCENT, read: Wanted(&["a finite number of percent", "有限的百分比"]), sent: Manner::SPEEDS_WANTED };
         /// `delay`: seconds to wait before the move, 0 to 86400, in steps of 0.1; other values are not sent.
         delay: Option<f64> = may "delay" "6.1.1" => Seconds(Grid::TENTHS_OF_A_SECOND, Decimals::TENTHS);
         /// `smooth`: blend level 0 to 9.
         smooth: Option<BlendLevel> = may "smooth" "6.1.1" => Blend;
         /// `tool`: number of the tool frame.
-        tool: Option<u32> = may "tool" "later manual" => Whole("a tool number from 0");
+        tool: Option<u32> = may "tool" "later manual" => Whole(Wanted(&["a tool number from 0", "不小于 0 的工具编号"]));
         /// `coord`: number of the work frame (workbench).
-        coord: Option<u32> = may "coord" "later manual" => Whole("a workbench number from 0");
+        coord: Option<u32> = may "coord" "later manual" => Whole(Wanted(&["a workbench number from 0", "不小于 0 的工作台编号"]));
     }
 
     /// Path speed for linear moves without a speed of their own (action 51).
@@ -123,7 +123,7 @@ parts! {
         in_use: bool = must "isUse" "later manual" => Flag;
         /// `speed`: mm/s before the global speed is applied. The controller requires a whole number (`"0.05"`
         /// raised alarm 219).
-        speed: Option<f64> = may "speed" "later manual" => Number("a number of mm/s");
+        speed: Option<f64> = may "speed" "later manual" => Number(Wanted(&["a number of mm/s", "数值，单位 mm/s"]));
     }
 
     /// An input that stops the motion (action 52, manual 6.1.4).
@@ -144,7 +144,7 @@ parts! {
         source: WaitSource = must "type" "6.1.3", "point" "6.1.3" => Watched;
         /// `io_status`: the state or change to wait for.
         condition: WaitCondition = or(WaitCondition::Off, source == WaitSource::Time) "io_status" "6.1.3" => Listed(
-            "0 off, 1 on, 2 rising or 3 falling",
+            Wanted(&["0 off, 1 on, 2 rising or 3 falling", "0 断、1 通、2 上升沿或 3 下降沿"]),
             &[
                 (0, WaitCondition::Off),
                 (1, WaitCondition::On),
@@ -164,13 +164,13 @@ parts! {
     Output {
         /// `type`: which kind of output.
         kind: OutputKind = must "type" "later manual" => Listed(
-            "0 (Y), 5 (M), 7 (EUY) or 100 (timed Y)",
+            Wanted(&["0 (Y), 5 (M), 7 (EUY) or 100 (timed Y)", "0（Y）、5（M）、7（EUY）或 100（定时 Y）"]),
             &[(0, OutputKind::Y), (5, OutputKind::M), (7, OutputKind::Euy), (100, OutputKind::TimedY)],
         );
         /// `io_status`: on or off.
         on: bool = must "io_status" "later manual" => Flag;
         /// `point`: 0 to 32 (010 to 047 and one more in octal names).
-        point: u8 = must "point" "later manual" => UpTo(32, "a point from 0 to 32");
+        point: u8 = must "point" "later manual" => UpTo(32, Wanted(&["a point from 0 to 32", "0 至 32 的点位"]));
         /// `delay`: seconds in steps of 0.001; other values are not sent. For types 0, 5 and 7 it is the time
         /// before the output; for a timed output it is the length of the pulse.
         delay: f64 = or(0.0) "delay" "later manual" => Seconds(Grid::MILLISECONDS, Decimals::FEW);
@@ -181,7 +181,7 @@ parts! {
     BoardOutput {
         /// `type`: which board.
         board: OutputBoard = must "type" "later manual" => Listed(
-            "0, 1 (Y) or 5, 6 (M)",
+            Wanted(&["0, 1 (Y) or 5, 6 (M)", "0、1（Y）或 5、6（M）"]),
             &[(0, OutputBoard::Y(0)), (1, OutputBoard::Y(1)), (5, OutputBoard::M(0)), (6, OutputBoard::M(1))],
         );
         /// `point`: two bits each for points 0 to 15.
@@ -194,7 +194,7 @@ parts! {
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     Workbench {
         /// `cnt_id`: number of the workbench.
-        id: u32 = must "cnt_id" "6.1.2" => Whole("a number from 0");
+        id: u32 = must "cnt_id" "6.1.2" => Whole(Wanted(&["a number from 0", "不小于 0 的整数"]));
     }
 
     /// One part that a camera found, in the robot's calibrated world (manual 5.2).
@@ -220,7 +220,7 @@ parts! {
         /// keeps its angle.
         angle: Option<f64> = may "Angel" "5.2" => BareNumber(DEGREES, Decimals::POSITION);
         /// `Similarity`. The manual does not give its range.
-        similarity: Option<f64> = may "Similarity" "5.2" => BareNumber("a finite number", Decimals::FEW);
+        similarity: Option<f64> = may "Similarity" "5.2" => BareNumber(Wanted(&["a finite number", "有限的数"]), Decimals::FEW);
         /// `Color`. The manual does not give its range.
         color: Option<i64> = may "Color" "5.2" => BareWhole;
         /// `Rel`: the coordinates are relative.
