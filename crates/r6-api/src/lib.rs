@@ -5,6 +5,7 @@
 //! Each type works with serde; with the feature `openapi` it is also an OpenAPI schema. This crate has no I/O
 //! and no type of a client or of a controller: the caller that reads a robot passes its values by address.
 //!
+//! - [`gateway`]: robots, leases, commands, events and the audit log of the gateway.
 //! - [`panel`]: what an operator sees and does at a virtual machine.
 //! - [`status`]: the state of a robot, and whether it takes instructions.
 //! - [`position`]: axes and poses, each value with its unit.
@@ -14,6 +15,7 @@
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
 )]
 
+pub mod gateway;
 pub mod panel;
 pub mod position;
 pub mod problem;
