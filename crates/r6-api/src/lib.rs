@@ -6,6 +6,7 @@
 //! and no type of a client or of a controller: the caller that reads a robot passes its values by address.
 //!
 //! - [`alarm`]: what an alarm means.
+//! - [`gateway`]: robots, leases, commands, events and the audit log of the gateway.
 //! - [`motion`]: what became of commands, motions and stops.
 //! - [`panel`]: what an operator sees and does at a virtual machine.
 //! - [`status`]: the state of a robot, and whether it takes instructions.
@@ -18,6 +19,7 @@
 )]
 
 pub mod alarm;
+pub mod gateway;
 pub mod motion;
 pub mod panel;
 pub mod position;

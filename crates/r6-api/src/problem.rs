@@ -182,6 +182,34 @@ codes! {
     NoSuchAlarm "no_such_alarm",
     /// The text is not a program.
     BadProgram "bad_program",
+
+    // The gateway.
+    /// The request has no valid token.
+    NoToken "no_token",
+    /// The token made too many requests.
+    TooManyRequests "too_many_requests",
+    /// The role of the token does not allow it.
+    NotAllowed "not_allowed",
+    /// There is no robot with this name.
+    NoSuchRobot "no_such_robot",
+    /// The caller does not hold the lease.
+    NoLease "no_lease",
+    /// Another holds the lease.
+    Leased "leased",
+    /// Another robot than before answers.
+    IdentityChanged "identity_changed",
+    /// There is no such command, or its arguments are wrong.
+    BadCommand "bad_command",
+    /// A value of the request is wrong.
+    BadValue "bad_value",
+    /// The file or the command line of the gateway has this robot, so the API cannot change it.
+    ManagedByFile "managed_by_file",
+    /// Another robot has this address.
+    AddressTaken "address_taken",
+    /// Too many requests wait for this robot.
+    Overloaded "overloaded",
+    /// The store cannot be written.
+    StoreUnavailable "store_unavailable",
 }
 
 #[cfg(test)]
@@ -191,7 +219,8 @@ mod tests {
     #[test]
     fn every_code_has_one_word_and_is_documented() {
         let of_commands = include_str!("../../../docs/COMMAND_LINE.md");
-        let of_http = include_str!("../../../docs/PANEL.md");
+        let of_http =
+            concat!(include_str!("../../../docs/PANEL.md"), include_str!("../../../docs/GATEWAY.md"));
         let last_of_commands = Code::ALL.iter().position(|code| *code == Code::ProblemsFound).unwrap();
         for (number, code) in Code::ALL.iter().enumerate() {
             let word = code.word();

@@ -531,6 +531,9 @@ fn hand_over_unless_another(job: Job, link: &mut Link, hub: &Hub, now: Instant) 
     if job.is_overtaken(hub.stops_asked()) {
         return job.not_sent(NotSent::Overtaken);
     }
+    if job.is_withdrawn() {
+        return job.not_sent(NotSent::Withdrawn);
+    }
     if job.only_on.is_some_and(|only| only != hub.known().connection) {
         return job.not_sent(NotSent::Disconnected);
     }

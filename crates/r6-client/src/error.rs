@@ -99,6 +99,8 @@ pub enum NotSent {
     },
     /// The request can move the arm, and a stop was asked for over this handle before it was sent.
     Overtaken,
+    /// The permission to send it was withdrawn before it was sent ([`crate::Permission`]).
+    Withdrawn,
     /// The request waited too long behind other requests.
     Busy {
         /// How long.
@@ -282,6 +284,7 @@ impl fmt::Display for NotSent {
                  connected, look at the pendant, then try again"
             ),
             Self::Overtaken => f.write_str("a stop was asked for before it left; decide whether it is still wanted"),
+            Self::Withdrawn => f.write_str("the permission to send it was withdrawn before it left"),
             Self::Busy { waited } => {
                 write!(f, "it waited {waited:?} behind other requests; send less, then send it again")
             }
@@ -401,6 +404,7 @@ impl std::error::Error for NotSent {
             | Self::AnotherRobot { .. }
             | Self::Unidentified { .. }
             | Self::Overtaken
+            | Self::Withdrawn
             | Self::Busy { .. }
             | Self::Closed
             | Self::NoEngine { .. } => None,

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::conditions::Permission;
 use crate::doubt::Doubt;
 use crate::error::{Effect, OutcomeUnknown, Refused, RequestError, Sent};
 use crate::pushed::LostReason;
@@ -67,7 +68,7 @@ pub(crate) struct Answered {
 }
 
 /// The conditions for sending a request. The default: at any time, on any connection.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Terms {
     /// As [`Job::leave_by`].
     pub leave_by: Option<Instant>,
@@ -75,6 +76,8 @@ pub(crate) struct Terms {
     pub only_on: Option<u64>,
     /// As [`Job::stops_before`], if the caller asked before the job was given to the connection.
     pub stops_before: Option<u64>,
+    /// As [`Job::permission`].
+    pub permission: Option<Permission>,
 }
 
 /// A request under way.
@@ -89,6 +92,8 @@ pub(crate) struct Job {
     /// How many stops had been asked for when the caller asked for this. A request that can move the arm is
     /// not sent after a later stop.
     pub stops_before: u64,
+    /// It is sent only while this stands.
+    pub permission: Option<Permission>,
     /// When it was put into the output of its connection.
     pub sent_at: Instant,
     /// How an earlier connection ended that this was sent on, if there was one.
@@ -227,6 +232,7 @@ impl Job {
             leave_by: None,
             only_on: None,
             stops_before: 0,
+            permission: None,
             sent_at: Instant::ORIGIN,
             lost: None,
             retried: false,
@@ -250,6 +256,12 @@ impl Job {
     /// Whether it is too late to send it.
     pub fn is_overdue(&self, now: Instant) -> bool {
         self.leave_by.is_some_and(|by| now > by)
+    }
+
+    /// Whether its permission was withdrawn. A stop needs none.
+    pub fn is_withdrawn(&self) -> bool {
+        self.permission.as_ref().is_some_and(Permission::is_withdrawn)
+            && self.work.sent().effect != Effect::Stops
     }
 
     /// Whether it can move the arm and a stop was asked for after it.

@@ -286,10 +286,12 @@ impl Link {
         self.session.poll_transmit().unwrap_or_default()
     }
 
-    /// Withdraws unsent requests that have no caller any more or are overdue. A stop is never withdrawn.
+    /// Withdraws unsent requests that have no caller or no permission any more, or are overdue. A stop is
+    /// never withdrawn.
     pub fn withdraw_moot(&mut self, now: Instant) {
         let why = |job: &Job| NotSent::Busy { waited: now.since(job.asked_at) };
         self.withdraw(|job| job.is_moot() || job.is_overdue(now), why);
+        self.withdraw(Job::is_withdrawn, |_| NotSent::Withdrawn);
     }
 
     /// Withdraws unsent requests that can move the arm and were asked for before the last stop.

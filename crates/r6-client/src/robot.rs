@@ -373,7 +373,8 @@ impl Robot {
     }
 
     /// The number of the present connection or, between connections, of the next one.
-    pub(crate) fn connection(&self) -> u64 {
+    #[must_use]
+    pub fn connection(&self) -> u64 {
         self.common.hub.known().connection
     }
 

@@ -1,4 +1,4 @@
-//! The common parts of every HTTP server of r6, such as the panel of virtual controllers.
+//! The common parts of every HTTP server of r6: the panel of virtual controllers, the gateway.
 //!
 //! - [`serve`] accepts connections, and keeps room for new ones ([`server`]).
 //! - [`guard`] lets programs of this machine through, but no web pages from elsewhere.
@@ -16,4 +16,4 @@ mod refusal;
 pub mod server;
 
 pub use refusal::Refusal;
-pub use server::serve;
+pub use server::{Peer, serve};

@@ -1,7 +1,10 @@
 //! The answer to a request that was not carried out.
 
+use std::time::Duration;
+
 use axum::Json;
 use axum::http::StatusCode;
+use axum::http::header::RETRY_AFTER;
 use axum::response::{IntoResponse, Response};
 use r6_api::{Code, Problem};
 
@@ -10,12 +13,21 @@ use r6_api::{Code, Problem};
 pub struct Refusal {
     status: StatusCode,
     problem: Problem,
+    retry_after: Option<Duration>,
 }
 
 impl Refusal {
     /// A refusal with this problem.
     pub fn new(status: StatusCode, code: Code, message: impl Into<String>) -> Self {
-        Self { status, problem: Problem { code, message: message.into() } }
+        Self { status, problem: Problem { code, message: message.into() }, retry_after: None }
+    }
+
+    /// A refusal with 429: the caller may try again after this time.
+    #[must_use]
+    pub fn too_many(after: Duration) -> Self {
+        let message = format!("too many requests: try again in {} ms", after.as_millis() + 1);
+        let refusal = Self::new(StatusCode::TOO_MANY_REQUESTS, Code::TooManyRequests, message);
+        Self { retry_after: Some(after), ..refusal }
     }
 
     /// A refusal with 404.
@@ -43,7 +55,12 @@ impl Refusal {
 
 impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
-        (self.status, Json(self.problem)).into_response()
+        // The header counts whole seconds.
+        let seconds = self.retry_after.map(|after| (after.as_secs() + 1).to_string());
+        match seconds {
+            Some(seconds) => (self.status, [(RETRY_AFTER, seconds)], Json(self.problem)).into_response(),
+            None => (self.status, Json(self.problem)).into_response(),
+        }
     }
 }
 

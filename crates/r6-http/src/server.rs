@@ -1,7 +1,7 @@
 //! A listener and its connections.
 
 use std::io;
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -32,12 +32,16 @@ const HEAD_TIME: Duration = Duration::from_secs(2);
 /// The longest head of a request, and the most that is read at once.
 pub(crate) const MAX_HEAD_BYTES: usize = 16 * 1024;
 
+/// The address that a request came from: an extension of each request.
+#[derive(Clone, Copy, Debug)]
+pub struct Peer(pub SocketAddr);
+
 /// Accepts and serves connections for as long as it is polled.
 pub async fn serve(listener: TcpListener, router: Router) {
     let mut guests = Guests::default();
     loop {
         match listener.accept().await {
-            Ok((stream, peer)) => guests.admit(peer.ip(), stream, router.clone()),
+            Ok((stream, peer)) => guests.admit(peer, stream, router.clone()),
             Err(error) => {
                 // Most likely too many open files: give the connections a moment to end.
                 let server = listener.local_addr().ok();
@@ -67,14 +71,15 @@ struct Guest {
 }
 
 impl Guests {
-    fn admit(&mut self, peer: IpAddr, stream: TcpStream, router: Router) {
+    fn admit(&mut self, from: SocketAddr, stream: TcpStream, router: Router) {
+        let peer = from.ip();
         while self.tasks.try_join_next().is_some() {}
         self.open.retain(|guest| !guest.task.is_finished());
         if let Some(at) = self.who_goes(peer) {
             self.open.remove(at).task.abort();
         }
         let answers = Arc::new(AtomicBool::new(false));
-        let task = self.tasks.spawn(converse(stream, router, Arc::clone(&answers)));
+        let task = self.tasks.spawn(converse(stream, Peer(from), router, Arc::clone(&answers)));
         self.open.push(Guest { peer, answers, task });
     }
 
@@ -94,10 +99,11 @@ impl Guests {
     }
 }
 
-async fn converse(stream: TcpStream, router: Router, answers: Arc<AtomicBool>) {
+async fn converse(stream: TcpStream, peer: Peer, router: Router, answers: Arc<AtomicBool>) {
     let router = TowerToHyperService::new(router);
-    let service = service_fn(|request| {
+    let service = service_fn(|mut request: hyper::Request<hyper::body::Incoming>| {
         answers.store(true, Ordering::Relaxed);
+        request.extensions_mut().insert(peer);
         let answer = router.call(request);
         let answers = &answers;
         async move {

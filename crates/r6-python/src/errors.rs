@@ -59,6 +59,7 @@ impl Raise for RequestError {
                     | NotSent::Unidentified { .. }
                     | NotSent::NoEngine { .. }
                     | NotSent::Overtaken
+                    | NotSent::Withdrawn
                     | NotSent::Busy { .. }
                     | NotSent::NoRoom(_)
                     | NotSent::Closed
@@ -126,6 +127,7 @@ fn not_sent_word(error: &NotSent) -> &'static str {
         NotSent::Unidentified { .. } => "unidentified",
         NotSent::NoEngine { .. } => "no_engine",
         NotSent::Overtaken => "overtaken",
+        NotSent::Withdrawn => "withdrawn",
         NotSent::Busy { .. } => "busy",
         NotSent::NoRoom(_) => "no_room",
         NotSent::Closed => "closed",

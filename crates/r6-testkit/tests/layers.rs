@@ -65,6 +65,9 @@ fn forbidden_edges_are_reported() {
         ("r6-client", "r6-controller"),
         ("r6-sim", "r6-client"),
         ("r6-client", "r6-plot"),
+        ("r6-gateway", "r6-sim"),
+        ("r6-gateway", "r6-controller"),
+        ("r6-sim", "r6-gateway"),
         ("r6-plot", "r6-sim"),
         ("r6-testkit", "r6-proto"),
         ("r6", "r6-testkit"),
@@ -153,6 +156,15 @@ fn only_the_hands_of_the_client_know_sockets_clocks_and_threads() {
     let named = names_outside(&sources, &HANDS);
     assert!(named.is_empty(), "\n{}", named.join("\n"));
     assert!(!names_outside(&sources, &[]).is_empty(), "the hands name them");
+}
+
+/// The decisions of the gateway are pure: times and events come in.
+#[test]
+fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
+    let sources = Sources::of_package("r6-gateway");
+    let shell = ["clock", "fleet", "gateway", "http", "live", "problem", "shell", "store", "tokens"];
+    let named = sources.names_outside(&["std", "tokio", "rusqlite", "axum", "r6_client"], PURE_STD, &shell);
+    assert!(named.is_empty(), "\n{}", named.join("\n"));
 }
 
 fn names_outside(brain: &Sources, exempt: &[&str]) -> Vec<String> {

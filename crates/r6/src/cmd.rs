@@ -4,6 +4,7 @@ pub mod alarm;
 pub mod command;
 pub mod completions;
 pub mod discover;
+pub mod gateway;
 pub mod inspect;
 pub mod job;
 pub mod man;

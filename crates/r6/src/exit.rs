@@ -288,6 +288,7 @@ impl From<RequestError> for Failure {
                 | NotSent::StateNotRead
                 | NotSent::Unidentified { .. }
                 | NotSent::Overtaken
+                | NotSent::Withdrawn
                 | NotSent::Busy { .. }
                 | NotSent::NoRoom(_)
                 | NotSent::Closed
@@ -397,6 +398,7 @@ fn why_not_sent(why: &NotSent) -> String {
             format!("{address} took a new connection but did not say who it is ({reason})")
         }
         NotSent::Overtaken => "a stop was asked for before it left".to_owned(),
+        NotSent::Withdrawn => "the permission to send it was withdrawn before it left".to_owned(),
         NotSent::Busy { waited } => format!("the request waited {waited:?} behind others"),
         NotSent::NoRoom(error) => error.to_string(),
         NotSent::Closed => "the connection was closed".to_owned(),
@@ -434,7 +436,7 @@ fn code_of(error: &RequestError) -> Code {
             | NotSent::StateNotRead
             | NotSent::Unidentified { .. }
             | NotSent::Closed => Code::NoConnection,
-            NotSent::Overtaken => Code::Stopped,
+            NotSent::Overtaken | NotSent::Withdrawn => Code::Stopped,
             NotSent::Busy { .. } | NotSent::NoRoom(_) => Code::Busy,
             NotSent::AnotherRobot { .. } => Code::AnotherRobot,
             NotSent::NotStopped(_) => Code::NotStopped,

@@ -23,7 +23,8 @@ pub struct LogArgs {
 pub fn begin(args: &LogArgs, has_screen: bool) -> std::io::Result<LineQueue> {
     let level = match args.verbose {
         // `r6 sim` and `r6 up` print the log of a virtual controller themselves.
-        0 => "warn,r6_sim=error",
+        // What a gateway does is worth a line each.
+        0 => "warn,r6_sim=error,r6_gateway=info",
         1 => "info",
         2 => "debug",
         3.. => "trace",

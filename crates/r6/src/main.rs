@@ -58,6 +58,7 @@ enum Subcommands {
     Plot(cmd::plot::PlotArgs),
     Stop(cmd::stop::StopArgs),
     Panel(cmd::panel::PanelArgs),
+    Gateway(cmd::gateway::GatewayArgs),
     Alarm(cmd::alarm::AlarmArgs),
     Inspect(cmd::inspect::InspectArgs),
     Completions(cmd::completions::CompletionsArgs),
@@ -111,7 +112,7 @@ fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     let has_screen = matches!(&cli.subcommand, Subcommands::Up(args) if args.has_screen());
     let logs = logs::begin(&cli.logs, has_screen)
         .map_err(|error| Failure::usage(format!("the system gives no threads: {error}")))?;
-    let ended = run(cli);
+    let ended = run(cli, robot_typed);
     logs.flush();
     ended
 }
@@ -145,7 +146,9 @@ fn asks_no_robot(subcommand: &Subcommands, robot: &str) -> Option<Failure> {
         | Subcommands::Command(_)
         | Subcommands::Move(_)
         | Subcommands::Run(_)
-        | Subcommands::Stop(_) => return None,
+        | Subcommands::Stop(_)
+        // Its own --robot has names.
+        | Subcommands::Gateway(_) => return None,
     };
     Some(
         Failure::usage(format!("`r6 {name}` asks no robot, so --robot {robot} means nothing here"))
@@ -213,7 +216,7 @@ fn without_moves(mut error: clap::Error) -> Box<clap::Error> {
     Box::new(error)
 }
 
-fn run(cli: Cli) -> Result<Exit, Failure> {
+fn run(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     let robot = cli.robot;
     match cli.subcommand {
         Subcommands::Up(args) => cmd::block_on(cmd::up::run(args)),
@@ -228,6 +231,7 @@ fn run(cli: Cli) -> Result<Exit, Failure> {
         Subcommands::Plot(args) => cmd::plot::run(args),
         Subcommands::Stop(args) => cmd::block_on(cmd::stop::run(args, robot)),
         Subcommands::Panel(args) => cmd::block_on(cmd::panel::run(args)),
+        Subcommands::Gateway(args) => cmd::gateway::run(args, robot_typed),
         Subcommands::Alarm(args) => cmd::alarm::run(&args),
         Subcommands::Inspect(args) => cmd::inspect::run(&args),
         Subcommands::Completions(args) => cmd::completions::run(&args),

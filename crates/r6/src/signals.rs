@@ -74,6 +74,46 @@ impl Ending {
     }
 }
 
+/// Hangups that ask a service to read its configuration again.
+#[derive(Debug)]
+pub struct Rereading {
+    #[cfg(unix)]
+    hangup: tokio::signal::unix::Signal,
+}
+
+impl Rereading {
+    /// Takes hangups over from `ending`, which no longer ends with one.
+    #[cfg(unix)]
+    pub fn watch(ending: &mut Ending) -> Result<Self, Failure> {
+        use tokio::signal::unix::{SignalKind, signal};
+        ending.hangup = None;
+        let hangup = signal(SignalKind::hangup());
+        let hangup =
+            hangup.map_err(|error| Failure::usage(format!("the system gives no signals: {error}")))?;
+        Ok(Self { hangup })
+    }
+
+    /// This system has no hangups.
+    #[cfg(not(unix))]
+    pub fn watch(_ending: &mut Ending) -> Result<Self, Failure> {
+        Ok(Self {})
+    }
+
+    /// Waits for one.
+    #[cfg(unix)]
+    pub async fn asked(&mut self) {
+        if self.hangup.recv().await.is_none() {
+            std::future::pending::<()>().await;
+        }
+    }
+
+    /// Waits forever.
+    #[cfg(not(unix))]
+    pub async fn asked(&mut self) {
+        std::future::pending::<()>().await;
+    }
+}
+
 /// Whether the process was started with hangups ignored. Known on Linux only; elsewhere `false`.
 #[cfg(unix)]
 fn hangup_is_ignored() -> bool {

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::future::Future;
 use std::io;
-use std::net::Ipv6Addr;
+use std::net::{IpAddr, Ipv6Addr};
 use std::pin::Pin;
 use std::time::Duration;
 
@@ -139,6 +139,17 @@ pub fn check_address(address: &str) -> Result<(), Invalid> {
     Tcp::parse(address).map(drop)
 }
 
+/// An address that [`check_address`] accepts, with its port: [`DEFAULT_PORT`] if it names none. Two texts of
+/// one address give the same text.
+///
+/// # Errors
+/// As [`check_address`].
+pub fn address_with_port(address: &str) -> Result<String, Invalid> {
+    let Tcp { host, port } = Tcp::parse(address)?;
+    let host = host.parse().map_or_else(|_| host.to_ascii_lowercase(), |ip: IpAddr| ip.to_string());
+    Ok(Tcp { host, port }.to_string())
+}
+
 /// A controller that is reached over TCP, by host and port.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Tcp {
@@ -230,6 +241,17 @@ mod tests {
         ] {
             assert_eq!(Tcp::parse(given).map(|target| target.to_string()), Ok(meant.to_owned()), "{given}");
         }
+    }
+
+    #[test]
+    fn two_texts_of_one_address_give_one_text() {
+        for (one, other) in
+            [("192.168.1.10", "192.168.1.10:9760"), ("Robot-3", "robot-3"), ("::1", "[0:0:0:0:0:0:0:1]:9760")]
+        {
+            assert_eq!(address_with_port(one), address_with_port(other));
+        }
+        assert_ne!(address_with_port("a"), address_with_port("a:9761"));
+        assert!(address_with_port("a b").is_err());
     }
 
     #[test]

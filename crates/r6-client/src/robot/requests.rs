@@ -2,6 +2,7 @@
 
 use r6_proto::message::{Command, PhotoAnswer};
 
+use crate::conditions::Conditions;
 use crate::error::{Effect, OutcomeUnknown, RequestError, Sent};
 use crate::evidence::About;
 use crate::job::{Accepted, Answer, CameraSet, Job, Terms, Work};
@@ -20,7 +21,30 @@ impl Robot {
         self.drive(self.command_now(command)).await
     }
 
+    /// Sends a command as [`Self::command`], but only under these conditions. A stop or a pause leaves under
+    /// any condition.
+    ///
+    /// # Errors
+    /// As [`Self::command`], and the errors that [`Conditions`] names.
+    pub async fn command_under(
+        &self,
+        conditions: Conditions,
+        command: Command<'static>,
+    ) -> Result<Accepted, RequestError> {
+        if command.name().effect() == Effect::Stops {
+            return self.command(command).await;
+        }
+        let Conditions { leave_within, only_on, permission } = conditions;
+        let leave_by = leave_within.map(|within| self.now() + within);
+        let terms = Terms { leave_by, only_on, permission, ..Terms::default() };
+        self.drive(self.command_on(terms, command)).await
+    }
+
     pub(crate) async fn command_now(&self, command: Command<'static>) -> Result<Accepted, RequestError> {
+        self.command_on(Terms::default(), command).await
+    }
+
+    async fn command_on(&self, terms: Terms, command: Command<'static>) -> Result<Accepted, RequestError> {
         let changes_frame = command.name().info().changes_frame;
         let work = Work::Command(command);
         let lane = match work.sent().effect {
@@ -32,7 +56,7 @@ impl Robot {
         };
         // A checked list is sent before the frame changes, or is checked again after that.
         let _turn = if changes_frame { Some(self.lists().await) } else { None };
-        self.accepted(work, lane).await
+        self.accepted_on(terms, work, lane).await
     }
 
     /// Sends the points that cameras found (manual 5.2); [`Accepted::points`] tells how many were accepted.
@@ -118,6 +142,7 @@ impl Robot {
         let mut job = Job::new(work, asked_at, to);
         job.rows = room;
         (job.leave_by, job.only_on) = (terms.leave_by, terms.only_on);
+        job.permission = terms.permission;
         job.stops_before = terms.stops_before.unwrap_or_else(|| self.hub().stops_asked());
         job.background = lane == Lane::Background;
         self.common.shared.connection().give(lane, job);

@@ -74,8 +74,8 @@ class NotSent(RequestError):
     """Nothing reached the controller: sending again is safe.
 
     ``reason`` is one of ``unreachable``, ``connect_timed_out``, ``disconnected``, ``state_not_read``,
-    ``another_robot``, ``unidentified``, ``overtaken`` (a stop came before the request left), ``busy``,
-    ``no_room``, ``closed``, ``no_engine``.
+    ``another_robot``, ``unidentified``, ``overtaken`` (a stop came before the request left), ``withdrawn``,
+    ``busy``, ``no_room``, ``closed``, ``no_engine``.
     """
 
     expected: Identity | None = None

@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-pub(crate) const SUBCOMMANDS: [&str; 21] = [
+pub(crate) const SUBCOMMANDS: [&str; 24] = [
     "up",
     "sim",
     "discover",
@@ -21,6 +21,9 @@ pub(crate) const SUBCOMMANDS: [&str; 21] = [
     "panel",
     "panel input",
     "panel jog",
+    "gateway",
+    "gateway token",
+    "gateway verify",
     "alarm",
     "inspect",
     "completions",

@@ -4,6 +4,7 @@
 mod crowded;
 mod ends;
 mod forged;
+mod gateway;
 mod help;
 mod inspect;
 mod limits;

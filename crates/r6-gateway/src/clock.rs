@@ -1,0 +1,36 @@
+//! The clocks of the gateway.
+
+use std::time::{Duration, SystemTime};
+
+use r6_proto::time::Instant;
+
+/// The time since the system started. It goes on while the machine sleeps, so that no lease outlives a sleep.
+#[cfg(target_os = "linux")]
+pub fn now() -> Instant {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
+    let seconds = Duration::from_secs(u64::try_from(time.tv_sec).unwrap_or(0));
+    Instant::ORIGIN + seconds + Duration::from_nanos(u64::try_from(time.tv_nsec).unwrap_or(0))
+}
+
+/// The time since the process asked first. On this system it may stand while the machine sleeps.
+#[cfg(not(target_os = "linux"))]
+pub fn now() -> Instant {
+    static ORIGIN: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
+    Instant::ORIGIN + ORIGIN.get_or_init(std::time::Instant::now).elapsed()
+}
+
+/// The time so long before another.
+pub fn before(now: Instant, age: Duration) -> Instant {
+    let age = u64::try_from(age.as_nanos()).unwrap_or(u64::MAX);
+    Instant::from_nanos(now.as_nanos().saturating_sub(age))
+}
+
+/// The time of day: RFC 3339, UTC, microseconds.
+pub fn time_of_day() -> String {
+    humantime::format_rfc3339_micros(SystemTime::now()).to_string()
+}
+
+/// Milliseconds with three decimals.
+pub fn milliseconds(time: Duration) -> f64 {
+    (time.as_secs_f64() * 1e6).round() / 1e3
+}

@@ -1,0 +1,14 @@
+//! The decisions of the gateway, without I/O: times and events come in, decisions go out.
+//!
+//! - [`seat`]: who may send commands to a robot now: the lease, the stop that holds, the identity, the link.
+//!   It alone makes a [`seat::Permit`], without which no command leaves.
+//! - [`role`]: which role may do what.
+//! - [`chain`]: the hash chain of the audit log.
+//! - [`name`]: names of robots.
+//! - [`rate`]: how many requests a token may make.
+
+pub mod chain;
+pub mod name;
+pub mod rate;
+pub mod role;
+pub mod seat;

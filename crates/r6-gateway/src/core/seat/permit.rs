@@ -1,0 +1,157 @@
+//! The permit to send one command, and why it is not given.
+
+use std::fmt;
+use std::time::Duration;
+
+use r6_proto::time::Instant;
+use r6_proto::{Command, Effect};
+
+use super::{Key, Seat};
+
+/// A permitted command does not leave later than this after it was permitted: later it would be a surprise.
+const LEAVE_WITHIN: Duration = Duration::from_secs(1);
+
+/// The right to send one command once: on one connection, until a time. Only [`Seat::permit`] makes one.
+///
+/// It is void once [`Seat::generation`] differs from [`Self::generation`].
+#[derive(Debug)]
+#[must_use = "the command leaves only if the permit is used"]
+pub struct Permit {
+    command: Command<'static>,
+    connection: u64,
+    latest: Instant,
+    generation: u64,
+}
+
+impl Permit {
+    /// The connection that it is for.
+    #[must_use]
+    pub fn connection(&self) -> u64 {
+        self.connection
+    }
+
+    /// The latest time at which the command may leave.
+    #[must_use]
+    pub fn latest(&self) -> Instant {
+        self.latest
+    }
+
+    /// The generation of the seat that made it.
+    #[must_use]
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Uses the permit up: the command to send.
+    #[must_use]
+    pub fn into_command(self) -> Command<'static> {
+        self.command
+    }
+}
+
+/// Why something is not permitted now.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Denied {
+    /// The caller does not hold the lease.
+    NoLease,
+    /// Another holds the lease.
+    Leased {
+        /// Who.
+        holder: String,
+        /// For how long, unless it is renewed.
+        left: Duration,
+    },
+    /// An admin is taking the lease.
+    BeingTaken,
+    /// A stop holds.
+    Stopped,
+    /// A stop is still under way.
+    StopUnderWay,
+    /// Another robot than before answers.
+    IdentityChanged,
+    /// Another robot than the accepted one answers.
+    AnotherIdentity,
+    /// The robot does not answer, or its state was not read for too long.
+    NotUp,
+    /// The robot is in manual mode: the pendant leads.
+    Manual,
+    /// The robot was removed, or the gateway ends.
+    Closed,
+    /// A command that stops needs no permit.
+    NeedsNone,
+}
+
+impl fmt::Display for Denied {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoLease => f.write_str(
+                "you do not hold the lease of this robot, or it has ended: acquire one, and send its number and \
+                 secret with each command",
+            ),
+            Self::Leased { holder, left } => {
+                write!(f, "token {holder} holds the lease for {} ms more, unless it is renewed", left.as_millis())
+            }
+            Self::BeingTaken => f.write_str("an admin is taking the lease, and the robot is being stopped"),
+            Self::Stopped => f.write_str(
+                "the robot was stopped: look at it, then let the holder of the lease clear the stop \
+                 (POST …/clear-stopped)",
+            ),
+            Self::StopUnderWay => f.write_str("a stop is still under way: wait for its end"),
+            Self::IdentityChanged => f.write_str(
+                "another robot than before answers at this address: an engineer has to accept it first \
+                 (POST …/accept-identity)",
+            ),
+            Self::AnotherIdentity => {
+                f.write_str("this is not the robot that answers now: read identity_changed.found again")
+            }
+            Self::NotUp => f.write_str("the robot does not answer, or its state could not be read lately"),
+            Self::Manual => f.write_str("the robot is in manual mode: the pendant leads"),
+            Self::Closed => f.write_str("the robot was removed from the gateway, or the gateway ends"),
+            Self::NeedsNone => f.write_str("a command that stops needs no lease"),
+        }
+    }
+}
+
+impl std::error::Error for Denied {}
+
+impl Seat {
+    /// Permits one command, if the caller holds the lease and the robot may get it.
+    ///
+    /// # Errors
+    /// [`Denied`].
+    pub fn permit(&mut self, now: Instant, key: Key, command: Command<'static>) -> Result<Permit, Denied> {
+        let (connection, until) = self.may(now, key, command.name().effect())?;
+        let latest = until.min(now + LEAVE_WITHIN);
+        Ok(Permit { command, connection, latest, generation: self.generation })
+    }
+
+    /// Whether a command with this effect would be permitted now.
+    ///
+    /// # Errors
+    /// [`Denied`].
+    pub fn check(&mut self, now: Instant, key: Key, effect: Effect) -> Result<(), Denied> {
+        self.may(now, key, effect).map(|_| ())
+    }
+
+    /// The connection, and until when the caller holds the lease.
+    fn may(&mut self, now: Instant, key: Key, effect: Effect) -> Result<(u64, Instant), Denied> {
+        if self.closed {
+            return Err(Denied::Closed);
+        }
+        if self.stranger.is_some() {
+            return Err(Denied::IdentityChanged);
+        }
+        let until = self.held(now, key)?.until;
+        match effect {
+            Effect::Stops | Effect::Reads => return Err(Denied::NeedsNone),
+            Effect::Moves if self.saved.stopped => return Err(Denied::Stopped),
+            Effect::Moves | Effect::Changes if self.stops_under_way > 0 => return Err(Denied::StopUnderWay),
+            Effect::Moves | Effect::Changes => {}
+        }
+        let link = self.link.filter(|link| now.since(link.seen_at) <= self.fresh_for).ok_or(Denied::NotUp)?;
+        if link.manual {
+            return Err(Denied::Manual);
+        }
+        Ok((link.connection, until))
+    }
+}

@@ -1,0 +1,286 @@
+//! Properties of a seat, whatever the interleaving of its callers.
+
+use proptest::prelude::*;
+use r6_proto::Command;
+
+use super::*;
+
+/// Something that a caller, the robot or the clock does.
+#[derive(Clone, Debug)]
+enum Step {
+    Wait {
+        ms: u64,
+    },
+    Acquire {
+        lasts_s: u64,
+    },
+    /// With the key of an earlier lease, or a made-up one.
+    Renew {
+        which: usize,
+    },
+    Release {
+        which: usize,
+    },
+    Take,
+    StopBegins,
+    StopEnds,
+    Clear {
+        which: usize,
+    },
+    Answers {
+        robot: u8,
+    },
+    Accept,
+    Observed {
+        manual: bool,
+    },
+    LinkLost,
+    Reconfigured,
+    Closed,
+    Command {
+        which: usize,
+        moves: bool,
+    },
+    Restart,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let which = 0..4_usize;
+    prop_oneof![
+        3 => (0..4_000_u64).prop_map(|ms| Step::Wait { ms }),
+        3 => (0..20_u64).prop_map(|lasts_s| Step::Acquire { lasts_s }),
+        2 => which.clone().prop_map(|which| Step::Renew { which }),
+        1 => which.clone().prop_map(|which| Step::Release { which }),
+        1 => Just(Step::Take),
+        1 => Just(Step::StopBegins),
+        2 => Just(Step::StopEnds),
+        2 => which.clone().prop_map(|which| Step::Clear { which }),
+        1 => (0..8_u8).prop_map(|robot| Step::Answers { robot: robot / 7 }),
+        1 => Just(Step::Accept),
+        4 => (0..8_u8).prop_map(|mode| Step::Observed { manual: mode == 0 }),
+        1 => Just(Step::LinkLost),
+        1 => Just(Step::Reconfigured),
+        1 => (0..8_u8).prop_map(|number| if number == 0 { Step::Closed } else { Step::LinkLost }),
+        6 => (which, any::<bool>()).prop_map(|(which, moves)| Step::Command { which, moves }),
+        1 => Just(Step::Restart),
+    ]
+}
+
+const FRESH_FOR: Duration = Duration::from_secs(2);
+
+fn robot(number: u8) -> RobotIdentity {
+    RobotIdentity { machine_name: Some(format!("robot {number}")), ..RobotIdentity::default() }
+}
+
+/// What the callers saw: the plain opposite of the seat.
+#[derive(Debug, Default)]
+struct Model {
+    /// Every lease that was given out: its key and when it ends; `None` once it has ended.
+    leases: Vec<(Key, Option<Instant>)>,
+    /// The last stop was not cleared.
+    stopped: bool,
+    stops_under_way: u32,
+    seen: Option<(Instant, bool)>,
+    expected: Option<u8>,
+    answers: Option<u8>,
+    closed: bool,
+    /// Permits that were given out: their generations.
+    permits: Vec<u64>,
+}
+
+impl Model {
+    fn live(&self, now: Instant) -> Vec<Key> {
+        let is_live = |until: &Option<Instant>| until.is_some_and(|until| now < until);
+        self.leases.iter().filter(|(_, until)| is_live(until)).map(|(key, _)| *key).collect()
+    }
+
+    fn end_all(&mut self) {
+        self.leases.iter_mut().for_each(|(_, until)| *until = None);
+    }
+
+    fn is_stranger(&self) -> bool {
+        self.expected.is_some() && self.answers.is_some() && self.expected != self.answers
+    }
+
+    /// One of the keys that were given out, the newest first, or a key that was never given out.
+    fn key(&self, which: usize) -> Key {
+        let given = self.leases.iter().rev().nth(which).map(|(key, _)| *key);
+        given.unwrap_or(Key { number: self.leases.len() as u64, secret: Secret([0; 16]) })
+    }
+
+    fn holds(&self, now: Instant, key: Key) -> bool {
+        let fits = |live: &Key| live.number == key.number && live.secret.0 == key.secret.0;
+        self.live(now).iter().any(fits)
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 512, ..ProptestConfig::default() })]
+
+    /// Never two live leases; numbers only grow; nothing moves after a stop until it is cleared; no permit
+    /// without the lease, for another robot, in manual mode, or for a robot that was not seen lately.
+    #[test]
+    fn a_permit_needs_all_that_it_stands_for(steps in prop::collection::vec(step(), 1..80)) {
+        let mut now = Instant::ORIGIN + Duration::from_secs(1);
+        let mut seat = Seat::new(Saved::default(), FRESH_FOR);
+        let mut model = Model::default();
+        for (number, step) in (1_u128..).zip(steps) {
+            let ask = |lasts: u64| Ask {
+                holder: "one".to_owned(),
+                lasts: Duration::from_secs(lasts),
+                secret: Secret(number.to_be_bytes()),
+            };
+            match step {
+                Step::Wait { ms } => {
+                    now += Duration::from_millis(ms);
+                    if ms % 2 == 0 {
+                        seat.handle_timeout(now);
+                    }
+                }
+                Step::Acquire { lasts_s } => {
+                    let free = model.live(now).is_empty() && !model.is_stranger() && !model.closed;
+                    let granted = seat.acquire(now, ask(lasts_s));
+                    prop_assert_eq!(granted.is_ok(), free, "{:?}", granted);
+                    if let Ok(granted) = granted {
+                        prop_assert!(model.leases.last().is_none_or(|(key, _)| key.number < granted.key.number));
+                        let lasts = granted.until.since(now);
+                        prop_assert!((SHORTEST_LEASE..=LONGEST_LEASE).contains(&lasts));
+                        model.leases.push((granted.key, Some(granted.until)));
+                    }
+                }
+                Step::Renew { which } => {
+                    let key = model.key(which);
+                    let renewed = seat.renew(now, key, USUAL_LEASE);
+                    prop_assert_eq!(renewed.is_ok(), model.holds(now, key));
+                    if let Ok(granted) = renewed {
+                        let lease = model.leases.iter_mut().find(|(given, _)| given.number == key.number);
+                        lease.unwrap().1 = Some(granted.until);
+                    }
+                }
+                Step::Release { which } => {
+                    let key = model.key(which);
+                    let held = model.holds(now, key);
+                    prop_assert_eq!(seat.release(now, key).is_ok(), held);
+                    if held {
+                        model.end_all();
+                    }
+                }
+                Step::Take => {
+                    let begun = seat.begin_taking(now);
+                    prop_assert_eq!(begun.is_ok(), !model.is_stranger() && !model.closed);
+                    if begun.is_err() {
+                        continue;
+                    }
+                    model.end_all();
+                    seat.stop_begins();
+                    model.stopped = true;
+                    // Meanwhile no other caller gets it.
+                    prop_assert!(seat.acquire(now, ask(3)).is_err());
+                    prop_assert!(seat.begin_taking(now).is_err());
+                    seat.stop_ends();
+                    let granted = seat.end_taking(now, ask(5)).unwrap();
+                    prop_assert!(model.leases.last().is_none_or(|(key, _)| key.number < granted.key.number));
+                    model.leases.push((granted.key, Some(granted.until)));
+                }
+                Step::StopBegins => {
+                    seat.stop_begins();
+                    (model.stopped, model.stops_under_way) = (true, model.stops_under_way + 1);
+                }
+                Step::StopEnds => {
+                    seat.stop_ends();
+                    model.stops_under_way = model.stops_under_way.saturating_sub(1);
+                }
+                Step::Clear { which } => {
+                    let key = model.key(which);
+                    let clears = model.holds(now, key) && model.stops_under_way == 0;
+                    prop_assert_eq!(seat.clear(now, key).is_ok(), clears);
+                    model.stopped &= !clears;
+                }
+                Step::Answers { robot: number } => {
+                    seat.identified(robot(number));
+                    model.answers = Some(number);
+                    model.expected.get_or_insert(number);
+                    if model.is_stranger() {
+                        model.end_all();
+                    }
+                }
+                Step::Accept => {
+                    let answers = model.answers.unwrap_or(9);
+                    prop_assert_eq!(seat.accept_identity(&robot(answers)).is_ok(), model.is_stranger());
+                    model.expected = model.answers.or(model.expected);
+                }
+                Step::Observed { manual } => {
+                    seat.observed(now, 1, manual);
+                    model.seen = Some((now, manual));
+                }
+                Step::LinkLost => {
+                    seat.link_lost();
+                    model.seen = None;
+                }
+                Step::Reconfigured => {
+                    seat.reconfigured();
+                    model.end_all();
+                    (model.seen, model.answers) = (None, None);
+                }
+                Step::Closed => {
+                    seat.close(LeaseEnd::Removed);
+                    model.end_all();
+                    model.closed = true;
+                }
+                Step::Command { which, moves } => {
+                    let key = model.key(which);
+                    let command =
+                        if moves { Command::StartButton } else { Command::ModifyGspd { percent: 5.0 } };
+                    let permit = seat.permit(now, key, command);
+                    let seen = model.seen.is_some_and(|(at, manual)| now.since(at) <= FRESH_FOR && !manual);
+                    let permitted = model.holds(now, key)
+                        && model.stops_under_way == 0
+                        && !(moves && model.stopped)
+                        && !model.is_stranger()
+                        && !model.closed
+                        && seen;
+                    prop_assert_eq!(permit.is_ok(), permitted, "{:?}", permit);
+                    if let Ok(permit) = permit {
+                        prop_assert_eq!(permit.generation(), seat.generation());
+                        let until = model.leases.iter().rev().find_map(|(_, until)| *until).unwrap();
+                        prop_assert!(now <= permit.latest() && permit.latest() <= until);
+                        model.permits.push(permit.generation());
+                    }
+                }
+                Step::Restart => {
+                    seat = Seat::new(seat.saved().clone(), FRESH_FOR);
+                    model.end_all();
+                    (model.seen, model.answers, model.stops_under_way) = (None, None, 0);
+                    model.closed = false;
+                    model.permits.clear();
+                }
+            }
+            let live = model.live(now);
+            prop_assert!(live.len() <= 1, "{:?}", live);
+            prop_assert_eq!(seat.lease(now).map(|lease| lease.number), live.first().map(|key| key.number));
+            prop_assert_eq!(seat.stops().0, model.stopped);
+            // Permits of a lease that has ended, or from before a stop, are void, once the seat knows the
+            // time.
+            seat.handle_timeout(now);
+            if live.is_empty() || model.stops_under_way > 0 || model.is_stranger() || model.closed {
+                prop_assert!(!model.permits.contains(&seat.generation()), "{:?}", model.permits);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_part_of_an_identity_that_was_not_read_is_no_change_and_is_added_later() {
+    let mut seat = Seat::new(Saved::default(), FRESH_FOR);
+    let part = RobotIdentity { firmware: Some("7".to_owned()), ..RobotIdentity::default() };
+    seat.identified(part.clone());
+    let whole = RobotIdentity { machine_name: Some("press".to_owned()), axis_count: Some(6), ..part };
+    seat.identified(whole.clone());
+    assert_eq!((seat.identity_change(), seat.saved().identity.clone()), (None, Some(whole.clone())));
+    let other = RobotIdentity { axis_count: Some(4), ..whole.clone() };
+    seat.identified(other.clone());
+    assert_eq!(seat.identity_change(), Some(IdentityChange { expected: whole.clone(), found: other }));
+    // The cable is put back.
+    seat.identified(whole);
+    assert_eq!(seat.identity_change(), None);
+}

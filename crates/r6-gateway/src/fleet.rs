@@ -1,0 +1,134 @@
+//! The robots of the gateway: one task and one connection each.
+//!
+//! - [`station`]: what the gateway knows of one robot, and its seat.
+//! - [`config`]: how one robot is looked after.
+//! - [`roster`]: adds, changes and removes robots while the others go on.
+//! - [`link`]: the task that keeps the connection and reads the values.
+//! - [`command`]: leases, commands, stops and the acceptance of another robot.
+//! - [`counts`]: what happened, counted.
+//! - [`clerk`]: the task that ends leases in time, and writes down what need not be written first.
+
+pub mod clerk;
+pub mod command;
+pub mod config;
+pub mod counts;
+pub mod link;
+pub mod roster;
+mod send;
+pub mod station;
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::time::Duration;
+
+use r6_api::gateway::LeaseEnd;
+use tokio::sync::{Mutex as AsyncMutex, watch};
+use tokio::task::JoinHandle;
+
+use crate::core::name::RobotName;
+use crate::core::seat::Saved;
+use crate::fleet::config::RobotConfig;
+use crate::fleet::station::{Shared, Station};
+
+/// How long the task of a robot may take to end. It waits for commands for 3 s and for a stop for 17 s, or
+/// writes for 5 s.
+const END: Duration = Duration::from_secs(25);
+
+/// All robots, by their names.
+#[derive(Debug)]
+pub struct Fleet {
+    posts: RwLock<BTreeMap<RobotName, Post>>,
+    shared: Arc<Shared>,
+    /// Whether the gateway has ended. Locked while robots are added, changed or removed.
+    ended: AsyncMutex<bool>,
+}
+
+/// One robot and its tasks.
+#[derive(Debug)]
+struct Post {
+    station: Arc<Station>,
+    /// `None` while the robot is configured anew.
+    link: Option<Work>,
+    clerk: Work,
+}
+
+/// A task that can be told to end.
+#[derive(Debug)]
+struct Work {
+    end: watch::Sender<bool>,
+    task: JoinHandle<()>,
+}
+
+impl Work {
+    fn start<T: Future<Output = ()> + Send + 'static>(work: impl FnOnce(watch::Receiver<bool>) -> T) -> Self {
+        let (end, ends) = watch::channel(false);
+        Self { end, task: tokio::spawn(work(ends)) }
+    }
+
+    /// Ends it in order, or after [`END`] without.
+    async fn end(mut self) {
+        self.end.send_replace(true);
+        if tokio::time::timeout(END, &mut self.task).await.is_err() {
+            tracing::warn!("the task of a robot did not end in time");
+            self.task.abort();
+        }
+    }
+}
+
+impl Post {
+    fn start(config: RobotConfig, saved: Saved, shared: &Arc<Shared>) -> Self {
+        let station = Arc::new(Station::new(config, saved, Arc::clone(shared)));
+        let link = Work::start(|end| link::keep(Arc::clone(&station), end));
+        let clerk = Work::start(|end| clerk::work(Arc::clone(&station), end));
+        Self { station, link: Some(link), clerk }
+    }
+
+    /// Ends the robot at the gateway, for this cause: no new command, then the outcomes of those that are
+    /// under way, the connection, the last records. The arm goes on with what it does.
+    async fn end(self, cause: LeaseEnd) {
+        self.station.seat(|seat, _| seat.close(cause));
+        if let Some(link) = self.link {
+            link.end().await;
+        }
+        self.station.finish_stops().await;
+        self.clerk.end().await;
+    }
+}
+
+impl Fleet {
+    /// Starts to look after these robots, each as it was saved.
+    pub fn start(robots: Vec<(Saved, RobotConfig)>, shared: Arc<Shared>) -> Self {
+        let post = |(saved, config): (Saved, RobotConfig)| {
+            (config.name.clone(), Post::start(config, saved, &shared))
+        };
+        let posts = RwLock::new(robots.into_iter().map(post).collect());
+        Self { posts, shared, ended: AsyncMutex::new(false) }
+    }
+
+    /// The robot with this name.
+    pub fn station(&self, name: &str) -> Option<Arc<Station>> {
+        let name = RobotName::new(name)?;
+        self.read().get(&name).map(|post| Arc::clone(&post.station))
+    }
+
+    /// All robots, in the order of their names.
+    pub fn stations(&self) -> Vec<Arc<Station>> {
+        self.read().values().map(|post| Arc::clone(&post.station)).collect()
+    }
+
+    /// Ends all robots at the gateway. Arms go on with what they do.
+    pub async fn end(&self) {
+        *self.ended.lock().await = true;
+        let posts = std::mem::take(&mut *self.write());
+        let ends = posts.into_values().map(|post| post.end(LeaseEnd::GatewayEnded));
+        futures_util::future::join_all(ends).await;
+    }
+
+    fn read(&self) -> RwLockReadGuard<'_, BTreeMap<RobotName, Post>> {
+        self.posts.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, BTreeMap<RobotName, Post>> {
+        self.posts.write().unwrap_or_else(PoisonError::into_inner)
+    }
+}

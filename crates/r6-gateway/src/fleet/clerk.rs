@@ -1,0 +1,56 @@
+//! Ends leases in time, and writes down what need not be written before something happens.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::watch;
+
+use super::station::Station;
+
+/// The longest time between two looks. A lease can begin any time, so it is no longer than the shortest one.
+/// It is also the time after which a store that failed is tried again.
+const LOOK: Duration = Duration::from_secs(1);
+
+/// How long the last records may take at the end.
+const LAST_WRITE: Duration = Duration::from_secs(5);
+
+/// Works until `end` is true. Then it writes what is left.
+pub async fn work(station: Arc<Station>, mut end: watch::Receiver<bool>) {
+    let mut store_failed = false;
+    loop {
+        let until = station.seat(|seat, now| seat.poll_timeout().map(|until| until.since(now)));
+        // The clock that leases count on goes on while the machine sleeps, and tokio's does not.
+        let wait = until.unwrap_or(LOOK).min(LOOK);
+        tokio::select! {
+            () = station.to_write.notified(), if !store_failed => store_failed = !write(&station).await,
+            () = tokio::time::sleep(wait) => {
+                station.seat(|seat, now| seat.handle_timeout(now));
+                store_failed = store_failed && !write(&station).await;
+            }
+            () = ended(&mut end) => break,
+        }
+    }
+    if tokio::time::timeout(LAST_WRITE, write(&station)).await != Ok(true) {
+        tracing::error!(robot = station.name(), "the last records were not written");
+    }
+}
+
+/// Waits until `end` is true, or the gateway was dropped.
+pub(super) async fn ended(end: &mut watch::Receiver<bool>) {
+    let _ = end.wait_for(|end| *end).await;
+}
+
+/// Writes all that waits. `false` if the store failed.
+async fn write(station: &Station) -> bool {
+    let written = async {
+        station.write_pending().await?;
+        station.save().await
+    };
+    match written.await {
+        Ok(()) => true,
+        Err(error) => {
+            tracing::error!(robot = station.name(), %error, "the store failed; it is tried again");
+            false
+        }
+    }
+}

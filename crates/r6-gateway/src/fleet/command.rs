@@ -1,0 +1,381 @@
+//! Leases, commands, stops, and the acceptance of another robot.
+//!
+//! Everything here runs to its end even if its caller goes away: the callers of this module spawn it.
+
+use std::time::Duration;
+
+use r6_api::Code;
+use r6_api::gateway::{CommandDone, CommandOutcome, Deed, Happened, Lease, LeaseKey, RobotIdentity, Stopped};
+use r6_client::{Address, NotSent, OutcomeUnknown, RequestError, Robot};
+use r6_proto::{Command, CommandName, Effect};
+use tokio::sync::Semaphore;
+
+use super::link::to_client;
+use super::station::{By, MAX_COMMANDS, MAX_STOPS, Station, millis};
+use crate::clock;
+use crate::core::seat::{Ask, Denied, Granted, Key, Secret};
+use crate::problem::Problem;
+
+/// How long a stop waits for a connection, if there never was one. Longer than an attempt to connect.
+const CONNECT_FOR_STOP: Duration = Duration::from_secs(4);
+
+/// How long to wait for commands that are under way. Longer than a reply may take.
+const FINISH_COMMANDS: Duration = Duration::from_secs(3);
+
+/// How long to wait for stops that are under way. Longer than one takes: [`CONNECT_FOR_STOP`] and 15 s of the
+/// client.
+const FINISH_STOPS: Duration = Duration::from_secs(20);
+
+/// How often to look whether commands and stops have ended.
+const FINISH_LOOK: Duration = Duration::from_millis(10);
+
+/// How the audit log calls a stop that is more than one command.
+const STOP: &str = "stop";
+
+/// What a person has to know if there is no way to the robot.
+const NO_CONNECTION: &str =
+    "the arm was NOT stopped: there is no connection to this robot; use the emergency stop";
+
+/// What a person has to know if nothing more can be done.
+const USE_EMERGENCY_STOP: &str = "it is not known that the arm stands; use the emergency stop";
+
+impl Station {
+    /// Gives out the lease if it is free.
+    ///
+    /// # Errors
+    /// `leased`, `identity_changed`, `store_unavailable`.
+    pub async fn acquire(&self, by: &By, lasts: Duration) -> Result<Lease, Problem> {
+        let ask = ask(by, lasts)?;
+        let granted = self.seat(|seat, now| seat.acquire(now, ask))?;
+        self.keep_granted(by, granted, None).await
+    }
+
+    /// Takes the lease from its holder: the robot is stopped first. The stop holds afterwards.
+    ///
+    /// # Errors
+    /// `leased` if another admin takes it, `identity_changed`, `store_unavailable`.
+    pub async fn take(&self, by: &By, lasts: Duration, because: String) -> Result<Lease, Problem> {
+        let ask = ask(by, lasts)?;
+        self.seat(|seat, now| seat.begin_taking(now))?;
+        // An unconfirmed stop holds all the same, so nothing moves before somebody has looked.
+        let _ = self.stop(by).await;
+        let granted = self.seat(|seat, now| seat.end_taking(now, ask))?;
+        self.keep_granted(by, granted, Some(because)).await
+    }
+
+    /// Lets the lease last longer.
+    ///
+    /// # Errors
+    /// `no_lease`.
+    pub fn renew(&self, key: Key, lasts: Duration) -> Result<Lease, Problem> {
+        let granted = self.seat(|seat, now| seat.renew(now, key, lasts))?;
+        Ok(self.given(granted))
+    }
+
+    /// Gives the lease back.
+    ///
+    /// # Errors
+    /// `no_lease`.
+    pub fn release(&self, key: Key) -> Result<(), Problem> {
+        Ok(self.seat(|seat, now| seat.release(now, key))?)
+    }
+
+    /// A lease counts only after its number is on the disk: the number must not be given out again.
+    async fn keep_granted(&self, by: &By, granted: Granted, taken: Option<String>) -> Result<Lease, Problem> {
+        let deed = Deed::LeaseBegan { lease: granted.key.number, taken_because: taken };
+        let record = self.record(by, deed);
+        let kept = async {
+            self.save().await?;
+            self.append(record).await
+        };
+        if let Err(error) = kept.await {
+            let _ = self.release(granted.key);
+            return Err(error.into());
+        }
+        Ok(self.given(granted))
+    }
+
+    fn given(&self, granted: Granted) -> Lease {
+        let (stopped, left) = self.seat(|seat, now| (seat.stops().0, granted.until.since(now)));
+        let secret = granted.key.secret.0.iter().map(|byte| format!("{byte:02x}")).collect();
+        let lease = LeaseKey { number: granted.key.number, secret };
+        Lease { lease, expires_in_ms: millis(left), stopped }
+    }
+
+    /// Sends a command that changes or moves. Its intent is on the disk before it leaves, its outcome after.
+    ///
+    /// # Errors
+    /// `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused`, `overloaded`,
+    /// `store_unavailable`, `outcome_unknown`.
+    pub async fn command(
+        &self,
+        by: &By,
+        key: Key,
+        command: Command<'static>,
+        run_leftover: bool,
+    ) -> Result<CommandDone, Problem> {
+        let done = self.try_command(by, key, command.clone(), run_leftover).await;
+        if let Err((problem, Told::No)) = &done {
+            self.note_refused(by, &command.to_string(), problem.code);
+        }
+        done.map_err(|(problem, _)| problem)
+    }
+
+    async fn try_command(
+        &self,
+        by: &By,
+        key: Key,
+        command: Command<'static>,
+        run_leftover: bool,
+    ) -> Result<CommandDone, (Problem, Told)> {
+        let untold = |problem: Problem| (problem, Told::No);
+        let _slot = self.commands.try_acquire().map_err(|_| {
+            untold(Problem::new(Code::Overloaded, "too many commands of this robot are under way"))
+        })?;
+        let effect = command.name().effect();
+        self.seat(|seat, now| seat.check(now, key, effect)).map_err(|denied| untold(denied.into()))?;
+        let robot = self.robot.borrow().clone();
+        let robot =
+            robot.ok_or_else(|| untold(Problem::new(Code::NotReady, "there is no connection yet")))?;
+        if starts_the_list(command.name()) && !run_leftover {
+            check_list(&robot).await.map_err(untold)?;
+        }
+
+        let sent = command.to_string();
+        let intent = Deed::CommandIntent { command: sent.clone(), lease: key.number };
+        let intent = self.append(self.record(by, intent)).await;
+        let command_id = intent.map_err(|error| untold(error.into()))?;
+        self.publish(Happened::CommandBegan { command_id, command: sent.clone() });
+        // What was true before the disk had its turn may not be true any more.
+        let answer = match self.seat(|seat, now| seat.permit(now, key, command)) {
+            Ok(permit) => {
+                let answer = self.send(&robot, permit).await;
+                answer.map_err(|error| (outcome(&error), self.problem_of(&error, key, effect)))
+            }
+            Err(denied) => Err((CommandOutcome::NotSent, denied.into())),
+        };
+        let (outcome, detail) = match &answer {
+            Ok(_) => (CommandOutcome::Accepted, String::new()),
+            Err((outcome, problem)) => (*outcome, problem.message.clone()),
+        };
+        tracing::info!(robot = self.name(), command_id, command = %sent, ?outcome, by = %by.actor, "a command");
+        self.counts.count_command(outcome);
+        self.publish(Happened::CommandEnded { command_id, outcome });
+        let deed = Deed::CommandOutcome { intent: command_id, outcome, detail };
+        if self.append(self.record(by, deed.clone())).await.is_err() {
+            // The robot has answered: the caller is told, and the log as soon as it can be written.
+            self.note(by, deed);
+        }
+        let accepted = answer.map_err(|(_, problem)| (problem, Told::Yes))?;
+        let after_ms = clock::milliseconds(accepted.after);
+        Ok(CommandDone { command_id: Some(command_id), sent, after_ms })
+    }
+
+    /// The problem of a command that failed. If it was taken back, the seat knows why.
+    fn problem_of(&self, error: &RequestError, key: Key, effect: Effect) -> Problem {
+        let (checked, stopped) = self.seat(|seat, now| (seat.check(now, key, effect), seat.stops().0));
+        match (error, checked) {
+            (RequestError::NotSent(_), Err(denied)) => denied.into(),
+            // A stop began and ended meanwhile, or the connection is another one.
+            (RequestError::NotSent(NotSent::Withdrawn), Ok(())) if stopped => Denied::Stopped.into(),
+            (_, _) => Problem::of_request(error),
+        }
+    }
+
+    /// Stops the robot until it is proved that the arm stands. It needs no lease, and holds until the holder
+    /// of the lease clears it.
+    ///
+    /// # Errors
+    /// `not_stopped`.
+    pub async fn stop(&self, by: &By) -> Result<Stopped, Problem> {
+        self.begin_stop(by, STOP);
+        let answer = match self.stops.try_acquire() {
+            Ok(_place) => match self.connected().await {
+                Some(robot) => robot.stop().await.map_err(|error| error.to_string()),
+                None => Err(NO_CONNECTION.to_owned()),
+            },
+            Err(_) => Err(format!("{MAX_STOPS} stops of this robot are under way: {USE_EMERGENCY_STOP}")),
+        };
+        let stopped = match answer {
+            Ok(report) if report.confirmed => Ok((report.took, report.to_string())),
+            Ok(report) => Err(report.to_string()),
+            Err(message) => Err(message),
+        };
+        let detail = match &stopped {
+            Ok((_, detail)) | Err(detail) => detail.clone(),
+        };
+        self.end_stop(by, STOP, stopped.is_ok(), detail);
+        let (took, _) = stopped.map_err(|message| Problem::new(Code::NotStopped, message))?;
+        Ok(Stopped { confirmed: true, took_ms: clock::milliseconds(took) })
+    }
+
+    /// Sends one command that stops or pauses. It needs no lease, and holds as [`Self::stop`] does.
+    ///
+    /// # Errors
+    /// `refused`, `not_ready`, `identity_changed`, `overloaded`, `outcome_unknown`.
+    pub async fn stop_command(&self, by: &By, command: Command<'static>) -> Result<CommandDone, Problem> {
+        let (word, sent) = (command.name().word(), command.to_string());
+        self.begin_stop(by, word);
+        let answer = match self.stop_commands.try_acquire() {
+            Ok(_place) => match self.connected().await {
+                Some(robot) => robot.command(command).await.map_err(|error| Problem::of_request(&error)),
+                None => Err(Problem::new(Code::NotReady, NO_CONNECTION)),
+            },
+            Err(_) => {
+                let message = format!("{MAX_STOPS} commands that stop this robot are under way");
+                Err(Problem::new(Code::Overloaded, message))
+            }
+        };
+        let detail = answer.as_ref().err().map(|problem| problem.message.clone()).unwrap_or_default();
+        self.end_stop(by, word, answer.is_ok(), detail);
+        let after_ms = clock::milliseconds(answer?.after);
+        Ok(CommandDone { command_id: None, sent, after_ms })
+    }
+
+    /// A stop holds before anything is sent. The audit log is told soon: a stop does not wait for the disk.
+    fn begin_stop(&self, by: &By, request: &str) {
+        self.seat(|seat, _| seat.stop_begins());
+        self.publish(Happened::StopBegan { by: by.actor.clone() });
+        self.note(by, Deed::StopBegan { request: request.to_owned() });
+    }
+
+    fn end_stop(&self, by: &By, request: &str, confirmed: bool, detail: String) {
+        self.seat(|seat, _| seat.stop_ends());
+        tracing::warn!(robot = self.name(), request, confirmed, by = %by.actor, "a stop");
+        self.counts.count_stop(confirmed);
+        self.publish(Happened::StopEnded { confirmed });
+        self.note(by, Deed::Stop { request: request.to_owned(), confirmed, detail });
+    }
+
+    /// The client's handle. If there never was a connection, an attempt is made at once.
+    async fn connected(&self) -> Option<Robot> {
+        let mut robot = self.robot.subscribe();
+        let now = robot.borrow().clone();
+        if now.is_some() {
+            return now;
+        }
+        self.try_now.notify_one();
+        let there = tokio::time::timeout(CONNECT_FOR_STOP, robot.wait_for(Option::is_some)).await;
+        there.ok()?.ok()?.clone()
+    }
+
+    /// Lets the robot move again after a stop.
+    ///
+    /// # Errors
+    /// `no_lease`; `stopped` while a stop is under way.
+    pub fn clear(&self, by: &By, key: Key) -> Result<(), Problem> {
+        let cleared = self.seat(|seat, now| seat.clear(now, key));
+        match cleared {
+            Ok(()) => {
+                self.publish(Happened::StopCleared {});
+                self.note(by, Deed::StopCleared { lease: key.number });
+                Ok(())
+            }
+            Err(denied) => {
+                let problem = Problem::from(denied);
+                self.note_refused(by, "clear-stopped", problem.code);
+                Err(problem)
+            }
+        }
+    }
+
+    /// From now on this name stands for the robot that answers.
+    ///
+    /// # Errors
+    /// `identity_changed`: this is not the robot that answers; `store_unavailable`.
+    pub async fn accept_identity(&self, by: &By, accepted: RobotIdentity) -> Result<(), Problem> {
+        self.seat(|seat, _| seat.accept_identity(&accepted))?;
+        let robot = self.robot.borrow().clone();
+        if let Some(robot) = robot {
+            robot.accept_identity(to_client(&accepted));
+        }
+        self.try_now.notify_one();
+        self.publish(Happened::IdentityAccepted { identity: accepted.clone() });
+        let deed = Deed::IdentityAccepted { identity: accepted };
+        if let Err(error) = self.append(self.record(by, deed.clone())).await {
+            self.note(by, deed);
+            return Err(error.into());
+        }
+        Ok(self.save().await?)
+    }
+
+    /// Notes that a request was refused.
+    pub fn note_refused(&self, by: &By, request: &str, code: Code) {
+        self.note(by, Deed::Refused { request: request.to_owned(), code });
+    }
+
+    /// Waits until no command is under way, as long as one may take.
+    pub(super) async fn finish_commands(&self) {
+        finish(&self.commands, MAX_COMMANDS, FINISH_COMMANDS).await;
+    }
+
+    /// Waits until no stop is under way, as long as one may take.
+    pub(super) async fn finish_stops(&self) {
+        let stops = finish(&self.stops, MAX_STOPS, FINISH_STOPS);
+        tokio::join!(stops, finish(&self.stop_commands, MAX_STOPS, FINISH_STOPS));
+    }
+}
+
+/// Waits until all places are free. It does not take them: a stop must still get one.
+async fn finish(places: &Semaphore, all: u32, within: Duration) {
+    let free = async {
+        while places.available_permits() < all as usize {
+            tokio::time::sleep(FINISH_LOOK).await;
+        }
+    };
+    if tokio::time::timeout(within, free).await.is_err() {
+        tracing::warn!("a command or a stop did not end in time");
+    }
+}
+
+/// Whether a command stands in the audit log.
+enum Told {
+    Yes,
+    No,
+}
+
+fn ask(by: &By, lasts: Duration) -> Result<Ask, Problem> {
+    let mut secret = [0; 16];
+    getrandom::fill(&mut secret)
+        .map_err(|error| Problem::new(Code::StoreUnavailable, format!("no random numbers: {error}")))?;
+    Ok(Ask { holder: by.actor.clone(), lasts, secret: Secret(secret) })
+}
+
+fn outcome(error: &RequestError) -> CommandOutcome {
+    match error {
+        RequestError::Invalid(_) | RequestError::NotSent(_) => CommandOutcome::NotSent,
+        RequestError::Refused(_) => CommandOutcome::Refused,
+        RequestError::OutcomeUnknown(_) => CommandOutcome::Unknown,
+    }
+}
+
+/// Whether the machine runs the rest of its instruction list after this command.
+fn starts_the_list(name: CommandName) -> bool {
+    matches!(
+        name,
+        CommandName::StartButton
+            | CommandName::ActionSingleCycle
+            | CommandName::ClearAlarmContinue
+            | CommandName::ClearAlarmRunNext
+    )
+}
+
+/// Refuses if instructions are left in the list. Passes if the firmware does not tell its length.
+async fn check_list(robot: &Robot) -> Result<(), Problem> {
+    let read = robot.query(&[Address::RemoteCmdLen]).await.map_err(|error| match error {
+        RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. }) => {
+            Problem::new(Code::IdentityChanged, error.to_string())
+        }
+        error => Problem::new(Code::NotReady, error.to_string()),
+    })?;
+    match read.integer(Address::RemoteCmdLen) {
+        None | Some(..=0) => Ok(()),
+        Some(left) => Err(Problem::new(
+            Code::LeftoverList,
+            format!(
+                "{left} left in the instruction list, and the arm would run the list: a stop clears it, \
+                 `\"run_leftover\": true` runs it"
+            ),
+        )),
+    }
+}

@@ -1,0 +1,92 @@
+//! What the gateway has to know of a robot to look after it.
+
+use std::time::Duration;
+
+use r6_api::gateway::ManagedBy;
+use r6_client::{Address, AxisIndex, RobotSettings};
+
+use crate::core::name::RobotName;
+
+/// How often the values are read if nothing else is said.
+pub const USUAL_PERIOD: Duration = Duration::from_millis(100);
+
+/// The shortest and the longest time between two readings: those of the client.
+pub const PERIODS: (Duration, Duration) = (Duration::from_millis(20), Duration::from_secs(3_600));
+
+/// The most addresses of one robot, besides the usual ones: a subscription of the client has 256.
+pub const MAX_READ: usize = 200;
+
+/// One robot to look after.
+#[derive(Clone, Debug)]
+pub struct RobotConfig {
+    /// Its name.
+    pub name: RobotName,
+    /// Host and port, as [`r6_client::Robot::connect`] takes them.
+    pub address: String,
+    /// How often its values are read: [`PERIODS`].
+    pub period: Duration,
+    /// The addresses to read, besides the usual ones: at most [`MAX_READ`].
+    pub addresses: Vec<Address>,
+    /// How to communicate with it.
+    pub settings: RobotSettings,
+    /// Who may change all this.
+    pub managed_by: ManagedBy,
+}
+
+impl RobotConfig {
+    /// A robot of the configuration with the usual settings.
+    #[must_use]
+    pub fn new(name: RobotName, address: impl Into<String>) -> Self {
+        Self {
+            name,
+            address: address.into(),
+            period: USUAL_PERIOD,
+            addresses: Vec::new(),
+            settings: RobotSettings::default(),
+            managed_by: ManagedBy::File,
+        }
+    }
+
+    /// Its address with the port: two robots must not have the same one.
+    ///
+    /// # Errors
+    /// What is wrong with this robot.
+    pub fn check(&self) -> Result<String, String> {
+        let (shortest, longest) = PERIODS;
+        if !(shortest..=longest).contains(&self.period) {
+            return Err(format!("its period is from {shortest:?} to {longest:?}"));
+        }
+        if self.addresses.len() > MAX_READ {
+            return Err(format!("it reads at most {MAX_READ} addresses besides the usual ones"));
+        }
+        let address = r6_client::address_with_port(&self.address);
+        address.map_err(|error| r6_client::RequestError::Invalid(error).to_string())
+    }
+
+    /// Whether the robot is the same and is read in the same way.
+    #[must_use]
+    pub fn is_as(&self, other: &Self) -> bool {
+        self.address == other.address && self.period == other.period && self.addresses == other.addresses
+    }
+
+    /// All addresses that are read: the usual ones first, each once.
+    #[must_use]
+    pub fn all_addresses(&self) -> Vec<Address> {
+        let axes = AxisIndex::ALL.into_iter().take(6);
+        let usual = [Address::CurMode, Address::CurAlarm, Address::IsMoving, Address::Origin];
+        let rest = [Address::RemoteCmdLen, Address::CurMold, Address::CurCycle, Address::LastCycle];
+        let all = usual
+            .into_iter()
+            .chain(axes.clone().map(Address::Axis))
+            .chain(axes.map(Address::World))
+            .chain(rest)
+            .chain(self.addresses.iter().copied());
+        let mut once = Vec::new();
+        all.for_each(|address| {
+            if !once.contains(&address) {
+                once.push(address);
+            }
+        });
+        once
+    }
+}

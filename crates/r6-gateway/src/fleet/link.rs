@@ -1,0 +1,170 @@
+//! The task of one robot: it keeps the connection, finds out who answers, and takes in the values.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_api::gateway::RobotIdentity;
+use r6_client::{
+    Address, Identity, NotSubscribed, OperationMode, OutcomeUnknown, Quality, Reading, RequestError, Robot,
+    Snapshot, Subscription,
+};
+use tokio::sync::watch;
+
+use super::clerk::ended;
+use super::config::RobotConfig;
+use super::station::{MODE_PERIOD, Station};
+use crate::clock;
+
+/// The first and the longest wait before the next attempt to connect: doubled each time.
+const WAITS: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(5));
+
+/// How often to look at a robot from which nothing comes.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// How long closing the connection may take at the end: the client waits for a stop that is under way, for
+/// 15 s at most.
+const CLOSE: Duration = Duration::from_secs(17);
+
+/// Keeps the connection until `end` is true. Then the robot has no connection.
+pub async fn keep(station: Arc<Station>, mut end: watch::Receiver<bool>) {
+    tokio::select! {
+        () = run(&station) => {}
+        () = ended(&mut end) => {}
+    }
+    // From now on no command is permitted.
+    station.seat(|seat, _| seat.link_lost());
+    station.finish_commands().await;
+    // A stop that is asked for from now on waits for the next connection.
+    let robot = station.robot.send_replace(None);
+    if let Some(robot) = robot
+        && tokio::time::timeout(CLOSE, robot.close()).await.is_err()
+    {
+        tracing::warn!(robot = station.name(), "the connection could not be closed in order");
+    }
+}
+
+async fn run(station: &Station) {
+    let config = station.config();
+    let robot = connect(station, &config).await;
+    station.robot.send_replace(Some(robot.clone()));
+    match subscribe(&robot, &config) {
+        Ok((values, mode)) => watch(station, &robot, values, mode).await,
+        // The configuration was checked, so this is a fault of ours.
+        Err(error) => tracing::error!(robot = station.name(), %error, "the values cannot be read"),
+    }
+    tracing::error!(robot = station.name(), "its values are not read any more");
+    std::future::pending().await
+}
+
+/// The values; and the mode, if that is read more often.
+fn subscribe(
+    robot: &Robot,
+    config: &RobotConfig,
+) -> Result<(Subscription, Option<Subscription>), NotSubscribed> {
+    let values = robot.subscribe(&config.all_addresses(), config.period)?;
+    let mode = (config.period > MODE_PERIOD).then(|| robot.subscribe(&[Address::CurMode], MODE_PERIOD));
+    Ok((values, mode.transpose()?))
+}
+
+/// Takes in the values until the handle of the robot is closed.
+async fn watch(station: &Station, robot: &Robot, mut values: Subscription, mut mode: Option<Subscription>) {
+    // The connection whose robot was asked for its state: the client wants that before it sends a command.
+    let mut known_on = None;
+    loop {
+        let next_mode = async {
+            match &mut mode {
+                Some(mode) => mode.next().await,
+                None => std::future::pending().await,
+            }
+        };
+        let is_open = tokio::select! {
+            next = values.next() => next.is_some(),
+            next = next_mode => next.is_some(),
+            () = station.try_now.notified() => true,
+            () = tokio::time::sleep(LOOK) => true,
+        };
+        if !is_open {
+            return;
+        }
+        let connection = robot.connection();
+        if known_on != Some(connection) {
+            known_on = introduce(station, robot, connection).await;
+        }
+        // The introduction takes its time: what was known before it is too old.
+        let (latest, mode) = (values.latest(), mode.as_ref().map(Subscription::latest));
+        let known_on = known_on.filter(|known| *known == robot.connection());
+        take(station, &latest, mode.as_ref().unwrap_or(&latest), known_on);
+    }
+}
+
+async fn connect(station: &Station, config: &RobotConfig) -> Robot {
+    let (mut wait, longest) = WAITS;
+    loop {
+        match Robot::connect(&config.address, config.settings.clone()).await {
+            Ok(robot) => return robot,
+            Err(error) => tracing::debug!(robot = station.name(), %error, "no connection yet"),
+        }
+        tokio::select! {
+            () = tokio::time::sleep(wait) => wait = (wait * 2).min(longest),
+            () = station.try_now.notified() => wait = WAITS.0,
+        }
+    }
+}
+
+/// Reads the state of the robot on a connection. Returns the number of the connection once that is done and
+/// the robot is known.
+async fn introduce(station: &Station, robot: &Robot, connection: u64) -> Option<u64> {
+    let found = match robot.status().await {
+        Ok(_) => robot.identity()?,
+        Err(RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { found, .. })) => {
+            station.seat(|seat, _| seat.identified(identity(&found)));
+            return None;
+        }
+        Err(error) => {
+            tracing::debug!(robot = station.name(), %error, "its state could not be read");
+            return None;
+        }
+    };
+    if robot.connection() != connection {
+        return None;
+    }
+    station.seat(|seat, _| seat.identified(identity(&found)));
+    Some(connection)
+}
+
+/// Takes in the values, and whether the robot can be used.
+fn take(station: &Station, values: &Snapshot, mode: &Snapshot, known_on: Option<u64>) {
+    let changed = station.board().take(clock::now(), values);
+    if changed {
+        station.shared.wake_readers();
+    }
+    let mode = mode.value(Address::CurMode).filter(|mode| mode.quality == Quality::Fresh);
+    let fresh = mode.and_then(|mode| match (&mode.reading, mode.age) {
+        (Some(Reading::Integer(number)), Some(age)) => Some((OperationMode::of_number(*number), age)),
+        _ => None,
+    });
+    station.seat(|seat, now| match (known_on, fresh) {
+        (Some(connection), Some((mode, age))) => {
+            seat.observed(clock::before(now, age), connection, mode == OperationMode::Manual);
+        }
+        _ => seat.link_lost(),
+    });
+}
+
+/// The client's identity as the contract has it.
+fn identity(of: &Identity) -> RobotIdentity {
+    RobotIdentity {
+        firmware: of.firmware.clone(),
+        machine_name: of.machine_name.clone(),
+        axis_count: of.axis_count,
+    }
+}
+
+/// The identity of the contract as the client has it.
+pub(super) fn to_client(of: &RobotIdentity) -> Identity {
+    Identity {
+        firmware: of.firmware.clone(),
+        machine_name: of.machine_name.clone(),
+        axis_count: of.axis_count,
+    }
+}

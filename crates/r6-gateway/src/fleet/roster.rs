@@ -1,0 +1,275 @@
+//! Adds, changes and removes robots while the gateway runs. The other robots go on.
+//!
+//! One change is made at a time. It is on the disk and in the audit log before it takes effect.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+use futures_util::future::join_all;
+use r6_api::Code;
+use r6_api::gateway::{AuditRecord, Deed, Happened, LeaseEnd, ManagedBy};
+use r6_client::{Address, RobotSettings};
+
+use super::config::RobotConfig;
+use super::station::{By, millis};
+use super::{Fleet, Post, Work, link};
+use crate::clock;
+use crate::core::name::RobotName;
+use crate::problem::Problem;
+use crate::store::{StoreError, StoredRobot};
+
+/// The most robots of one gateway: each has a task, a connection and some hundred kilobytes.
+pub const MAX_ROBOTS: usize = 1_000;
+
+/// What became of a robot that was put.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Put {
+    /// It was added.
+    Added,
+    /// It was changed, or it was so already.
+    Changed,
+}
+
+/// What a new configuration changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// How many robots were added.
+    pub added: usize,
+    /// How many were changed: their leases have ended.
+    pub changed: usize,
+    /// How many were removed.
+    pub removed: usize,
+}
+
+/// Checks that each robot can be looked after, and that no two have one name or one address.
+///
+/// # Errors
+/// `bad_value`, `address_taken`.
+pub fn check<'r>(robots: impl IntoIterator<Item = &'r RobotConfig>) -> Result<(), Problem> {
+    let bad_value = |message| Problem::new(Code::BadValue, message);
+    let (mut names, mut addresses) = (BTreeSet::new(), BTreeMap::new());
+    for robot in robots {
+        let name = &robot.name;
+        let address = robot.check().map_err(|wrong| bad_value(format!("robot `{name}`: {wrong}")))?;
+        if !names.insert(name) {
+            return Err(bad_value(format!("two robots are called `{name}`")));
+        }
+        if let Some(other) = addresses.insert(address.clone(), name) {
+            let message = format!("`{name}` and `{other}` both have the address {address}");
+            return Err(Problem::new(Code::AddressTaken, message));
+        }
+    }
+    if names.len() > MAX_ROBOTS {
+        return Err(bad_value(format!("a gateway has at most {MAX_ROBOTS} robots")));
+    }
+    Ok(())
+}
+
+impl Fleet {
+    /// Adds a robot, or changes one that was added here. If it changes, its lease ends.
+    ///
+    /// # Errors
+    /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends.
+    pub async fn put(&self, by: &By, wanted: RobotConfig) -> Result<Put, Problem> {
+        let ended = self.ended.lock().await;
+        refuse_if(*ended)?;
+        let now = self.configs();
+        let (mut known, others): (Vec<_>, Vec<_>) = now.iter().partition(|robot| robot.name == wanted.name);
+        let known = known.pop();
+        known.map_or(Ok(()), refuse_if_of_file)?;
+        check(others.into_iter().chain([&wanted]))?;
+        if known.is_some_and(|known| known.is_as(&wanted)) {
+            return Ok(Put::Changed);
+        }
+        let record = record(by, &wanted.name, configured(&wanted));
+        self.shared.keeper.put_robot(stored(&wanted), record).await?;
+        match known {
+            Some(_) => {
+                self.change(wanted).await;
+                Ok(Put::Changed)
+            }
+            None => {
+                self.add(wanted).await?;
+                Ok(Put::Added)
+            }
+        }
+    }
+
+    /// Removes a robot that was added here. Its lease ends, and the arm goes on with what it does.
+    ///
+    /// # Errors
+    /// `no_such_robot`, `managed_by_file`, `store_unavailable`; `not_ready` if the gateway ends.
+    pub async fn remove(&self, by: &By, name: &RobotName) -> Result<(), Problem> {
+        let ended = self.ended.lock().await;
+        refuse_if(*ended)?;
+        let station = self
+            .station(name.as_str())
+            .ok_or_else(|| Problem::new(Code::NoSuchRobot, format!("there is no robot `{name}`")))?;
+        refuse_if_of_file(&station.config())?;
+        let record = record(by, name, Deed::RobotRemoved {});
+        self.shared.keeper.remove_robot(name.clone(), vec![record]).await?;
+        self.take_out(name).await;
+        Ok(())
+    }
+
+    /// Makes the robots of the configuration these. Robots that were added through the API stay, unless one
+    /// of these has their name.
+    ///
+    /// # Errors
+    /// `bad_value`, `address_taken`: nothing was changed. `store_unavailable`: some robots may be changed; to
+    /// call it again does the rest. `not_ready` if the gateway ends.
+    pub async fn reload(&self, robots: Vec<RobotConfig>) -> Result<Changes, Problem> {
+        let ended = self.ended.lock().await;
+        refuse_if(*ended)?;
+        let now = self.configs();
+        let names: BTreeSet<_> = robots.iter().map(|robot| robot.name.clone()).collect();
+        let of_api = now.iter().filter(|robot| robot.managed_by == ManagedBy::Api);
+        check(of_api.filter(|robot| !names.contains(&robot.name)).chain(&robots))?;
+
+        let by = By { actor: "gateway".to_owned(), source: None };
+        let gone = |robot: &&RobotConfig| robot.managed_by == ManagedBy::File && !names.contains(&robot.name);
+        let gone: Vec<_> = now.iter().filter(gone).map(|robot| robot.name.clone()).collect();
+        let (mut added, mut changed) = (Vec::new(), Vec::new());
+        for robot in robots {
+            match now.iter().find(|known| known.name == robot.name) {
+                None => added.push(robot),
+                Some(known) if known.managed_by == robot.managed_by && known.is_as(&robot) => {}
+                Some(_) => changed.push(robot),
+            }
+        }
+        let changes = Changes { added: added.len(), changed: changed.len(), removed: gone.len() };
+        let records = gone.iter().map(|name| record(&by, name, Deed::RobotRemoved {}));
+        let news = added.iter().chain(&changed).map(|robot| record(&by, &robot.name, configured(robot)));
+        self.shared.keeper.append(records.chain(news).collect()).await?;
+        join_all(gone.iter().map(|name| self.take_out(name))).await;
+        let changed = changed.into_iter().map(|robot| async {
+            // If it was added through the API, it belongs to the configuration from now on.
+            self.shared.keeper.remove_robot(robot.name.clone(), Vec::new()).await?;
+            self.change(robot).await;
+            Ok(())
+        });
+        let changed: Vec<Result<(), Problem>> = join_all(changed).await;
+        let added = join_all(added.into_iter().map(|robot| self.add(robot))).await;
+        changed.into_iter().chain(added).collect::<Result<(), Problem>>()?;
+        Ok(changes)
+    }
+
+    fn configs(&self) -> Vec<RobotConfig> {
+        self.read().values().map(|post| post.station.config()).collect()
+    }
+
+    async fn add(&self, robot: RobotConfig) -> Result<(), Problem> {
+        let name = robot.name.clone();
+        let saved = self.shared.keeper.seat(name.clone()).await?;
+        let post = Post::start(robot, saved, &self.shared);
+        post.station.publish(Happened::RobotAdded {});
+        self.write().insert(name, post);
+        self.shared.wake_readers();
+        Ok(())
+    }
+
+    /// Ends the connection of a robot, and makes the new one.
+    async fn change(&self, robot: RobotConfig) {
+        let name = robot.name.clone();
+        let old = self.write().get_mut(&name).map(|post| (Arc::clone(&post.station), post.link.take()));
+        let Some((station, link)) = old else { return };
+        if let Some(link) = link {
+            link.end().await;
+        }
+        station.seat(|seat, _| seat.reconfigured());
+        station.configure(robot);
+        station.publish(Happened::RobotChanged {});
+        let link = Work::start(|end| link::keep(station, end));
+        if let Some(post) = self.write().get_mut(&name) {
+            post.link = Some(link);
+        }
+    }
+
+    async fn take_out(&self, name: &RobotName) {
+        let post = self.write().remove(name);
+        if let Some(post) = post {
+            let station = Arc::clone(&post.station);
+            post.end(LeaseEnd::Removed).await;
+            station.publish(Happened::RobotRemoved {});
+            self.shared.wake_readers();
+        }
+    }
+}
+
+fn refuse_if(ended: bool) -> Result<(), Problem> {
+    if ended { Err(Problem::new(Code::NotReady, "the gateway ends")) } else { Ok(()) }
+}
+
+fn refuse_if_of_file(robot: &RobotConfig) -> Result<(), Problem> {
+    match robot.managed_by {
+        ManagedBy::Api => Ok(()),
+        ManagedBy::File => {
+            let message = "this robot is in the file or on the command line of the gateway: change it there";
+            Err(Problem::new(Code::ManagedByFile, message))
+        }
+    }
+}
+
+fn record(by: &By, robot: &RobotName, deed: Deed) -> AuditRecord {
+    AuditRecord {
+        time: clock::time_of_day(),
+        actor: by.actor.clone(),
+        source: by.source.clone(),
+        robot: Some(robot.to_string()),
+        deed,
+    }
+}
+
+fn configured(robot: &RobotConfig) -> Deed {
+    let StoredRobot { address, period_ms, read, .. } = stored(robot);
+    Deed::RobotConfigured { address, period_ms, read }
+}
+
+fn stored(robot: &RobotConfig) -> StoredRobot {
+    StoredRobot {
+        name: robot.name.clone(),
+        address: robot.address.clone(),
+        period_ms: millis(robot.period),
+        read: robot.addresses.iter().map(Address::to_string).collect(),
+    }
+}
+
+/// A robot as it was stored.
+///
+/// # Errors
+/// Its addresses cannot be read.
+pub fn of_store(robot: &StoredRobot, settings: RobotSettings) -> Result<RobotConfig, StoreError> {
+    let addresses = robot.read.iter().map(|address| Address::parse(address)).collect::<Result<_, _>>();
+    let unreadable = |_| StoreError::Unreadable(format!("the robot `{}`", robot.name));
+    Ok(RobotConfig {
+        period: Duration::from_millis(robot.period_ms),
+        addresses: addresses.map_err(unreadable)?,
+        settings,
+        managed_by: ManagedBy::Api,
+        ..RobotConfig::new(robot.name.clone(), robot.address.clone())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn robot(name: &str, address: &str) -> RobotConfig {
+        RobotConfig::new(RobotName::new(name).unwrap(), address)
+    }
+
+    #[test]
+    fn two_robots_have_neither_one_name_nor_one_address() {
+        assert!(check(&[robot("a", "10.0.0.1"), robot("b", "10.0.0.1:9761")]).is_ok());
+        let same = check(&[robot("a", "10.0.0.1"), robot("b", "10.0.0.1:9760")]).unwrap_err();
+        assert_eq!(same.code, Code::AddressTaken);
+        assert_eq!(same.message, "`b` and `a` both have the address 10.0.0.1:9760");
+        assert_eq!(check(&[robot("a", "x"), robot("a", "y")]).unwrap_err().code, Code::BadValue);
+        assert_eq!(check(&[robot("a", "x y")]).unwrap_err().code, Code::BadValue);
+        let many: Vec<_> =
+            (0..=MAX_ROBOTS).map(|number| robot(&format!("r{number}"), &format!("h{number}"))).collect();
+        assert!(check(&many[1..]).is_ok());
+        assert!(check(&many).unwrap_err().message.contains("at most 1000"));
+    }
+}

@@ -1,0 +1,381 @@
+//! What the gateway knows of one robot, and who may send commands to it.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use r6_api::gateway::{
+    AuditRecord, Deed, Happened, LeaseHolder, RobotIdentity, RobotLink, RobotState, RobotSummary, Signal,
+};
+use r6_client::{Permission, Robot};
+use r6_proto::time::Instant;
+use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
+
+use crate::clock;
+use crate::core::name::RobotName;
+use crate::core::seat::{Noticed, Saved, Seat};
+use crate::fleet::config::RobotConfig;
+use crate::fleet::counts::Counts;
+use crate::live::board::{Board, Place};
+use crate::live::news::News;
+use crate::store::{Keeper, StoreError};
+
+/// How many commands of one robot are under way at once, those that wait included. A controller takes about
+/// 20 ms for one.
+pub(super) const MAX_COMMANDS: u32 = 16;
+
+/// How many stops of one robot are under way at once, and how many commands that stop. More would not stop
+/// it sooner.
+pub(super) const MAX_STOPS: u32 = 16;
+
+/// How many records wait to be written. If the store fails for long, refusals are lost first, then the oldest
+/// records, and the log of the process says so.
+const MAX_PENDING: usize = 1_000;
+
+/// The mode is read at least this often, whatever the period of the values: a command needs it.
+pub(super) const MODE_PERIOD: Duration = Duration::from_millis(500);
+
+/// For how long an observation of a robot's mode counts. Longer than [`MODE_PERIOD`] by the client's own
+/// limit for a value that is suspect.
+const FRESH_FOR: Duration = Duration::from_millis(1500);
+
+/// What all robots of a gateway share.
+#[derive(Debug)]
+pub struct Shared {
+    /// The store.
+    pub keeper: Keeper,
+    /// What happened.
+    pub news: News,
+    /// Counts changes of values, so that readers can wait for the next one.
+    pub pulse: watch::Sender<u64>,
+    /// Counts boards, so that readers notice a new one.
+    pub boards: AtomicU64,
+}
+
+impl Shared {
+    /// What robots share that none has used yet.
+    #[must_use]
+    pub fn new(keeper: Keeper) -> Self {
+        let (news, pulse) = (News::default(), watch::Sender::new(0));
+        Self { keeper, news, pulse, boards: AtomicU64::new(0) }
+    }
+
+    /// Wakes the readers of values.
+    pub fn wake_readers(&self) {
+        self.pulse.send_modify(|pulse| *pulse = pulse.wrapping_add(1));
+    }
+
+    fn new_board(&self, config: &RobotConfig) -> Board {
+        Board::new(self.boards.fetch_add(1, Ordering::Relaxed), &config.all_addresses())
+    }
+}
+
+/// Who asks for something.
+#[derive(Clone, Debug)]
+pub struct By {
+    /// The token: its number and name.
+    pub actor: String,
+    /// The address that the request came from.
+    pub source: Option<String>,
+}
+
+/// One robot.
+#[derive(Debug)]
+pub struct Station {
+    name: RobotName,
+    config: Mutex<RobotConfig>,
+    pub(super) shared: Arc<Shared>,
+    /// What happened, counted.
+    pub counts: Counts,
+    held: Mutex<Held>,
+    board: Mutex<Board>,
+    /// The client's handle, once there was a connection to the present address.
+    pub(super) robot: watch::Sender<Option<Robot>>,
+    /// Wakes the task that keeps the connection.
+    pub(super) try_now: Notify,
+    /// Wakes the task that writes down.
+    pub(super) to_write: Notify,
+    pub(super) commands: Semaphore,
+    /// Stops and commands that stop have places of their own: a stop must not wait for pauses.
+    pub(super) stops: Semaphore,
+    pub(super) stop_commands: Semaphore,
+    /// Locked while the seat is saved, so that an older state never overwrites a newer one.
+    saving: AsyncMutex<()>,
+}
+
+#[derive(Debug)]
+struct Held {
+    seat: Seat,
+    /// The permission of all permits of this generation.
+    permission: Permission,
+    /// What the store has of the seat.
+    stored: Saved,
+    pending: VecDeque<AuditRecord>,
+}
+
+impl Station {
+    /// A robot as it was saved.
+    #[must_use]
+    pub fn new(config: RobotConfig, saved: Saved, shared: Arc<Shared>) -> Self {
+        let seat = Seat::new(saved.clone(), FRESH_FOR);
+        let held = Held { seat, permission: Permission::new(), stored: saved, pending: VecDeque::new() };
+        Self {
+            name: config.name.clone(),
+            board: Mutex::new(shared.new_board(&config)),
+            config: Mutex::new(config),
+            shared,
+            counts: Counts::default(),
+            held: Mutex::new(held),
+            robot: watch::Sender::new(None),
+            try_now: Notify::new(),
+            to_write: Notify::new(),
+            commands: Semaphore::new(MAX_COMMANDS as usize),
+            stops: Semaphore::new(MAX_STOPS as usize),
+            stop_commands: Semaphore::new(MAX_STOPS as usize),
+            saving: AsyncMutex::default(),
+        }
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.name.as_str()
+    }
+
+    /// How it is configured now.
+    #[must_use]
+    pub fn config(&self) -> RobotConfig {
+        self.config.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Configures it anew. The caller has ended the task that keeps the connection, and starts another one.
+    pub(super) fn configure(&self, config: RobotConfig) {
+        *self.board() = self.shared.new_board(&config);
+        *self.config.lock().unwrap_or_else(PoisonError::into_inner) = config;
+        self.shared.wake_readers();
+    }
+
+    /// Uses the seat. If permits became void, the commands that have not left yet are taken back before this
+    /// returns.
+    pub(super) fn seat<T>(&self, act: impl FnOnce(&mut Seat, Instant) -> T) -> T {
+        let mut held = self.held();
+        let now = clock::now();
+        let generation = held.seat.generation();
+        held.seat.handle_timeout(now);
+        let result = act(&mut held.seat, now);
+        if held.seat.generation() != generation {
+            std::mem::take(&mut held.permission).withdraw();
+        }
+        let mut writes = held.seat.saved() != &held.stored;
+        while let Some(noticed) = held.seat.poll_noticed() {
+            writes |= self.tell(&mut held.pending, noticed);
+        }
+        drop(held);
+        if writes {
+            self.to_write.notify_one();
+        }
+        result
+    }
+
+    /// The permission of the permits of this generation; `None` if they are void.
+    pub(super) fn permission(&self, generation: u64) -> Option<Permission> {
+        let held = self.held();
+        (held.seat.generation() == generation).then(|| held.permission.clone())
+    }
+
+    /// Notes something for the audit log, to be written soon.
+    pub(super) fn note(&self, by: &By, deed: Deed) {
+        let record = self.record(by, deed);
+        push(&mut self.held().pending, record);
+        self.to_write.notify_one();
+    }
+
+    /// A record about this robot.
+    pub(super) fn record(&self, by: &By, deed: Deed) -> AuditRecord {
+        AuditRecord {
+            time: clock::time_of_day(),
+            actor: by.actor.clone(),
+            source: by.source.clone(),
+            robot: Some(self.name().to_owned()),
+            deed,
+        }
+    }
+
+    /// Publishes an event.
+    pub(super) fn publish(&self, happened: Happened) {
+        self.shared.news.add(clock::time_of_day(), self.name(), happened);
+    }
+
+    /// Writes a record now, behind the records that wait. Returns its number.
+    pub(super) async fn append(&self, record: AuditRecord) -> Result<u64, StoreError> {
+        let waiting = self.take_pending();
+        let records = waiting.iter().cloned().chain([record]).collect();
+        let first = self.shared.keeper.append(records).await;
+        let behind = waiting.len() as u64;
+        if first.is_err() {
+            self.put_back(waiting);
+        }
+        first.map(|first| first + behind)
+    }
+
+    /// Writes the state of the seat to the store, if it changed.
+    pub(super) async fn save(&self) -> Result<(), StoreError> {
+        let _turn = self.saving.lock().await;
+        let saved = {
+            let held = self.held();
+            if held.seat.saved() == &held.stored {
+                return Ok(());
+            }
+            held.seat.saved().clone()
+        };
+        self.shared.keeper.save_seat(self.name.clone(), saved.clone()).await?;
+        self.held().stored = saved;
+        Ok(())
+    }
+
+    /// Writes the records that wait.
+    pub(super) async fn write_pending(&self) -> Result<(), StoreError> {
+        let pending = self.take_pending();
+        if pending.is_empty() {
+            return Ok(());
+        }
+        let written = self.shared.keeper.append(pending.clone()).await;
+        if written.is_err() {
+            self.put_back(pending);
+        }
+        written.map(drop)
+    }
+
+    /// How many records wait to be written.
+    pub fn records_waiting(&self) -> usize {
+        self.held().pending.len()
+    }
+
+    fn take_pending(&self) -> Vec<AuditRecord> {
+        self.held().pending.drain(..).collect()
+    }
+
+    /// Puts records back before those that were noted meanwhile.
+    fn put_back(&self, records: Vec<AuditRecord>) {
+        let mut held = self.held();
+        let later = std::mem::replace(&mut held.pending, records.into());
+        later.into_iter().for_each(|record| push(&mut held.pending, record));
+        drop(held);
+        self.to_write.notify_one();
+    }
+
+    /// Publishes what the seat noticed. Returns whether there is something to write.
+    fn tell(&self, pending: &mut VecDeque<AuditRecord>, noticed: Noticed) -> bool {
+        let robot = self.name();
+        let gateway = By { actor: "gateway".to_owned(), source: None };
+        let (happened, deed) = match noticed {
+            Noticed::LeaseBegan { number, holder } => {
+                tracing::info!(robot, lease = number, %holder, "a lease began");
+                // Its record is written before it is given out.
+                (Happened::LeaseBegan { lease: number, holder }, None)
+            }
+            Noticed::LeaseEnded { number, holder, cause } => {
+                tracing::info!(robot, lease = number, %holder, ?cause, "a lease ended");
+                let deed = Deed::LeaseEnded { lease: number, cause };
+                (Happened::LeaseEnded { lease: number, cause }, Some(deed))
+            }
+            Noticed::IdentityChanged(change) => {
+                tracing::warn!(robot, ?change, "another robot answers: its commands are refused");
+                (Happened::IdentityChanged(change.clone()), Some(Deed::IdentityChanged(change)))
+            }
+            Noticed::LinkUp => {
+                tracing::info!(robot, address = self.config().address, "the robot answers");
+                (Happened::LinkUp {}, None)
+            }
+            Noticed::LinkDown => {
+                tracing::warn!(robot, address = self.config().address, "the robot does not answer any more");
+                (Happened::LinkDown {}, None)
+            }
+        };
+        self.publish(happened);
+        let writes = deed.is_some();
+        deed.into_iter().for_each(|deed| push(pending, self.record(&gateway, deed)));
+        writes
+    }
+
+    /// Its values.
+    pub(super) fn board(&self) -> MutexGuard<'_, Board> {
+        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn held(&self) -> MutexGuard<'_, Held> {
+        self.held.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The robot without its values.
+    pub fn summary(&self) -> RobotSummary {
+        let RobotConfig { address, managed_by, .. } = self.config();
+        self.seat(|seat, now| {
+            let (stopped, stops_under_way) = seat.stops();
+            let identity_changed = seat.identity_change();
+            let present = identity_changed.as_ref().map(|change| change.found.clone());
+            let identity = present.or_else(|| seat.saved().identity.clone());
+            let lease = seat.lease(now).map(|lease| LeaseHolder {
+                number: lease.number,
+                holder: lease.holder,
+                expires_in_ms: millis(lease.left),
+            });
+            RobotSummary {
+                name: self.name().to_owned(),
+                address,
+                managed_by,
+                link: if seat.is_up() { RobotLink::Up } else { RobotLink::Down },
+                r#virtual: identity.as_ref().and_then(is_virtual),
+                identity,
+                identity_changed,
+                lease,
+                stopped,
+                stops_under_way,
+            }
+        })
+    }
+
+    /// The robot with its values.
+    pub fn state(&self) -> RobotState {
+        self.snapshot().1
+    }
+
+    /// The robot with its values, and the place of the last change among them.
+    pub fn snapshot(&self) -> (Place, RobotState) {
+        let summary = self.summary();
+        let period_ms = millis(self.config().period);
+        let board = self.board();
+        let (place, signals) = (board.place(), board.all(clock::now()));
+        (place, RobotState { summary, period_ms, number: place.number, signals })
+    }
+
+    /// What changed after this place; `None` if the place is of an earlier board: begin with a snapshot.
+    pub fn changes_since(&self, place: Place) -> Option<(Place, Vec<Signal>)> {
+        let board = self.board();
+        let now = board.place();
+        (now.board == place.board).then(|| (now, board.since(clock::now(), place.number)))
+    }
+}
+
+fn push(pending: &mut VecDeque<AuditRecord>, record: AuditRecord) {
+    pending.push_back(record);
+    if pending.len() <= MAX_PENDING {
+        return;
+    }
+    // A client in a loop must not push out what was done.
+    let refusal = pending.iter().position(|record| matches!(record.deed, Deed::Refused { .. }));
+    if let Some(lost) = pending.remove(refusal.unwrap_or(0)) {
+        tracing::error!(?lost, "the store does not take records: one is lost");
+    }
+}
+
+/// Whole milliseconds.
+pub(super) fn millis(time: Duration) -> u64 {
+    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
+}
+
+/// As in the status: a virtual controller says so in its name.
+fn is_virtual(identity: &RobotIdentity) -> Option<bool> {
+    identity.machine_name.as_ref().map(|name| name.to_lowercase().contains("virtual"))
+}

@@ -1,0 +1,217 @@
+//! A running gateway.
+
+use std::fmt;
+use std::fs::{File, TryLockError};
+use std::io;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use r6_api::gateway::{AuditRecord, CommandOutcome, Deed};
+use r6_client::RobotSettings;
+use tokio::net::TcpListener;
+use tokio::task::JoinSet;
+
+use crate::clock;
+use crate::fleet::Fleet;
+use crate::fleet::config::RobotConfig;
+use crate::fleet::roster::{self, Changes};
+use crate::fleet::station::Shared;
+use crate::http::{self, State};
+use crate::problem::Problem;
+use crate::store::{Keeper, Sqlite, Store, StoreError};
+use crate::tokens::{REFRESH, Tokens};
+
+/// What a gateway needs.
+#[derive(Clone, Debug)]
+pub struct GatewaySettings {
+    /// The address to listen on; port 0 takes any free port.
+    pub listen: SocketAddr,
+    /// The folder of the store.
+    pub data: PathBuf,
+    /// The robots of the file and the command line.
+    pub robots: Vec<RobotConfig>,
+    /// How to communicate with robots that are added through the API.
+    pub robot_settings: RobotSettings,
+}
+
+/// Why a gateway could not be started. Nothing is left running.
+#[derive(Debug)]
+pub enum GatewayError {
+    /// Another gateway uses the folder.
+    InUse(PathBuf),
+    /// The store cannot be used.
+    Store(StoreError),
+    /// The robots cannot be looked after: a mistake in their configuration.
+    Robots(Problem),
+    /// The system did not allow listening there.
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// Why not.
+        error: io::Error,
+    },
+    /// The system gives no thread or file.
+    System(io::Error),
+}
+
+impl fmt::Display for GatewayError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::InUse(folder) => write!(f, "another gateway uses {}", folder.display()),
+            Self::Store(error) => error.fmt(f),
+            Self::Robots(problem) => f.write_str(&problem.message),
+            Self::Listen { address, error } if error.kind() == io::ErrorKind::AddrInUse => {
+                write!(f, "{address} is taken by another program: choose another address with --listen")
+            }
+            Self::Listen { address, error } => write!(f, "cannot listen on {address}: {error}"),
+            Self::System(error) => write!(f, "the system gives no thread or file: {error}"),
+        }
+    }
+}
+
+impl std::error::Error for GatewayError {}
+
+impl From<StoreError> for GatewayError {
+    fn from(error: StoreError) -> Self {
+        Self::Store(error)
+    }
+}
+
+/// A running gateway. Dropping it ends it without order: use [`Self::shutdown`].
+#[derive(Debug)]
+pub struct Gateway {
+    address: SocketAddr,
+    state: State,
+    server: JoinSet<()>,
+    /// Locked as long as the gateway runs.
+    _lock: File,
+}
+
+impl Gateway {
+    /// Starts a gateway. When this returns, it listens; the robots may still be connecting.
+    ///
+    /// # Errors
+    /// [`GatewayError`]: nothing is left running.
+    pub async fn start(settings: GatewaySettings) -> Result<Self, GatewayError> {
+        let mut store = Sqlite::open(&settings.data)?;
+        let lock = lock(&settings.data)?;
+        let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
+        let listen = settings.listen;
+        let failed = |error| GatewayError::Listen { address: listen, error };
+        let listener = TcpListener::bind(listen).await.map_err(failed)?;
+        let address = listener.local_addr().map_err(failed)?;
+
+        let mut records: Vec<_> = store.open_intents()?.into_iter().map(unknown).collect();
+        records.push(record(None, Deed::GatewayStarted {}));
+        store.append(&records)?;
+        let saved = robots.into_iter().map(|robot| Ok((store.seat(&robot.name)?, robot)));
+        let saved = saved.collect::<Result<Vec<_>, StoreError>>()?;
+        let keeper = Keeper::start(store).map_err(GatewayError::System)?;
+        let shared = Arc::new(Shared::new(keeper));
+        let tokens = Tokens::read(shared.keeper.clone()).await?;
+
+        let fleet = Fleet::start(saved, Arc::clone(&shared));
+        let epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let epoch = u64::try_from(epoch.as_micros()).unwrap_or(u64::MAX);
+        let state = State {
+            fleet: Arc::new(fleet),
+            tokens: Arc::new(tokens),
+            shared,
+            robot_settings: settings.robot_settings,
+            epoch,
+        };
+        let mut server = JoinSet::new();
+        server.spawn(r6_http::serve(listener, http::router(state.clone(), address)));
+        server.spawn(refresh(Arc::clone(&state.tokens)));
+        Ok(Self { address, state, server, _lock: lock })
+    }
+
+    /// The address that it listens on.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// How many robots it looks after.
+    #[must_use]
+    pub fn robots(&self) -> usize {
+        self.state.fleet.stations().len()
+    }
+
+    /// Makes the robots of the file and the command line these. Robots that do not change go on. Those that
+    /// change get a new connection, and their leases end.
+    ///
+    /// # Errors
+    /// The robots cannot be looked after (nothing was changed), or the store failed.
+    pub async fn reload(&self, robots: Vec<RobotConfig>) -> Result<Changes, Problem> {
+        self.state.fleet.reload(robots).await
+    }
+
+    /// Ends the gateway in order: no new requests, then the outcomes of commands and stops that are under
+    /// way, the connections, and the last records. All leases end. Arms go on with what they do.
+    ///
+    /// # Errors
+    /// The last record could not be written.
+    pub async fn shutdown(mut self) -> Result<(), StoreError> {
+        self.server.shutdown().await;
+        self.state.fleet.end().await;
+        self.state.shared.keeper.append(vec![record(None, Deed::GatewayEnded {})]).await.map(drop)
+    }
+}
+
+/// The robots of the configuration, and those that were added through the API. A robot of the configuration
+/// takes the place of one with the same name.
+fn all_robots(
+    store: &mut Sqlite,
+    configured: Vec<RobotConfig>,
+    settings: &RobotSettings,
+) -> Result<Vec<RobotConfig>, GatewayError> {
+    let mut robots = configured;
+    for stored in store.robots()? {
+        if robots.iter().any(|robot| robot.name == stored.name) {
+            tracing::warn!(robot = %stored.name, "it was added through the API: from now on it is as configured");
+            store.remove_robot(&stored.name, &[])?;
+        } else {
+            robots.push(roster::of_store(&stored, settings.clone())?);
+        }
+    }
+    roster::check(&robots).map_err(GatewayError::Robots)?;
+    Ok(robots)
+}
+
+/// Reads the tokens again and again.
+async fn refresh(tokens: Arc<Tokens>) {
+    loop {
+        tokio::time::sleep(REFRESH).await;
+        if let Err(error) = tokens.refresh().await {
+            tracing::error!(%error, "the tokens could not be read again");
+        }
+    }
+}
+
+/// A lock on the folder, which the system gives back when the process ends, in whatever way.
+fn lock(folder: &Path) -> Result<File, GatewayError> {
+    let mut options = File::options();
+    options.create(true).append(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    let file = options.open(folder.join("lock")).map_err(GatewayError::System)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(GatewayError::InUse(folder.to_owned())),
+        Err(TryLockError::Error(error)) => Err(GatewayError::System(error)),
+    }
+}
+
+fn record(robot: Option<String>, deed: Deed) -> AuditRecord {
+    let (time, actor) = (clock::time_of_day(), "gateway".to_owned());
+    AuditRecord { time, actor, source: None, robot, deed }
+}
+
+/// The outcome of a command that the end of the process cut short.
+fn unknown((intent, robot): (u64, Option<String>)) -> AuditRecord {
+    let detail = "the gateway ended before the answer: the robot may have acted".to_owned();
+    record(robot, Deed::CommandOutcome { intent, outcome: CommandOutcome::Unknown, detail })
+}

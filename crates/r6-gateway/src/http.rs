@@ -1,0 +1,140 @@
+//! The API over HTTP. Each file has the routes of one thing.
+//!
+//! Everything but `/healthz` needs a token (`caller.rs`). What a route does runs to its end even if its
+//! caller hangs up.
+
+mod audit;
+mod body;
+mod caller;
+mod commands;
+mod health;
+mod leases;
+mod metrics;
+mod refusal;
+mod robots;
+mod streams;
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use axum::extract::DefaultBodyLimit;
+use axum::http::header::CONTENT_TYPE;
+use axum::http::{StatusCode, Uri};
+use axum::response::IntoResponse;
+use axum::{Router, middleware};
+use r6_api::{Code, Problem};
+use r6_client::RobotSettings;
+use r6_http::Refusal;
+use r6_http::guard::guard;
+use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
+use utoipa::{Modify, OpenApi};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use crate::fleet::Fleet;
+use crate::fleet::station::Shared;
+use crate::http::caller::Caller;
+use crate::tokens::Tokens;
+
+/// What the routes work on.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// The robots.
+    pub fleet: Arc<Fleet>,
+    /// Who may use them.
+    pub tokens: Arc<Tokens>,
+    /// What they share.
+    pub shared: Arc<Shared>,
+    /// How to communicate with robots that are added.
+    pub robot_settings: RobotSettings,
+    /// When this gateway started: numbers of events count from then.
+    pub epoch: u64,
+}
+
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "r6 gateway",
+        description = "Every robot of a hall behind one door: values, leases, commands, stops, events, the audit log. \
+                       A stop over this API is an ordinary command on a network. It is not an emergency stop.",
+        license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0")
+    ),
+    security(("token" = [])),
+    modifiers(&Bearer)
+)]
+struct Api;
+
+/// Describes how a request names its token.
+struct Bearer;
+
+impl Modify for Bearer {
+    fn modify(&self, api: &mut utoipa::openapi::OpenApi) {
+        let scheme = SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer));
+        api.components.get_or_insert_default().add_security_scheme("token", scheme);
+    }
+}
+
+/// The paths with their description.
+fn routes() -> OpenApiRouter<State> {
+    OpenApiRouter::with_openapi(Api::openapi())
+        .routes(routes!(robots::list))
+        .routes(routes!(robots::show, robots::put, robots::remove))
+        .routes(routes!(leases::acquire, leases::release))
+        .routes(routes!(commands::command))
+        .routes(routes!(commands::stop))
+        .routes(routes!(commands::clear_stopped))
+        .routes(routes!(commands::accept_identity))
+        .routes(routes!(streams::events))
+        .routes(routes!(streams::live))
+        .routes(routes!(audit::page))
+        .routes(routes!(describe))
+        .routes(routes!(health::healthz))
+        .routes(routes!(health::readyz))
+        .routes(routes!(metrics::metrics))
+}
+
+/// The API of a gateway that listens at this address.
+pub fn router(state: State, address: SocketAddr) -> Router {
+    let (router, _) = routes().split_for_parts();
+    router
+        .fallback(no_such_path)
+        .method_not_allowed_fallback(no_such_method)
+        .layer(DefaultBodyLimit::max(body::MAX_BYTES))
+        .layer(middleware::from_fn_with_state(address, guard))
+        .with_state(state)
+}
+
+/// The OpenAPI description of the gateway, as `GET /v1/openapi.json` returns it.
+#[must_use]
+pub fn openapi() -> String {
+    let (_, api) = routes().split_for_parts();
+    // A description that serde cannot write would be a fault of its derive; the test of the committed file
+    // would fail.
+    let mut text = api.to_pretty_json().unwrap_or_default();
+    text.push('\n');
+    text
+}
+
+/// This description.
+#[utoipa::path(get, path = "/v1/openapi.json", responses(
+    (status = 200, description = "OpenAPI 3"),
+    (status = 401, description = "`no_token`", body = Problem),
+    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+    (status = 429, description = "`too_many_requests`", body = Problem),
+))]
+async fn describe(_caller: Caller) -> impl IntoResponse {
+    ([(CONTENT_TYPE, "application/json")], openapi())
+}
+
+async fn no_such_path(_caller: Caller, uri: Uri) -> Refusal {
+    let path: String = uri.path().chars().take(100).collect();
+    Refusal::not_found(
+        Code::NoSuchPath,
+        format!("there is no `{path}`; GET /v1/openapi.json names all paths"),
+    )
+}
+
+async fn no_such_method(_caller: Caller) -> Refusal {
+    let message = "this path has no such method; GET /v1/openapi.json names all";
+    Refusal::new(StatusCode::METHOD_NOT_ALLOWED, Code::NoSuchMethod, message)
+}

@@ -1,0 +1,78 @@
+//! The audit log.
+
+use axum::Json;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State as Of};
+use axum::http::StatusCode;
+use r6_api::gateway::{Audit, AuditEntry};
+use r6_api::{Code, Problem};
+use r6_http::Refusal;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::State;
+use super::caller::Caller;
+use super::refusal;
+use crate::core::role::Right;
+use crate::problem;
+use crate::store::MAX_PAGE;
+
+/// Which entries.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Page {
+    /// Only entries after this number.
+    #[serde(default)]
+    after: u64,
+    /// At most so many entries are looked at, 1 to 1000.
+    #[serde(default = "usual_limit")]
+    #[param(minimum = 1, maximum = 1000, default = 100)]
+    limit: usize,
+}
+
+fn usual_limit() -> usize {
+    100
+}
+
+/// A page of the audit log, oldest first. A token for one robot sees the entries of that robot.
+#[utoipa::path(get, path = "/v1/audit", params(Page), responses(
+    (status = 200, description = "The entries", body = Audit),
+    (status = 401, description = "`no_token`", body = Problem),
+    (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+    (status = 422, description = "`bad_value`", body = Problem),
+    (status = 429, description = "`too_many_requests`", body = Problem),
+    (status = 503, description = "`store_unavailable`", body = Problem),
+))]
+pub async fn page(
+    caller: Caller,
+    Of(state): Of<State>,
+    page: Result<Query<Page>, QueryRejection>,
+) -> Result<Json<Audit>, Refusal> {
+    let grant = &caller.token.grant;
+    let own = grant.only.as_ref().map_or("", |only| only.as_str());
+    caller.must(Right::ReadAudit, own)?;
+    let bad_value = |message: String| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadValue, message);
+    let Query(Page { after, limit }) = page.map_err(|error| bad_value(error.body_text()))?;
+    if !(1..=MAX_PAGE).contains(&limit) {
+        return Err(bad_value(format!("limit is from 1 to {MAX_PAGE}")));
+    }
+    // SQLite has signed numbers, and no log has so many entries.
+    let after = after.min(u64::MAX >> 1);
+    let entries = state.shared.keeper.entries(after, limit).await;
+    let entries = entries.map_err(|error| refusal::of(error.into()))?;
+    let next_after = entries.last().filter(|_| entries.len() == limit).map(|entry| entry.number);
+    let entries = entries.into_iter().map(|entry| {
+        let record = serde_json::from_str(&entry.body).map_err(|error| {
+            let message = format!("entry {} cannot be read: {error}", entry.number);
+            refusal::of(problem::Problem::new(Code::StoreUnavailable, message))
+        })?;
+        Ok(AuditEntry { number: entry.number, record, hash: entry.hash.to_string() })
+    });
+    let entries = entries.collect::<Result<Vec<_>, Refusal>>()?;
+    let seen = |entry: &AuditEntry| match (&grant.only, &entry.record.robot) {
+        (None, _) => true,
+        (Some(only), robot) => robot.as_deref() == Some(only.as_str()),
+    };
+    Ok(Json(Audit { entries: entries.into_iter().filter(seen).collect(), next_after }))
+}

@@ -1,0 +1,74 @@
+//! Bodies: JSON within limits of length and time.
+
+use std::time::Duration;
+
+use axum::body::Bytes;
+use axum::extract::{FromRequest, Request};
+use axum::http::StatusCode;
+use r6_api::Code;
+use r6_api::gateway::LeaseKey;
+use r6_http::Refusal;
+use r6_http::body::{require_json, whole};
+use serde::de::DeserializeOwned;
+
+use super::State;
+use crate::core::seat::{Denied, Key, Secret};
+use crate::problem::Problem;
+
+/// The longest body: a list of 101 registers takes about 1 KB.
+pub const MAX_BYTES: usize = 16 * 1024;
+
+/// How long a body may take. Clients send it in one piece.
+const BODY_TIME: Duration = Duration::from_secs(5);
+
+/// A body of JSON.
+#[derive(Debug)]
+pub struct Json<T>(pub T);
+
+impl<T: DeserializeOwned> FromRequest<State> for Json<T> {
+    type Rejection = Refusal;
+
+    async fn from_request(request: Request, state: &State) -> Result<Self, Refusal> {
+        require_json(request.headers())?;
+        let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, state)).await;
+        let body = body.map_err(|_| {
+            let message = "the body did not come in time";
+            Refusal::new(StatusCode::REQUEST_TIMEOUT, Code::TooSlow, message)
+        })?;
+        let body = whole(body, MAX_BYTES)?;
+        let parsed = serde_json::from_slice(&body);
+        parsed.map(Self).map_err(|error| Refusal::of_json(&error, Code::BadValue))
+    }
+}
+
+/// The key of a lease. A secret of the wrong form is the secret of no lease.
+pub fn key(of: &LeaseKey) -> Result<Key, Problem> {
+    let mut secret = [0; 16];
+    let mut digits = of.secret.bytes().map(|digit| char::from(digit).to_digit(16));
+    let mut digit = || digits.next().flatten().and_then(|digit| u8::try_from(digit).ok());
+    let fits = secret.iter_mut().all(|byte| match (digit(), digit()) {
+        (Some(high), Some(low)) => {
+            *byte = high << 4 | low;
+            true
+        }
+        _ => false,
+    });
+    if fits && of.secret.len() == 32 {
+        return Ok(Key { number: of.number, secret: Secret(secret) });
+    }
+    Err(Denied::NoLease.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_secret_is_32_hexadecimal_digits() {
+        let key = |secret: &str| key(&LeaseKey { number: 1, secret: secret.to_owned() });
+        assert_eq!(key("000102030405060708090a0b0c0d0eff").unwrap().secret.0[14..], [0x0e, 0xff]);
+        for bad in ["", "00", &"0".repeat(31), &"0".repeat(33), &"g".repeat(32), &"é".repeat(16)] {
+            assert!(key(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Commands, stops, and what lets a robot be used again.
+
+use axum::extract::State as Of;
+use axum::http::StatusCode;
+use r6_api::gateway::{CommandDone, CommandRequest, RobotIdentity, Stopped, WithLease};
+use r6_api::{Code, Problem};
+use r6_http::Refusal;
+use r6_proto::{Command, CommandName, Effect};
+
+use super::body::{Json, key};
+use super::caller::{self, AcceptIdentity, Robot, Stop};
+use super::{State, refusal};
+use crate::core::role::Right;
+use crate::core::seat::Denied;
+use crate::problem;
+
+/// Sends one command. What changes or moves needs the lease. What stops needs none, and holds until it is
+/// cleared. The audit log has the intent before the command leaves, and the outcome after.
+#[utoipa::path(
+    post,
+    path = "/v1/robots/{name}/commands",
+    params(("name" = String, Path, description = "The name of the robot")),
+    request_body = CommandRequest,
+    responses(
+        (status = 200, description = "The controller accepted it", body = CommandDone),
+        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
+        (status = 401, description = "`no_token`", body = Problem),
+        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
+        (
+            status = 409,
+            description = "`no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the \
+                           controller)",
+            body = Problem
+        ),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 415, description = "`not_json`", body = Problem),
+        (status = 422, description = "`bad_command`, `bad_value`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+        (status = 503, description = "`store_unavailable`, `overloaded`: nothing was sent", body = Problem),
+        (status = 504, description = "`outcome_unknown`: it may have acted", body = Problem),
+    )
+)]
+pub async fn command(
+    robot: Robot<Stop>,
+    Of(state): Of<State>,
+    Json(request): Json<CommandRequest>,
+) -> Result<axum::Json<CommandDone>, Refusal> {
+    let Robot { caller, station, .. } = robot;
+    let command = read(&request.command, &request.arguments);
+    let stops = command.as_ref().is_ok_and(|command| command.name().effect() == Effect::Stops);
+    if !stops {
+        caller.count(&state)?;
+    }
+    let command = command.map_err(refusal::of)?;
+    let effect = command.name().effect();
+    caller.must(Right::for_effect(effect), station.name())?;
+    let by = caller.by();
+    let work = match effect {
+        Effect::Stops => tokio::spawn(async move { station.stop_command(&by, command).await }),
+        Effect::Reads | Effect::Changes | Effect::Moves => {
+            let held = request.lease.as_ref().ok_or_else(|| Denied::NoLease.into()).and_then(key);
+            let key = held.map_err(|problem: problem::Problem| {
+                station.note_refused(&by, &command.to_string(), problem.code);
+                refusal::of(problem)
+            })?;
+            let run_leftover = request.run_leftover;
+            tokio::spawn(async move { station.command(&by, key, command, run_leftover).await })
+        }
+    };
+    work.await.map_err(refusal::of_lost_work)?.map(axum::Json).map_err(refusal::of)
+}
+
+/// Stops the robot, and answers when it is proved that the arm stands, within 20 s. It needs no lease. After
+/// it, no command that can move the robot is sent until the holder of the lease clears the stop. It is not an
+/// emergency stop.
+#[utoipa::path(
+    post,
+    path = "/v1/robots/{name}/stop",
+    params(("name" = String, Path, description = "The name of the robot")),
+    responses(
+        (status = 200, description = "The arm stands", body = Stopped),
+        (status = 401, description = "`no_token`", body = Problem),
+        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (status = 504, description = "`not_stopped`: it is NOT proved that the arm stands", body = Problem),
+    )
+)]
+pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
+    let Robot { caller, station, .. } = robot;
+    let work = tokio::spawn(async move { station.stop(&caller.by()).await });
+    work.await.map_err(refusal::of_lost_work)?.map(axum::Json).map_err(refusal::of)
+}
+
+/// Lets the robot move again after a stop. The holder of the lease does that, after a look at the robot.
+#[utoipa::path(
+    post,
+    path = "/v1/robots/{name}/clear-stopped",
+    params(("name" = String, Path, description = "The name of the robot")),
+    request_body = WithLease,
+    responses(
+        (status = 204, description = "Commands that move are sent again"),
+        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
+        (status = 401, description = "`no_token`", body = Problem),
+        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
+        (status = 409, description = "`no_lease`; `stopped`: a stop is still under way", body = Problem),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 415, description = "`not_json`", body = Problem),
+        (status = 422, description = "`bad_value`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+    )
+)]
+pub async fn clear_stopped(
+    robot: Robot<caller::Command>,
+    Json(held): Json<WithLease>,
+) -> Result<StatusCode, Refusal> {
+    let cleared = key(&held.lease).and_then(|key| robot.station.clear(&robot.caller.by(), key));
+    cleared.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
+}
+
+/// Accepts the robot that answers in place of another one: `identity_changed.found` of
+/// `GET /v1/robots/{name}`.
+#[utoipa::path(
+    post,
+    path = "/v1/robots/{name}/accept-identity",
+    params(("name" = String, Path, description = "The name of the robot")),
+    request_body = RobotIdentity,
+    responses(
+        (status = 204, description = "The name stands for this robot from now on"),
+        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
+        (status = 401, description = "`no_token`", body = Problem),
+        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
+        (status = 409, description = "`identity_changed`: this is not the robot that answers", body = Problem),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 415, description = "`not_json`", body = Problem),
+        (status = 422, description = "`bad_value`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+        (status = 503, description = "`store_unavailable`", body = Problem),
+        (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+    )
+)]
+pub async fn accept_identity(
+    robot: Robot<AcceptIdentity>,
+    Json(accepted): Json<RobotIdentity>,
+) -> Result<StatusCode, Refusal> {
+    let Robot { caller, station, .. } = robot;
+    let work = tokio::spawn(async move { station.accept_identity(&caller.by(), accepted).await });
+    let done = work.await.map_err(refusal::of_lost_work)?;
+    done.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
+}
+
+/// The command with these arguments, in the units of the table.
+fn read(word: &str, arguments: &[String]) -> Result<Command<'static>, problem::Problem> {
+    let bad = |message: String| problem::Problem::new(Code::BadCommand, message);
+    let name = CommandName::exact(word.as_bytes()).ok_or_else(|| {
+        let word: String = word.chars().take(48).collect();
+        let word = r6_proto::printable(&word).to_string();
+        match CommandName::nearest(&word) {
+            Some(near) => bad(format!("there is no command `{word}`; nearest: `{near}`")),
+            None => bad(format!("there is no command `{word}`; `r6 command --list` prints all")),
+        }
+    })?;
+    Command::typed(name, arguments).map_err(|error| bad(format!("{name}: {error}")))
+}

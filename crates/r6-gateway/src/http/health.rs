@@ -1,0 +1,37 @@
+//! Whether the gateway works.
+
+use axum::Json;
+use axum::extract::State as Of;
+use axum::http::StatusCode;
+use r6_api::Problem;
+use r6_api::gateway::{Ready, RobotLink};
+
+use super::State;
+use super::caller::Caller;
+
+/// Whether the gateway answers. It needs no token.
+#[utoipa::path(get, path = "/healthz", security(()), responses(
+    (status = 204, description = "It answers"),
+    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+))]
+pub async fn healthz() -> StatusCode {
+    StatusCode::NO_CONTENT
+}
+
+/// Whether the gateway can be used: the store answers. Robots that are down do not count.
+#[utoipa::path(get, path = "/readyz", responses(
+    (status = 200, description = "It is ready", body = Ready),
+    (status = 401, description = "`no_token`", body = Problem),
+    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+    (status = 429, description = "`too_many_requests`", body = Problem),
+    (status = 503, description = "The store does not answer", body = Ready),
+))]
+pub async fn readyz(_caller: Caller, Of(state): Of<State>) -> (StatusCode, Json<Ready>) {
+    // An empty append takes the way of a real one to the file, and adds nothing.
+    let store = state.shared.keeper.append(Vec::new()).await.is_ok();
+    let links = state.fleet.stations().into_iter().map(|station| station.summary().link);
+    let (robots, robots_up) =
+        links.fold((0, 0), |(all, up), link| (all + 1, up + usize::from(link == RobotLink::Up)));
+    let status = if store { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
+    (status, Json(Ready { store, robots, robots_up }))
+}

@@ -1,0 +1,102 @@
+//! The lease of a robot.
+
+use std::time::Duration;
+
+use axum::http::StatusCode;
+use r6_api::gateway::{Lease, LeaseRequest, WithLease};
+use r6_api::{Code, Problem};
+use r6_http::Refusal;
+
+use super::body::{Json, key};
+use super::caller::{Command, Robot};
+use super::refusal;
+use crate::core::role::Right;
+use crate::core::seat::{LONGEST_LEASE, SHORTEST_LEASE, USUAL_LEASE};
+use crate::problem;
+
+/// The longest reason for taking a lease, in bytes.
+const MAX_REASON: usize = 200;
+
+/// Acquires, renews or takes the lease. Only its holder can send commands that change or move. It ends unless
+/// it is renewed in time.
+#[utoipa::path(
+    post,
+    path = "/v1/robots/{name}/lease",
+    params(("name" = String, Path, description = "The name of the robot")),
+    request_body = LeaseRequest,
+    responses(
+        (status = 200, description = "The caller holds the lease", body = Lease),
+        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
+        (status = 401, description = "`no_token`", body = Problem),
+        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
+        (status = 409, description = "`leased`, `no_lease` (to renew), `identity_changed`", body = Problem),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 415, description = "`not_json`", body = Problem),
+        (status = 422, description = "`bad_value`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+        (status = 503, description = "`store_unavailable`", body = Problem),
+        (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+    )
+)]
+pub async fn acquire(
+    robot: Robot<Command>,
+    Json(request): Json<LeaseRequest>,
+) -> Result<axum::Json<Lease>, Refusal> {
+    let LeaseRequest { duration_ms, renew, take_because } = request;
+    let lasts = duration_ms.map_or(USUAL_LEASE, Duration::from_millis);
+    if !(SHORTEST_LEASE..=LONGEST_LEASE).contains(&lasts) {
+        return Err(bad_value("duration_ms is from 2000 to 300000"));
+    }
+    let (station, by) = (robot.station, robot.caller.by());
+    let lease = match (renew, take_because) {
+        (Some(_), Some(_)) => return Err(bad_value("either renew or take_because, not both")),
+        (Some(held), None) => key(&held).and_then(|key| station.renew(key, lasts)).map_err(refusal::of)?,
+        (None, Some(because)) => {
+            if because.trim().is_empty() || because.len() > MAX_REASON {
+                return Err(bad_value("take_because is a reason of 1 to 200 bytes"));
+            }
+            if let Err(refused) = robot.caller.must(Right::TakeLease, station.name()) {
+                station.note_refused(&by, "take the lease", Code::NotAllowed);
+                return Err(refused);
+            }
+            let work = tokio::spawn(async move { station.take(&by, lasts, because).await });
+            work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?
+        }
+        (None, None) => {
+            let work = tokio::spawn(async move { station.acquire(&by, lasts).await });
+            work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?
+        }
+    };
+    Ok(axum::Json(lease))
+}
+
+/// Gives the lease back.
+#[utoipa::path(
+    delete,
+    path = "/v1/robots/{name}/lease",
+    params(("name" = String, Path, description = "The name of the robot")),
+    request_body = WithLease,
+    responses(
+        (status = 204, description = "The lease is free"),
+        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
+        (status = 401, description = "`no_token`", body = Problem),
+        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
+        (status = 409, description = "`no_lease`", body = Problem),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 415, description = "`not_json`", body = Problem),
+        (status = 422, description = "`bad_value`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+    )
+)]
+pub async fn release(robot: Robot<Command>, Json(held): Json<WithLease>) -> Result<StatusCode, Refusal> {
+    let released = key(&held.lease).and_then(|key| robot.station.release(key));
+    released.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
+}
+
+fn bad_value(message: &str) -> Refusal {
+    refusal::of(problem::Problem::new(Code::BadValue, message))
+}

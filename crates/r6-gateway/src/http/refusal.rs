@@ -1,0 +1,31 @@
+//! The HTTP status of each problem of the gateway.
+
+use axum::http::StatusCode;
+use r6_api::Code;
+use r6_http::Refusal;
+
+use crate::problem::Problem;
+
+/// A problem as an answer.
+pub fn of(problem: Problem) -> Refusal {
+    Refusal::new(status(problem.code), problem.code, problem.message)
+}
+
+/// Work that was given up, because the process ends.
+pub fn of_lost_work(_: tokio::task::JoinError) -> Refusal {
+    let message = "the gateway ended before the answer: whether it was done is not known";
+    Refusal::new(StatusCode::GATEWAY_TIMEOUT, Code::OutcomeUnknown, message)
+}
+
+fn status(code: Code) -> StatusCode {
+    match code {
+        Code::NoToken => StatusCode::UNAUTHORIZED,
+        Code::NotAllowed => StatusCode::FORBIDDEN,
+        Code::NoSuchRobot => StatusCode::NOT_FOUND,
+        Code::BadCommand | Code::BadValue => StatusCode::UNPROCESSABLE_ENTITY,
+        Code::StoreUnavailable | Code::Overloaded => StatusCode::SERVICE_UNAVAILABLE,
+        Code::OutcomeUnknown | Code::NotStopped => StatusCode::GATEWAY_TIMEOUT,
+        // The state of the robot, of its lease or of its configuration does not allow it now.
+        _ => StatusCode::CONFLICT,
+    }
+}

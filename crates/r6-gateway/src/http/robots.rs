@@ -1,0 +1,132 @@
+//! The robots and their values.
+
+use std::time::Duration;
+
+use axum::Json;
+use axum::extract::State as Of;
+use axum::http::StatusCode;
+use r6_api::gateway::{ManagedBy, RobotState, RobotWanted, Robots};
+use r6_api::{Code, Problem};
+use r6_client::{Address, RobotSettings};
+use r6_http::Refusal;
+
+use super::body;
+use super::caller::{Caller, Configure, Named, Read, Robot};
+use super::{State, refusal};
+use crate::core::name::RobotName;
+use crate::fleet::config::{RobotConfig, USUAL_PERIOD};
+use crate::fleet::roster::Put;
+use crate::problem;
+
+/// The robots that the token may see.
+#[utoipa::path(get, path = "/v1/robots", responses(
+    (status = 200, description = "All of them, without their values", body = Robots),
+    (status = 401, description = "`no_token`", body = Problem),
+    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+    (status = 429, description = "`too_many_requests`", body = Problem),
+))]
+pub async fn list(caller: Caller, Of(state): Of<State>) -> Json<Robots> {
+    let all = state.fleet.stations();
+    let seen = all.iter().filter(|station| caller.token.grant.covers(station.name()));
+    Json(Robots { robots: seen.map(|station| station.summary()).collect() })
+}
+
+/// One robot with its values.
+#[utoipa::path(
+    get,
+    path = "/v1/robots/{name}",
+    params(("name" = String, Path, description = "The name of the robot")),
+    responses(
+        (status = 200, description = "Now", body = RobotState),
+        (status = 401, description = "`no_token`", body = Problem),
+        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+    )
+)]
+pub async fn show(robot: Robot<Read>) -> Json<RobotState> {
+    Json(robot.station.state())
+}
+
+/// Adds a robot, or changes one that was added here. The gateway keeps it over its next start. If a robot
+/// changes, its connection is made anew and its lease ends; other robots go on.
+#[utoipa::path(
+    put,
+    path = "/v1/robots/{name}",
+    params(("name" = String, Path, description = "The name: 1 to 32 characters of a to z, digits and -")),
+    request_body = RobotWanted,
+    responses(
+        (status = 201, description = "It was added"),
+        (status = 204, description = "It is as wanted"),
+        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
+        (status = 401, description = "`no_token`", body = Problem),
+        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
+        (
+            status = 409,
+            description = "`managed_by_file`; `address_taken` by another robot; `not_ready`: the gateway ends",
+            body = Problem
+        ),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 415, description = "`not_json`", body = Problem),
+        (status = 422, description = "`bad_value`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+        (status = 503, description = "`store_unavailable`: nothing was changed", body = Problem),
+        (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+    )
+)]
+pub async fn put(
+    named: Named<Configure>,
+    Of(state): Of<State>,
+    body::Json(wanted): body::Json<RobotWanted>,
+) -> Result<StatusCode, Refusal> {
+    let robot = read(&named.name, wanted, state.robot_settings.clone()).map_err(refusal::of)?;
+    let by = named.caller.by();
+    let work = tokio::spawn(async move { state.fleet.put(&by, robot).await });
+    let put = work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?;
+    Ok(match put {
+        Put::Added => StatusCode::CREATED,
+        Put::Changed => StatusCode::NO_CONTENT,
+    })
+}
+
+/// Removes a robot that was added here. Its lease ends, and the arm goes on with what it does.
+#[utoipa::path(
+    delete,
+    path = "/v1/robots/{name}",
+    params(("name" = String, Path, description = "The name of the robot")),
+    responses(
+        (status = 204, description = "It was removed"),
+        (status = 401, description = "`no_token`", body = Problem),
+        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (status = 409, description = "`managed_by_file`; `not_ready`: the gateway ends", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+        (status = 503, description = "`store_unavailable`: nothing was changed", body = Problem),
+        (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+    )
+)]
+pub async fn remove(robot: Robot<Configure>, Of(state): Of<State>) -> Result<StatusCode, Refusal> {
+    let (by, name) = (robot.caller.by(), robot.station.config().name);
+    let work = tokio::spawn(async move { state.fleet.remove(&by, &name).await });
+    let removed = work.await.map_err(refusal::of_lost_work)?;
+    removed.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
+}
+
+/// The robot that a caller wants.
+fn read(name: &str, wanted: RobotWanted, settings: RobotSettings) -> Result<RobotConfig, problem::Problem> {
+    let bad_value = |message: String| problem::Problem::new(Code::BadValue, message);
+    let RobotWanted { address, period_ms, read } = wanted;
+    let name = RobotName::new(name).ok_or_else(|| bad_value(format!("a robot has {}", RobotName::WANTED)))?;
+    let address_of = |text: &String| {
+        let shown: String = text.chars().take(48).collect();
+        Address::parse(text).map_err(|_| bad_value(format!("`{shown}` is no query address")))
+    };
+    Ok(RobotConfig {
+        period: period_ms.map_or(USUAL_PERIOD, Duration::from_millis),
+        addresses: read.iter().map(address_of).collect::<Result<_, _>>()?,
+        settings,
+        managed_by: ManagedBy::Api,
+        ..RobotConfig::new(name, address)
+    })
+}

@@ -1,0 +1,58 @@
+//! The gateway: one safe, recorded door to every robot of a hall.
+//!
+//! It holds the one connection that each controller can bear, and gives everyone else values, leases,
+//! commands and stops over HTTP. `docs/GATEWAY.md` says how to use it.
+//!
+//! # A command through the gateway
+//!
+//! `POST /v1/robots/press-4/commands`:
+//!
+//! 1. `r6-http/src/guard.rs` looks at `Host` and `Origin`. `http/caller.rs` finds the token and its role; a
+//!    route about a robot cannot be written without it. `http/commands.rs` reads the command.
+//! 2. `fleet/command.rs` asks the seat of the robot (`core/seat.rs`), writes the intent (`store/keeper.rs`, a
+//!    thread), and asks the seat again, for a permit (`core/seat/permit.rs`).
+//! 3. `fleet/send.rs` takes the permit and is the only place that sends. The client checks the permit's
+//!    conditions (`r6-client/src/conditions.rs`) in the call that writes the first byte.
+//! 4. If permits become void meanwhile (a lease ends, a stop begins, another robot answers),
+//!    `fleet/station.rs` withdraws the permission before it returns.
+//!
+//! A stop takes `http/commands.rs` and `fleet/command.rs` alone: no lease, no disk. `fleet/link.rs` keeps the
+//! connection and takes in values (`live/board.rs`), and `http/streams.rs` reads them for each client at its
+//! own pace. `fleet/clerk.rs` ends leases in time, and writes what need not be written first.
+//! `fleet/roster.rs` adds, changes and removes robots.
+//!
+//! # The parts
+//!
+//! - `core`: the decisions, pure: who may send what now, which role may do what, the chain of the audit log.
+//! - `fleet`: a task and a connection for each robot, through `r6-client`.
+//! - `live`: values that change, and events.
+//! - `store`: tokens, the audit log, the state of the seats; nothing else knows SQL.
+//! - `http`: the API.
+#![cfg_attr(
+    not(test),
+    warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
+)]
+
+mod clock;
+mod core;
+mod fleet;
+mod gateway;
+mod http;
+mod live;
+mod problem;
+mod shell;
+mod store;
+mod tokens;
+
+pub use crate::core::name::RobotName;
+pub use crate::core::role::Grant;
+pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
+pub use crate::fleet::roster::Changes;
+pub use crate::gateway::{Gateway, GatewayError, GatewaySettings};
+pub use crate::http::openapi;
+pub use crate::problem::Problem;
+pub use crate::shell::{Verified, list_tokens, make_token, revoke_token, verify};
+pub use crate::store::{StoreError, Token};
+
+/// The default port of the gateway.
+pub const DEFAULT_PORT: u16 = 9780;

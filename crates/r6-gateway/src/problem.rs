@@ -1,0 +1,57 @@
+//! Why the gateway did not do what it was asked for.
+
+use r6_api::Code;
+use r6_client::{NotSent, RequestError};
+
+use crate::core::seat::Denied;
+use crate::store::StoreError;
+
+/// A problem: a code for programs, and a sentence for people.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// The code.
+    pub code: Code,
+    /// The sentence.
+    pub message: String,
+}
+
+impl Problem {
+    /// A problem.
+    pub fn new(code: Code, message: impl Into<String>) -> Self {
+        Self { code, message: message.into() }
+    }
+
+    /// A command that the client did not send, or that was not accepted.
+    pub fn of_request(error: &RequestError) -> Self {
+        let code = match error {
+            RequestError::Invalid(_) => Code::BadCommand,
+            RequestError::NotSent(NotSent::Overtaken) => Code::Stopped,
+            RequestError::NotSent(NotSent::Busy { .. } | NotSent::NoRoom(_)) => Code::Overloaded,
+            RequestError::NotSent(NotSent::AnotherRobot { .. }) => Code::IdentityChanged,
+            RequestError::NotSent(_) => Code::NotReady,
+            RequestError::Refused(_) => Code::Refused,
+            RequestError::OutcomeUnknown(_) => Code::OutcomeUnknown,
+        };
+        Self::new(code, error.to_string())
+    }
+}
+
+impl From<Denied> for Problem {
+    fn from(denied: Denied) -> Self {
+        let code = match &denied {
+            Denied::NoLease => Code::NoLease,
+            Denied::Leased { .. } | Denied::BeingTaken => Code::Leased,
+            Denied::Stopped | Denied::StopUnderWay => Code::Stopped,
+            Denied::IdentityChanged | Denied::AnotherIdentity => Code::IdentityChanged,
+            Denied::NotUp | Denied::Manual | Denied::Closed => Code::NotReady,
+            Denied::NeedsNone => Code::BadCommand,
+        };
+        Self::new(code, denied.to_string())
+    }
+}
+
+impl From<StoreError> for Problem {
+    fn from(error: StoreError) -> Self {
+        Self::new(Code::StoreUnavailable, error.to_string())
+    }
+}

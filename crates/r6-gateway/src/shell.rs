@@ -1,0 +1,75 @@
+//! What the command line does with the folder of a gateway, whether the gateway runs or not.
+
+use std::path::Path;
+
+use r6_api::gateway::Role;
+
+use crate::clock;
+use crate::core::chain::Verifier;
+use crate::core::name::RobotName;
+use crate::core::role::Grant;
+use crate::store::{MAX_PAGE, NewToken, Sqlite, Store, StoreError, Token};
+use crate::tokens;
+
+/// Makes a token. Returns its number and its text, which is nowhere else.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn make_token(
+    folder: &Path,
+    role: Role,
+    only: Option<RobotName>,
+    name: String,
+) -> Result<(i64, String), StoreError> {
+    let mut store = Sqlite::open(folder)?;
+    let drawn = tokens::draw();
+    let (text, hash) =
+        drawn.map_err(|error| StoreError::Unavailable(format!("no random numbers: {error}")))?;
+    let token = NewToken { hash, grant: Grant { role, only }, name };
+    let number = store.add_token(&token, &clock::time_of_day())?;
+    Ok((number, text))
+}
+
+/// Revokes a token: a running gateway refuses it within a second. `false` if no valid token has this number.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn revoke_token(folder: &Path, number: i64) -> Result<bool, StoreError> {
+    Sqlite::open_existing(folder)?.revoke_token(number, &clock::time_of_day())
+}
+
+/// The tokens that are not revoked.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn list_tokens(folder: &Path) -> Result<Vec<Token>, StoreError> {
+    Sqlite::open_existing(folder)?.tokens()
+}
+
+/// An audit log that is whole.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Verified {
+    /// How many entries it has.
+    pub entries: u64,
+    /// The hash of the last one: note it elsewhere, to notice later that entries were cut off.
+    pub head: String,
+}
+
+/// Checks the audit log from its first entry to its last.
+///
+/// # Errors
+/// [`StoreError::Broken`] with the first entry that is wrong; other errors if it cannot be read.
+pub fn verify(folder: &Path) -> Result<Verified, StoreError> {
+    let mut store = Sqlite::open_existing(folder)?;
+    let mut verifier = Verifier::default();
+    loop {
+        let page = store.entries(verifier.head().0, MAX_PAGE)?;
+        for entry in &page {
+            verifier.check(entry.number, &entry.body, entry.hash).map_err(StoreError::Broken)?;
+        }
+        if page.is_empty() {
+            let (entries, head) = verifier.head();
+            return Ok(Verified { entries, head: head.to_string() });
+        }
+    }
+}

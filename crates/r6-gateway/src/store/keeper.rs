@@ -1,0 +1,168 @@
+//! The thread that owns the store. Appends that wait at the same time share one commit.
+
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread;
+
+use r6_api::gateway::AuditRecord;
+use tokio::sync::oneshot;
+
+use super::{Entry, Store, StoreError, StoredRobot, Token};
+use crate::core::name::RobotName;
+use crate::core::seat::Saved;
+
+/// How many jobs wait for the store. At some hundred commits a second, more would wait for seconds.
+const MAX_WAITING: usize = 1024;
+
+/// How many appends share one commit.
+const MAX_TOGETHER: usize = 64;
+
+type Answer<T> = oneshot::Sender<Result<T, StoreError>>;
+
+enum Job {
+    Append(Vec<AuditRecord>, Answer<u64>),
+    Entries(u64, usize, Answer<Vec<Entry>>),
+    Tokens(Answer<Vec<Token>>),
+    Seat(RobotName, Answer<Saved>),
+    SaveSeat(RobotName, Saved, Answer<()>),
+    PutRobot(StoredRobot, AuditRecord, Answer<()>),
+    RemoveRobot(RobotName, Vec<AuditRecord>, Answer<()>),
+}
+
+/// A handle on the thread of the store. The thread ends with the last handle, after all that was asked for.
+#[derive(Clone)]
+pub struct Keeper {
+    jobs: SyncSender<Job>,
+}
+
+impl std::fmt::Debug for Keeper {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Keeper").finish_non_exhaustive()
+    }
+}
+
+impl Keeper {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub fn start(store: impl Store + 'static) -> std::io::Result<Self> {
+        let (jobs, waiting) = sync_channel(MAX_WAITING);
+        thread::Builder::new().name("store".to_owned()).spawn(move || keep(store, &waiting))?;
+        Ok(Self { jobs })
+    }
+
+    /// As [`Store::append`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn append(&self, records: Vec<AuditRecord>) -> Result<u64, StoreError> {
+        self.ask(|answer| Job::Append(records, answer)).await
+    }
+
+    /// As [`Store::entries`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn entries(&self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
+        self.ask(|answer| Job::Entries(after, most, answer)).await
+    }
+
+    /// As [`Store::tokens`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn tokens(&self) -> Result<Vec<Token>, StoreError> {
+        self.ask(Job::Tokens).await
+    }
+
+    /// As [`Store::seat`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn seat(&self, robot: RobotName) -> Result<Saved, StoreError> {
+        self.ask(|answer| Job::Seat(robot, answer)).await
+    }
+
+    /// As [`Store::put_robot`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn put_robot(&self, robot: StoredRobot, record: AuditRecord) -> Result<(), StoreError> {
+        self.ask(|answer| Job::PutRobot(robot, record, answer)).await
+    }
+
+    /// As [`Store::remove_robot`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn remove_robot(&self, name: RobotName, records: Vec<AuditRecord>) -> Result<(), StoreError> {
+        self.ask(|answer| Job::RemoveRobot(name, records, answer)).await
+    }
+
+    /// As [`Store::save_seat`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn save_seat(&self, robot: RobotName, saved: Saved) -> Result<(), StoreError> {
+        self.ask(|answer| Job::SaveSeat(robot, saved, answer)).await
+    }
+
+    async fn ask<T>(&self, job: impl FnOnce(Answer<T>) -> Job) -> Result<T, StoreError> {
+        let (answer, answered) = oneshot::channel();
+        self.jobs.try_send(job(answer)).map_err(|error| match error {
+            TrySendError::Full(_) => {
+                StoreError::Unavailable(format!("{MAX_WAITING} writes wait for the disk"))
+            }
+            TrySendError::Disconnected(_) => StoreError::Closed,
+        })?;
+        answered.await.unwrap_or(Err(StoreError::Closed))
+    }
+}
+
+fn keep(mut store: impl Store, waiting: &Receiver<Job>) {
+    let mut next = None;
+    while let Some(job) = next.take().or_else(|| waiting.recv().ok()) {
+        // A caller that has gone needs no answer.
+        match job {
+            Job::Append(records, answer) => next = append(&mut store, records, answer, waiting),
+            Job::Entries(after, most, answer) => drop(answer.send(store.entries(after, most))),
+            Job::Tokens(answer) => drop(answer.send(store.tokens())),
+            Job::Seat(robot, answer) => drop(answer.send(store.seat(&robot))),
+            Job::PutRobot(robot, record, answer) => drop(answer.send(store.put_robot(&robot, &record))),
+            Job::RemoveRobot(name, records, answer) => {
+                drop(answer.send(store.remove_robot(&name, &records)));
+            }
+            Job::SaveSeat(robot, saved, answer) => drop(answer.send(store.save_seat(&robot, &saved))),
+        }
+    }
+}
+
+/// Appends these records, and those of the jobs right behind, in one commit. Returns the first other job.
+fn append(
+    store: &mut impl Store,
+    mut records: Vec<AuditRecord>,
+    answer: Answer<u64>,
+    waiting: &Receiver<Job>,
+) -> Option<Job> {
+    let mut answers = vec![(0, answer)];
+    let mut other = None;
+    while answers.len() < MAX_TOGETHER
+        && let Ok(job) = waiting.try_recv()
+    {
+        match job {
+            Job::Append(more, answer) => {
+                answers.push((records.len() as u64, answer));
+                records.extend(more);
+            }
+            job => {
+                other = Some(job);
+                break;
+            }
+        }
+    }
+    let first = store.append(&records);
+    for (at, answer) in answers {
+        drop(answer.send(first.clone().map(|first| first + at)));
+    }
+    other
+}

@@ -1,0 +1,103 @@
+//! A store that keeps nothing beyond the process, for tests.
+
+use std::collections::BTreeMap;
+
+use r6_api::gateway::{AuditRecord, Deed};
+
+use super::{
+    Entry, MAX_PAGE, MAX_TOKENS, NewToken, Store, StoreError, StoredRobot, Token, body, token_made,
+    token_revoked,
+};
+use crate::core::chain::{Hash, link};
+use crate::core::name::RobotName;
+use crate::core::seat::Saved;
+
+/// A store in memory.
+#[derive(Debug, Default)]
+pub struct Memory {
+    entries: Vec<Entry>,
+    tokens: Vec<Token>,
+    last_token: i64,
+    seats: BTreeMap<RobotName, Saved>,
+    robots: BTreeMap<RobotName, StoredRobot>,
+}
+
+impl Store for Memory {
+    fn append(&mut self, records: &[AuditRecord]) -> Result<u64, StoreError> {
+        let first = self.entries.len() as u64 + 1;
+        let bodies = records.iter().map(body).collect::<Result<Vec<_>, _>>()?;
+        for (number, body) in (first..).zip(bodies) {
+            let before = self.entries.last().map_or(Hash::ORIGIN, |entry| entry.hash);
+            let hash = link(before, number, &body);
+            self.entries.push(Entry { number, body, hash });
+        }
+        Ok(first)
+    }
+
+    fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
+        let entries = self.entries.iter().filter(|entry| entry.number > after);
+        Ok(entries.take(most.min(MAX_PAGE)).cloned().collect())
+    }
+
+    fn open_intents(&mut self) -> Result<Vec<(u64, Option<String>)>, StoreError> {
+        let mut open = BTreeMap::new();
+        for entry in &self.entries {
+            let record: AuditRecord = serde_json::from_str(&entry.body)
+                .map_err(|error| StoreError::Unreadable(error.to_string()))?;
+            match record.deed {
+                Deed::CommandIntent { .. } => drop(open.insert(entry.number, record.robot)),
+                Deed::CommandOutcome { intent, .. } => drop(open.remove(&intent)),
+                _ => {}
+            }
+        }
+        Ok(open.into_iter().collect())
+    }
+
+    fn add_token(&mut self, token: &NewToken, time: &str) -> Result<i64, StoreError> {
+        if self.tokens.len() >= MAX_TOKENS {
+            return Err(StoreError::TooManyTokens);
+        }
+        let number = self.last_token + 1;
+        self.append(&[token_made(number, token, time)])?;
+        self.last_token = number;
+        let NewToken { hash, grant, name } = token.clone();
+        self.tokens.push(Token { number, hash, grant, name });
+        Ok(number)
+    }
+
+    fn revoke_token(&mut self, number: i64, time: &str) -> Result<bool, StoreError> {
+        let Some(at) = self.tokens.iter().position(|token| token.number == number) else { return Ok(false) };
+        self.append(&[token_revoked(number, time)])?;
+        self.tokens.remove(at);
+        Ok(true)
+    }
+
+    fn tokens(&mut self) -> Result<Vec<Token>, StoreError> {
+        Ok(self.tokens.clone())
+    }
+
+    fn seat(&mut self, robot: &RobotName) -> Result<Saved, StoreError> {
+        Ok(self.seats.get(robot).cloned().unwrap_or_default())
+    }
+
+    fn save_seat(&mut self, robot: &RobotName, saved: &Saved) -> Result<(), StoreError> {
+        self.seats.insert(robot.clone(), saved.clone());
+        Ok(())
+    }
+
+    fn robots(&mut self) -> Result<Vec<StoredRobot>, StoreError> {
+        Ok(self.robots.values().cloned().collect())
+    }
+
+    fn put_robot(&mut self, robot: &StoredRobot, record: &AuditRecord) -> Result<(), StoreError> {
+        self.append(std::slice::from_ref(record))?;
+        self.robots.insert(robot.name.clone(), robot.clone());
+        Ok(())
+    }
+
+    fn remove_robot(&mut self, name: &RobotName, records: &[AuditRecord]) -> Result<(), StoreError> {
+        self.append(records)?;
+        self.robots.remove(name);
+        Ok(())
+    }
+}

@@ -1,0 +1,326 @@
+//! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit.
+
+use std::path::Path;
+use std::time::Duration;
+
+use r6_api::gateway::{AuditRecord, RobotIdentity};
+use rusqlite::{Connection, OptionalExtension, Transaction, TransactionBehavior, params};
+
+use super::{
+    Entry, MAX_PAGE, MAX_TOKENS, NewToken, Store, StoreError, StoredRobot, Token, body, role, token_made,
+    token_revoked,
+};
+use crate::core::chain::{Broken, Hash, link};
+use crate::core::name::RobotName;
+use crate::core::role::Grant;
+use crate::core::seat::Saved;
+
+/// The name of the file in the folder.
+const FILE: &str = "control.db";
+
+/// The version of the tables, in `PRAGMA user_version`.
+const VERSION: i64 = 1;
+
+/// How long a write waits for another process, such as `r6 gateway token`: its transactions take
+/// milliseconds.
+const BUSY: Duration = Duration::from_secs(5);
+
+/// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it.
+const TABLES: &str = "
+CREATE TABLE audit (
+    number INTEGER PRIMARY KEY,
+    body   TEXT NOT NULL,
+    hash   BLOB NOT NULL,
+    what   TEXT GENERATED ALWAYS AS (body ->> '$.what') VIRTUAL,
+    robot  TEXT GENERATED ALWAYS AS (body ->> '$.robot') VIRTUAL,
+    intent INTEGER GENERATED ALWAYS AS (body ->> '$.intent') VIRTUAL
+) STRICT;
+CREATE INDEX audit_intent ON audit (intent) WHERE intent IS NOT NULL;
+CREATE INDEX audit_intents ON audit (number) WHERE what = 'command_intent';
+CREATE TABLE token (
+    number  INTEGER PRIMARY KEY AUTOINCREMENT,
+    hash    BLOB NOT NULL UNIQUE,
+    role    TEXT NOT NULL,
+    only    TEXT,
+    name    TEXT NOT NULL,
+    made    TEXT NOT NULL,
+    revoked TEXT
+) STRICT;
+CREATE TABLE seat (
+    robot        TEXT PRIMARY KEY,
+    lease_number INTEGER NOT NULL,
+    stopped      INTEGER NOT NULL,
+    identity     TEXT
+) STRICT;
+CREATE TABLE robot (
+    name      TEXT PRIMARY KEY,
+    address   TEXT NOT NULL,
+    period_ms INTEGER NOT NULL,
+    read      TEXT NOT NULL
+) STRICT;
+";
+
+/// A store in `control.db` of a folder.
+#[derive(Debug)]
+pub struct Sqlite {
+    connection: Connection,
+}
+
+impl Sqlite {
+    /// Opens the store of a folder, and makes both if there are none. Only their owner may read them.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`].
+    pub fn open(folder: &Path) -> Result<Self, StoreError> {
+        let failed =
+            |error: std::io::Error| StoreError::Unavailable(format!("{}: {error}", folder.display()));
+        make_folder(folder).map_err(failed)?;
+        let path = folder.join(FILE);
+        make_file(&path).map_err(failed)?;
+        Self::at(&path)
+    }
+
+    /// Opens the store of a folder that has one.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] without a file.
+    pub fn open_existing(folder: &Path) -> Result<Self, StoreError> {
+        let path = folder.join(FILE);
+        if !path.is_file() {
+            return Err(StoreError::Unavailable(format!("there is no {}", path.display())));
+        }
+        Self::at(&path)
+    }
+
+    fn at(path: &Path) -> Result<Self, StoreError> {
+        let connection = Connection::open(path)?;
+        connection.busy_timeout(BUSY)?;
+        connection.pragma_update(None, "journal_mode", "WAL")?;
+        connection.pragma_update(None, "synchronous", "FULL")?;
+        let mut store = Self { connection };
+        let transaction = store.write()?;
+        let version: i64 = transaction.query_row("PRAGMA user_version", [], |row| row.get(0))?;
+        match version {
+            0 => {
+                transaction.execute_batch(TABLES)?;
+                transaction.pragma_update(None, "user_version", VERSION)?;
+            }
+            VERSION => {}
+            newer => {
+                let told = format!("{} is of a newer r6 (tables {newer})", path.display());
+                return Err(StoreError::Unavailable(told));
+            }
+        }
+        transaction.commit()?;
+        Ok(store)
+    }
+
+    /// A transaction that writes. It begins at once, so that what it reads is what it adds to.
+    fn write(&mut self) -> Result<Transaction<'_>, StoreError> {
+        Ok(self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?)
+    }
+}
+
+/// Appends to the audit log within a transaction. Returns the number of the first entry.
+fn append_in(transaction: &Transaction<'_>, records: &[AuditRecord]) -> Result<u64, StoreError> {
+    let last = transaction
+        .prepare_cached("SELECT number, hash FROM audit ORDER BY number DESC LIMIT 1")?
+        .query_row([], |row| Ok((row.get::<_, u64>(0)?, row.get::<_, Vec<u8>>(1)?)))
+        .optional()?;
+    let (last, mut head) = match last {
+        None => (0, Hash::ORIGIN),
+        Some((number, hash)) => {
+            let broken = StoreError::Broken(Broken::Changed { number });
+            (number, Hash::of_bytes(&hash).ok_or(broken)?)
+        }
+    };
+    let mut insert =
+        transaction.prepare_cached("INSERT INTO audit (number, body, hash) VALUES (?1, ?2, ?3)")?;
+    for (number, record) in (last + 1..).zip(records) {
+        let body = body(record)?;
+        head = link(head, number, &body);
+        insert.execute(params![number, body, head.bytes()])?;
+    }
+    Ok(last + 1)
+}
+
+impl Store for Sqlite {
+    fn append(&mut self, records: &[AuditRecord]) -> Result<u64, StoreError> {
+        let transaction = self.write()?;
+        let first = append_in(&transaction, records)?;
+        transaction.commit()?;
+        Ok(first)
+    }
+
+    fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
+        let mut select = self.connection.prepare_cached(
+            "SELECT number, body, hash FROM audit WHERE number > ?1 ORDER BY number LIMIT ?2",
+        )?;
+        let rows = select.query_map(params![after, most.min(MAX_PAGE)], |row| {
+            Ok((row.get(0)?, row.get(1)?, row.get::<_, Vec<u8>>(2)?))
+        })?;
+        rows.map(|row| {
+            let (number, body, hash) = row?;
+            let hash = Hash::of_bytes(&hash).ok_or(StoreError::Broken(Broken::Changed { number }))?;
+            Ok(Entry { number, body, hash })
+        })
+        .collect()
+    }
+
+    fn open_intents(&mut self) -> Result<Vec<(u64, Option<String>)>, StoreError> {
+        let mut select = self.connection.prepare_cached(
+            "SELECT number, robot FROM audit AS it WHERE what = 'command_intent'
+             AND NOT EXISTS (SELECT 1 FROM audit WHERE intent = it.number) ORDER BY number",
+        )?;
+        let rows = select.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;
+        Ok(rows.collect::<Result<_, _>>()?)
+    }
+
+    fn add_token(&mut self, token: &NewToken, time: &str) -> Result<i64, StoreError> {
+        let transaction = self.write()?;
+        let known: usize =
+            transaction
+                .query_row("SELECT count(*) FROM token WHERE revoked IS NULL", [], |row| row.get(0))?;
+        if known >= MAX_TOKENS {
+            return Err(StoreError::TooManyTokens);
+        }
+        let only = token.grant.only.as_ref().map(RobotName::as_str);
+        transaction.execute(
+            "INSERT INTO token (hash, role, only, name, made) VALUES (?1, ?2, ?3, ?4, ?5)",
+            params![token.hash, token.grant.role.word(), only, token.name, time],
+        )?;
+        let number = transaction.last_insert_rowid();
+        append_in(&transaction, &[token_made(number, token, time)])?;
+        transaction.commit()?;
+        Ok(number)
+    }
+
+    fn revoke_token(&mut self, number: i64, time: &str) -> Result<bool, StoreError> {
+        let transaction = self.write()?;
+        let revoked = transaction.execute(
+            "UPDATE token SET revoked = ?2 WHERE number = ?1 AND revoked IS NULL",
+            params![number, time],
+        )?;
+        if revoked == 0 {
+            return Ok(false);
+        }
+        append_in(&transaction, &[token_revoked(number, time)])?;
+        transaction.commit()?;
+        Ok(true)
+    }
+
+    fn tokens(&mut self) -> Result<Vec<Token>, StoreError> {
+        let mut select = self.connection.prepare_cached(
+            "SELECT number, hash, role, only, name FROM token WHERE revoked IS NULL ORDER BY number",
+        )?;
+        let rows = select.query_map([], |row| {
+            let only: Option<String> = row.get(3)?;
+            Ok((row.get(0)?, row.get(1)?, row.get::<_, String>(2)?, only, row.get(4)?))
+        })?;
+        rows.map(|row| {
+            let (number, hash, word, only, name) = row?;
+            let only = only.map(|only| {
+                RobotName::new(&only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`")))
+            });
+            let grant = Grant { role: role(&word)?, only: only.transpose()? };
+            Ok(Token { number, hash, grant, name })
+        })
+        .collect()
+    }
+
+    fn seat(&mut self, robot: &RobotName) -> Result<Saved, StoreError> {
+        let row = self
+            .connection
+            .prepare_cached("SELECT lease_number, stopped, identity FROM seat WHERE robot = ?1")?
+            .query_row([robot.as_str()], |row| {
+                Ok((row.get(0)?, row.get(1)?, row.get::<_, Option<String>>(2)?))
+            })
+            .optional()?;
+        let Some((number, stopped, identity)) = row else { return Ok(Saved::default()) };
+        let identity = identity.map(|text| serde_json::from_str::<RobotIdentity>(&text)).transpose();
+        let identity = identity.map_err(|error| StoreError::Unreadable(format!("{robot}: {error}")))?;
+        Ok(Saved { number, stopped, identity })
+    }
+
+    fn save_seat(&mut self, robot: &RobotName, saved: &Saved) -> Result<(), StoreError> {
+        let identity = saved.identity.as_ref().map(serde_json::to_string).transpose();
+        let identity = identity.map_err(|error| StoreError::Unreadable(error.to_string()))?;
+        let transaction = self.write()?;
+        // A number that was given out once is never given out again.
+        transaction.execute(
+            "INSERT INTO seat (robot, lease_number, stopped, identity) VALUES (?1, ?2, ?3, ?4)
+             ON CONFLICT (robot) DO UPDATE SET lease_number = max(lease_number, excluded.lease_number),
+             stopped = excluded.stopped, identity = excluded.identity",
+            params![robot.as_str(), saved.number, saved.stopped, identity],
+        )?;
+        transaction.commit()?;
+        Ok(())
+    }
+
+    fn robots(&mut self) -> Result<Vec<StoredRobot>, StoreError> {
+        let mut select = self
+            .connection
+            .prepare_cached("SELECT name, address, period_ms, read FROM robot ORDER BY name")?;
+        let rows = select.query_map([], |row| {
+            Ok((row.get::<_, String>(0)?, row.get(1)?, row.get(2)?, row.get::<_, String>(3)?))
+        })?;
+        rows.map(|row| {
+            let (name, address, period_ms, read) = row?;
+            let unreadable = || StoreError::Unreadable(format!("the robot `{name}`"));
+            let read = serde_json::from_str(&read).map_err(|_| unreadable())?;
+            let name = RobotName::new(&name).ok_or_else(unreadable)?;
+            Ok(StoredRobot { name, address, period_ms, read })
+        })
+        .collect()
+    }
+
+    fn put_robot(&mut self, robot: &StoredRobot, record: &AuditRecord) -> Result<(), StoreError> {
+        let read = serde_json::to_string(&robot.read);
+        let read = read.map_err(|error| StoreError::Unreadable(error.to_string()))?;
+        let transaction = self.write()?;
+        transaction.execute(
+            "INSERT INTO robot (name, address, period_ms, read) VALUES (?1, ?2, ?3, ?4)
+             ON CONFLICT (name) DO UPDATE SET address = excluded.address, period_ms = excluded.period_ms,
+             read = excluded.read",
+            params![robot.name.as_str(), robot.address, robot.period_ms, read],
+        )?;
+        append_in(&transaction, std::slice::from_ref(record))?;
+        transaction.commit()?;
+        Ok(())
+    }
+
+    fn remove_robot(&mut self, name: &RobotName, records: &[AuditRecord]) -> Result<(), StoreError> {
+        let transaction = self.write()?;
+        transaction.execute("DELETE FROM robot WHERE name = ?1", [name.as_str()])?;
+        append_in(&transaction, records)?;
+        transaction.commit()?;
+        Ok(())
+    }
+}
+
+impl From<rusqlite::Error> for StoreError {
+    fn from(error: rusqlite::Error) -> Self {
+        Self::Unavailable(error.to_string())
+    }
+}
+
+#[cfg(unix)]
+fn make_folder(folder: &Path) -> std::io::Result<()> {
+    use std::os::unix::fs::DirBuilderExt;
+    std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder)
+}
+
+#[cfg(not(unix))]
+fn make_folder(folder: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)
+}
+
+/// Makes the file before SQLite does, because SQLite lets the group read it. Its other files get the same
+/// mode.
+fn make_file(path: &Path) -> std::io::Result<()> {
+    let mut options = std::fs::OpenOptions::new();
+    options.create(true).append(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    options.open(path).map(drop)
+}

@@ -1,0 +1,141 @@
+//! Tokens: who may use the gateway.
+//!
+//! A token is 256 random bits. The store has its SHA-256 only. All tokens are held in memory and read again
+//! twice a second, so that a stop needs no disk, and a revoked token is refused within a second.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex as SyncMutex, PoisonError, RwLock};
+use std::time::Duration;
+
+use r6_proto::time::Instant;
+use sha2::{Digest, Sha256};
+use tokio::sync::Mutex;
+
+use crate::clock;
+use crate::core::rate::Rate;
+use crate::core::role::Grant;
+use crate::store::{Keeper, StoreError, Token};
+
+/// How every token begins, so that people and scanners of leaks know it.
+const PREFIX: &str = "r6_";
+
+/// How often the tokens are read again.
+pub const REFRESH: Duration = Duration::from_millis(500);
+
+/// An unknown token makes the gateway read the tokens again, but not more often than this: strangers must not
+/// keep the disk busy.
+const AT_MOST_EVERY: Duration = Duration::from_millis(50);
+
+/// Draws a token: its text, which is shown once, and its hash, which is stored.
+///
+/// # Errors
+/// The system has no random numbers.
+pub fn draw() -> Result<(String, [u8; 32]), getrandom::Error> {
+    let mut bytes = [0; 32];
+    getrandom::fill(&mut bytes)?;
+    let text = bytes.iter().fold(PREFIX.to_owned(), |text, byte| text + &format!("{byte:02x}"));
+    let hash = hash(&text);
+    Ok((text, hash))
+}
+
+fn hash(token: &str) -> [u8; 32] {
+    Sha256::digest(token).into()
+}
+
+/// A token that is valid, without its secret.
+#[derive(Clone, Debug)]
+pub struct Known {
+    /// Its number.
+    pub number: i64,
+    /// Its number and name, for people.
+    pub label: String,
+    /// What it allows.
+    pub grant: Grant,
+}
+
+/// The tokens that are valid now.
+#[derive(Debug)]
+pub struct Tokens {
+    keeper: Keeper,
+    known: RwLock<BTreeMap<[u8; 32], Arc<Known>>>,
+    /// By the number of the token. They outlive a reading of the tokens.
+    rates: SyncMutex<BTreeMap<i64, Rate>>,
+    read_at: Mutex<Instant>,
+}
+
+impl Tokens {
+    /// The tokens of a store.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn read(keeper: Keeper) -> Result<Self, StoreError> {
+        let (known, rates) = (RwLock::default(), SyncMutex::default());
+        let tokens = Self { keeper, known, rates, read_at: Mutex::new(Instant::ORIGIN) };
+        tokens.refresh().await?;
+        Ok(tokens)
+    }
+
+    /// The token with this text, if it is valid.
+    pub async fn find(&self, text: &str) -> Option<Arc<Known>> {
+        let hash = hash(text);
+        if let Some(known) = self.known(&hash) {
+            return Some(known);
+        }
+        // It may have been made a moment ago.
+        self.read_since(clock::now()).await.ok()?;
+        self.known(&hash)
+    }
+
+    /// Whether the token with this number is still valid.
+    pub fn is_valid(&self, number: i64) -> bool {
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        known.values().any(|known| known.number == number)
+    }
+
+    /// Counts a request of the token with this number.
+    ///
+    /// # Errors
+    /// It made too many: how long to wait.
+    pub fn request(&self, number: i64) -> Result<(), Duration> {
+        let mut rates = self.rates.lock().unwrap_or_else(PoisonError::into_inner);
+        rates.entry(number).or_default().request(clock::now())
+    }
+
+    /// Reads the tokens again.
+    ///
+    /// # Errors
+    /// [`StoreError`]: the tokens stay as they were.
+    pub async fn refresh(&self) -> Result<(), StoreError> {
+        self.read_now(&mut *self.read_at.lock().await).await
+    }
+
+    /// Reads the tokens again, unless that was done after `asked`. Many strangers at once share one reading.
+    async fn read_since(&self, asked: Instant) -> Result<(), StoreError> {
+        let mut read_at = self.read_at.lock().await;
+        if *read_at > asked {
+            return Ok(());
+        }
+        let since = clock::now().since(*read_at);
+        tokio::time::sleep(AT_MOST_EVERY.saturating_sub(since)).await;
+        self.read_now(&mut read_at).await
+    }
+
+    async fn read_now(&self, read_at: &mut Instant) -> Result<(), StoreError> {
+        let now = clock::now();
+        let tokens = self.keeper.tokens().await?;
+        *read_at = now;
+        let known = tokens.into_iter().map(|Token { number, hash, grant, name }| {
+            let label = if name.is_empty() { number.to_string() } else { format!("{number} ({name})") };
+            (hash, Arc::new(Known { number, label, grant }))
+        });
+        let known: BTreeMap<_, _> = known.collect();
+        let valid: BTreeSet<_> = known.values().map(|known| known.number).collect();
+        self.rates.lock().unwrap_or_else(PoisonError::into_inner).retain(|number, _| valid.contains(number));
+        *self.known.write().unwrap_or_else(PoisonError::into_inner) = known;
+        Ok(())
+    }
+
+    fn known(&self, hash: &[u8; 32]) -> Option<Arc<Known>> {
+        self.known.read().unwrap_or_else(PoisonError::into_inner).get(hash).cloned()
+    }
+}

@@ -1,0 +1,11 @@
+//! A gateway over real sockets, in front of virtual controllers.
+
+mod access;
+mod commands;
+mod fleet;
+mod leases;
+mod openapi;
+mod roster;
+mod stops;
+mod streams;
+mod support;

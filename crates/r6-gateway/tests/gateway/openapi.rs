@@ -1,0 +1,46 @@
+//! The description of the API.
+
+use serde_json::{Value, json};
+
+use crate::support::Hall;
+
+#[test]
+fn the_committed_description_is_what_the_gateway_is() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../openapi/gateway.json");
+    let described = r6_gateway::openapi();
+    if std::env::var_os("UPDATE_OPENAPI").is_some() {
+        std::fs::write(&path, &described).unwrap();
+    }
+    let committed = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(
+        committed == described,
+        "openapi/gateway.json is not what the gateway is: UPDATE_OPENAPI=1 writes it anew"
+    );
+}
+
+#[test]
+fn every_route_but_health_names_its_problems_and_needs_a_token() {
+    let api: Value = serde_json::from_str(&r6_gateway::openapi()).unwrap();
+    for (path, methods) in api["paths"].as_object().unwrap() {
+        for (method, route) in methods.as_object().unwrap() {
+            let statuses = route["responses"].as_object().unwrap();
+            let names_robot =
+                path.contains("{name}") || route["parameters"].to_string().contains("\"robot\"");
+            assert!(statuses.contains_key("403"), "{method} {path}");
+            // A stop is never refused for its number.
+            let is_counted = path != "/healthz" && !path.ends_with("/stop");
+            assert_eq!(statuses.contains_key("429"), is_counted, "{method} {path}");
+            assert_eq!(statuses.contains_key("401"), path != "/healthz", "{method} {path}");
+            let adds_robot = method == "put";
+            assert_eq!(statuses.contains_key("404"), names_robot && !adds_robot, "{method} {path}");
+        }
+    }
+    assert_eq!(api["security"], json!([{ "token": [] }]));
+}
+
+#[tokio::test]
+async fn the_description_is_served() {
+    let hall = Hall::start().await;
+    let api = hall.get(&hall.viewer, "/v1/openapi.json").await;
+    assert_eq!(api["info"]["title"], "r6 gateway");
+}

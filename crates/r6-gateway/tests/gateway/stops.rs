@@ -1,0 +1,103 @@
+//! Stops: without a lease, at once, and they hold.
+
+use futures_util::StreamExt as _;
+use futures_util::stream::FuturesUnordered;
+use r6_gateway::RobotConfig;
+use serde_json::json;
+
+use crate::support::{Hall, commands, name, ready_to_start, signal};
+
+#[tokio::test]
+async fn a_stop_without_lease_stops_a_moving_arm_and_holds_until_it_is_cleared() {
+    let hall = Hall::with(vec![ready_to_start().await]).await;
+    let lease = hall.lease(&hall.operator, "press").await;
+    let (status, done) = hall.command(&hall.operator, "press", &lease, "startButton").await;
+    assert_eq!(status, 200, "{done}");
+    hall.until("press", |state| signal(state, "isMoving")["value"] == true).await;
+
+    // Somebody else stops it.
+    let (status, stopped) = hall.stop(&hall.engineer, "press").await;
+    assert_eq!((status, &stopped["confirmed"]), (200, &json!(true)), "{stopped}");
+    assert!(!hall.robots[0].handle().snapshot().moving);
+
+    // The loop of the holder goes on, and nothing moves.
+    let mut log = hall.robots[0].handle().log();
+    for _ in 0..3 {
+        let (status, problem) = hall.command(&hall.operator, "press", &lease, "startButton").await;
+        assert_eq!((status, &problem["code"]), (409, &json!("stopped")));
+    }
+    assert!(commands(&mut log).is_empty());
+    let (status, _) = hall.command(&hall.operator, "press", &lease, "modifyGSPD 5").await;
+    assert_eq!(status, 200, "what cannot move the arm is sent");
+
+    let clear = "/v1/robots/press/clear-stopped";
+    let wrong = json!({ "lease": { "number": lease["number"], "secret": "0".repeat(32) } });
+    let (status, problem) = hall.post(&hall.operator, clear, &wrong).await;
+    assert_eq!((status, &problem["code"]), (409, &json!("no_lease")));
+    let (status, _) = hall.post(&hall.operator, clear, &json!({ "lease": lease })).await;
+    assert_eq!(status, 204);
+    let (status, done) = hall.command(&hall.operator, "press", &lease, "startButton").await;
+    assert_eq!(status, 200, "{done}");
+    let stop = hall.until_audited(|entry| entry["what"] == "stop").await;
+    assert_eq!((&stop["confirmed"], &stop["actor"]), (&json!(true), &json!("3 (engineer)")));
+    hall.until_audited(|entry| entry["what"] == "stop_cleared").await;
+}
+
+#[tokio::test]
+async fn a_command_that_stops_needs_no_lease_and_holds_too() {
+    let hall = Hall::with(vec![ready_to_start().await]).await;
+    let (status, _) = hall.command(&hall.viewer, "press", &json!(null), "actionPause").await;
+    assert_eq!(status, 403);
+    let (status, done) = hall.command(&hall.operator, "press", &json!(null), "actionPause").await;
+    assert_eq!((status, &done["command_id"]), (200, &json!(null)), "{done}");
+    let lease = hall.lease(&hall.operator, "press").await;
+    let (status, problem) = hall.command(&hall.operator, "press", &lease, "startButton").await;
+    assert_eq!((status, &problem["code"]), (409, &json!("stopped")));
+}
+
+#[tokio::test]
+async fn many_stops_at_once_all_end_and_hold() {
+    let hall = Hall::with(vec![ready_to_start().await]).await;
+    let lease = hall.lease(&hall.operator, "press").await;
+    hall.command(&hall.operator, "press", &lease, "startButton").await;
+    let stops = (0..12).map(|_| hall.stop(&hall.operator, "press"));
+    let stops = futures_util::future::join_all(stops).await;
+    assert!(stops.iter().all(|(status, _)| *status == 200), "{stops:?}");
+    let state = hall.get(&hall.viewer, "/v1/robots/press").await;
+    assert_eq!((&state["stopped"], &state["stops_under_way"]), (&json!(true), &json!(0)));
+}
+
+#[tokio::test]
+async fn a_robot_that_cannot_be_reached_is_not_said_to_stand() {
+    let mut hall = Hall::start().await;
+    hall.robots.pop().unwrap().shutdown().await.unwrap();
+    let (status, problem) = hall.stop(&hall.operator, "press").await;
+    assert_eq!((status, &problem["code"]), (504, &json!("not_stopped")));
+    assert!(problem["message"].as_str().unwrap().contains("emergency stop"), "{problem}");
+    let state = hall.get(&hall.viewer, "/v1/robots/press").await;
+    assert_eq!((&state["stopped"], &state["link"]), (&json!(true), &json!("down")));
+}
+
+#[tokio::test]
+async fn a_stop_beyond_the_limit_is_answered_at_once_and_not_confirmed() {
+    // No program listens there: each stop waits for a connection for seconds.
+    let config = RobotConfig::new(name("press"), "127.0.0.1:1");
+    let hall = Hall::at(tempfile::tempdir().unwrap(), vec![config], Vec::new()).await;
+    let begun = std::time::Instant::now();
+    let stops: FuturesUnordered<_> = (0..17).map(|_| hall.stop(&hall.operator, "press")).collect();
+    let stops: Vec<_> = stops.map(|answer| (answer, begun.elapsed())).collect().await;
+    for ((status, problem), _) in &stops {
+        assert_eq!((*status, &problem["code"]), (504, &json!("not_stopped")));
+        assert!(problem["message"].as_str().unwrap().contains("emergency stop"), "{problem}");
+    }
+    let (first, after) = &stops[0];
+    assert!(first.1["message"].as_str().unwrap().starts_with("16 stops"), "{first:?}");
+    assert!(*after < std::time::Duration::from_secs(3), "{after:?}");
+    // Pauses have places of their own, so they cannot keep a stop from being sent.
+    let (status, _) = hall.command(&hall.operator, "press", &json!(null), "actionPause").await;
+    assert_eq!(status, 409);
+    assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stops_under_way"], 0);
+    let audit = hall.audit().await;
+    let count = |what: &str| audit.iter().filter(|entry| entry["what"] == what).count();
+    assert!(count("stop_began") >= 17 && count("stop") >= 17, "{audit:#?}");
+}

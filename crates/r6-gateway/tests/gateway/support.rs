@@ -1,0 +1,266 @@
+//! A hall of virtual controllers behind a gateway, and a client of its API.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use r6_api::gateway::Role;
+use r6_client::RobotSettings;
+use r6_controller::{Event, LogEntry, Program, StartState};
+use r6_gateway::{Gateway, GatewaySettings, RobotConfig, RobotName};
+use r6_sim::VirtualController;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::net::TcpStream;
+use tokio::sync::broadcast::Receiver;
+
+/// How long a test waits for something that takes milliseconds.
+pub const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A gateway, its robots, and a token of each role.
+pub struct Hall {
+    pub gateway: Gateway,
+    pub robots: Vec<VirtualController>,
+    pub data: TempDir,
+    pub viewer: String,
+    pub operator: String,
+    pub engineer: String,
+    pub admin: String,
+}
+
+pub fn name(name: &str) -> RobotName {
+    RobotName::new(name).unwrap()
+}
+
+/// A controller whose start button moves J1 back and forth for minutes.
+pub async fn ready_to_start() -> VirtualController {
+    let text = "[[step]]\ndo = \"axis-move\"\nto = [60, 0, 0, 0, 0, 0]\nspeed = 1\n\
+                [[step]]\ndo = \"axis-move\"\nto = [-60, 0, 0, 0, 0, 0]\nspeed = 1\n";
+    let program = Program::read("long", text).unwrap();
+    let builder = VirtualController::builder().program(program).unwrap().stands(StartState::Auto);
+    builder.start().await.unwrap()
+}
+
+impl Hall {
+    /// A gateway with one robot, `press`.
+    pub async fn start() -> Self {
+        Self::with(vec![VirtualController::start().await.unwrap()]).await
+    }
+
+    /// A gateway with these robots: `press`, then `saw`. When this returns, all are up.
+    pub async fn with(robots: Vec<VirtualController>) -> Self {
+        let names = ["press", "saw"].into_iter().zip(&robots);
+        let configs: Vec<_> = names
+            .map(|(called, robot)| RobotConfig {
+                period: Duration::from_millis(20),
+                ..RobotConfig::new(name(called), robot.address().to_string())
+            })
+            .collect();
+        let names: Vec<_> = configs.iter().map(|config| config.name.clone()).collect();
+        let hall = Self::at(tempfile::tempdir().unwrap(), configs, robots).await;
+        for name in names {
+            hall.until_up(name.as_str()).await;
+        }
+        hall
+    }
+
+    /// A gateway with this folder and these robots.
+    pub async fn at(data: TempDir, configs: Vec<RobotConfig>, robots: Vec<VirtualController>) -> Self {
+        let gateway = gateway(data.path(), configs).await;
+        let make = |role: Role| {
+            let name = role.word().to_owned();
+            r6_gateway::make_token(data.path(), role, None, name).unwrap().1
+        };
+        let [viewer, operator, engineer, admin] = Role::ALL.map(make);
+        Self { gateway, robots, data, viewer, operator, engineer, admin }
+    }
+
+    /// Ends the gateway and starts it again with these robots.
+    pub async fn again(self, configs: Vec<RobotConfig>, robots: Vec<VirtualController>) -> Self {
+        let Self { gateway: first, data, viewer, operator, engineer, admin, .. } = self;
+        first.shutdown().await.unwrap();
+        let gateway = gateway(data.path(), configs).await;
+        Self { gateway, robots, data, viewer, operator, engineer, admin }
+    }
+
+    /// One request: the status and the body.
+    pub async fn call(&self, token: &str, method: &str, path: &str, body: Option<&Value>) -> (u16, Value) {
+        call(self.gateway.address(), token, method, path, body).await
+    }
+
+    pub async fn get(&self, token: &str, path: &str) -> Value {
+        let (status, body) = self.call(token, "GET", path, None).await;
+        assert_eq!(status, 200, "{path}: {body}");
+        body
+    }
+
+    pub async fn post(&self, token: &str, path: &str, body: &Value) -> (u16, Value) {
+        self.call(token, "POST", path, Some(body)).await
+    }
+
+    pub async fn stop(&self, token: &str, robot: &str) -> (u16, Value) {
+        self.call(token, "POST", &format!("/v1/robots/{robot}/stop"), None).await
+    }
+
+    /// Acquires the lease of a robot: its key.
+    pub async fn lease(&self, token: &str, robot: &str) -> Value {
+        let (status, lease) = self.post(token, &format!("/v1/robots/{robot}/lease"), &json!({})).await;
+        assert_eq!(status, 200, "{lease}");
+        lease["lease"].clone()
+    }
+
+    /// Sends a command with this lease; `null` for none.
+    pub async fn command(&self, token: &str, robot: &str, lease: &Value, words: &str) -> (u16, Value) {
+        let mut words = words.split(' ');
+        let command = words.next().unwrap();
+        let arguments: Vec<_> = words.collect();
+        let mut body = json!({ "command": command, "arguments": arguments });
+        if !lease.is_null() {
+            body["lease"] = lease.clone();
+        }
+        self.post(token, &format!("/v1/robots/{robot}/commands"), &body).await
+    }
+
+    /// Waits until the state of a robot is as `is` says.
+    pub async fn until(&self, robot: &str, is: impl Fn(&Value) -> bool) -> Value {
+        let begun = Instant::now();
+        loop {
+            let state = self.get(&self.viewer, &format!("/v1/robots/{robot}")).await;
+            if is(&state) {
+                return state;
+            }
+            assert!(begun.elapsed() < PATIENCE, "{state:#}");
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    }
+
+    pub async fn until_up(&self, robot: &str) -> Value {
+        self.until(robot, |state| state["link"] == "up").await
+    }
+
+    /// All entries of the audit log.
+    pub async fn audit(&self) -> Vec<Value> {
+        self.get(&self.engineer, "/v1/audit?limit=1000").await["entries"].as_array().unwrap().clone()
+    }
+
+    /// Waits until the audit log has an entry as `is` says.
+    pub async fn until_audited(&self, is: impl Fn(&Value) -> bool) -> Value {
+        let begun = Instant::now();
+        loop {
+            let entries = self.audit().await;
+            if let Some(entry) = entries.iter().find(|entry| is(entry)) {
+                return entry.clone();
+            }
+            assert!(begun.elapsed() < PATIENCE, "{entries:#?}");
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    }
+}
+
+async fn gateway(data: &Path, robots: Vec<RobotConfig>) -> Gateway {
+    let listen = SocketAddr::from(([127, 0, 0, 1], 0));
+    let robot_settings = RobotSettings::default();
+    let settings = GatewaySettings { listen, data: data.to_owned(), robots, robot_settings };
+    Gateway::start(settings).await.unwrap()
+}
+
+/// A value of a robot's state.
+pub fn signal<'v>(state: &'v Value, address: &str) -> &'v Value {
+    let signals = state["signals"].as_array().unwrap();
+    signals
+        .iter()
+        .find(|signal| signal["address"] == address)
+        .unwrap_or_else(|| panic!("{address}: {state:#}"))
+}
+
+/// One request over a connection of its own: the status and the body.
+pub async fn call(
+    gateway: SocketAddr,
+    token: &str,
+    method: &str,
+    path: &str,
+    body: Option<&Value>,
+) -> (u16, Value) {
+    let mut stream = TcpStream::connect(gateway).await.unwrap();
+    let body = body.map(Value::to_string);
+    let mut head = format!("{method} {path} HTTP/1.1\r\nHost: {gateway}\r\nConnection: close\r\n");
+    if !token.is_empty() {
+        head += &format!("Authorization: Bearer {token}\r\n");
+    }
+    if let Some(body) = &body {
+        head += &format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
+    }
+    stream.write_all(format!("{head}\r\n{}", body.unwrap_or_default()).as_bytes()).await.unwrap();
+    let mut reply = String::new();
+    stream.read_to_string(&mut reply).await.unwrap();
+    let status = reply.split(' ').nth(1).unwrap_or_else(|| panic!("{reply:?}")).parse().unwrap();
+    let body = reply.split_once("\r\n\r\n").unwrap().1;
+    (status, serde_json::from_str(body).unwrap_or_else(|_| json!(body)))
+}
+
+/// A stream of server-sent events.
+pub struct Stream {
+    lines: BufReader<TcpStream>,
+}
+
+/// An event of a stream: its kind, its id and its data.
+#[derive(Debug)]
+pub struct Message {
+    pub kind: String,
+    pub id: String,
+    pub data: Value,
+}
+
+impl Stream {
+    pub async fn open(gateway: SocketAddr, token: &str, path: &str, last_event_id: &str) -> Self {
+        let mut stream = TcpStream::connect(gateway).await.unwrap();
+        let mut head = format!("GET {path} HTTP/1.1\r\nHost: {gateway}\r\nAuthorization: Bearer {token}\r\n");
+        if !last_event_id.is_empty() {
+            head += &format!("Last-Event-ID: {last_event_id}\r\n");
+        }
+        stream.write_all(format!("{head}\r\n").as_bytes()).await.unwrap();
+        let mut stream = Self { lines: BufReader::new(stream) };
+        let status = stream.line().await.unwrap();
+        assert!(status.starts_with("HTTP/1.1 200"), "{status}");
+        while !stream.line().await.unwrap().is_empty() {}
+        stream
+    }
+
+    async fn line(&mut self) -> Option<String> {
+        let mut line = String::new();
+        let read = tokio::time::timeout(PATIENCE, self.lines.read_line(&mut line)).await;
+        let read = read.expect("the stream says something in time").unwrap_or(0);
+        (read > 0).then(|| line.trim_end().to_owned())
+    }
+
+    /// The next event; `None` at the end of the stream. Sizes of chunks and comments are passed over.
+    pub async fn next(&mut self) -> Option<Message> {
+        let mut message = Message { kind: String::new(), id: String::new(), data: Value::Null };
+        loop {
+            let line = self.line().await?;
+            if let Some(value) = line.strip_prefix("event: ") {
+                message.kind = value.to_owned();
+            } else if let Some(value) = line.strip_prefix("id: ") {
+                message.id = value.to_owned();
+            } else if let Some(value) = line.strip_prefix("data: ") {
+                message.data = serde_json::from_str(value).unwrap();
+            } else if line.is_empty() && !message.data.is_null() {
+                return Some(message);
+            } else if line == "0" {
+                return None;
+            }
+        }
+    }
+}
+
+/// The commands that the log of a virtual controller has by now.
+pub fn commands(log: &mut Receiver<Arc<LogEntry>>) -> Vec<String> {
+    let entries = std::iter::from_fn(|| log.try_recv().ok());
+    let accepted = entries.filter_map(|entry| match &entry.event {
+        Event::CommandAccepted { command, .. } => Some(command.as_str().to_owned()),
+        _ => None,
+    });
+    accepted.collect()
+}

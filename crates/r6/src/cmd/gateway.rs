@@ -1,0 +1,185 @@
+//! `r6 gateway`: every robot of a hall behind one door. `r6 gateway token` and `r6 gateway verify` work on
+//! its folder.
+
+mod config;
+mod token;
+mod verify;
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand};
+use r6_gateway::{Changes, Gateway, GatewaySettings, RobotConfig, RobotName};
+
+use crate::exit::{Exit, Failure};
+use crate::output;
+use crate::robot;
+use crate::signals::{Ending, Rereading};
+use crate::units;
+
+/// The default address of the gateway.
+const DEFAULT_LISTEN: &str = "127.0.0.1:9780";
+
+/// The default folder of the gateway.
+const DEFAULT_DATA: &str = "r6-gateway";
+
+/// Offer robots over HTTP: values, leases, commands, stops, an audit log
+#[derive(Debug, Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "\
+Everything needs a token; `r6 gateway token` makes one. Commands that change or move need the lease of \
+the robot too. A stop needs no lease. docs/GATEWAY.md has the API.
+
+Examples:
+  r6 gateway --robot press-4=192.168.1.10
+  r6 gateway --config hall.toml --data /var/lib/r6-gateway
+  r6 gateway --robot virtual=127.0.0.1:9760 --listen 127.0.0.1:0
+
+In hall.toml, for each robot:
+  [[robot]]
+  name = \"press-4\"
+  address = \"192.168.1.10\"
+  period_ms = 100                      how often its values are read
+  read = [\"Addr-800\", \"counter-1\"]     values to read besides the usual ones
+
+Then, in a second shell:
+  r6 gateway token --role operator"
+)]
+pub struct GatewayArgs {
+    #[command(subcommand)]
+    subcommand: Option<Folder>,
+    #[command(flatten)]
+    serve: ServeArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum Folder {
+    Token(token::TokenArgs),
+    Verify(verify::VerifyArgs),
+}
+
+#[derive(Debug, Args)]
+struct ServeArgs {
+    /// Where to listen; port 0 takes any free port. There is no TLS yet: other machines see the tokens
+    #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_LISTEN, value_parser = units::listen_address)]
+    listen: SocketAddr,
+    /// Folder for tokens, leases and the audit log
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
+    data: PathBuf,
+    /// A file with robots, TOML; SIGHUP makes the gateway read it again
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// A robot and its name, a to z, digits and -; may be given several times
+    // The id is that of the global option, so that this one stands in its place.
+    #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME=HOST[:PORT]")]
+    robots: Vec<String>,
+}
+
+/// Runs the gateway until it is ended, or works on its folder.
+///
+/// `robot_typed`: whether --robot is on the command line. If not, its value is the default of the global
+/// option.
+pub fn run(args: GatewayArgs, robot_typed: bool) -> Result<Exit, Failure> {
+    match args.subcommand {
+        Some(Folder::Token(args)) => token::run(args, robot_typed),
+        Some(Folder::Verify(args)) => verify::run(&args),
+        None => crate::cmd::block_on(serve(args.serve, robot_typed)),
+    }
+}
+
+async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
+    let typed = if robot_typed { args.robots.as_slice() } else { &[] };
+    let robots = all(args.config.as_deref(), typed)?;
+    crate::limits::open_as_many_files_as_allowed();
+    let mut ending = Ending::watch()?;
+    let mut rereading = match &args.config {
+        Some(path) => Some((path, Rereading::watch(&mut ending)?)),
+        None => None,
+    };
+    let (listen, data) = (args.listen, args.data.clone());
+    let settings = GatewaySettings { listen, data, robots, robot_settings: robot::settings() };
+    let gateway = Gateway::start(settings).await.map_err(Failure::usage)?;
+    tell_start(&gateway, &args.data);
+    loop {
+        let asked = async {
+            match &mut rereading {
+                Some((path, rereading)) => {
+                    rereading.asked().await;
+                    *path
+                }
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            () = ending.signalled() => break,
+            path = asked => reread(&gateway, path, typed).await,
+        }
+    }
+    gateway.shutdown().await.map_err(Failure::unknown)?;
+    Ok(Exit::Done)
+}
+
+fn tell_start(gateway: &Gateway, data: &Path) {
+    let (url, robots) = (gateway.address(), output::counted(gateway.robots(), "robot"));
+    output::line(format_args!("gateway on http://{url}, {robots}, data in {}", data.display()));
+    if !gateway.address().ip().is_loopback() {
+        output::note("r6: there is no TLS yet: everyone on the network can read the tokens");
+    }
+    if gateway.robots() == 0 {
+        output::note(
+            "r6: it has no robot yet: --robot press-4=192.168.1.10, --config FILE, or an admin adds one over HTTP",
+        );
+    }
+    if r6_gateway::list_tokens(data).is_ok_and(|tokens| tokens.is_empty()) {
+        output::note(format_args!(
+            "r6: it cannot be used yet: `r6 gateway token --data {} --role operator` makes a token",
+            data.display()
+        ));
+    }
+}
+
+/// Reads the file again. A mistake changes nothing.
+async fn reread(gateway: &Gateway, path: &Path, typed: &[String]) {
+    let robots = match all(Some(path), typed) {
+        Ok(robots) => robots,
+        Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
+    };
+    match gateway.reload(robots).await {
+        Ok(Changes { added, changed, removed }) => output::line(format_args!(
+            "read {} again: {added} added, {changed} changed, {removed} removed, {} now",
+            path.display(),
+            output::counted(gateway.robots(), "robot")
+        )),
+        Err(problem) => output::note(format_args!("r6: {}: {}", path.display(), problem.message)),
+    }
+}
+
+/// The robots of the file and of the command line.
+fn all(config: Option<&Path>, typed: &[String]) -> Result<Vec<RobotConfig>, Failure> {
+    let mut robots = match config {
+        Some(path) => config::read(path)?,
+        None => Vec::new(),
+    };
+    for text in typed {
+        let robot = named(text)?;
+        if robots.iter().any(|known| known.name == robot.name) {
+            return Err(Failure::usage(format!("two robots are called `{}`", robot.name)));
+        }
+        robots.push(robot);
+    }
+    Ok(robots)
+}
+
+/// A robot of the command line.
+fn named(text: &str) -> Result<RobotConfig, Failure> {
+    let wrong = |why: String| {
+        Failure::usage(format!("--robot {text}: {why}")).advise("such as --robot press-4=192.168.1.10:9760")
+    };
+    let (name, address) =
+        text.split_once('=').ok_or_else(|| wrong("it has to be NAME=HOST[:PORT]".to_owned()))?;
+    let name = RobotName::new(name).ok_or_else(|| wrong(format!("`{name}` is not {}", RobotName::WANTED)))?;
+    r6_client::check_address(address)
+        .map_err(|error| wrong(r6_client::RequestError::Invalid(error).to_string()))?;
+    Ok(RobotConfig { settings: robot::settings(), ..RobotConfig::new(name, address) })
+}

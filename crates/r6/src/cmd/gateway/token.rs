@@ -1,0 +1,121 @@
+//! `r6 gateway token`: makes, lists and revokes tokens, whether the gateway runs or not.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use r6_api::gateway::Role;
+use r6_gateway::RobotName;
+
+use super::DEFAULT_DATA;
+use crate::exit::{Exit, Failure};
+use crate::output::{self, table::Table};
+
+/// The longest name of a token, in characters.
+const MAX_NAME: usize = 64;
+
+/// Make a token and print it; list or revoke tokens
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The token is printed once, and the gateway keeps only its hash. A gateway that runs knows the token at once, \
+and refuses a revoked one within a second.
+
+Roles, each with the rights of those before it:
+  viewer     reads values, states and events
+  operator   stops; holds the lease, and with it sends commands
+  engineer   accepts an exchanged robot; reads the audit log
+  admin      takes the lease from its holder
+
+Examples:
+  r6 gateway token --role viewer --name screen-in-hall-2
+  r6 gateway token --role operator --robot press-4
+  r6 gateway token --list
+  r6 gateway token --revoke 3")]
+pub struct TokenArgs {
+    /// Folder of the gateway
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
+    data: PathBuf,
+    /// What the token allows
+    #[arg(long, value_enum, required_unless_present_any = ["list", "revoke"])]
+    role: Option<RoleWord>,
+    /// The only robot that it is for
+    // The id is that of the global option, so that this one stands in its place.
+    #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME")]
+    only: Option<String>,
+    /// What people call it
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    name: String,
+    /// Print the tokens that are valid, without their secrets
+    #[arg(long, conflicts_with_all = ["role", "revoke"])]
+    list: bool,
+    /// Revoke the token with this number
+    #[arg(long, value_name = "NUMBER", conflicts_with = "role")]
+    revoke: Option<i64>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RoleWord {
+    Viewer,
+    Operator,
+    Engineer,
+    Admin,
+}
+
+impl From<RoleWord> for Role {
+    fn from(word: RoleWord) -> Self {
+        match word {
+            RoleWord::Viewer => Self::Viewer,
+            RoleWord::Operator => Self::Operator,
+            RoleWord::Engineer => Self::Engineer,
+            RoleWord::Admin => Self::Admin,
+        }
+    }
+}
+
+/// Makes, lists or revokes tokens.
+pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
+    if let Some(number) = args.revoke {
+        if !r6_gateway::revoke_token(&args.data, number).map_err(Failure::usage)? {
+            return Err(Failure::usage(format!("there is no valid token {number}"))
+                .advise("`r6 gateway token --list` prints all"));
+        }
+        output::line(format_args!("token {number} is revoked"));
+        return Ok(Exit::Done);
+    }
+    let Some(role) = args.role else {
+        return list(&args.data);
+    };
+    let only = args.only.filter(|_| robot_typed).map(|name| {
+        RobotName::new(&name)
+            .ok_or_else(|| Failure::usage(format!("--robot {name}: it has to be {}", RobotName::WANTED)))
+    });
+    let only = only.transpose()?;
+    if args.name.chars().count() > MAX_NAME || args.name.chars().any(char::is_control) {
+        let wanted = format!("--name has at most {MAX_NAME} characters, and no control characters");
+        return Err(Failure::usage(wanted));
+    }
+    let role = Role::from(role);
+    let what = what(role, only.as_ref());
+    let (number, token) =
+        r6_gateway::make_token(&args.data, role, only, args.name).map_err(Failure::usage)?;
+    output::line(token);
+    output::note(format_args!("token {number}: {what}. It is shown this once"));
+    Ok(Exit::Done)
+}
+
+fn list(data: &Path) -> Result<Exit, Failure> {
+    let tokens = r6_gateway::list_tokens(data).map_err(Failure::usage)?;
+    let mut table = Table::with_right_columns(&[0]);
+    for token in &tokens {
+        let what = what(token.grant.role, token.grant.only.as_ref());
+        table.row([&token.number, &what, &r6_proto::printable(&token.name)]);
+    }
+    output::line(table);
+    Ok(Exit::Done)
+}
+
+fn what(role: Role, only: Option<&RobotName>) -> String {
+    match only {
+        Some(only) => format!("{} of {only}", role.word()),
+        None => format!("{} of all robots", role.word()),
+    }
+}
