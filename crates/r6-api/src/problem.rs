@@ -28,6 +28,22 @@ pub struct CommandProblem {
     pub exit: u8,
 }
 
+/// A mistake of a file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Mistake {
+    /// The file.
+    pub file: String,
+    /// Its line, from 1; `null` for the whole file.
+    pub line: Option<usize>,
+    /// Its column in characters, from 1; `null` for the whole file.
+    pub column: Option<usize>,
+    /// What is wrong.
+    pub text: String,
+    /// How to correct it.
+    pub advice: Option<String>,
+}
+
 /// One row per code: its meaning, its name here, its word.
 macro_rules! codes {
     ($($(#[$meaning:meta])* $code:ident $word:literal,)*) => {

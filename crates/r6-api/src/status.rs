@@ -196,6 +196,22 @@ pub enum Condition {
     Unknown,
 }
 
+impl Condition {
+    /// Its word.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Mode => "mode",
+            Self::Alarm => "alarm",
+            Self::NotHomed => "not_homed",
+            Self::Moving => "moving",
+            Self::LeftoverList => "leftover_list",
+            Self::OtherProgram => "other_program",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
 impl Unmet {
     /// A condition from the type in `r6-proto`.
     #[must_use]
@@ -232,10 +248,21 @@ pub enum Unproved {
 }
 
 impl Unproved {
-    fn of(unproved: readiness::Unproved) -> Self {
+    /// A condition from the type in `r6-proto`.
+    #[must_use]
+    pub fn of(unproved: readiness::Unproved) -> Self {
         match unproved {
             readiness::Unproved::RemoteStep => Self::RemoteStep,
             readiness::Unproved::ListLength => Self::ListLength,
+        }
+    }
+
+    /// Its word.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::RemoteStep => "remote_step",
+            Self::ListLength => "list_length",
         }
     }
 }

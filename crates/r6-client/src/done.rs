@@ -100,6 +100,28 @@ pub enum EndProof {
     AtRest,
 }
 
+impl EndProof {
+    /// Its word, for programs.
+    #[must_use]
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::Reached => "reached",
+            Self::Consumed => "consumed",
+            Self::CutShort(_) => "cut_short",
+            Self::AtRest => "at_rest",
+        }
+    }
+
+    /// Where the last move should have ended and where the arm stands, if an input cut that move short.
+    #[must_use]
+    pub const fn cut_short(&self) -> Option<&Missed> {
+        match self {
+            Self::CutShort(missed) => Some(missed),
+            Self::Reached | Self::Consumed | Self::AtRest => None,
+        }
+    }
+}
+
 /// Why waiting ended without the motion having ended as it should.
 #[derive(Clone, Debug, PartialEq)]
 pub enum WaitError {
@@ -165,7 +187,19 @@ impl fmt::Display for WaitError {
     }
 }
 
-impl std::error::Error for WaitError {}
+impl std::error::Error for WaitError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Request(error) => Some(error),
+            Self::Motion(error) => Some(&**error),
+            Self::AlarmRaised { .. }
+            | Self::Stopped { .. }
+            | Self::Restarted(_)
+            | Self::TimedOut { .. }
+            | Self::AnotherConnection => None,
+        }
+    }
+}
 
 impl From<Interrupted> for WaitError {
     fn from(interrupted: Interrupted) -> Self {

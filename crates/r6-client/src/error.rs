@@ -241,10 +241,16 @@ impl fmt::Display for RequestError {
     }
 }
 
+impl NotSent {
+    /// What a person has to know first if a stop could not be sent ([`Self::NotStopped`]).
+    pub const NOT_STOPPED: &str =
+        "the arm was NOT stopped: it may go on with what is in its list; use the emergency stop";
+}
+
 impl fmt::Display for NotSent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Self::NotStopped(why) = self {
-            return write!(f, "{NOT_STOPPED}; {why}");
+            return write!(f, "{}; {why}", Self::NOT_STOPPED);
         }
         f.write_str("nothing was sent: ")?;
         match self {
@@ -289,10 +295,6 @@ impl fmt::Display for NotSent {
     }
 }
 
-/// What a person has to know first if a stop could not be sent.
-const NOT_STOPPED: &str =
-    "the arm was NOT stopped: it may go on with what is in its list; use the emergency stop";
-
 /// What a person has to know first if the outcome of a stop is unknown.
 const STOP_UNKNOWN: &str =
     "the arm was NOT seen to stop: it may go on with what is in its list; use the emergency stop";
@@ -323,56 +325,100 @@ impl fmt::Display for Refused {
     }
 }
 
-impl fmt::Display for OutcomeUnknown {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let request = self.request();
-        if request.effect == Effect::Stops {
-            write!(f, "{STOP_UNKNOWN}; ")?;
-        }
+impl OutcomeUnknown {
+    /// What happened, without [`Self::advice`].
+    #[must_use]
+    pub fn what(&self) -> String {
+        let Sent { word, effect } = self.request();
+        let first = if effect == Effect::Stops { format!("{STOP_UNKNOWN}; {word}") } else { word.to_owned() };
         match self {
-            Self::TimedOut { after, heard: None, .. } => {
-                write!(f, "{}: no reply within {after:?}", request.word)?;
-            }
+            Self::TimedOut { after, heard: None, .. } => format!("{first}: no reply within {after:?}"),
             Self::TimedOut { after, heard: Some(heard), .. } => {
-                let word = request.word;
                 let heard = printable(heard);
-                write!(f, "{word}: no usable reply within {after:?}; what came last was {heard}")?;
+                format!("{first}: no usable reply within {after:?}; what came last was {heard}")
             }
             Self::ConnectionLost { reason, .. } => {
-                write!(f, "{}: the connection was lost before the reply ({reason})", request.word)?;
+                format!("{first}: the connection was lost before the reply ({reason})")
             }
-            Self::Unreadable { error, .. } => {
-                write!(f, "{}: the reply cannot be understood: {error}", request.word)?;
-            }
+            Self::Unreadable { error, .. } => format!("{first}: the reply cannot be understood: {error}"),
             Self::Unclear { answer, .. } => {
-                let answer = printable(answer);
-                write!(f, "{}: the reply is neither ok nor err: `{answer}`", request.word)?;
+                format!("{first}: the reply is neither ok nor err: `{}`", printable(answer))
             }
-            Self::AnotherRobot { expected, found, .. } => {
-                return write!(
-                    f,
-                    "{}: another robot answered at this address: {found}; before the connection was lost it was {expected}. \
-                     Check the cabling and the address. If the new one is meant, accept it or connect anew",
-                    request.word
-                );
-            }
+            Self::AnotherRobot { expected, found, .. } => format!(
+                "{first}: another robot answered at this address: {found}; before the connection was lost it was {expected}. \
+                 Check the cabling and the address. If the new one is meant, accept it or connect anew"
+            ),
         }
-        f.write_str(match request.effect {
-            Effect::Reads => "; it only reads, so ask again",
-            Effect::Changes => "; it may have acted: read the value back before sending it again",
+    }
+
+    /// What to do next about this request. `None` if another robot answered, where it is about the robot.
+    #[must_use]
+    pub fn advice(&self) -> Option<&'static str> {
+        if let Self::AnotherRobot { .. } = self {
+            return None;
+        }
+        Some(match self.request().effect {
+            Effect::Reads => "it only reads, so ask again",
+            Effect::Changes => "it may have acted: read the value back before sending it again",
             Effect::Moves => {
-                "; the arm may move, now or at the next start. Do not send it again: look at the arm, stop it, clear the \
+                "the arm may move, now or at the next start. Do not send it again: look at the arm, stop it, clear the \
                  list, and begin anew"
             }
-            Effect::Stops => "; send it again until the arm is seen to stand",
+            Effect::Stops => "send it again until the arm is seen to stand",
         })
     }
 }
 
-impl std::error::Error for RequestError {}
-impl std::error::Error for NotSent {}
+impl fmt::Display for OutcomeUnknown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.what())?;
+        match self.advice() {
+            Some(advice) => write!(f, "; {advice}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl std::error::Error for RequestError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Invalid(error) => Some(error),
+            Self::NotSent(error) => Some(error),
+            Self::Refused(error) => Some(error),
+            Self::OutcomeUnknown(error) => Some(error),
+        }
+    }
+}
+impl std::error::Error for NotSent {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::NoRoom(error) => Some(error),
+            Self::NotStopped(why) => Some(&**why),
+            Self::Unreachable { .. }
+            | Self::ConnectTimedOut { .. }
+            | Self::Disconnected
+            | Self::StateNotRead
+            | Self::AnotherRobot { .. }
+            | Self::Unidentified { .. }
+            | Self::Overtaken
+            | Self::Busy { .. }
+            | Self::Closed
+            | Self::NoEngine { .. } => None,
+        }
+    }
+}
 impl std::error::Error for Refused {}
-impl std::error::Error for OutcomeUnknown {}
+impl std::error::Error for OutcomeUnknown {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Unreadable { error, .. } => Some(error),
+            Self::TimedOut { .. }
+            | Self::ConnectionLost { .. }
+            | Self::Unclear { .. }
+            | Self::AnotherRobot { .. } => None,
+        }
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -400,6 +446,25 @@ mod tests {
         // Only the advice on commands that start the machine mentions its mode.
         for command in [CommandName::ModifyGspd, CommandName::SwitchMold, CommandName::ModifyOutput] {
             assert!(!told(command, "no").contains("mode"), "{command}");
+        }
+    }
+
+    #[test]
+    fn an_error_leads_to_the_error_that_it_holds() {
+        use std::error::Error;
+
+        let stop = NotSent::NotStopped(Box::new(NotSent::NoRoom(SendError::TooManyInFlight { limit: 16 })));
+        let error = crate::WaitError::Request(stop.into());
+        let mut chain: Vec<&(dyn Error + 'static)> = vec![&error];
+        while let Some(held) = chain[chain.len() - 1].source() {
+            chain.push(held);
+        }
+        assert!(chain[1].is::<RequestError>(), "{chain:?}");
+        assert!(chain[2].is::<NotSent>() && chain[3].is::<NotSent>(), "{chain:?}");
+        assert!(chain[4].is::<SendError>() && chain.len() == 5, "{chain:?}");
+        // Each text includes the text of the error that it holds.
+        for pair in chain.windows(2) {
+            assert!(pair[0].to_string().contains(&pair[1].to_string()), "{chain:?}");
         }
     }
 

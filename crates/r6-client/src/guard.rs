@@ -84,7 +84,8 @@ impl Envelope {
         self
     }
 
-    /// Limits the path speed (action 51).
+    /// Limits the path speed (action 51). A move at the path speed in a list that does not set it is beyond
+    /// the limit: an earlier list may have set any.
     #[must_use]
     pub fn path_speed_cap(mut self, cap: MillimetresPerSecond) -> Self {
         self.path_speed_cap = Some(cap);

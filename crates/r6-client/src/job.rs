@@ -105,18 +105,21 @@ pub(crate) struct Job {
 }
 
 impl Work {
-    /// The request's word and its effect.
+    /// The request's word and its effect. They do not depend on the points of cameras.
     pub fn sent(&self) -> Sent {
-        let (word, effect) = match self {
-            Self::Query(_) => ("query", Effect::Reads),
-            Self::Command(command) => (command.name().word(), command.name().effect()),
-            Self::AddRcc { instructions, .. } if instructions.is_empty() => ("AddRCC", Effect::Changes),
-            Self::AddRcc { .. } => ("AddRCC", Effect::Moves),
-            // A program may be waiting for exactly these points.
-            Self::AddPoints(_) => ("AddPoints", Effect::Moves),
-            Self::PhotoAnswer(_) => ("photo", Effect::Changes),
-        };
-        Sent { word, effect }
+        let request = self.request(&[]);
+        Sent { word: request.word(), effect: request.effect() }
+    }
+
+    /// The request. `cameras`: the points of [`Self::AddPoints`].
+    fn request<'a>(&'a self, cameras: &'a [CameraPoints<'a>]) -> Request<'a> {
+        match self {
+            Self::Query(addresses) => Request::Query(addresses),
+            Self::Command(command) => Request::Command(command),
+            Self::AddRcc { replace, instructions } => Request::AddRcc { empty_list: *replace, instructions },
+            Self::AddPoints(_) => Request::AddPoints(cameras),
+            Self::PhotoAnswer(answer) => Request::PhotoAnswer(*answer),
+        }
     }
 
     /// Whether a caller has to read mode and alarm after a reconnect before this may be sent.
@@ -139,18 +142,13 @@ impl Work {
 
     /// Writes the request to the session's output. `None` if it gets no reply.
     pub fn send(&self, session: &mut ClientSession, now: Instant) -> Result<Option<Ticket>, SendError> {
-        let cameras: Vec<CameraPoints<'_>>;
-        let request = match self {
-            Self::Query(addresses) => Request::Query(addresses),
-            Self::Command(command) => Request::Command(command),
-            Self::AddRcc { replace, instructions } => Request::AddRcc { empty_list: *replace, instructions },
+        let cameras: Vec<_> = match self {
             Self::AddPoints(sets) => {
-                cameras =
-                    sets.iter().map(|set| CameraPoints { cam_id: set.cam_id, points: &set.points }).collect();
-                Request::AddPoints(&cameras)
+                sets.iter().map(|set| CameraPoints { cam_id: set.cam_id, points: &set.points }).collect()
             }
-            Self::PhotoAnswer(answer) => Request::PhotoAnswer(*answer),
+            Self::Query(_) | Self::Command(_) | Self::AddRcc { .. } | Self::PhotoAnswer(_) => Vec::new(),
         };
+        let request = self.request(&cameras);
         session.send(now, &request).map(|ticket| request.expects_reply().then_some(ticket))
     }
 

@@ -58,6 +58,8 @@ pub struct Motion {
     units: Vec<AxisUnits>,
     /// Whether a path speed is set for the steps to come.
     path_speed: bool,
+    /// Whether a path speed was in force where this part was cut from a motion. The part does not set it.
+    cut_behind_path_speed: bool,
     /// The steps, counted from 0, that begin a frame of their own.
     frame_starts: Vec<usize>,
     wrong: Option<StepError>,
@@ -255,6 +257,7 @@ impl Motion {
     #[must_use]
     pub fn extend(mut self, other: &Self) -> Self {
         let before = self.steps.len();
+        self.cut_behind_path_speed |= other.cut_behind_path_speed;
         self.frame_starts.extend(other.frame_starts.iter().map(|start| before + start));
         let steps = other.steps.iter().zip(&other.units);
         let motion = steps.fold(self, |motion, (step, units)| motion.push(*step, *units));
@@ -266,8 +269,9 @@ impl Motion {
 
     /// Returns a part of the motion as a motion of its own. Steps are counted from 0: `motion.part(2..5)`.
     ///
-    /// A path speed that was set before the part is not in it. A motion with a mistake has it in each of its
-    /// parts.
+    /// A path speed that was set before the part is not in it: a part that has a move at the path speed and
+    /// does not set one is refused ([`StepError`]), because it would go at the speed of some earlier list. A
+    /// motion with a mistake has it in each of its parts.
     #[must_use]
     pub fn part(&self, steps: impl RangeBounds<usize>) -> Self {
         let end = match steps.end_bound() {
@@ -283,16 +287,18 @@ impl Motion {
         let (begin, end) = (begin.min(self.len()), end.min(self.len()));
         let kept = || self.steps.iter().zip(&self.units).take(end).skip(begin);
         let starts = self.frame_starts.iter().filter(|start| (begin..end).contains(*start));
-        let before = self.steps.iter().take(begin);
+        let in_force = |before, steps: &mut dyn Iterator<Item = &Instruction>| {
+            steps.fold(before, |set, step| match step.action {
+                Action::PathSpeed(speed) => speed.in_use,
+                _ => set,
+            })
+        };
+        let before = in_force(self.cut_behind_path_speed, &mut self.steps.iter().take(begin));
         Self {
             steps: kept().map(|(step, _)| *step).collect(),
             units: kept().map(|(_, units)| *units).collect(),
-            path_speed: before.chain(kept().map(|(step, _)| step)).fold(false, |set, step| {
-                match step.action {
-                    Action::PathSpeed(speed) => speed.in_use,
-                    _ => set,
-                }
-            }),
+            path_speed: in_force(false, &mut kept().map(|(step, _)| step)),
+            cut_behind_path_speed: before,
             frame_starts: starts.map(|start| start - begin).collect(),
             wrong: self.wrong,
         }
@@ -315,10 +321,28 @@ impl Motion {
     /// # Errors
     /// [`StepError`]: the first thing that is wrong with them.
     pub fn instructions(&self) -> Result<&[Instruction], StepError> {
-        match self.wrong {
+        match self.wrong.or_else(|| self.without_speed()) {
             Some(wrong) => Err(wrong),
             None => Ok(&self.steps),
         }
+    }
+
+    /// The first move of a part that would go at a path speed which the part does not set.
+    fn without_speed(&self) -> Option<StepError> {
+        let mut set = !self.cut_behind_path_speed;
+        (1..).zip(&self.steps).find_map(|(step, instruction)| {
+            let speed = match &instruction.action {
+                Action::PathSpeed(speed) => {
+                    set = speed.in_use;
+                    return None;
+                }
+                Action::LinearMove(step) => step.manner.speed,
+                Action::CurveMove(curve) => curve.manner.speed,
+                _ => return None,
+            };
+            let wanted = "given, or set by a path speed in the same part";
+            (speed.is_none() && !set).then_some(StepError { step, field: "speed", wanted, nearest: None })
+        })
     }
 
     /// The unit in which the axes of each step were given; as many as there are steps.
@@ -490,7 +514,11 @@ mod tests {
         assert_eq!(whole.part(..), whole);
         let last = whole.part(2..);
         assert_eq!((last.len(), last.frame_starts()), (1, &[][..]));
-        assert_eq!(last.clone().linear_move_at_path_speed(pose).instructions().unwrap().len(), 2);
+        assert_eq!(wrong(&last), (1, "speed"), "it would go at the speed of an earlier list");
+        assert_eq!(wrong(&whole.part(2..2).linear_move_at_path_speed(pose)), (1, "speed"));
+        let again = Motion::new().path_speed(speed).extend(&last);
+        assert_eq!(again.linear_move_at_path_speed(pose).instructions().unwrap().len(), 3);
+        assert_eq!(whole.part(1..).part(..).instructions().unwrap().len(), 2);
         assert_eq!(whole.part(1..=1).frame_starts(), [0]);
         assert_eq!(whole.part(0..1).instructions().unwrap(), step().instructions().unwrap());
         let (late, early) = (2, 1);

@@ -199,7 +199,14 @@ impl fmt::Display for RegisterError {
     }
 }
 
-impl std::error::Error for RegisterError {}
+impl std::error::Error for RegisterError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Request(error) => Some(error),
+            Self::NoSuchRegisters { .. } | Self::NotReadable { .. } | Self::Differs { .. } => None,
+        }
+    }
+}
 
 #[cfg(test)]
 mod tests {

@@ -58,10 +58,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 pub use crate::units::position::{AxisCoordinate, AxisPosition, Pose};
 use r6_proto::grid::{Grid, Nearest};
-use r6_proto::message::instruction::PathSpeed;
-
-/// The slowest speed that the wire can carry, in percent: one step.
-const SLOWEST_PERCENT: f64 = 0.1;
+use r6_proto::message::instruction::{Manner, PathSpeed};
 
 /// An angle, degrees.
 ///
@@ -171,7 +168,10 @@ pub struct Percent(f64);
 
 impl Percent {
     /// The whole maximum: 100 %.
-    pub const MAX: Self = Self(100.0);
+    pub const MAX: Self = Self(*Manner::SPEEDS.end());
+
+    /// What a valid percentage is.
+    pub const WANTED: &str = "percent, from 0.1 to 100 in steps of 0.1";
 
     /// Creates a percentage.
     ///
@@ -179,13 +179,12 @@ impl Percent {
     /// [`OutOfRange`] below 0.1, above 100, and for NaN. Between two steps the error has both. A deviation
     /// from a step by floating point passes ([`r6_proto::grid::ON_GRID_WITHIN`]).
     pub const fn new(percent: f64) -> Result<Self, OutOfRange> {
-        const WANTED: &str = "percent, from 0.1 to 100 in steps of 0.1";
         // A comparison with NaN is never true.
-        let is_within = percent >= SLOWEST_PERCENT && percent <= 100.0;
+        let is_within = percent >= *Manner::SPEEDS.start() && percent <= *Manner::SPEEDS.end();
         match Grid::PERCENT.step(percent) {
             Ok(_) if is_within => Ok(Self(percent)),
-            Err(nearest) if is_within => Err(OutOfRange { value: percent, wanted: WANTED, nearest }),
-            Ok(_) | Err(_) => Err(OutOfRange::new(percent, WANTED)),
+            Err(nearest) if is_within => Err(OutOfRange { value: percent, wanted: Self::WANTED, nearest }),
+            Ok(_) | Err(_) => Err(OutOfRange::new(percent, Self::WANTED)),
         }
     }
 

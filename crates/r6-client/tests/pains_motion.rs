@@ -6,6 +6,7 @@
 mod hands;
 
 use r6_controller::Event;
+use r6_proto::alarm::AlarmCode;
 use std::fmt;
 use std::io;
 use std::time::Duration;
@@ -103,7 +104,7 @@ async fn pain_01_it_does_not_move_and_says_why() {
         assert!(matches!(line.event, Event::ListRefused { .. } | Event::Refused { .. }), "{line}");
     }
     let (controller, robot) = cell(VirtualController::builder()).await;
-    controller.handle().operate(&PanelAction::RaiseAlarm(5001)).unwrap();
+    controller.handle().operate(&PanelAction::RaiseAlarm(AlarmCode(5001))).unwrap();
     let Cause::NotReady(unmet) = cause(&robot, &there).await else { panic!() };
     assert!(unmet.contains(&Unmet::Alarm { code: 5001 }), "{unmet:?}");
     let (controller, robot) = cell(VirtualController::builder()).await;

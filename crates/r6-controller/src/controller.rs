@@ -16,6 +16,7 @@ mod scenario;
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::frame::Limits;
 use r6_proto::reply::encode_photo;
 use r6_proto::server::ServerSession;
@@ -149,7 +150,7 @@ impl Controller {
     }
 
     /// Raises an alarm, as a failure in the cabinet does, or to see what happens then.
-    pub fn raise(&mut self, now: Instant, alarm: u32, why: impl fmt::Display) {
+    pub fn raise(&mut self, now: Instant, alarm: AlarmCode, why: impl fmt::Display) {
         self.advance(now);
         self.machine.raise(alarm, AlarmCause::Other { why: Detail::of(why) });
         self.collect_machine_events();

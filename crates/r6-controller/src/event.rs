@@ -12,6 +12,7 @@ mod reason;
 use std::fmt;
 use std::time::Duration;
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::{AxisIndex, Language, OperationMode, RequestType, printable};
 use serde::{Serialize, Serializer};
 
@@ -282,14 +283,16 @@ pub enum Event {
     /// An alarm was raised.
     AlarmRaised {
         /// Its number.
-        alarm: u32,
+        #[serde(serialize_with = "as_number")]
+        alarm: AlarmCode,
         /// Why.
         why: AlarmCause,
     },
     /// The alarm was cleared.
     AlarmCleared {
         /// Its number.
-        alarm: u32,
+        #[serde(serialize_with = "as_number")]
+        alarm: AlarmCode,
     },
     /// The emergency stop was released.
     EmergencyStopReleased,
@@ -713,6 +716,10 @@ impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text(Language::English))
     }
+}
+
+fn as_number<S: Serializer>(alarm: &AlarmCode, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_u32(alarm.0)
 }
 
 fn as_text<T: fmt::Display, S: Serializer>(value: &T, to: S) -> Result<S::Ok, S::Error> {

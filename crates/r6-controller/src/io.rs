@@ -76,15 +76,10 @@ pub enum OutputPoint {
 }
 
 impl OutputPoint {
-    /// The point that `modifyOutput` names: board 0–3 Y, 4–6 M, 7 EU (manual 4.2.1 #8).
+    /// The point for the numbers in `modifyOutput` ([`IoPoint::of_command`]).
     #[must_use]
     pub fn of_command(board: u8, point: u8) -> Option<Self> {
-        match board {
-            0..=3 => Some(Self::Y(board, point)),
-            4..=6 => Some(Self::M(board - 4, point)),
-            7 => Some(Self::Eu(point)),
-            _ => None,
-        }
+        IoPoint::of_command(board, point).and_then(Self::named)
     }
 
     /// The point with this name; `None` for an input.

@@ -26,6 +26,7 @@ use std::time::Duration;
 
 use r6_proto::AXES;
 use r6_proto::address::RegisterIndex;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::Point;
 use r6_proto::time::Instant;
 
@@ -136,7 +137,7 @@ pub struct Machine {
     pub(crate) model: RobotModel,
     pub(crate) now: Instant,
     pub(crate) mode: OperationMode,
-    pub(crate) alarm: u32,
+    pub(crate) alarm: AlarmCode,
     pub(crate) homed: bool,
     /// Where the arm rests while nothing moves it.
     pub(crate) axes: Axes,
@@ -222,7 +223,7 @@ impl Machine {
                 OperationMode::Running if !settings.homed => OperationMode::Auto,
                 mode => mode,
             },
-            alarm: 0,
+            alarm: AlarmCode::NONE,
             homed: settings.homed,
             axes: Axes::ZERO,
             io: Io::default(),
@@ -405,9 +406,9 @@ impl Machine {
     }
 
     /// Raises an alarm and stops the machine. The first alarm stays until it is cleared.
-    pub fn raise(&mut self, alarm: u32, why: AlarmCause) {
+    pub fn raise(&mut self, alarm: AlarmCode, why: AlarmCause) {
         self.note(Event::AlarmRaised { alarm, why });
-        if self.alarm == 0 {
+        if !self.alarm.is_raised() {
             self.alarm = alarm;
         }
         self.halt_for_alarm();
@@ -463,7 +464,7 @@ impl Machine {
 
     /// The alarm (`curAlarm`), 0 for none.
     #[must_use]
-    pub fn alarm(&self) -> u32 {
+    pub fn alarm(&self) -> AlarmCode {
         self.alarm
     }
 

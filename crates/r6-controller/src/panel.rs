@@ -7,13 +7,6 @@ use r6_proto::{AxisIndex, OperationMode};
 
 use crate::mode::Key;
 
-/// The last alarm of the pendant's table; 5000 to 10000 belong to the user's programs (`docs/PROTOCOL.md`,
-/// 9).
-pub const LAST_ALARM: u32 = 10_000;
-
-/// The alarm that the emergency stop raises.
-pub const EMERGENCY_STOP: u32 = AlarmCode::EMERGENCY_STOP.0;
-
 /// An action of an operator at the machine. A machine in the cell can also set inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PanelAction {
@@ -43,8 +36,8 @@ pub enum PanelAction {
     ReleaseEmergencyStop,
     /// Clears the alarm. Nothing starts to run.
     ClearAlarm,
-    /// Raises an alarm, 1 to [`LAST_ALARM`], for the fault of a part that is not simulated.
-    RaiseAlarm(u32),
+    /// Raises an alarm, 1 to [`AlarmCode::LAST`], for the fault of a part that is not simulated.
+    RaiseAlarm(AlarmCode),
     /// Homes the machine, in manual: all axes move to 0, and the machine is then homed (`origin`).
     Home,
     /// Moves one axis by hand, in manual. The move ends at a soft limit, with the alarm of that limit.
@@ -124,7 +117,7 @@ pub enum Refused {
     /// An alarm is present.
     Alarm {
         /// Its number.
-        alarm: u32,
+        alarm: AlarmCode,
     },
     /// The machine is not homed, so it runs no program.
     NotHomed,
@@ -156,7 +149,7 @@ pub enum Refused {
     /// There is no such alarm.
     NoSuchAlarm {
         /// The number that was given.
-        alarm: u32,
+        alarm: AlarmCode,
     },
     /// The program could not be chosen.
     Program {
@@ -233,7 +226,7 @@ impl fmt::Display for Refused {
             }
             Self::NoSuchAxis { axis, axes } => write!(f, "the arm has no {axis}: it has J1 to J{axes}"),
             Self::NoSuchAlarm { alarm } => {
-                write!(f, "there is no alarm {alarm}: there are 1 to {LAST_ALARM}")
+                write!(f, "there is no alarm {alarm}: there are 1 to {}", AlarmCode::LAST)
             }
             Self::ProgramRuns { name } => write!(
                 f,

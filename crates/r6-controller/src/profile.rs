@@ -98,11 +98,11 @@ pub struct Profile {
     /// How long after a heartbreak the next one is due (manual 7: 10 s).
     pub heartbeat_timeout: Duration,
     /// The alarm that a missed heartbreak raises. Unknown; chosen: 9, "connect host fail".
-    pub heartbeat_alarm: u32,
+    pub heartbeat_alarm: AlarmCode,
     /// How long `actionStop` takes to bring the arm to rest. Reported, unit B: 0.078 s.
     pub action_stop_time: Duration,
     /// The alarm that `actionStop` leaves, 0 for none. Reported, unit B: 42; unit A: none.
-    pub action_stop_alarm: u32,
+    pub action_stop_alarm: AlarmCode,
     /// The mode after `actionStop`: 2, or 3 as reported by unit B.
     pub action_stop_mode: StopMode,
     /// How long `actionPause` takes to bring the arm to rest. Reported, unit B: 0.5 s.
@@ -169,9 +169,9 @@ impl Profile {
             answers_heartbreak: false,
             accepts_heartbreak_command: false,
             heartbeat_timeout: Duration::from_secs(10),
-            heartbeat_alarm: AlarmCode::NO_HOST.0,
+            heartbeat_alarm: AlarmCode::NO_HOST,
             action_stop_time: Duration::from_millis(78),
-            action_stop_alarm: 0,
+            action_stop_alarm: AlarmCode::NONE,
             action_stop_mode: StopMode::Auto,
             action_pause_time: Duration::from_millis(500),
             stop_button: StopButton::FinishCycle,

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use r6_motion::robot_model::AxisMotion;
 use r6_proto::AXES;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::readiness::{ReadinessFacts, Unmet};
 
 use crate::io::Io;
@@ -24,7 +25,7 @@ pub struct ControllerSnapshot {
     /// The operation mode.
     pub mode: OperationMode,
     /// The alarm, 0 for none.
-    pub alarm: u32,
+    pub alarm: AlarmCode,
     /// Whether the emergency stop is pressed.
     pub emergency_stop: bool,
     /// Whether it is homed.

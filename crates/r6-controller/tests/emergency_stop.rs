@@ -7,6 +7,7 @@ use common::{Cell, STOPS_AND_STARTS, axis_move};
 use proptest::prelude::*;
 use r6_controller::{Button, Key, PanelAction, Profile, Refused, StartState};
 use r6_proto::AxisIndex;
+use r6_proto::alarm::AlarmCode;
 use serde_json::{Value, json};
 
 fn kept(j1: f64, speed: f64) -> Value {
@@ -72,9 +73,9 @@ fn the_mode_after_it_is_that_of_the_profile_and_a_machine_that_did_not_run_keeps
 #[test]
 fn another_alarm_does_not_hide_it() {
     let mut cell = Cell::new();
-    operate(&mut cell, &PanelAction::RaiseAlarm(850)).unwrap();
+    operate(&mut cell, &PanelAction::RaiseAlarm(AlarmCode(850))).unwrap();
     operate(&mut cell, &PanelAction::EmergencyStop).unwrap();
-    operate(&mut cell, &PanelAction::RaiseAlarm(900)).unwrap();
+    operate(&mut cell, &PanelAction::RaiseAlarm(AlarmCode(900))).unwrap();
     assert_eq!(cell.text("curAlarm"), "7");
 }
 
@@ -221,7 +222,7 @@ fn panel_action() -> impl Strategy<Value = PanelAction> {
         1 => Just(PanelAction::EmergencyStop),
         2 => Just(PanelAction::ReleaseEmergencyStop),
         2 => Just(PanelAction::ClearAlarm),
-        1 => Just(PanelAction::RaiseAlarm(850)),
+        1 => Just(PanelAction::RaiseAlarm(AlarmCode(850))),
         1 => Just(PanelAction::Home),
         3 => button.prop_map(PanelAction::Press),
         3 => key.prop_map(PanelAction::TurnKey),

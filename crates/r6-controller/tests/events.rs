@@ -11,6 +11,7 @@ use r6_controller::scenario::Happening;
 use r6_controller::{Level, LogEntry, PanelAction, Refused};
 use r6_motion::{AxisNumber, LimitSide, PlanError};
 use r6_proto::Language;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::time::Instant;
 use r6_proto::{OperationMode, RequestType};
 use serde_json::{Value, json};
@@ -60,7 +61,7 @@ fn some() -> Vec<(Event, Level, &'static str, &'static str, Value)> {
         ),
         (
             Event::AlarmRaised {
-                alarm: 135,
+                alarm: AlarmCode(135),
                 why: AlarmCause::Step {
                     step: Some(AtStep::OfList { instruction: 1, action: 4 }),
                     why: Reason::Plan(PlanError::OutsideLimits {
@@ -78,7 +79,10 @@ fn some() -> Vec<(Event, Level, &'static str, &'static str, Value)> {
             }),
         ),
         (
-            Event::AlarmRaised { alarm: 7, why: AlarmCause::EmergencyStop { mode: OperationMode::Auto } },
+            Event::AlarmRaised {
+                alarm: AlarmCode(7),
+                why: AlarmCause::EmergencyStop { mode: OperationMode::Auto },
+            },
             info,
             "alarm 7: emergency stop, auto (2)",
             "报警 7：急停，自动模式 (2)",

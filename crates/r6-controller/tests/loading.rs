@@ -5,6 +5,7 @@ mod common;
 use common::{Cell, axis_move};
 use r6_controller::program::{MAX_LOADED_BYTES, MAX_PROGRAMS, MAX_TEXT_BYTES};
 use r6_controller::{Button, ControllerSettings, Key, PanelAction, Profile, Refused, RobotModel, SavedState};
+use r6_proto::alarm::AlarmCode;
 use serde_json::json;
 
 const COUNT: &str = "[[step]]\ndo=\"counter\"\nnumber=0\nby=1\n[[step]]\ndo=\"wait\"\nseconds=1\n";
@@ -224,10 +225,10 @@ fn buttons_wait_for_an_arm_that_slows_down() {
     press(&mut cell, Button::Start).unwrap();
 
     let mut cell = moving();
-    operate(&mut cell, &PanelAction::RaiseAlarm(850)).unwrap();
+    operate(&mut cell, &PanelAction::RaiseAlarm(AlarmCode(850))).unwrap();
     assert_eq!(operate(&mut cell, &PanelAction::ClearAlarm), Err(Refused::Moving));
     // The reason that has to be dealt with first comes first.
-    assert_eq!(press(&mut cell, Button::Start), Err(Refused::Alarm { alarm: 850 }));
+    assert_eq!(press(&mut cell, Button::Start), Err(Refused::Alarm { alarm: AlarmCode(850) }));
     cell.pass(0.2);
     operate(&mut cell, &PanelAction::ClearAlarm).unwrap();
 

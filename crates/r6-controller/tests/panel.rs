@@ -4,6 +4,7 @@ mod common;
 
 use common::{Cell, axis_move};
 use r6_controller::{Button, Key, PanelAction, Profile, Refused, StartState};
+use r6_proto::alarm::AlarmCode;
 use r6_proto::{AxisIndex, OperationMode};
 use serde_json::json;
 
@@ -108,8 +109,8 @@ fn a_start_that_is_not_possible_names_why() {
         assert_eq!(cell.command(&["startButton"])[2], refused.to_string());
     }
     let mut cell = Cell::new();
-    done(&mut cell, &PanelAction::RaiseAlarm(5_000));
-    assert_eq!(press(&mut cell, Button::Start), Err(Refused::Alarm { alarm: 5_000 }));
+    done(&mut cell, &PanelAction::RaiseAlarm(AlarmCode(5_000)));
+    assert_eq!(press(&mut cell, Button::Start), Err(Refused::Alarm { alarm: AlarmCode(5_000) }));
 }
 
 #[test]
@@ -220,7 +221,7 @@ fn a_move_by_hand_can_be_stopped() {
         ("pause", 0.51, |cell| assert_eq!(press(cell, Button::Pause), Ok(()))),
         ("key", 0.08, |cell| done(cell, &PanelAction::TurnKey(Key::Stop))),
         ("emergency stop", 0.08, |cell| done(cell, &PanelAction::EmergencyStop)),
-        ("alarm", 0.08, |cell| done(cell, &PanelAction::RaiseAlarm(850))),
+        ("alarm", 0.08, |cell| done(cell, &PanelAction::RaiseAlarm(AlarmCode(850)))),
         ("actionStop", 0.08, |cell| cell.ok(&["actionStop"])),
         ("stopButton", 0.08, |cell| cell.ok(&["stopButton"])),
         ("speed 0", 0.51, |cell| cell.ok(&["modifyGSPD", "0"])),
@@ -277,7 +278,10 @@ fn soft_limits_hold_for_moves_by_hand() {
             assert_eq!(state, [json!(alarm.to_string()), json!("0"), json!("1")]);
             assert!((cell.axes()[usize::from(axis)] - wanted).abs() < 1e-6);
             // From there it can only go back, after the alarm is cleared.
-            assert_eq!(operate(&mut cell, &jog(axis, -by.signum(), 100.0)), Err(Refused::Alarm { alarm }));
+            assert_eq!(
+                operate(&mut cell, &jog(axis, -by.signum(), 100.0)),
+                Err(Refused::Alarm { alarm: AlarmCode(alarm) })
+            );
             done(&mut cell, &PanelAction::ClearAlarm);
             done(&mut cell, &jog(axis, by.signum(), 100.0));
             assert_eq!(cell.query(&["curAlarm", "isMoving"]), [json!(alarm.to_string()), json!("0")]);
@@ -351,15 +355,15 @@ fn an_alarm_is_raised_and_cleared() {
     let mut cell = Cell::new();
     cell.run_ok(&json!([kept(90.0, 10.0), kept(0.0, 10.0)]));
     cell.pass(1.0);
-    done(&mut cell, &PanelAction::RaiseAlarm(850));
+    done(&mut cell, &PanelAction::RaiseAlarm(AlarmCode(850)));
     cell.pass(0.1);
     assert_eq!(cell.query(&["curAlarm", "curMode", "isMoving"]), [json!("850"), json!("2"), json!("0")]);
-    done(&mut cell, &PanelAction::RaiseAlarm(900));
+    done(&mut cell, &PanelAction::RaiseAlarm(AlarmCode(900)));
     assert_eq!(cell.text("curAlarm"), "850", "the first one stays");
     done(&mut cell, &PanelAction::ClearAlarm);
     cell.pass(1.0);
     assert_eq!(cell.query(&["curAlarm", "curMode", "isMoving"]), [json!("0"), json!("2"), json!("0")]);
-    for alarm in [0, 10_001, u32::MAX] {
+    for alarm in [0, 10_001, u32::MAX].map(AlarmCode) {
         let refused = operate(&mut cell, &PanelAction::RaiseAlarm(alarm));
         assert_eq!(refused, Err(Refused::NoSuchAlarm { alarm }));
     }

@@ -51,7 +51,7 @@ fn the_example_of_the_page_works() {
     let example = PAGE.split("```toml").nth(1).unwrap().split("```").next().unwrap();
     let profile = Profile::from_toml(example).unwrap();
     assert_eq!(
-        (profile.name.as_str(), profile.max_connections, profile.action_stop_alarm),
+        (profile.name.as_str(), profile.max_connections, profile.action_stop_alarm.0),
         ("my-cell", 2, 42)
     );
 }
@@ -65,7 +65,7 @@ fn the_other_examples_of_the_page_work() {
         .map(|rest| Profile::from_toml(rest.split("```").next().unwrap()).unwrap())
         .collect();
     let [unit_b, manual] = &examples[..] else { panic!("{} examples", examples.len()) };
-    assert_eq!((unit_b.name.as_str(), unit_b.action_stop_alarm), ("unit-b", 42));
+    assert_eq!((unit_b.name.as_str(), unit_b.action_stop_alarm.0), ("unit-b", 42));
     let mut cell = Cell::with(manual.clone(), StartState::Waiting);
     for (word, reply) in [("actionStop", r#"["ok"]"#), ("actionStopp", r#"[""]"#)] {
         let asked = format!(r#"{{"dsID":"HCRemoteMonitor","cmdType":"command","cmdData":["{word}"]}}"#);

@@ -4,6 +4,7 @@ mod common;
 
 use common::{Cell, assert_near};
 use r6_controller::{ControllerSettings, Event, PanelAction, Profile, RobotModel, StartState};
+use r6_proto::alarm::AlarmCode;
 use serde_json::json;
 
 const PHOTO: &str = r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0}"#;
@@ -322,7 +323,7 @@ fn points_that_do_not_come() {
 fn a_wait_that_an_alarm_ended_begins_anew() {
     let mut cell = running("[[step]]\ndo=\"take-point\"\nlimit=3\n[[step]]\ndo=\"remote\"");
     cell.pass(1.0);
-    cell.controller.operate(cell.now, &r6_controller::PanelAction::RaiseAlarm(5000)).unwrap();
+    cell.controller.operate(cell.now, &r6_controller::PanelAction::RaiseAlarm(AlarmCode(5000))).unwrap();
     cell.pass(10.0);
     cell.ok(&["clearAlarmContinue"]);
     cell.pass(2.9);

@@ -1,4 +1,4 @@
-//! Why a move cannot be planned, and the alarm that a controller shows for it.
+//! Why a move cannot be planned.
 
 use std::fmt;
 
@@ -52,20 +52,6 @@ pub enum PlanError {
     NotFinite,
 }
 
-impl PlanError {
-    /// The alarm code: 130 + axis and 140 + axis for the soft limits, 219 for the speed, 200 for the rest
-    /// (the pendant's alarm table; 135 for J6 and 219 for a fractional speed reported from real units).
-    #[must_use]
-    pub fn alarm(self) -> u16 {
-        match self {
-            Self::OutsideLimits { axis, side: LimitSide::Plus } => 130 + u16::from(axis.number()),
-            Self::OutsideLimits { axis, side: LimitSide::Minus } => 140 + u16::from(axis.number()),
-            Self::Unreachable | Self::Singular { .. } | Self::CurvePoints | Self::NotFinite => 200,
-            Self::Speed => 219,
-        }
-    }
-}
-
 impl From<NotFinite> for PlanError {
     fn from(_: NotFinite) -> Self {
         Self::NotFinite
@@ -91,21 +77,3 @@ impl fmt::Display for PlanError {
 }
 
 impl std::error::Error for PlanError {}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn alarms_are_the_pendants() {
-        let j6 = AxisNumber::ARM[5];
-        let j1 = AxisNumber::ARM[0];
-        assert_eq!(PlanError::OutsideLimits { axis: j6, side: LimitSide::Plus }.alarm(), 135);
-        assert_eq!(PlanError::OutsideLimits { axis: j1, side: LimitSide::Minus }.alarm(), 140);
-        assert_eq!(PlanError::Singular { axis: j6 }.alarm(), 200);
-        assert_eq!(PlanError::Unreachable.alarm(), 200);
-        assert_eq!(PlanError::CurvePoints.alarm(), 200);
-        assert_eq!(PlanError::NotFinite.alarm(), 200);
-        assert_eq!(PlanError::Speed.alarm(), 219);
-    }
-}

@@ -191,7 +191,7 @@ impl Movement {
     /// line speed. The ramps take the same time at any speed, so a short move stays below the requested
     /// speed. A line that would take an axis beyond its own full speed is slowed down as a whole.
     ///
-    /// Errors: see [`PlanError`]; each has its alarm.
+    /// Errors: see [`PlanError`].
     pub fn plan(
         model: &RobotModel,
         start: &Axes,

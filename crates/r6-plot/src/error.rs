@@ -4,6 +4,7 @@ use std::fmt;
 
 use r6_client::StepError;
 use r6_controller::{LibraryError, Refused};
+use r6_proto::alarm::AlarmCode;
 
 use crate::playback::MAX_INSTRUCTIONS;
 
@@ -21,7 +22,7 @@ pub enum PlayError {
     /// The arm cannot reach the start.
     StartNotReached {
         /// The alarm that was raised on the way.
-        alarm: u32,
+        alarm: AlarmCode,
         /// Its cause, in the controller's words.
         why: String,
     },

@@ -15,6 +15,7 @@ use r6_controller::{
 use r6_program::first_axes;
 use r6_program::taught;
 use r6_proto::AXES;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::Instruction;
 use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Manner, Move};
 use r6_proto::time::Instant;
@@ -386,7 +387,7 @@ impl Player {
 
     /// The step of the taught program that has just raised an alarm. A step `alarm` is over when its alarm
     /// comes: the step after it is then the present one.
-    fn step_that_raised(&self, code: u32) -> Option<Step> {
+    fn step_that_raised(&self, code: AlarmCode) -> Option<Step> {
         let Script::Program(main) = &self.script else { return None };
         let present = self.present_step();
         let (name, before) = match &present {

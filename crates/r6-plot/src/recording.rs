@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use r6_controller::RobotModel;
 use r6_controller::machine::Machine;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::time::Instant;
 
 use crate::points::{PointRecorder, PointTrack};
@@ -87,7 +88,7 @@ impl Turn {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Alarm {
     /// Its number.
-    pub code: u32,
+    pub code: AlarmCode,
     /// Its cause, in the controller's words.
     pub why: String,
     /// When it came, seconds.

@@ -1,6 +1,5 @@
 //! Recordings and instructions in English.
 
-use r6_proto::alarm::AlarmCode;
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{Output, OutputKind, Wait, WaitCondition, WaitSource};
@@ -30,7 +29,7 @@ pub fn trouble(recording: &Recording) -> Option<String> {
     Some(match &recording.ending {
         Ending::Done => return None,
         Ending::Alarm(alarm) => {
-            let text = AlarmCode(alarm.code).decode().text;
+            let text = alarm.code.decode().text;
             format!("{place} ends with alarm {} ({text}) at {:.3} s: {}", alarm.code, alarm.at, alarm.why)
         }
         Ending::Waiting => format!(

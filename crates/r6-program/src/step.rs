@@ -6,7 +6,7 @@ mod signals;
 use r6_proto::grid::Grid;
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{
-    BlendLevel, Coordinates, CurveMove, Manner, Move, PathSpeed, StopOnSignal, Workbench,
+    BlendLevel, Coordinates, CurveMove, Manner, Move, PathSpeed, StopOnSignal, TIMES, TIMES_WANTED, Workbench,
 };
 use r6_proto::{AXES, AxisIndex, AxisMask};
 
@@ -180,8 +180,8 @@ pub fn manner(fields: &Fields<'_>, program: ProgramKind) -> Result<Manner, Wrong
     let delay = seconds(fields, "delay", Grid::TENTHS_OF_A_SECOND, program);
     let (tool, coord) = (frame(fields, "tool", program), frame(fields, "work_frame", program));
     let speed = fields.required("speed", speed)?;
-    if !(0.1..=100.0).contains(&speed) {
-        let what = format!("`speed` is {speed}: it has to be percent from 0.1 to 100");
+    if !Manner::SPEEDS.contains(&speed) {
+        let what = format!("`speed` is {speed}: it has to be {}", Manner::SPEEDS_WANTED);
         return Err(fields.wrong("speed", what));
     }
     on_grid(fields, "speed", speed, Grid::PERCENT, program)?;
@@ -253,8 +253,8 @@ pub fn seconds(
     program: ProgramKind,
 ) -> Result<Option<f64>, Wrong> {
     let Some(value) = fields.number(key) else { return Ok(None) };
-    if !(0.0..=86_400.0).contains(&value) {
-        return Err(fields.wrong(key, format!("`{key}` has to be seconds from 0 to 86400")));
+    if !TIMES.contains(&value) {
+        return Err(fields.wrong(key, format!("`{key}` has to be {TIMES_WANTED}")));
     }
     on_grid(fields, key, value, grid, program).map(Some)
 }

@@ -9,6 +9,7 @@ mod read;
 mod words;
 
 use r6_proto::RegisterIndex;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::io_point::IoPoint;
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{Coordinates, Manner, Wait, WaitSource};
@@ -137,7 +138,7 @@ pub enum Step {
     /// Raises an alarm.
     Alarm {
         /// Its number.
-        number: u32,
+        number: AlarmCode,
     },
     /// Switches to another tool.
     Tool(u32),
@@ -186,7 +187,7 @@ pub struct Photo {
     /// The maximum number of requests.
     pub tries: u32,
     /// The alarm if no request succeeds.
-    pub alarm: u32,
+    pub alarm: AlarmCode,
 }
 
 /// How a counter or register changes.

@@ -9,7 +9,7 @@ use crate::axis::AxisIndex;
 use crate::io_point::{IoPoint, PointKind};
 
 /// The number of an alarm, as `curAlarm` reports it; 0 means no alarm.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct AlarmCode(pub u32);
 
 /// What an alarm code means.
@@ -100,8 +100,8 @@ const TABLE: &[Row] = &[
     row(100, Span::Axes, "axis did not run", DRIVE),
     row(110, Span::Axes, "speed setting wrong", SLOWER),
     row(120, Span::Axes, "overspeed", SLOWER),
-    live(130, Span::Axes, "positive soft limit", SOFT_LIMIT),
-    row(140, Span::Axes, "negative soft limit", SOFT_LIMIT),
+    live(AlarmCode::POSITIVE_LIMITS, Span::Axes, "positive soft limit", SOFT_LIMIT),
+    row(AlarmCode::NEGATIVE_LIMITS, Span::Axes, "negative soft limit", SOFT_LIMIT),
     row(150, Span::Axes, "position deviation too large", SLOWER),
     row(160, Span::Axes, "acceleration limit", SLOWER),
     row(170, Span::Axes, "positive limit switch", "move the axis off the switch by hand, then clear the alarm"),
@@ -142,7 +142,7 @@ const TABLE: &[Row] = &[
     row(1500, Span::To(1691), "servo bus", WIRING),
     row(1692, Span::One, "vendor does not match", SETTINGS),
     row(1693, Span::One, "control type does not match", SETTINGS),
-    row(5000, Span::To(10_000), "user alarm of the program", "look in the program for what raises it, then clear the alarm"),
+    row(5000, Span::To(AlarmCode::LAST.0), "user alarm of the program", "look in the program for what raises it, then clear the alarm"),
 ];
 
 impl Row {
@@ -158,7 +158,14 @@ impl Row {
 /// The codes of waits that timed out.
 const IO_WAIT: std::ops::RangeInclusive<u32> = 2048..=4095;
 
+/// The kinds of points in the codes of waits, by their class. No document says which class is which kind;
+/// this is our reading.
+const CLASSES: [PointKind; 3] = [PointKind::X, PointKind::M, PointKind::Eux];
+
 impl AlarmCode {
+    /// No alarm.
+    pub const NONE: Self = Self(0);
+
     /// The emergency stop is pressed.
     pub const EMERGENCY_STOP: Self = Self(7);
 
@@ -168,20 +175,73 @@ impl AlarmCode {
     /// The controller cannot execute the program or an instruction.
     pub const PROGRAM: Self = Self(10);
 
+    /// The storage cannot be read.
+    pub const STORAGE: Self = Self(14);
+
     /// The user coordinate system (workbench) is wrong.
     pub const FRAME: Self = Self(27);
 
-    /// A new list replaced the old one while the arm was moving.
-    pub const LIST_REPLACED: Self = Self(200);
+    /// The positive soft limit of J1; the codes of the other axes follow.
+    const POSITIVE_LIMITS: u32 = 130;
+
+    /// The negative soft limit of J1; the codes of the other axes follow.
+    const NEGATIVE_LIMITS: u32 = 140;
+
+    /// A move cannot be carried out, or a new list replaced the old one while the arm was moving.
+    pub const ROUTE: Self = Self(200);
+
+    /// The points of a route are not set.
+    pub const NO_POINTS: Self = Self(201);
 
     /// A move has no speed, or the controller cannot set a path speed.
     pub const PATH_SPEED: Self = Self(219);
+
+    /// A counter is not defined.
+    pub const NO_COUNTER: Self = Self(300);
+
+    /// The last code of the table; 5000 to this one belong to the user's programs.
+    pub const LAST: Self = Self(10_000);
+
+    /// The code of a wait for this point that timed out: class in bits 8–10, board in bits 5–7, point in bits
+    /// 0–4. A time (`None`) has the code of X010.
+    #[must_use]
+    pub fn of_wait(point: Option<IoPoint>) -> Self {
+        let IoPoint { kind, board, point } =
+            point.unwrap_or(IoPoint { kind: PointKind::X, board: 0, point: 0 });
+        let class = (0_u32..).zip(CLASSES).find(|(_, its)| *its == kind).map_or(0, |(class, _)| class);
+        Self(IO_WAIT.start() + (class << 8) + (u32::from(board & 7) << 5) + u32::from(point & 31))
+    }
+
+    /// The positive soft limit of an axis.
+    #[must_use]
+    pub fn positive_limit(axis: AxisIndex) -> Self {
+        Self(Self::POSITIVE_LIMITS + u32::from(axis.number()))
+    }
+
+    /// The negative soft limit of an axis.
+    #[must_use]
+    pub fn negative_limit(axis: AxisIndex) -> Self {
+        Self(Self::NEGATIVE_LIMITS + u32::from(axis.number()))
+    }
+
+    /// Whether it is the soft limit of an axis.
+    #[must_use]
+    pub fn is_soft_limit(self) -> bool {
+        let limits = |axis| [Self::positive_limit(axis), Self::negative_limit(axis)];
+        AxisIndex::ALL.into_iter().flat_map(limits).any(|limit| limit == self)
+    }
+
+    /// Whether it is an alarm, and not [`Self::NONE`].
+    #[must_use]
+    pub const fn is_raised(self) -> bool {
+        self.0 != 0
+    }
 
     /// What the code means.
     #[must_use]
     pub fn decode(self) -> Alarm {
         let code = self.0;
-        if code == 0 {
+        if !self.is_raised() {
             return Alarm {
                 code: self,
                 text: "no alarm".to_owned(),
@@ -214,17 +274,11 @@ impl AlarmCode {
         }
     }
 
-    /// Decodes a wait that timed out: class in bits 8–10, board in bits 5–7, point in bits 0–4. No document
-    /// says which class is which kind of point; 0 = X, 1 = M and 2 = EU is our reading.
+    /// Decodes a wait that timed out ([`Self::of_wait`]).
     fn io_wait(self) -> Alarm {
         let bits = |shift: u32, mask: u32| u8::try_from(self.0 >> shift & mask).unwrap_or(0);
         let (class, board, point) = (bits(8, 7), bits(5, 7), bits(0, 31));
-        let kind = match class {
-            0 => Some(PointKind::X),
-            1 => Some(PointKind::M),
-            2 => Some(PointKind::Eux),
-            _ => None,
-        };
+        let kind = CLASSES.get(usize::from(class)).copied();
         let name = match kind {
             Some(kind) => IoPoint { kind, board, point }.to_string(),
             None => format!("class {class}, board {board}, point {point}"),
@@ -243,6 +297,18 @@ impl AlarmCode {
 impl fmt::Display for Alarm {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "alarm {}: {}", self.code.0, self.text)
+    }
+}
+
+impl PartialEq<u32> for AlarmCode {
+    fn eq(&self, code: &u32) -> bool {
+        self.0 == *code
+    }
+}
+
+impl From<AlarmCode> for i64 {
+    fn from(code: AlarmCode) -> Self {
+        Self::from(code.0)
     }
 }
 
@@ -303,6 +369,11 @@ mod tests {
         assert_eq!(text(2048 + (1 << 8) + 1), "waiting for M011 took too long");
         assert_eq!(text(2048 + (2 << 5) + 5), "waiting for X2.015 took too long");
         assert_eq!(text(4095), "waiting for class 7, board 7, point 31 took too long");
+        for name in ["X010", "X2.015", "M1.011", "EUX047"] {
+            let code = AlarmCode::of_wait(name.parse().ok());
+            assert_eq!(code.decode().text, format!("waiting for {name} took too long"));
+        }
+        assert_eq!(AlarmCode::of_wait(None), 2048);
     }
 
     #[test]

@@ -24,34 +24,37 @@ pub enum OperationMode {
 }
 
 impl OperationMode {
+    /// The modes of the manual, each with its number and its name.
+    const TABLE: [(i64, Self, &'static str); 7] = [
+        (0, Self::None, "none"),
+        (1, Self::Manual, "manual"),
+        (2, Self::Auto, "auto"),
+        (3, Self::Stop, "stop"),
+        (7, Self::Running, "running"),
+        (8, Self::SingleStep, "single step"),
+        (9, Self::SingleCycle, "single cycle"),
+    ];
+
     /// The mode with this number.
     #[must_use]
     pub fn of_number(number: i64) -> Self {
-        match number {
-            0 => Self::None,
-            1 => Self::Manual,
-            2 => Self::Auto,
-            3 => Self::Stop,
-            7 => Self::Running,
-            8 => Self::SingleStep,
-            9 => Self::SingleCycle,
-            unknown => Self::Unknown(unknown),
+        let row = Self::TABLE.iter().find(|(its, ..)| *its == number);
+        row.map_or(Self::Unknown(number), |(_, mode, _)| *mode)
+    }
+
+    /// Its number on the wire, and its name.
+    fn told(self) -> (i64, &'static str) {
+        if let Self::Unknown(number) = self {
+            return (number, "unknown");
         }
+        let row = Self::TABLE.iter().find(|(_, mode, _)| *mode == self);
+        row.map_or((0, "none"), |(number, _, name)| (*number, name))
     }
 
     /// Its number on the wire.
     #[must_use]
     pub fn number(self) -> i64 {
-        match self {
-            Self::None => 0,
-            Self::Manual => 1,
-            Self::Auto => 2,
-            Self::Stop => 3,
-            Self::Running => 7,
-            Self::SingleStep => 8,
-            Self::SingleCycle => 9,
-            Self::Unknown(number) => number,
-        }
+        self.told().0
     }
 
     /// Whether a program can be running in this mode. This is also true for an unknown mode, because other
@@ -67,17 +70,8 @@ impl OperationMode {
 
 impl fmt::Display for OperationMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = match self {
-            Self::None => "none",
-            Self::Manual => "manual",
-            Self::Auto => "auto",
-            Self::Stop => "stop",
-            Self::Running => "running",
-            Self::SingleStep => "single step",
-            Self::SingleCycle => "single cycle",
-            Self::Unknown(_) => "unknown",
-        };
-        write!(f, "{name} ({})", self.number())
+        let (number, name) = self.told();
+        write!(f, "{name} ({number})")
     }
 }
 

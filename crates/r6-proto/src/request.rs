@@ -4,7 +4,7 @@ use crate::address::Address;
 use crate::dialect::Addressing;
 use crate::encode::{ObjectWriter, key};
 use crate::error::EncodeError;
-use crate::message::{Command, Instruction, PhotoAnswer, Point, RequestType};
+use crate::message::{Command, Effect, Instruction, PhotoAnswer, Point, RequestType};
 use crate::text;
 
 mod head;
@@ -64,6 +64,33 @@ impl Request<'_> {
         match self {
             Self::Query(_) | Self::Command(_) | Self::AddRcc { .. } | Self::AddPoints(_) => true,
             Self::Heartbreak | Self::PhotoAnswer(_) => false,
+        }
+    }
+
+    /// Its word for reports: the name of the command, or the type of the request.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Command(command) => command.name().word(),
+            Self::Query(_)
+            | Self::AddRcc { .. }
+            | Self::AddPoints(_)
+            | Self::Heartbreak
+            | Self::PhotoAnswer(_) => self.request_type().word(),
+        }
+    }
+
+    /// Its effect on the machine. That of a command is in the table of commands. Instructions move, and so
+    /// do the points of a camera, because a program may wait for exactly these points.
+    #[must_use]
+    pub fn effect(&self) -> Effect {
+        match self {
+            Self::Query(_) => Effect::Reads,
+            Self::Command(command) => command.name().effect(),
+            Self::AddRcc { instructions: [], .. } | Self::Heartbreak | Self::PhotoAnswer(_) => {
+                Effect::Changes
+            }
+            Self::AddRcc { .. } | Self::AddPoints(_) => Effect::Moves,
         }
     }
 
@@ -158,5 +185,30 @@ impl<'o> ListWriter<'o> {
 
     pub fn end(self) {
         self.out.push(b']');
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::Action;
+    use crate::message::instruction::PathSpeed;
+
+    #[test]
+    fn every_request_has_its_effect() {
+        let stop = Command::ActionStop;
+        let off = PathSpeed { in_use: false, speed: None };
+        let step = [Instruction { oneshot: true, action: Action::PathSpeed(off) }];
+        for (request, word, effect) in [
+            (Request::Query(&[Address::CurMode]), "query", Effect::Reads),
+            (Request::Command(&stop), "actionStop", Effect::Stops),
+            (Request::AddRcc { empty_list: true, instructions: &[] }, "AddRCC", Effect::Changes),
+            (Request::AddRcc { empty_list: false, instructions: &step }, "AddRCC", Effect::Moves),
+            (Request::AddPoints(&[]), "AddPoints", Effect::Moves),
+            (Request::Heartbreak, "heartbreak", Effect::Changes),
+            (Request::PhotoAnswer(PhotoAnswer { cam_id: 0, ret: 1 }), "photo", Effect::Changes),
+        ] {
+            assert_eq!((request.word(), request.effect()), (word, effect), "{request:?}");
+        }
     }
 }

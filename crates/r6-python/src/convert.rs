@@ -8,9 +8,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyString, PyTuple};
 use r6_client::{
-    Accepted, Done, EndProof, Followed, Found, Identity, LinkQuality, LinkState, ListAfterStop, NoReading,
-    OperationMode, Pushed, Quality, QueryResult, SecondConnection, Snapshot, StandProof, Status, StopMeans,
-    StopReport, Unmet, Unproved,
+    Accepted, Done, Followed, Found, Identity, LinkQuality, LinkState, NoReading, OperationMode, Pushed,
+    Quality, QueryResult, SecondConnection, Snapshot, StandProof, Status, StopMeans, StopReport, Unmet,
 };
 use r6_program::{Mistake, Mistakes};
 use r6_proto::Reading;
@@ -106,30 +105,19 @@ pub fn status<'py>(py: Python<'py>, robot: &str, status: &Status) -> PyResult<Bo
 
 /// The conditions that no value proves, in the words of `r6 status --json`.
 fn unproved<'py>(py: Python<'py>, status: &Status) -> PyResult<Bound<'py, PyTuple>> {
-    let word = |unproved| match unproved {
-        Unproved::RemoteStep => "remote_step",
-        Unproved::ListLength => "list_length",
-    };
-    PyTuple::new(py, status.unproved(None).into_iter().map(word))
+    let unproved = status.unproved(None).into_iter().map(|unproved| r6_api::Unproved::of(unproved).word());
+    PyTuple::new(py, unproved.collect::<Vec<_>>())
 }
 
-/// Unmet conditions.
+/// Unmet conditions, in the words of `r6 status --json`.
 pub fn unmet<'py>(py: Python<'py>, unmet: &[Unmet]) -> PyResult<Bound<'py, PyTuple>> {
     let one = |unmet: &Unmet| {
-        let (kind, value, address) = match unmet {
-            Unmet::Mode { found } => ("mode", Some(found.number()), None),
-            Unmet::Alarm { code } => ("alarm", Some(*code), None),
-            Unmet::NotHomed => ("not_homed", None, None),
-            Unmet::Moving => ("moving", None, None),
-            Unmet::LeftoverList { length } => ("leftover_list", Some(*length), None),
-            Unmet::OtherProgram => ("other_program", None, None),
-            Unmet::Unknown { address } => ("unknown", None, Some(address.to_string())),
-        };
+        let r6_api::Unmet { condition, value, address, advice, .. } = r6_api::Unmet::of(unmet);
         Record::new(py, "Unmet")?
-            .with("kind", kind)?
+            .with("kind", condition.word())?
             .with("value", value)?
             .with("address", address)?
-            .with("text", unmet.to_string())?
+            .with("text", advice)?
             .build()
     };
     PyTuple::new(py, unmet.iter().map(one).collect::<PyResult<Vec<_>>>()?)
@@ -143,28 +131,10 @@ pub fn done<'py>(py: Python<'py>, done: &Done) -> PyResult<Bound<'py, PyAny>> {
         .with("mode", mode_number(done.mode))?
         .with("moved", done.moved)?
         .with("motion", done.motion)?
-        .with("proof", end_proof(&done.proof))?
-        .with("cut_short", cut_short(&done.proof))?
+        .with("proof", done.proof.word())?
+        .with("cut_short", done.proof.cut_short().map(ToString::to_string))?
         .with("took", done.took.as_secs_f64())?
         .build()
-}
-
-/// The word for the proof of the end.
-fn end_proof(proof: &EndProof) -> &'static str {
-    match proof {
-        EndProof::Reached => "reached",
-        EndProof::Consumed => "consumed",
-        EndProof::CutShort(_) => "cut_short",
-        EndProof::AtRest => "at_rest",
-    }
-}
-
-/// The distance that the arm missed, if an input cut its last move short.
-fn cut_short(proof: &EndProof) -> Option<String> {
-    match proof {
-        EndProof::CutShort(missed) => Some(missed.to_string()),
-        EndProof::Reached | EndProof::Consumed | EndProof::AtRest => None,
-    }
 }
 
 /// The end of following.
@@ -186,30 +156,11 @@ pub fn accepted(py: Python<'_>, accepted: Accepted) -> PyResult<Bound<'_, PyAny>
 
 /// The result of a stop.
 pub fn stop_report<'py>(py: Python<'py>, report: &StopReport) -> PyResult<Bound<'py, PyAny>> {
-    let list = match report.list {
-        ListAfterStop::WasEmpty => "was_empty",
-        ListAfterStop::Cleared => "cleared",
-        ListAfterStop::Refused(_) => "refused",
-        ListAfterStop::Unknown(_) => "unknown",
-        ListAfterStop::NotTried(_) => "not_tried",
-    };
-    let proof = report.proof.map(|proof| match proof {
-        StandProof::NotRunning(_) => "not_running",
-        StandProof::EmptyList(_) => "empty_list",
-    });
-    let second = report.second.as_ref().map(|second| match second {
-        SecondConnection::Used => "used",
-        SecondConnection::Answered => "answered",
-        SecondConnection::Silent => "silent",
-        SecondConnection::Opening => "opening",
-        SecondConnection::NotMade(_) => "not_made",
-        SecondConnection::Unidentified => "unidentified",
-    });
     Record::new(py, "StopReport")?
         .with("confirmed", report.confirmed)?
-        .with("proof", proof)?
+        .with("proof", report.proof.map(StandProof::word))?
         .with("means", report.means.map(StopMeans::word))?
-        .with("second_connection", second)?
+        .with("second_connection", report.second.as_ref().map(SecondConnection::word))?
         .with("in_doubt", report.doubt.as_ref().map(|doubt| doubt.still_open))?
         .with("attempts", report.attempts)?
         .with("took", report.took.as_secs_f64())?
@@ -219,7 +170,7 @@ pub fn stop_report<'py>(py: Python<'py>, report: &StopReport) -> PyResult<Bound<
         .with("mode", mode_number(report.mode))?
         .with("alarm", report.alarm)?
         .with("list_length", report.list_length)?
-        .with("list", list)?
+        .with("list", report.list.word())?
         .with("text", report.to_string())?
         .build()
 }

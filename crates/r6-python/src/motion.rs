@@ -259,7 +259,8 @@ impl Motion {
         Err(not_pickled("Motion"))
     }
 
-    /// One step, or a slice of steps, as a motion of its own. A slice has a step of 1.
+    /// One step, or a slice of steps, as a motion of its own. A slice has a step of 1. A path speed that was
+    /// set before the slice is not in it; a move that needs one is a ``StepError`` then.
     fn __getitem__(&self, wanted: &Bound<'_, PyAny>) -> PyResult<Self> {
         let length = self.0.len();
         if let Ok(slice) = wanted.cast::<PySlice>() {

@@ -12,6 +12,7 @@ use r6_controller::{
     Button, ControllerSnapshot, Event, Key, Level, Library, LogEntry, PanelAction, Profile, Program,
     RobotModel, Scenario, StartState,
 };
+use r6_proto::alarm::AlarmCode;
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_sim::{Camera, Clock, ControllerHandle, SimError, VirtualController};
 use tokio::sync::broadcast::Receiver;
@@ -285,7 +286,7 @@ impl Simulator {
 
     /// Raises an alarm, 1 to 10 000.
     fn raise_alarm(&self, py: Python<'_>, alarm: u32) -> PyResult<()> {
-        self.operate(py, &PanelAction::RaiseAlarm(alarm))
+        self.operate(py, &PanelAction::RaiseAlarm(AlarmCode(alarm)))
     }
 
     /// Presses a button of the pendant: ``start``, ``stop``, ``pause``, ``single_cycle``, ``single_step``.
@@ -364,7 +365,7 @@ impl Simulator {
             .with("profile", state.profile)?
             .with("model", state.model)?
             .with("mode", state.mode.number())?
-            .with("alarm", state.alarm)?
+            .with("alarm", state.alarm.0)?
             .with("emergency_stop", state.emergency_stop)?
             .with("homed", state.homed)?
             .with("moving", state.moving)?

@@ -95,7 +95,7 @@ def passed(said: str, controller: r6.Simulator) -> None:
     assert "2 passed" in said
 
 
-def tested(said: str, controller: r6.Simulator) -> None:
+def ran(said: str, controller: r6.Simulator) -> None:
     assert "1 passed" in said
 
 
@@ -104,8 +104,8 @@ DID: dict[str, Callable[[str, r6.Simulator], None]] = {
     "docs/FROM_SOCKETS.md 1": script,
     "docs/FROM_SOCKETS.md 2": replacement,
     "docs/QUICKSTART.md 1": ten_lines,
-    "docs/QUICKSTART.md 2": tested,
-    "docs/QUICKSTART.md 3": tested,
+    "docs/QUICKSTART.md 2": ran,
+    "docs/QUICKSTART.md 3": ran,
     "crates/r6-python/README.md 1": package,
     "crates/r6-python/README.md 2": watch,
     "crates/r6-python/README.md 3": passed,

@@ -99,7 +99,7 @@ def test_what_is_wrong_with_its_arguments_is_told(tmp_path: Path) -> None:
 
 def test_a_file_may_be_a_str_or_a_path(tmp_path: Path) -> None:
     file = tmp_path / "my-pick.toml"
-    file.write_text('[[step]]\ndo = "wait-for-remote"\n')
+    file.write_text('[[step]]\ndo = "remote"\n')
     for given in (file, str(file)):
         with r6.Simulator(program=given) as controller:
             assert controller.snapshot().program == "my-pick"
@@ -112,8 +112,8 @@ def test_a_file_may_be_a_str_or_a_path(tmp_path: Path) -> None:
 def test_a_word_that_is_no_program_is_told_with_the_nearest(tmp_path: Path) -> None:
     with pytest.raises(r6.SimulatorError, match="there is no program `pick-and-plce`; nearest: `pick-and-place`"):
         r6.Simulator(program="pick-and-plce")
-    with pytest.raises(r6.SimulatorError, match="there is no program `pallets 2`; there are: .*remote"):
-        r6.Simulator(program="pallets 2")
+    with pytest.raises(r6.SimulatorError, match="there is no program `xyz 123`; there are: .*remote"):
+        r6.Simulator(program="xyz 123")
     with pytest.raises(r6.SimulatorError, match="there is no scenario `flood` .the name of a file ends with .toml"):
         r6.Simulator(scenario="flood")
     missing = tmp_path / "missing.toml"

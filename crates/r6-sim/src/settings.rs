@@ -191,4 +191,17 @@ fn is_out_of_files(error: &io::Error) -> bool {
     cfg!(unix) && error.raw_os_error() == Some(24)
 }
 
-impl std::error::Error for SimError {}
+impl std::error::Error for SimError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Listen { error, .. } | Self::ListenPanel { error, .. } | Self::System(error) => Some(error),
+            Self::State(error) => Some(error),
+            Self::BadCount { .. }
+            | Self::TooManyCameras { .. }
+            | Self::SameCamera { .. }
+            | Self::NoSuchPort { .. }
+            | Self::PanelNotLocal { .. }
+            | Self::NeedsNetwork => None,
+        }
+    }
+}

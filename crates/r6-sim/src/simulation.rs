@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use r6_controller::{Controller, ControllerSettings};
+use r6_proto::alarm::AlarmCode;
 use r6_proto::time::Instant;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, mpsc};
@@ -19,9 +20,6 @@ use crate::memory::MemoryStream;
 use crate::panel;
 use crate::settings::{MAX_CONTROLLERS, SimError, SimSettings};
 use crate::state::{Found, StateError, StateFile, StateFolder};
-
-/// The alarm of a controller whose state could not be read: "storage cannot be read".
-const STORAGE_ALARM: u32 = 14;
 
 /// How many in-memory connections wait to be served; further ones are refused. The same number as in systems.
 const MAX_ARRIVALS: usize = 1024;
@@ -194,7 +192,7 @@ fn switch_on(settings: &SimSettings, seed: u64, file: Option<&StateFile>) -> Res
         Some(Found::Damaged { why }) => {
             warn!("{why}");
             let mut controller = Controller::new(own, Instant::ORIGIN);
-            controller.raise(Instant::ORIGIN, STORAGE_ALARM, why);
+            controller.raise(Instant::ORIGIN, AlarmCode::STORAGE, why);
             controller
         }
     })

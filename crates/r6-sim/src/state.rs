@@ -60,7 +60,15 @@ impl fmt::Display for StateError {
     }
 }
 
-impl std::error::Error for StateError {}
+impl std::error::Error for StateError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Newer { error, .. } => Some(error),
+            Self::Io { error, .. } => Some(error),
+            Self::Taken { .. } => None,
+        }
+    }
+}
 
 /// A folder of states that only this process uses, until this is dropped or the process ends.
 #[derive(Debug)]

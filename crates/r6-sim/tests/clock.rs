@@ -1,6 +1,7 @@
 //! Time as fast as possible, over TCP: the same bytes as without a socket.
 
 use r6_controller::Event;
+use r6_proto::alarm::AlarmCode;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
@@ -141,7 +142,7 @@ async fn a_list_that_nobody_asks_about_goes_on_by_itself() {
     let raised = async {
         loop {
             let line = log.recv().await.unwrap();
-            if matches!(line.event, Event::AlarmRaised { alarm: 2051, .. }) {
+            if matches!(line.event, Event::AlarmRaised { alarm: AlarmCode(2051), .. }) {
                 return line;
             }
         }

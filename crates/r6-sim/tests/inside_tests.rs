@@ -2,6 +2,7 @@
 
 use r6_controller::scenario::Happening;
 use r6_controller::{Event, PanelAction};
+use r6_proto::alarm::AlarmCode;
 use std::net::TcpStream;
 
 use r6_controller::{Profile, StartState};
@@ -50,7 +51,7 @@ async fn the_first_reader_of_the_log_misses_nothing() {
     let _ = robot.handle().snapshot();
     let mut log = robot.handle().log_from_start();
     let line = tokio::time::timeout(std::time::Duration::from_secs(20), log.recv()).await.unwrap().unwrap();
-    let what = Happening::Panel(PanelAction::RaiseAlarm(5001));
+    let what = Happening::Panel(PanelAction::RaiseAlarm(AlarmCode(5001)));
     assert_eq!(line.event, Event::Happens { what });
     // The second reader gets only new lines.
     let mut second = robot.handle().log_from_start();

@@ -1,7 +1,6 @@
 //! Which faults took effect at a controller, from its log and from what people did.
 
 use std::collections::BTreeSet;
-use std::ops::RangeInclusive;
 
 use r6_controller::event::{AlarmCause, ListRefusal};
 use r6_controller::fault::file::FAULTS;
@@ -11,9 +10,6 @@ use r6_controller::{Event, Key, LogEntry, PanelAction};
 
 use crate::fault::{CLASSES, Class};
 use crate::record::Record;
-
-/// The alarms of the soft limits, for eight axes each.
-const SOFT_LIMITS: [RangeInclusive<u32>; 2] = [130..=137, 140..=147];
 
 /// The faults of a scenario that are in force at a controller.
 #[derive(Debug, Default)]
@@ -68,9 +64,7 @@ impl FaultEffects {
             Event::CommandAccepted { command, .. } if moves && pause(command.as_str()) => Some(Class::C7),
             Event::ListRefused { why: ListRefusal::ListFull } => Some(Class::P11),
             Event::ListRefused { why: ListRefusal::InTheMiddle } => Some(Class::P12),
-            Event::AlarmRaised { alarm, why: AlarmCause::Step { .. } }
-                if SOFT_LIMITS.iter().any(|limits| limits.contains(alarm)) =>
-            {
+            Event::AlarmRaised { alarm, why: AlarmCause::Step { .. } } if alarm.is_soft_limit() => {
                 Some(Class::C6)
             }
             Event::Happens { what } => {

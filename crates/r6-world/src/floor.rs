@@ -9,9 +9,10 @@ use std::time::Duration;
 
 use r6_controller::event::ListRefusal;
 use r6_controller::fault::{LinkFault, LinkFaultNow};
-use r6_controller::panel::EMERGENCY_STOP;
 use r6_controller::scenario::Happening;
 use r6_controller::{Button, Controller, Event, LogEntry, PanelAction};
+use r6_proto::CommandName;
+use r6_proto::alarm::AlarmCode;
 use tokio::sync::watch;
 
 use crate::fault_effects::FaultEffects;
@@ -234,7 +235,7 @@ impl Floor {
             self.felt.read(line, moves, record);
             self.read(at, &line.event);
             if let Event::AlarmRaised { alarm, .. } = line.event {
-                record.tally.alarms[usize::from(alarm != EMERGENCY_STOP)] += 1;
+                record.tally.alarms[usize::from(alarm != AlarmCode::EMERGENCY_STOP)] += 1;
             }
         }
         if machine.mode().may_run() && !machine.list().is_empty() {
@@ -253,8 +254,11 @@ impl Floor {
 
     /// Reads from the log what sets the machine in motion or stops it.
     fn read(&mut self, at: Duration, event: &Event) {
-        const STARTS: [&str; 5] =
-            ["startButton", "actionSingleCycle", "clearAlarmRunNext", "clearAlarmContinue", "switchMold"];
+        // A program that is switched to while another one runs begins at once.
+        let starts = |command: &str| {
+            let name = CommandName::exact(command.as_bytes());
+            name.is_some_and(|name| name.starts() || name == CommandName::SwitchMold)
+        };
         match event {
             Event::ListTaken { instructions: 0, .. } => {}
             Event::ListTaken { done, .. } => {
@@ -267,7 +271,7 @@ impl Floor {
                 self.taken += 1;
                 self.starts(at);
             }
-            Event::CommandAccepted { command, done: true, .. } if STARTS.contains(&command.as_str()) => {
+            Event::CommandAccepted { command, done: true, .. } if starts(command.as_str()) => {
                 self.starts(at);
             }
             Event::ListRefused { why: ListRefusal::InTheMiddle }

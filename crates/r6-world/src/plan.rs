@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use r6_controller::PanelAction;
 use r6_controller::scenario::Scenario;
+use r6_proto::alarm::AlarmCode;
 use r6_traffic::random::Random;
 
 use crate::fault::Class;
@@ -19,7 +20,7 @@ pub use trap::{DWELLS, DWELLS_TEXT, TRAPS};
 const CALM: Duration = Duration::from_secs(2);
 
 /// An alarm that no manual lists.
-pub const NOBODYS_ALARM: u32 = 4711;
+pub const NOBODYS_ALARM: AlarmCode = AlarmCode(4711);
 
 /// A controller, its disk and the people around it.
 #[derive(Clone, Debug)]

@@ -1,6 +1,7 @@
 //! How a run of r6 ends: an exit code, and for a failure one or two lines. They say what failed, where, and
 //! what to do.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::process::ExitCode;
 
@@ -13,8 +14,10 @@ use crate::hint;
 use crate::output::alarm;
 use crate::output::problem::Code;
 
-/// The exit codes, for the help.
-pub const CODES: &str = "\
+/// Expands to the exit codes, because `concat!` takes no constants.
+macro_rules! codes {
+    () => {
+        "\
 Exit codes:
   0  done
   1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
@@ -23,10 +26,16 @@ Exit codes:
   2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
   3  unreachable, or no reply
   4  outcome unknown: the request left and may have acted, or what came of it could not be written;
-     look at the machine before going on";
+     look at the machine before going on"
+    };
+}
+
+/// The exit codes, for the help.
+pub const CODES: &str = codes!();
 
 /// Examples and exit codes, for the long help.
-pub const EXAMPLES_AND_CODES: &str = "\
+pub const EXAMPLES_AND_CODES: &str = concat!(
+    "\
 Examples:
   r6 up                                             a whole cell on this machine; then, in a second shell:
   r6 status                                         what it does, and whether it takes motion
@@ -36,15 +45,9 @@ Examples:
   r6 stop
   r6 -r 192.168.1.10 status                         the same for a real controller
 
-Exit codes:
-  0  done
-  1  refused by the controller or by a guard, or a condition is not met; a motion that ended early, and the
-     arm was seen to stand; `inspect`: something is wrong; `plot`: the program does not get to its end;
-     the answer to a query could not be written
-  2  usage: the command line or a file is wrong, nothing was sent; `sim`, `up`: a port is taken
-  3  unreachable, or no reply
-  4  outcome unknown: the request left and may have acted, or what came of it could not be written;
-     look at the machine before going on";
+",
+    codes!()
+);
 
 /// How a run ends, as the shell sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -86,6 +89,8 @@ pub struct Failure {
     exit: Exit,
     code: Code,
     what: String,
+    /// The end of the first line: send this request again.
+    again: Option<&'static str>,
     advice: Option<String>,
     /// The lines for people, if a file is wrong.
     mistakes: Option<String>,
@@ -116,13 +121,12 @@ impl Failure {
             .iter()
             .map(|mistake| {
                 let (line, column) = mistake.at.unzip();
-                json!({
-                    "file": file, "line": line, "column": column, "text": mistake.what, "advice": mistake.advice,
-                })
+                let (text, advice) = (mistake.what.clone(), mistake.advice.clone());
+                r6_api::Mistake { file: file.to_owned(), line, column, text, advice }
             })
             .collect();
         let first = mistakes.first();
-        let failure = Self::usage(first.line(file)).member("mistakes", listed);
+        let failure = Self::usage(first.line(file)).member("mistakes", json!(listed));
         Self { advice: first.advice.clone(), mistakes: Some(lines.join("\n")), ..failure }
     }
 
@@ -141,6 +145,7 @@ impl Failure {
             exit,
             code,
             what: what.to_string(),
+            again: None,
             advice: None,
             mistakes: None,
             members: Map::new(),
@@ -193,7 +198,8 @@ impl Failure {
 
     /// Appends text to the first line.
     pub fn add(mut self, more: impl fmt::Display) -> Self {
-        self.what = format!("{}; {more}", self.what);
+        self.what = format!("{}; {more}", self.what());
+        self.again = None;
         self
     }
 
@@ -205,13 +211,8 @@ impl Failure {
 
     /// Changes the advice for a controller that accepted the connection and never answered on it: sending
     /// again does not help.
-    pub fn unanswered(mut self) -> Self {
-        for again in ["; it only reads, so ask again", "; send it again until the arm is seen to stand"] {
-            if let Some(what) = self.what.strip_suffix(again) {
-                self.what = what.to_owned();
-            }
-        }
-        self.advise(
+    pub fn unanswered(self) -> Self {
+        Self { again: None, ..self }.advise(
             "the connection was made and nothing came back over it: other programs may hold all the connections of the \
              controller: close them (`r6 watch`, a panel, a PLC), then try again",
         )
@@ -228,8 +229,11 @@ impl Failure {
     }
 
     /// What is wrong, in one line.
-    pub fn what(&self) -> &str {
-        &self.what
+    pub fn what(&self) -> Cow<'_, str> {
+        match self.again {
+            None => Cow::Borrowed(&self.what),
+            Some(again) => Cow::Owned(format!("{}; {again}", self.what)),
+        }
     }
 
     /// What to do about it.
@@ -264,7 +268,7 @@ impl fmt::Display for Failure {
             return f.write_str(mistakes);
         }
         // The text may quote the peer. Escaping control characters keeps the output at these two lines.
-        write!(f, "r6: {}", printable(&self.what))?;
+        write!(f, "r6: {}", printable(&self.what()))?;
         match &self.advice {
             Some(advice) => write!(f, "\n    {}", printable(advice)),
             None => Ok(()),
@@ -301,7 +305,12 @@ impl From<RequestError> for Failure {
                 Effect::Changes | Effect::Moves | Effect::Stops => Exit::Unknown,
             },
         };
-        let failure = Self::new(exit, code_of(&error), &error);
+        let failure = match &error {
+            RequestError::OutcomeUnknown(unknown) if error.may_send_again() => {
+                Self { again: unknown.advice(), ..Self::new(exit, code_of(&error), unknown.what()) }
+            }
+            error => Self::new(exit, code_of(error), error),
+        };
         match &error {
             RequestError::NotSent(NotSent::Unreachable { address, .. }) if is_local(address) => {
                 failure.advise("for a virtual controller, start `r6 up` in another shell")

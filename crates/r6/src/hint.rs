@@ -17,20 +17,22 @@ struct Given {
     /// `--robot` as it was typed. `None` if the robot came from the environment, which the next command reads
     /// too.
     typed: Option<String>,
+    /// `--type-key` and `--ds-id` as they were typed: without them the controller would not answer.
+    wire: String,
     /// Whether `r6 panel` without options acts on the same machine.
     own_panel: bool,
 }
 
 impl Given {
-    fn of(robot: &str, typed: bool, panel: &str) -> Self {
+    fn of(robot: &str, typed: bool, wire: &str, panel: &str) -> Self {
         let own_panel = USUAL_ROBOTS.contains(&robot) && panel == DEFAULT_PANEL;
-        Self { typed: typed.then(|| robot.to_owned()), own_panel }
+        Self { typed: typed.then(|| robot.to_owned()), wire: wire.to_owned(), own_panel }
     }
 
     fn r6(&self, words: &str) -> String {
         match &self.typed {
-            Some(robot) => format!("r6 --robot {robot} {words}"),
-            None => format!("r6 {words}"),
+            Some(robot) => format!("r6 --robot {robot}{} {words}", self.wire),
+            None => format!("r6{} {words}", self.wire),
         }
     }
 
@@ -40,10 +42,11 @@ impl Given {
 }
 
 /// Remembers which robot this run is for. `typed`: whether it came from `--robot`, not from the environment.
-pub fn remember(robot: &str, typed: bool) {
+/// `wire`: the options that say how its requests are written.
+pub fn remember(robot: &str, typed: bool, wire: &str) {
     let panel = std::env::var("R6_PANEL").unwrap_or_else(|_| DEFAULT_PANEL.to_owned());
     // This is called once; a second value would be ignored.
-    let _ = GIVEN.set(Given::of(robot, typed, &panel));
+    let _ = GIVEN.set(Given::of(robot, typed, wire, &panel));
 }
 
 /// A command to type, with the robot: `r6 --robot 192.168.1.10 stop`.
@@ -63,13 +66,15 @@ mod tests {
 
     #[test]
     fn advice_repeats_the_robot_that_was_typed() {
-        let typed = Given::of("127.0.0.1:9762", true, DEFAULT_PANEL);
+        let typed = Given::of("127.0.0.1:9762", true, "", DEFAULT_PANEL);
         assert_eq!(typed.r6("stop"), "r6 --robot 127.0.0.1:9762 stop");
         assert_eq!(typed.at_panel("key auto", "turn the key to auto"), "turn the key to auto at its panel");
-        let usual = Given::of("127.0.0.1:9760", false, DEFAULT_PANEL);
+        let other = Given::of("127.0.0.1:9762", true, " --type-key cmdType", DEFAULT_PANEL);
+        assert_eq!(other.r6("stop"), "r6 --robot 127.0.0.1:9762 --type-key cmdType stop");
+        let usual = Given::of("127.0.0.1:9760", false, "", DEFAULT_PANEL);
         assert_eq!(usual.r6("stop"), "r6 stop");
         assert_eq!(usual.at_panel("key auto", "turn the key to auto"), "`r6 panel key auto`");
-        let elsewhere = Given::of("127.0.0.1:9760", false, "127.0.0.1:9771");
+        let elsewhere = Given::of("127.0.0.1:9760", false, "", "127.0.0.1:9771");
         assert!(!elsewhere.own_panel);
     }
 }

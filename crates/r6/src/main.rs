@@ -103,7 +103,7 @@ fn parse() -> Result<(Cli, ArgMatches), Box<clap::Error>> {
 
 /// Starts the log and runs the subcommand.
 fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
-    hint::remember(cli.robot.address(), robot_typed);
+    hint::remember(cli.robot.address(), robot_typed, &cli.robot.wire_options());
     cli.robot.remember();
     if robot_typed && let Some(refused) = asks_no_robot(&cli.subcommand, cli.robot.address()) {
         return Err(refused);

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use r6_proto::grid::Grid;
-use r6_proto::message::instruction::BlendLevel;
+use r6_proto::message::instruction::{BlendLevel, Manner, TIMES, TIMES_WANTED};
 
 pub use r6_program::axis_mask;
 
@@ -42,9 +42,9 @@ pub fn coordinate(text: &str) -> Result<f64, String> {
     finite(text, -1e6..=1e6, "a number of mm or degrees")
 }
 
-/// Reads a speed in percent, 0.1 to 100 in steps of 0.1.
+/// Reads a speed in percent, within [`Manner::SPEEDS`], in steps of 0.1.
 pub fn speed_percent(text: &str) -> Result<f64, String> {
-    let speed = finite(text, 0.1..=100.0, "percent from 0.1 to 100")?;
+    let speed = finite(text, Manner::SPEEDS, Manner::SPEEDS_WANTED)?;
     on_grid(Grid::PERCENT, speed)
 }
 
@@ -54,9 +54,9 @@ pub fn largest_step(text: &str) -> Result<f64, String> {
     finite(text, 0.001..=10_000.0, wanted)
 }
 
-/// Reads seconds from 0 to 86400, in the controller's steps of 0.1.
+/// Reads seconds within [`TIMES`], in the controller's steps of 0.1.
 pub fn delay_seconds(text: &str) -> Result<f64, String> {
-    let delay = finite(text, 0.0..=86_400.0, "seconds from 0 to 86400")?;
+    let delay = finite(text, TIMES, TIMES_WANTED)?;
     on_grid(Grid::TENTHS_OF_A_SECOND, delay)
 }
 

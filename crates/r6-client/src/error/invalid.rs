@@ -57,7 +57,7 @@ impl From<SendError> for RequestError {
 impl fmt::Display for Invalid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Self::NotStopped(why) = self {
-            return write!(f, "{}; {why}", super::NOT_STOPPED);
+            return write!(f, "{}; {why}", NotSent::NOT_STOPPED);
         }
         f.write_str("nothing was sent: ")?;
         match self {
@@ -73,4 +73,14 @@ impl fmt::Display for Invalid {
     }
 }
 
-impl std::error::Error for Invalid {}
+impl std::error::Error for Invalid {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Value(error) => Some(error),
+            Self::Step(error) => Some(error),
+            Self::OutsideEnvelope(violation) => Some(violation),
+            Self::NotStopped(why) => Some(&**why),
+            Self::BadAddress { .. } | Self::TooLong { .. } => None,
+        }
+    }
+}

@@ -40,6 +40,17 @@ pub enum StandProof {
     EmptyList(Duration),
 }
 
+impl StandProof {
+    /// Its word, for programs.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::NotRunning(_) => "not_running",
+            Self::EmptyList(_) => "empty_list",
+        }
+    }
+}
+
 /// The stop attempts so far, as far as the proof depends on them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Tried {

@@ -69,9 +69,14 @@ impl fmt::Display for Violation {
         match (self.what, self.value) {
             (Checked::Speed, Some(value)) => write!(f, "the speed is {value} %, above {most} %"),
             (Checked::Speed, None) => write!(f, "the move has no speed, and {most} % is the most"),
-            (Checked::PathSpeed, value) => {
-                write!(f, "the path speed is {} mm/s, above {most} mm/s", Value(value))
+            (Checked::PathSpeed, Some(value)) => {
+                write!(f, "the path speed is {value} mm/s, above {most} mm/s")
             }
+            (Checked::PathSpeed, None) => write!(
+                f,
+                "the path speed is not known, because this list does not set it, and {most} mm/s is the most: set it with a path-speed \
+                 step before the move, or give the move a speed"
+            ),
             (Checked::Axis(axis, slides), value) => {
                 let unit = length(slides);
                 write!(f, "{axis} goes to {} {unit}, outside of {least} to {most} {unit}", Value(value))

@@ -81,8 +81,8 @@ impl Walk<'_> {
             Action::PathSpeed(speed) => {
                 self.path_speed = speed.in_use;
                 match (self.envelope.path_speed_cap, speed.speed) {
-                    (Some(cap), Some(speed)) if speed > cap.value() => {
-                        Err(self.beyond(Checked::PathSpeed, Some(speed), (0.0, cap.value())))
+                    (Some(cap), told) if speed.in_use && !told.is_some_and(|told| told <= cap.value()) => {
+                        Err(self.beyond(Checked::PathSpeed, told, (0.0, cap.value())))
                     }
                     (Some(_) | None, _) => Ok(()),
                 }
@@ -104,11 +104,17 @@ impl Walk<'_> {
     }
 
     fn speed(&self, manner: &Manner, along_path: bool) -> Result<(), Violation> {
-        let Some(cap) = self.envelope.speed_cap else { return Ok(()) };
-        match manner.speed {
-            Some(speed) if speed <= cap.value() => Ok(()),
-            None if along_path && self.path_speed && self.envelope.path_speed_cap.is_some() => Ok(()),
-            speed => Err(self.beyond(Checked::Speed, speed, (0.0, cap.value()))),
+        let (cap, path_cap) = (self.envelope.speed_cap, self.envelope.path_speed_cap);
+        match (manner.speed, cap, path_cap) {
+            // Only the step that sets a path speed is compared with its limit. Where no step of this list
+            // does, an earlier list or a taught program may have set any.
+            (None, _, Some(path_cap)) if along_path && !self.path_speed => {
+                Err(self.beyond(Checked::PathSpeed, None, (0.0, path_cap.value())))
+            }
+            (None, _, Some(_)) if along_path => Ok(()),
+            (_, None, _) => Ok(()),
+            (Some(speed), Some(cap), _) if speed <= cap.value() => Ok(()),
+            (speed, Some(cap), _) => Err(self.beyond(Checked::Speed, speed, (0.0, cap.value()))),
         }
     }
 

@@ -35,7 +35,7 @@ pub(crate) enum Place {
 pub struct Missed {
     /// The axis or component.
     pub axis: AxisIndex,
-    /// Whether it is a component of the pose (mm) and not an axis (degrees).
+    /// Whether it is a component of the pose (mm) and not an axis.
     pub of_pose: bool,
     /// The position where it should be.
     pub wanted: f64,
@@ -43,18 +43,22 @@ pub struct Missed {
     pub found: Option<f64>,
 }
 
+impl Missed {
+    /// Its name: `J1`, or `X` of the pose.
+    #[must_use]
+    pub fn name(&self) -> String {
+        if self.of_pose { self.axis.world_name().to_owned() } else { self.axis.to_string() }
+    }
+}
+
 impl fmt::Display for Missed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let unit = if self.of_pose {
-            f.write_str(self.axis.world_name())?;
-            "mm"
-        } else {
-            self.axis.fmt(f)?;
-            "deg"
-        };
+        // The protocol does not say whether an axis turns or slides.
+        let unit = if self.of_pose { "mm" } else { "deg or mm" };
+        let Self { wanted, .. } = self;
         match self.found {
-            Some(found) => write!(f, " is at {found:.3}, not at {:.3} {unit}", self.wanted),
-            None => write!(f, " should be at {:.3} {unit} and cannot be read", self.wanted),
+            Some(found) => write!(f, "{} is at {found:.3}, not at {wanted:.3} {unit}", self.name()),
+            None => write!(f, "{} should be at {wanted:.3} {unit} and cannot be read", self.name()),
         }
     }
 }

@@ -137,7 +137,7 @@ mod tests {
         let Err(Cause::Elsewhere(missed)) = judged(&[to(30.0)], at(0.0), at(12.0), true) else {
             panic!("it is not there");
         };
-        assert_eq!(missed.to_string(), "J1 is at 12.000, not at 30.000 deg");
+        assert_eq!(missed.to_string(), "J1 is at 12.000, not at 30.000 deg or mm");
         let unread = Sample { axes: [None; AXES], ..at(30.0) };
         let Err(Cause::Elsewhere(missed)) = judged(&[watch(true), to(30.0)], at(0.0), unread, true) else {
             panic!("its place is unknown");

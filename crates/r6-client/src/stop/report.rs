@@ -113,6 +113,21 @@ pub enum SecondConnection {
     Unidentified,
 }
 
+impl SecondConnection {
+    /// Its word, for programs.
+    #[must_use]
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::Used => "used",
+            Self::Answered => "answered",
+            Self::Silent => "silent",
+            Self::Opening => "opening",
+            Self::NotMade(_) => "not_made",
+            Self::Unidentified => "unidentified",
+        }
+    }
+}
+
 /// Frames that can move the arm and had no answer when a stop began. A controller may accept them late.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DoubtAfterStop {
@@ -135,6 +150,20 @@ pub enum ListAfterStop {
     Unknown(OutcomeUnknown),
     /// The client did not try to clear it.
     NotTried(NotTried),
+}
+
+impl ListAfterStop {
+    /// Its word, for programs.
+    #[must_use]
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::WasEmpty => "was_empty",
+            Self::Cleared => "cleared",
+            Self::Refused(_) => "refused",
+            Self::Unknown(_) => "unknown",
+            Self::NotTried(_) => "not_tried",
+        }
+    }
 }
 
 /// Why the client did not try to clear the list.
@@ -214,11 +243,18 @@ impl fmt::Display for StopReport {
             Some(alarm) => write!(f, "; alarm {alarm}")?,
             None => f.write_str("; alarm not known")?,
         }
-        write!(f, "; {}", self.list)?;
+        match (&self.list, self.list_length) {
+            // The state counts, not the answer.
+            (ListAfterStop::Cleared, Some(1..)) => {
+                f.write_str("; the clearing of the list was accepted, but")?
+            }
+            (list, Some(length)) if length != 0 => write!(f, "; {list};")?,
+            (list, _) => write!(f, "; {list}")?,
+        }
         if let Some(length) = self.list_length.filter(|length| *length != 0) {
             write!(
                 f,
-                "; {length} {} still in the list and may run at the next start: clear it before that",
+                " {length} {} still in the list and may run at the next start: clear it before that",
                 if length == 1 { "instruction is" } else { "instructions are" }
             )?;
         }
@@ -322,6 +358,12 @@ mod tests {
         assert!(!text(0).contains("still in the list"), "{}", text(0));
         assert!(text(1).contains("; 1 instruction is still in the list and"), "{}", text(1));
         assert!(text(2).contains("; 2 instructions are still in the list and"), "{}", text(2));
+        let answered = StopReport { list: ListAfterStop::Cleared, ..report(3) }.to_string();
+        assert!(
+            answered.contains("clearing of the list was accepted, but 3 instructions are still"),
+            "{answered}"
+        );
+        assert!(!answered.contains("was cleared"), "{answered}");
     }
 
     #[test]

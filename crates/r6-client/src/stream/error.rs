@@ -287,5 +287,38 @@ impl fmt::Display for Cause {
     }
 }
 
-impl std::error::Error for MotionError {}
-impl std::error::Error for Cause {}
+impl std::error::Error for MotionError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        Some(&self.cause)
+    }
+}
+
+impl std::error::Error for Cause {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Step(error) => Some(error),
+            Self::OutsideEnvelope(violation) => Some(violation),
+            Self::NotCleared(error) | Self::Unreadable(error) => Some(error),
+            Self::EarlierFailed(error) => Some(&**error),
+            Self::NotSent(error) => Some(error),
+            Self::Invalid(error) => Some(error),
+            Self::Refused(error) => Some(error),
+            Self::OutcomeUnknown(error) => Some(error),
+            Self::NotReady(_)
+            | Self::AnotherRuns
+            | Self::AlarmRaised { .. }
+            | Self::Stopped { .. }
+            | Self::Restarted(_)
+            | Self::StoppedHere
+            | Self::Dropped
+            | Self::Released
+            | Self::Closed
+            | Self::NotSeen
+            | Self::NotProved(_)
+            | Self::AnotherList { .. }
+            | Self::Elsewhere(_)
+            | Self::Stalled { .. }
+            | Self::Abandoned => None,
+        }
+    }
+}

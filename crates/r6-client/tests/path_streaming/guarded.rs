@@ -3,6 +3,7 @@
 use r6_client::units::{AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Pose};
 use r6_client::{AxisIndex, Cause, Checked, Envelope, Invalid, Motion, RequestError, RunOptions, Violation};
 use r6_controller::Profile;
+use r6_proto::message::instruction::{Action, Instruction};
 use r6_sim::Clock;
 
 use crate::cell::{Cell, percent, soon, through, wave};
@@ -42,6 +43,26 @@ fn speeds_are_capped() {
     assert_eq!(found(&envelope, &path(251)), Some((1, Checked::PathSpeed)));
     let without_path_speed = Envelope::new().speed_cap(percent(20.0));
     assert_eq!(found(&without_path_speed, &path(1)), Some((2, Checked::Speed)));
+}
+
+/// An earlier list may have set any path speed, and the controller keeps it.
+#[test]
+fn a_path_speed_that_the_list_does_not_set_is_beyond_the_limit() {
+    let envelope = Envelope::new().path_speed_cap(MillimetresPerSecond::new(50).unwrap());
+    let set = Motion::new().path_speed(MillimetresPerSecond::new(50).unwrap());
+    let whole = set.linear_move_at_path_speed(place(1.0, 1.0, 1.0));
+    let [first, second] = <[_; 2]>::try_from(whole.instructions().unwrap().to_vec()).unwrap();
+    assert_eq!(found(&envelope, &whole), None);
+    assert_eq!(found(&envelope, &Motion::of_list([second])), Some((1, Checked::PathSpeed)));
+    let Action::PathSpeed(mut speed) = first.action else { panic!("{first:?}") };
+    speed.speed = None;
+    let untold = Instruction { action: Action::PathSpeed(speed), ..first };
+    assert_eq!(found(&envelope, &Motion::of_list([untold, second])), Some((1, Checked::PathSpeed)));
+    speed.in_use = false;
+    let off = Instruction { action: Action::PathSpeed(speed), ..first };
+    assert_eq!(found(&envelope, &Motion::of_list([first, off, second])), Some((3, Checked::PathSpeed)));
+    let told = envelope.check_motion(&Motion::of_list([second])).unwrap_err().to_string();
+    assert!(told.contains("this list does not set it, and 50 mm/s is the most"), "{told}");
 }
 
 #[test]

@@ -8,6 +8,7 @@ use crate::mode::Key;
 use crate::panel::Refused;
 use crate::profile::{StopButton, StopMode};
 use r6_proto::OperationMode;
+use r6_proto::alarm::AlarmCode;
 
 impl Machine {
     /// Presses the start button: in automatic the program runs, from where it was paused or from its first
@@ -69,7 +70,7 @@ impl Machine {
     }
 
     pub(super) fn ready_to_run(&self) -> Result<(), Refused> {
-        if self.alarm != 0 && !self.emergency_stop {
+        if self.alarm.is_raised() && !self.emergency_stop {
             return Err(Refused::Alarm { alarm: self.alarm });
         }
         self.may_start()
@@ -148,7 +149,7 @@ impl Machine {
             self.cycle.last_pass = false;
             self.mode = self.mode_after_stop();
             self.note(Event::ModeChanged { mode: self.mode, why: ModeReason::ActionStop });
-            if self.profile.action_stop_alarm != 0 && self.alarm == 0 {
+            if self.profile.action_stop_alarm.is_raised() && !self.alarm.is_raised() {
                 self.alarm = self.profile.action_stop_alarm;
                 self.note(Event::AlarmRaised { alarm: self.alarm, why: AlarmCause::ActionStop });
             }
@@ -185,10 +186,10 @@ impl Machine {
         if self.emergency_stop {
             return Err(Refused::EmergencyStop);
         }
-        if self.alarm != 0 {
+        if self.alarm.is_raised() {
             self.note(Event::AlarmCleared { alarm: self.alarm });
         }
-        self.alarm = 0;
+        self.alarm = AlarmCode::NONE;
         Ok(())
     }
 

@@ -14,8 +14,8 @@ use crate::event::{AlarmCause, Detail, Event, ModeReason, Reason};
 use crate::instruction_list::After;
 use crate::io::OutputPoint;
 use crate::program::Photo;
-use r6_motion::{Blend, Movement, PlanError};
-use r6_proto::OperationMode;
+use r6_motion::{Blend, LimitSide, Movement, PlanError};
+use r6_proto::{AxisIndex, OperationMode};
 
 /// The shortest duration of a pass, so that a list of steps that take no time cannot run endlessly often at
 /// one instant. Chosen: about the scan of a controller's program.
@@ -185,7 +185,7 @@ impl Machine {
 
     /// Whether a program runs.
     pub(crate) fn runs(&self) -> bool {
-        self.mode.may_run() && self.alarm == 0
+        self.mode.may_run() && !self.alarm.is_raised()
     }
 
     /// Whether remote instructions are executed: a program runs, and is at a step that waits for them.
@@ -275,8 +275,8 @@ impl Machine {
                 WaitSource::Input { .. } | WaitSource::M { .. } | WaitSource::Eu { .. }
                     if self.wait_in_vain() => {}
                 source @ (WaitSource::Input { .. } | WaitSource::M { .. } | WaitSource::Eu { .. }) => {
-                    let alarm = wait_alarm(source);
-                    let meaning = Detail::of(AlarmCode(alarm).decode().text);
+                    let alarm = AlarmCode::of_wait(source.point());
+                    let meaning = Detail::of(alarm.decode().text);
                     self.raise(alarm, AlarmCause::WaitedTooLong { limit: wait.limit, meaning });
                 }
             },
@@ -291,7 +291,7 @@ impl Machine {
     }
 
     /// Begins a step. The machine stays idle if the step took no time.
-    pub(super) fn begin(&mut self, step: &Instruction) -> Result<(), (u32, Reason)> {
+    pub(super) fn begin(&mut self, step: &Instruction) -> Result<(), (AlarmCode, Reason)> {
         match &step.action {
             Action::CurveMove(_) if self.is_lone_curve(&step.action) => {
                 self.tell_lone_curve(step);
@@ -329,11 +329,11 @@ impl Machine {
                 self.frames.bench = workbench(*bench)?;
                 Ok(())
             }
-            Action::Unknown(_) => Err((AlarmCode::PROGRAM.0, "unknown action".into())),
+            Action::Unknown(_) => Err((AlarmCode::PROGRAM, "unknown action".into())),
         }
     }
 
-    fn set_path_speed(&mut self, speed: &PathSpeed) -> Result<(), (u32, Reason)> {
+    fn set_path_speed(&mut self, speed: &PathSpeed) -> Result<(), (AlarmCode, Reason)> {
         self.path_speed = path_speed(speed)?;
         Ok(())
     }
@@ -405,8 +405,24 @@ pub(super) fn is_motion(step: &Instruction) -> bool {
     }
 }
 
-pub(super) fn plan_failed(error: PlanError) -> (u32, Reason) {
-    (u32::from(error.alarm()), Reason::Plan(error))
+/// The alarm of a move that cannot be planned (135 for J6 and 219 for a fractional speed were reported from
+/// real units).
+pub(super) fn plan_failed(error: PlanError) -> (AlarmCode, Reason) {
+    let alarm = match error {
+        PlanError::OutsideLimits { axis, side } => {
+            let limit = match side {
+                LimitSide::Plus => AlarmCode::positive_limit,
+                LimitSide::Minus => AlarmCode::negative_limit,
+            };
+            AxisIndex::new(axis.number()).map_or(AlarmCode::ROUTE, limit)
+        }
+        PlanError::Unreachable
+        | PlanError::Singular { .. }
+        | PlanError::CurvePoints
+        | PlanError::NotFinite => AlarmCode::ROUTE,
+        PlanError::Speed => AlarmCode::PATH_SPEED,
+    };
+    (alarm, Reason::Plan(error))
 }
 
 /// A duration from seconds.
@@ -437,16 +453,4 @@ fn fulfilled(condition: WaitCondition, before: bool, now: bool) -> bool {
         WaitCondition::RisingEdge => !before && now,
         WaitCondition::FallingEdge => before && !now,
     }
-}
-
-/// The alarm of a wait that ran out: 2048 + class × 256 + board × 32 + point (the pendant's bit fields).
-/// Which class means what is chosen: 0 input, 1 M, 2 EU.
-fn wait_alarm(source: WaitSource) -> u32 {
-    let (class, board, point) = match source {
-        WaitSource::Input { board, point } => (0, board, point),
-        WaitSource::M { board, point } => (1, board, point),
-        WaitSource::Eu { point } => (2, 0, point),
-        WaitSource::Time => (0, 0, 0),
-    };
-    2048 + (class << 8) + (u32::from(board & 7) << 5) + u32::from(point & 31)
 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use r6_motion::{Axes, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Movement};
+use r6_proto::alarm::AlarmCode;
 use r6_proto::{AXES, AxisIndex, OperationMode};
 
 use super::Machine;
@@ -27,7 +28,7 @@ enum Arrival {
     /// Nothing.
     Rest,
     /// It has reached a soft limit, which raises this alarm.
-    AtLimit(u32),
+    AtLimit(AlarmCode),
     /// The machine is homed.
     Homed,
 }
@@ -50,8 +51,8 @@ impl Machine {
         let told = *slot + by;
         *slot = told.clamp(limits.min.min(*slot), limits.max.max(*slot));
         let arrival = match told {
-            told if told > *slot => Arrival::AtLimit(130 + u32::from(axis.number())),
-            told if told < *slot => Arrival::AtLimit(140 + u32::from(axis.number())),
+            told if told > *slot => Arrival::AtLimit(AlarmCode::positive_limit(axis)),
+            told if told < *slot => Arrival::AtLimit(AlarmCode::negative_limit(axis)),
             _ => Arrival::Rest,
         };
         let target = Axes::new(degrees).map_err(|_| Refused::NoDistance)?;
@@ -73,7 +74,7 @@ impl Machine {
         if self.mode != OperationMode::Manual {
             return Err(Refused::NotManual { mode: self.mode });
         }
-        if self.alarm != 0 {
+        if self.alarm.is_raised() {
             return Err(Refused::Alarm { alarm: self.alarm });
         }
         if self.is_moving() {

@@ -37,7 +37,7 @@ impl Machine {
         action: &Action,
         from: &Axes,
         told: EarlierSteps,
-    ) -> Result<Option<Order>, (u32, Reason)> {
+    ) -> Result<Option<Order>, (AlarmCode, Reason)> {
         let (target, given, manner) = match action {
             Action::AxisMove(step) => {
                 (MoveTarget::Axes(axes_target(step, from)?), step.target.given().bits(), &step.manner)
@@ -74,20 +74,20 @@ impl Machine {
     }
 }
 
-fn speed(target: &MoveTarget, manner: &Manner, path_speed: Option<f64>) -> Result<MoveSpeed, (u32, Reason)> {
+fn speed(target: &MoveTarget, manner: &Manner, path_speed: Option<f64>) -> Result<MoveSpeed, (AlarmCode, Reason)> {
     match (target, manner.speed, path_speed) {
         (_, Some(percent), _) => Ok(MoveSpeed::PercentOfMax(percent)),
         (MoveTarget::Line(_) | MoveTarget::Curve { .. }, None, Some(speed)) => {
             Ok(MoveSpeed::MmPerSecond(speed))
         }
         (MoveTarget::Axes(_), None, _) | (_, None, None) => {
-            Err((AlarmCode::PATH_SPEED.0, "the move has no speed".into()))
+            Err((AlarmCode::PATH_SPEED, "the move has no speed".into()))
         }
     }
 }
 
 /// The target of an axis move. An axis without a value stays where it is.
-fn axes_target(step: &MoveStep, from: &Axes) -> Result<Axes, (u32, Reason)> {
+fn axes_target(step: &MoveStep, from: &Axes) -> Result<Axes, (AlarmCode, Reason)> {
     let mut degrees: [f64; AXES] = *from.degrees();
     for (slot, axis) in degrees.iter_mut().zip(AxisIndex::ALL) {
         *slot = step.target.at(axis).unwrap_or(*slot);
@@ -105,29 +105,29 @@ fn pose_target(coordinates: &Coordinates) -> Pose {
 
 /// The workbench of action 800. Its number has to be below the limit of `switchCoordinate`, so that the
 /// workbench in use can be saved and read again.
-pub(super) fn workbench(step: Workbench) -> Result<u32, (u32, Reason)> {
+pub(super) fn workbench(step: Workbench) -> Result<u32, (AlarmCode, Reason)> {
     let Workbench { id } = step;
     if id < MAX_FRAMES {
         return Ok(id);
     }
     // Chosen: "user coordinate system wrong".
     Err((
-        AlarmCode::FRAME.0,
+        AlarmCode::FRAME,
         format!("there is no workbench {id}, there are numbers 0 to {}", MAX_FRAMES - 1).into(),
     ))
 }
 
 /// The path speed of action 51. It has to be a whole number of mm/s: a fraction raised alarm 219 on unit B.
-pub(super) fn path_speed(step: &PathSpeed) -> Result<Option<f64>, (u32, Reason)> {
+pub(super) fn path_speed(step: &PathSpeed) -> Result<Option<f64>, (AlarmCode, Reason)> {
     match (step.in_use, step.speed) {
         (false, _) => Ok(None),
         (true, Some(speed)) if speed >= 1.0 && speed.fract() == 0.0 => Ok(Some(speed)),
         (true, Some(speed)) => Err((
-            AlarmCode::PATH_SPEED.0,
+            AlarmCode::PATH_SPEED,
             format!("the path speed {speed} is no whole number of mm/s from 1").into(),
         )),
         (true, None) => Err((
-            AlarmCode::PATH_SPEED.0,
+            AlarmCode::PATH_SPEED,
             "the path speed is missing: it is a whole number of mm/s from 1".into(),
         )),
     }

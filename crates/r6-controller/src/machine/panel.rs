@@ -5,7 +5,8 @@ use super::execution::Activity;
 use super::halt::AfterHalt;
 use crate::event::{AlarmCause, Event};
 use crate::io::{BOARDS, POINTS};
-use crate::panel::{Button, EMERGENCY_STOP, LAST_ALARM, PanelAction, Refused};
+use crate::panel::{Button, PanelAction, Refused};
+use r6_proto::alarm::AlarmCode;
 
 impl Machine {
     /// Does what an operator does at the machine. The machine has to be at the present time.
@@ -43,12 +44,12 @@ impl Machine {
             PanelAction::EmergencyStop => self.press_emergency_stop(),
             PanelAction::ReleaseEmergencyStop => self.release_emergency_stop(),
             PanelAction::ClearAlarm => {
-                if self.alarm != 0 && !self.emergency_stop && self.is_moving() {
+                if self.alarm.is_raised() && !self.emergency_stop && self.is_moving() {
                     return Err(Refused::Moving);
                 }
                 self.clear_alarm()?;
             }
-            PanelAction::RaiseAlarm(alarm) if !(1..=LAST_ALARM).contains(alarm) => {
+            PanelAction::RaiseAlarm(alarm) if !(1..=AlarmCode::LAST.0).contains(&alarm.0) => {
                 return Err(Refused::NoSuchAlarm { alarm: *alarm });
             }
             PanelAction::RaiseAlarm(alarm) => self.raise(*alarm, AlarmCause::Panel),
@@ -91,9 +92,9 @@ impl Machine {
         if self.mode.may_run() {
             self.mode = self.mode_after_stop();
         }
-        self.alarm = EMERGENCY_STOP;
+        self.alarm = AlarmCode::EMERGENCY_STOP;
         let why = AlarmCause::EmergencyStop { mode: self.mode };
-        self.note(Event::AlarmRaised { alarm: EMERGENCY_STOP, why });
+        self.note(Event::AlarmRaised { alarm: AlarmCode::EMERGENCY_STOP, why });
     }
 
     fn release_emergency_stop(&mut self) {
@@ -105,6 +106,6 @@ impl Machine {
     /// Whether an alarm interrupted the program at a step. After an emergency stop the program begins again
     /// instead.
     pub(super) fn alarm_is_of_a_step(&self) -> bool {
-        !matches!(self.alarm, 0 | EMERGENCY_STOP)
+        !matches!(self.alarm, AlarmCode::NONE | AlarmCode::EMERGENCY_STOP)
     }
 }

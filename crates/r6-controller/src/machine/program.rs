@@ -9,6 +9,7 @@ mod places;
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::instruction::{Coordinates, Output, OutputKind};
 use r6_proto::message::{Action, Instruction};
 use r6_proto::time::Instant;
@@ -26,12 +27,6 @@ use crate::snapshot::ProgramStep;
 
 /// How deep programs may call each other.
 pub const MAX_CALLS: usize = 16;
-
-/// The alarm of a program that cannot continue: program error.
-const PROGRAM_ERROR: u32 = 10;
-
-/// The alarm of a counter that does not exist: counter not defined.
-const NO_COUNTER: u32 = 300;
 
 /// A step of a program.
 #[derive(Clone, Debug)]
@@ -262,7 +257,7 @@ impl Machine {
         self.program.last_round = Some(begins);
     }
 
-    fn carry_out_step(&mut self, step: &Step) -> Result<(), (u32, Reason)> {
+    fn carry_out_step(&mut self, step: &Step) -> Result<(), (AlarmCode, Reason)> {
         if !matches!(
             step,
             Step::Wait { .. }
@@ -313,7 +308,7 @@ impl Machine {
             }
             Step::Counter { id, change } => {
                 let counter = self.counters.get_mut(id);
-                let counter = counter.ok_or_else(|| (NO_COUNTER, Reason::NoCounter(*id)))?;
+                let counter = counter.ok_or_else(|| (AlarmCode::NO_COUNTER, Reason::NoCounter(*id)))?;
                 counter.current = changed(counter.current, *change);
                 self.program.next();
             }
@@ -398,15 +393,15 @@ impl Machine {
         }
     }
 
-    fn call(&mut self, name: &str) -> Result<(), (u32, Reason)> {
+    fn call(&mut self, name: &str) -> Result<(), (AlarmCode, Reason)> {
         if self.program.calls.len() > MAX_CALLS {
             return Err((
-                PROGRAM_ERROR,
+                AlarmCode::PROGRAM,
                 format!("programs call one another more than {MAX_CALLS} deep").into(),
             ));
         }
         let program = self.programs.library.named(name).cloned();
-        let program = program.ok_or_else(|| (PROGRAM_ERROR, Reason::NoProgramToCall(Detail::of(name))))?;
+        let program = program.ok_or_else(|| (AlarmCode::PROGRAM, Reason::NoProgramToCall(Detail::of(name))))?;
         self.program.calls.push(Place { program, step: 0 });
         Ok(())
     }
@@ -438,7 +433,7 @@ impl Machine {
         }
     }
 
-    fn raise_here(&mut self, alarm: u32, why: Reason) {
+    fn raise_here(&mut self, alarm: AlarmCode, why: Reason) {
         let step = self.program.place().map(place_of);
         self.raise(alarm, AlarmCause::Step { step, why });
     }

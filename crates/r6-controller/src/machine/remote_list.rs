@@ -54,7 +54,7 @@ impl Machine {
                 | Activity::Resting { .. } => false,
             };
             if in_motion && !clears && self.profile.replace_in_motion == ReplaceInMotion::Alarm200 {
-                self.raise(AlarmCode::LIST_REPLACED.0, AlarmCause::ListReplacedInMotion);
+                self.raise(AlarmCode::ROUTE, AlarmCause::ListReplacedInMotion);
                 self.clear_list();
                 return Err(NotTaken::Refused(ListRefusal::InMotion));
             }

@@ -3,6 +3,7 @@
 
 use r6_motion::Turning;
 use r6_motion::kinematics::forward;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::instruction::{BlendLevel, Coordinates, Manner, Move, Workbench};
 use r6_proto::message::{Action, Instruction};
 
@@ -55,7 +56,7 @@ fn assert_at(machine: &Machine, place: Pose) {
     for (found, wanted) in here.components().into_iter().zip(place.components()).take(3) {
         assert!((found - wanted).abs() < 1e-3, "the tool is at {here:?}, not at {place:?}");
     }
-    assert_eq!((machine.alarm, machine.list.len()), (0, 0));
+    assert_eq!((machine.alarm, machine.list.len()), (AlarmCode::NONE, 0));
 }
 
 #[test]

@@ -151,4 +151,11 @@ impl fmt::Display for LibraryError {
     }
 }
 
-impl std::error::Error for LibraryError {}
+impl std::error::Error for LibraryError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Program { mistakes, .. } => Some(&**mistakes),
+            Self::Full => None,
+        }
+    }
+}

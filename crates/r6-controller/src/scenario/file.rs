@@ -4,13 +4,14 @@ use std::time::Duration;
 
 use r6_program::form::{self, Fields, Found, Node, Table, Wrong};
 use r6_program::{Mistake, Mistakes};
+use r6_proto::alarm::AlarmCode;
 use r6_proto::io_point::{IoPoint, PointKind};
 
 use super::{Bounce, Entry, Happening, InputPoint, MAX_ENTRIES, MAX_TEXT_BYTES, Reaction, Scenario, Window};
 use crate::fault;
 use crate::io::OutputPoint;
 use crate::mode::Key;
-use crate::panel::{Button, LAST_ALARM, PanelAction};
+use crate::panel::{Button, PanelAction};
 use crate::saved::MAX_COUNT;
 
 /// The words of the happenings (`do`), in the order of `docs/SCENARIOS.md`.
@@ -145,11 +146,11 @@ fn happening(fields: &Fields<'_>) -> Result<Happening, Wrong> {
         "emergency-stop" => Happening::Panel(PanelAction::EmergencyStop),
         "release-emergency-stop" => Happening::Panel(PanelAction::ReleaseEmergencyStop),
         "clear-alarm" => Happening::Panel(PanelAction::ClearAlarm),
-        "alarm" => Happening::Panel(PanelAction::RaiseAlarm(fields.due_in(
+        "alarm" => Happening::Panel(PanelAction::RaiseAlarm(AlarmCode(fields.due_in(
             "number",
             "an alarm, 1 to 10000",
-            1..=LAST_ALARM,
-        )?)),
+            1..=AlarmCode::LAST.0,
+        )?))),
         "program" => program(fields)?,
         "counter" => {
             let count = "a count, -9007199254740992 to 9007199254740992";

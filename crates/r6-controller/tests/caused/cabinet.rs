@@ -1,6 +1,7 @@
 //! The addresses of the cabinet: they report what a taught program or an operator at the panel did.
 
 use r6_controller::{Button, ControllerSettings, Key, PanelAction, Profile};
+use r6_proto::alarm::AlarmCode;
 use serde_json::json;
 
 use crate::common::Cell;
@@ -61,7 +62,7 @@ crate::cases! { CASES: crate::address_on_each;
         let mut cell = taught(profile, &step::alarm(5001));
         changes(&mut cell, "curAlarm", "0", start, "5001");
         changes(&mut cell, "curAlarm", "5001", |cell| person(cell, &PanelAction::ClearAlarm), "0");
-        changes(&mut cell, "curAlarm", "0", |cell| person(cell, &PanelAction::RaiseAlarm(850)), "850");
+        changes(&mut cell, "curAlarm", "0", |cell| person(cell, &PanelAction::RaiseAlarm(AlarmCode(850))), "850");
         changes(&mut cell, "curAlarm", "850", |cell| person(cell, &PanelAction::EmergencyStop), "7");
     };
     cur_cycle "curCycle" => |profile| {

@@ -1,6 +1,7 @@
 //! Commands that start, stop or continue: their effect on a taught program, and on what an operator has done.
 
 use r6_controller::{Key, PanelAction, Profile};
+use r6_proto::alarm::AlarmCode;
 
 use crate::common::Cell;
 use crate::{count, person, start, step, taught, told, value, with_programs};
@@ -87,7 +88,7 @@ crate::cases! { CASES: crate::command_on_each;
         assert_eq!((count(&mut cell, 0), count(&mut cell, 2)), (1, 0));
         // An alarm that the operator raises in mid-move, without a cause in the program.
         let mut cell = in_its_way(profile);
-        person(&mut cell, &PanelAction::RaiseAlarm(850));
+        person(&mut cell, &PanelAction::RaiseAlarm(AlarmCode(850)));
         cell.pass(10.0);
         assert!(cell.number("axis-0") < 30.0);
         told(&mut cell, &["clearAlarmContinue"]);
@@ -124,7 +125,7 @@ crate::cases! { CASES: crate::command_on_each;
     };
     clear_alarm "clearAlarm" => |profile| {
         let mut cell = in_its_way(profile);
-        person(&mut cell, &PanelAction::RaiseAlarm(850));
+        person(&mut cell, &PanelAction::RaiseAlarm(AlarmCode(850)));
         told(&mut cell, &["clearAlarm"]);
         cell.pass(10.0);
         // Nothing starts on its own.

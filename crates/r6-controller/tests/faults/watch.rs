@@ -1,6 +1,7 @@
 //! Two observers: one at the machine, the other polling over the wire. A scenario is judged by what they see,
 //! never by its own log lines.
 
+use r6_proto::alarm::AlarmCode;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::time::Duration;
@@ -20,7 +21,7 @@ const COUNTERS: [&str; 4] = ["counter-0", "counter-2", "counter-77", "counterLis
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sight {
     pub mode: i64,
-    pub alarm: u32,
+    pub alarm: AlarmCode,
     pub emergency_stop: bool,
     pub axes: [f64; 8],
     pub speed: f64,

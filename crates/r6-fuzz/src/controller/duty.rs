@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use r6_controller::{ControllerSettings, ControllerSnapshot, OperationMode, RobotModel};
+use r6_proto::alarm::AlarmCode;
 use r6_proto::time::Instant;
 
 use super::cell::Cell;
@@ -15,9 +16,6 @@ const NEAR: f64 = 0.001;
 /// The additional time that a move may take, in s: the ramps at both ends, at the longest setting of any
 /// input.
 const RAMPS: f64 = 4.0;
-
-/// The alarm of a client that became silent. The controller then stops a move without a command.
-const HEARTBEAT_ALARM: u32 = 9;
 
 /// A move that was sent.
 #[derive(Debug)]
@@ -110,7 +108,7 @@ impl Duties {
 
     fn has_arrived(&self, arrival: &Arrival, cell: &mut Cell) {
         let seen = cell.controller.snapshot(cell.now);
-        if !said_ok("AddRCC", &cell.transcript[arrival.sent..]) || seen.alarm == HEARTBEAT_ALARM {
+        if !said_ok("AddRCC", &cell.transcript[arrival.sent..]) || seen.alarm == AlarmCode::NO_HOST {
             return;
         }
         assert_eq!((seen.list_length, seen.moving), (0, false), "{arrival:?} is not over: {seen:?}");
@@ -156,7 +154,7 @@ fn has_been_set(words: &str, before: &Before, cell: &mut Cell) {
 }
 
 /// Whether this request was answered with ok, with its name, or without a name as in older firmware.
-fn said_ok(word: &str, frames: &[u8]) -> bool {
+pub(super) fn said_ok(word: &str, frames: &[u8]) -> bool {
     let text = String::from_utf8_lossy(frames);
     text.contains(&format!(r#"["{word}","ok"]"#)) || text.contains(r#"["ok"]"#)
 }

@@ -3,9 +3,11 @@
 use std::time::Duration;
 
 use r6_controller::{ControllerSettings, ControllerSnapshot, OperationMode, PanelAction, RobotModel};
+use r6_proto::alarm::AlarmCode;
 use r6_proto::time::Instant;
 
 use super::cell::Cell;
+use super::duty::said_ok;
 use super::operation::Operation;
 
 /// How far beyond a limit an axis may be because of rounding, in degrees or mm.
@@ -21,7 +23,7 @@ const REST_ROUNDING: Duration = Duration::from_millis(2);
 #[derive(Clone, Copy, Debug)]
 struct Before {
     mode: OperationMode,
-    alarm: u32,
+    alarm: AlarmCode,
     list: usize,
     now: Instant,
     sent: usize,
@@ -119,7 +121,7 @@ impl Model {
                 true
             }
             // A stop has no effect on a connection that is not served, or inside another frame.
-            _ => operation.is_stop() && said_ok(&cell.transcript[before.sent..]),
+            _ => operation.is_stop() && said_ok("actionStop", &cell.transcript[before.sent..]),
         };
         if stops {
             assert!(!runs(seen.mode), "{operation:?} left it running: {:?}", seen.mode);
@@ -192,10 +194,4 @@ impl Model {
             assert_eq!(seen.axes, rests_at, "after a stop it is elsewhere");
         }
     }
-}
-
-/// Whether a command was answered with ok.
-fn said_ok(frames: &[u8]) -> bool {
-    const OK: &[u8] = br#""ok"]"#;
-    frames.windows(OK.len()).any(|part| part == OK)
 }

@@ -1,5 +1,6 @@
 //! The events that can happen to a controller.
 
+use r6_proto::alarm::AlarmCode;
 use std::borrow::Cow;
 use std::fmt;
 
@@ -198,7 +199,7 @@ fn panel(input: &mut Input<'_>) -> PanelAction {
         6 => PanelAction::EmergencyStop,
         7 => PanelAction::ReleaseEmergencyStop,
         8 => PanelAction::ClearAlarm,
-        9 => PanelAction::RaiseAlarm(u32::from(input.number())),
+        9 => PanelAction::RaiseAlarm(AlarmCode(u32::from(input.number()))),
         10 => PanelAction::Home,
         11 => {
             let axis = input.pick(&AxisIndex::ALL);

@@ -112,9 +112,9 @@ fn axes_that_are_not_there_never_move() {
 }
 
 #[test]
-fn a_slide_beyond_its_limit_has_its_alarm() {
+fn a_slide_beyond_its_limit_is_named() {
     let error = moved(scara(), &Axes::ZERO, MoveTarget::Axes(axes([0.0, 0.0, 1.0, 0.0])), 0x0F).unwrap_err();
-    assert_eq!(error.alarm(), 132);
+    assert_eq!(error, PlanError::OutsideLimits { axis: AxisNumber::ARM[2], side: LimitSide::Plus });
 }
 
 #[test]

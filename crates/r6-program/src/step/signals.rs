@@ -4,7 +4,7 @@ use r6_proto::grid::Grid;
 use r6_proto::io_point::{IoPoint, PairMask, PointKind};
 use r6_proto::message::Action;
 use r6_proto::message::instruction::{
-    BoardOutput, Output, OutputBoard, OutputKind, Wait, WaitCondition, WaitSource,
+    BoardOutput, Output, OutputBoard, OutputKind, Wait, WaitCondition, WaitSource, WrongPoint,
 };
 
 use super::{ProgramKind, seconds};
@@ -120,7 +120,7 @@ pub fn watched_input(fields: &Fields<'_>) -> Result<u8, Wrong> {
     let given = point(fields);
     match named(fields, given.as_ref(), &[])? {
         Some(IoPoint { kind: PointKind::X, board: 0, point }) => Ok(point),
-        Some(other) => Err(fields.wrong("point", format!("{other} cannot stop a move: X010 to X047 can"))),
+        Some(other) => Err(fields.wrong("point", WrongPoint::StopsNoMove(other).to_string())),
         None => {
             let point = counted(fields, given, 31)?;
             fields.older("point", format!("point = \"{}\"", IoPoint { kind: PointKind::X, board: 0, point }));
@@ -242,21 +242,12 @@ fn of_a_board(value: &Node, kind: PointKind, board: u8) -> Option<IoPoint> {
     }
 }
 
-/// The source of a wait for a named point.
+/// The source of a wait for a named point. A taught program may wait for points that no instruction reaches.
 fn awaited(fields: &Fields<'_>, named: IoPoint, program: ProgramKind) -> Result<WaitSource, Wrong> {
-    let last = match (named.kind, program) {
-        (PointKind::Y | PointKind::Euy, _) => {
-            return Err(fields.wrong("point", format!("{named} is an output, and is not waited for")));
-        }
-        (PointKind::Eux, _) | (_, ProgramKind::Taught) => u8::MAX,
-        (PointKind::X, ProgramKind::Sent) => 4,
-        (PointKind::M, ProgramKind::Sent) => 2,
-    };
-    if named.board > last {
-        let what = format!("{named} is on board {}, but has to be on board 0 to {last}", named.board);
-        return Err(fields.wrong("point", what));
+    match WaitSource::of(named) {
+        Err(WrongPoint::BeyondBoard { .. }) if program == ProgramKind::Taught => Ok(watched(named)),
+        source => source.map_err(|wrong| fields.wrong("point", wrong.to_string())),
     }
-    Ok(watched(named))
 }
 
 /// The source of a wait for this point.

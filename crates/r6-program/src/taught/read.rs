@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use r6_proto::RegisterIndex;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::Action;
-use r6_proto::message::instruction::{Coordinates, WaitSource};
+use r6_proto::message::instruction::{Coordinates, TIMES, TIMES_WANTED, WaitSource};
 
 use super::{
     Change, Compare, Condition, CounterState, MAX_FRAMES, MAX_NAME_BYTES, MAX_STACKS, MAX_STEPS,
@@ -96,11 +97,8 @@ const OWN_KEYS: [&str; 21] = [
 /// One more key, for comparisons.
 const EQUALS: &str = "equals";
 
-/// One day, in seconds. Nothing in a cell waits longer.
-const LONGEST: f64 = 86_400.0;
-
-/// The default alarm of an unanswered photo request: connect host fail. We chose it.
-const PHOTO_ALARM: u32 = 9;
+/// The default alarm of an unanswered photo request. We chose it.
+const PHOTO_ALARM: AlarmCode = AlarmCode::NO_HOST;
 
 const A_LABEL: &str = "the name of a label";
 const A_COUNTER: &str = "the number of a counter";
@@ -240,7 +238,7 @@ fn read(number: usize, fields: &Fields<'_>, labels: &Labels<'_>) -> Result<Step,
             camera: camera(fields, "camera"),
             limit: limit(fields),
             tries: fields.whole_in("tries", "how often to ask, 1 to 100", 1..=100).unwrap_or(1),
-            alarm: fields.whole_in("alarm", AN_ALARM, ALARMS).unwrap_or(PHOTO_ALARM),
+            alarm: fields.whole_in("alarm", AN_ALARM, ALARMS).map_or(PHOTO_ALARM, AlarmCode),
         }),
         Kind::TakePoint => Step::TakePoint {
             camera: camera(fields, "camera"),
@@ -248,7 +246,7 @@ fn read(number: usize, fields: &Fields<'_>, labels: &Labels<'_>) -> Result<Step,
             limit: limit(fields),
             or_else: target(fields, "else", labels),
         },
-        Kind::Alarm => Step::Alarm { number: fields.due_in("number", AN_ALARM, ALARMS)? },
+        Kind::Alarm => Step::Alarm { number: AlarmCode(fields.due_in("number", AN_ALARM, ALARMS)?) },
         Kind::Counter => {
             let change = change(fields);
             let id = fields.due_in("number", A_COUNTER, 0..=u32::MAX)?;
@@ -280,7 +278,7 @@ fn read(number: usize, fields: &Fields<'_>, labels: &Labels<'_>) -> Result<Step,
 }
 
 const AN_ALARM: &str = "an alarm, 1 to 10000; those of users begin at 5000";
-const ALARMS: std::ops::RangeInclusive<u32> = 1..=10_000;
+const ALARMS: std::ops::RangeInclusive<u32> = 1..=AlarmCode::LAST.0;
 
 /// The step that a key's label refers to.
 fn target(fields: &Fields<'_>, key: &'static str, labels: &Labels<'_>) -> Option<usize> {
@@ -314,7 +312,7 @@ fn above(fields: &Fields<'_>) -> f64 {
 }
 
 fn limit(fields: &Fields<'_>) -> Option<f64> {
-    fields.number_in("limit", "seconds, 0 to 86400", 0.0..=LONGEST)
+    fields.number_in("limit", TIMES_WANTED, TIMES)
 }
 
 fn camera(fields: &Fields<'_>, key: &'static str) -> i64 {

@@ -77,7 +77,10 @@ fn a_wrong_program_says_where_and_what() {
             "do=\"linear-move\"\nto=[1,2,nan]\nspeed=5",
             &["3:4: step 1 (linear-move): `to` is a list, but has to be numbers"],
         ),
-        ("do=\"wait\"\npoint=\"Y010\"", &["3:7: step 1 (wait): Y010 is an output, and is not waited for"]),
+        (
+            "do=\"wait\"\npoint=\"Y010\"",
+            &["3:7: step 1 (wait): Y010 is an output: a wait is for X, M or EUX"],
+        ),
         (
             "do=\"if\"\npoint=\"Y010\"\nto=\"here\"",
             &["3:7: step 1 (if): `point` is the text \"Y010\", but has to be a point X010, M010 or EUX010"],

@@ -2,8 +2,7 @@
 
 use std::fmt;
 
-use r6_proto::io_point::{IoPoint, PointKind};
-use r6_proto::message::instruction::{WaitCondition, WaitSource};
+use r6_proto::message::instruction::WaitCondition;
 use r6_proto::message::{Action, action};
 
 use super::{Change, Compare, Condition, Step};
@@ -11,7 +10,7 @@ use super::{Change, Compare, Condition, Step};
 impl fmt::Display for Step {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Instruction(Action::Wait(wait)) | Self::Wait { wait, .. } => match point(wait.source) {
+            Self::Instruction(Action::Wait(wait)) | Self::Wait { wait, .. } => match wait.source.point() {
                 Some(point) => write!(f, "wait until {point} {}", state(wait.condition)),
                 None => write!(f, "wait for {} s", wait.limit),
             },
@@ -65,7 +64,7 @@ impl fmt::Display for Condition {
         match self {
             Self::Point(source, on) => {
                 let on = if *on { "on" } else { "off" };
-                match point(*source) {
+                match source.point() {
                     Some(point) => write!(f, "{point} is {on}"),
                     None => f.write_str("time has passed"),
                 }
@@ -90,17 +89,6 @@ impl fmt::Display for Compare {
             Self::Equals(than) => write!(f, "{than}"),
         }
     }
-}
-
-/// The point that a wait watches; `None` for time.
-fn point(source: WaitSource) -> Option<IoPoint> {
-    let (kind, board, point) = match source {
-        WaitSource::Input { board, point } => (PointKind::X, board, point),
-        WaitSource::M { board, point } => (PointKind::M, board, point),
-        WaitSource::Eu { point } => (PointKind::Eux, 0, point),
-        WaitSource::Time => return None,
-    };
-    Some(IoPoint { kind, board, point })
 }
 
 fn state(condition: WaitCondition) -> &'static str {

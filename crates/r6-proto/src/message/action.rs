@@ -89,22 +89,13 @@ const END: &[MemberInfo] = &[member("m0_p-m7_p", "6.1.1")];
 /// The members that every instruction has.
 pub const COMMON: [MemberInfo; 2] = [member("oneshot", "6"), member("action", "6")];
 
-/// The members of a camera's points (manual 5.2) and of the photo (manual 5.1).
-pub const VISION: [MemberInfo; 14] = [
+/// The members of the photo (manual 5.1) and of a camera with its points (manual 5.2). Those of a point are
+/// [`Point::MEMBERS`](super::Point::MEMBERS).
+pub const VISION: [MemberInfo; 4] = [
     member("camID", "5.1"),
     member("ret", "5.1"),
     member("dsData.camID", "5.2"),
     member("dsData.data", "5.2"),
-    member("ModelID", "5.2"),
-    member("X", "5.2"),
-    member("Y", "5.2"),
-    member("Z", "5.2"),
-    member("U", "5.2"),
-    member("V", "5.2"),
-    member("Angel", "5.2"),
-    member("Similarity", "5.2"),
-    member("Color", "5.2"),
-    member("Rel", "5.2"),
 ];
 
 /// The members at the top of a request, besides its content.

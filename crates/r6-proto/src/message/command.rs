@@ -70,6 +70,8 @@ pub struct CommandInfo {
     pub effect: Effect,
     /// Whether poses refer to another frame after it: another tool or workbench, or changed values of a tool.
     pub changes_frame: bool,
+    /// Whether the machine runs the rest of its instruction list after it.
+    pub starts: bool,
     /// Which port offers it.
     pub ports: Ports,
     /// The first manual or firmware that knows it.
@@ -103,6 +105,12 @@ impl CommandName {
     #[must_use]
     pub fn effect(self) -> Effect {
         self.info().effect
+    }
+
+    /// Whether the machine runs the rest of its instruction list after it.
+    #[must_use]
+    pub fn starts(self) -> bool {
+        self.info().starts
     }
 
     /// The word of the table nearest to an unknown word.
@@ -233,7 +241,14 @@ impl fmt::Display for CommandError {
     }
 }
 
-impl std::error::Error for CommandError {}
+impl std::error::Error for CommandError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Argument(error) => Some(error),
+            Self::UnknownCommand { .. } => None,
+        }
+    }
+}
 
 impl Command<'_> {
     /// Appends `cmdData`: the name and the arguments as texts.

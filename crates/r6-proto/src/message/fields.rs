@@ -12,8 +12,8 @@ use crate::value::{Node, Value};
 /// Every member that an instruction or a point can have, by slot.
 pub(crate) struct Fields;
 
-/// Defines the members of camera points and of all instructions. Each row has the name in the code and the
-/// name on the wire. Members of only some instructions are in the table of [`super::instruction`].
+/// Defines the members of all instructions and the coordinates. Each row has the name in the code and the
+/// name on the wire. The other members are in the table of [`super::instruction`].
 macro_rules! fields {
     ($( $field:ident $name:literal )+) => {
         /// The names, in the order of the slots.
@@ -55,11 +55,10 @@ fields! {
     M7_P b"m7_p"
     ONESHOT b"oneshot"  ACTION b"action"
     XPOS b"xpos"  YPOS b"ypos"  ZPOS b"zpos"  UPOS b"upos"  VPOS b"vpos"  WPOS b"wpos"
-    MODEL_ID b"ModelID"  X b"X"  Y b"Y"  Z b"Z"  U b"U"  V b"V"  ANGEL b"Angel"
-    SIMILARITY b"Similarity"  COLOR b"Color"  REL b"Rel"  CAM_ID b"camID"
+    CAM_ID b"camID"
 }
 
-/// The names of the table of instructions, each once, even if several instructions use it.
+/// The names of the table of instructions and points, each once, even if several of them use it.
 const TABLE_NAMES: [&str; distinct(instruction::NAMES)] = once_each(instruction::NAMES);
 
 /// All names, in the order of the slots.
@@ -142,10 +141,13 @@ impl Fields {
     /// `xpos` … `wpos` of the 2020 shape: they stand for `m0` … `m5`.
     pub const POS: [usize; 6] = [Self::XPOS, Self::YPOS, Self::ZPOS, Self::UPOS, Self::VPOS, Self::WPOS];
 
+    /// `Angel`, which has a second spelling.
+    const ANGEL: usize = Self::of("Angel");
+
     const COUNT: usize = NAMES.len();
 
-    /// The slot of a name of the table of instructions. Call this only in constants, where an unknown name is
-    /// a compile error.
+    /// The slot of a name of the table of instructions and points. Call this only in constants, where an
+    /// unknown name is a compile error.
     #[expect(clippy::panic, reason = "the compiler calls it, and tells the author of a table")]
     pub const fn of(name: &str) -> usize {
         match place(name, &TABLE_NAMES) {
@@ -340,8 +342,8 @@ mod tests {
             (Fields::ONESHOT, "oneshot"),
             (const { Fields::of("cnt_id") }, "cnt_id"),
             (Fields::POS[5], "wpos"),
-            (Fields::MODEL_ID, "ModelID"),
-            (Fields::REL, "Rel"),
+            (const { Fields::of("ModelID") }, "ModelID"),
+            (const { Fields::of("Rel") }, "Rel"),
         ];
         for (slot, name) in named {
             assert_eq!(Fields::name(slot), name);

@@ -5,6 +5,7 @@ mod named;
 mod table;
 
 use std::borrow::Cow;
+use std::ops::RangeInclusive;
 
 use crate::axis::{AXES, AxisIndex, AxisMask};
 use crate::encode::{Decimals, ObjectWriter, key};
@@ -12,9 +13,10 @@ use crate::error::{EncodeError, FieldError, Wanted};
 use crate::message::action::{self, Known};
 use crate::message::fields::{Fields, FieldsView};
 
+pub use kinds::{TIMES, TIMES_WANTED};
 pub use named::WrongPoint;
 pub(crate) use table::NAMES;
-pub use table::{BoardOutput, Manner, Output, PathSpeed, StopOnSignal, Wait, Workbench};
+pub use table::{BoardOutput, Manner, Output, PathSpeed, Point, StopOnSignal, Wait, Workbench};
 
 /// One step of an instruction list (manual 6, "instructions").
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -344,6 +346,12 @@ impl Move {
 }
 
 impl Manner {
+    /// The speeds that are sent, in percent of the maximum (manual 6.1.1). At 0 nothing would move.
+    pub const SPEEDS: RangeInclusive<f64> = 0.1..=100.0;
+
+    /// What a valid speed is.
+    pub const SPEEDS_WANTED: &str = "percent from 0.1 to 100";
+
     /// Appends it to a move that has these coordinates.
     fn encode(&self, object: &mut ObjectWriter<'_>, given: AxisMask) -> Result<(), EncodeError> {
         if self.mask.is_some_and(|mask| mask.and(given) != mask) {
@@ -363,35 +371,6 @@ impl PathSpeed {
             self.write(object)
         } else {
             Err(EncodeError::new("speed", Self::WANTED))
-        }
-    }
-}
-
-impl OutputKind {
-    pub(super) const NUMBERS: [(i64, Self); 4] =
-        [(0, Self::Y), (5, Self::M), (7, Self::Euy), (100, Self::TimedY)];
-    /// The `type` number.
-    #[must_use]
-    pub fn number(self) -> i64 {
-        match self {
-            Self::Y => 0,
-            Self::M => 5,
-            Self::Euy => 7,
-            Self::TimedY => 100,
-        }
-    }
-}
-
-impl OutputBoard {
-    pub(super) const NUMBERS: [(i64, Self); 4] =
-        [(0, Self::Y(0)), (1, Self::Y(1)), (5, Self::M(0)), (6, Self::M(1))];
-
-    /// The `type` number.
-    #[must_use]
-    pub fn number(self) -> i64 {
-        match self {
-            Self::Y(board) => i64::from(board),
-            Self::M(board) => i64::from(board) + 5,
         }
     }
 }

@@ -533,7 +533,8 @@ class Motion:
         be played: more than 10 000 steps, a start out of reach, a step that this firmware does not know.
         """
     def __getitem__(self, key: int | slice, /) -> Motion:
-        """A step, or steps that follow one another, as a motion of its own: ``motion[2]``, ``motion[2:5]``."""
+        """A step, or steps that follow one another, as a motion of its own: ``motion[2]``, ``motion[2:5]``. A
+        path speed that was set before them is not in it; a move that needs one is a ``StepError`` then."""
     def __len__(self) -> int:
         """The number of steps."""
     def __copy__(self) -> Motion: ...

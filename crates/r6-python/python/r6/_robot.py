@@ -430,6 +430,8 @@ def target(
         return address, settings
     if isinstance(port, bool) or not isinstance(port, int) or not isinstance(address, str):
         raise TypeError(f'write connect("192.168.1.10", 9760) or connect("192.168.1.10:9760"), not {address!r}, {port!r}')
+    if address.count(":") == 1 or "]:" in address:
+        raise ValueError(f"the port was given twice: {address!r} and {port}")
     bare = f"[{address}]" if ":" in address and not address.startswith("[") else address
     return f"{bare}:{port}", settings
 

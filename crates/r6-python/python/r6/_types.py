@@ -146,7 +146,7 @@ def _number(reading: Reading | None) -> float:
 class Unmet:
     """An unmet condition for sending instructions. As text it says what to do."""
 
-    kind: Literal["mode", "alarm", "not_homed", "moving", "leftover_list", "unknown"]
+    kind: Literal["mode", "alarm", "not_homed", "moving", "leftover_list", "other_program", "unknown"]
     value: int | None
     """The mode, the alarm, or the number of instructions left."""
     address: str | None

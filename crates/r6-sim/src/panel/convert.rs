@@ -32,7 +32,7 @@ pub(super) fn action(action: Action) -> Result<PanelAction, String> {
         Action::EmergencyStop {} => PanelAction::EmergencyStop,
         Action::ReleaseEmergencyStop {} => PanelAction::ReleaseEmergencyStop,
         Action::ClearAlarm {} => PanelAction::ClearAlarm,
-        Action::RaiseAlarm { alarm } => PanelAction::RaiseAlarm(alarm),
+        Action::RaiseAlarm { alarm } => PanelAction::RaiseAlarm(AlarmCode(alarm)),
         Action::Home {} => PanelAction::Home,
         Action::Jog { axis, by, speed_percent } => {
             PanelAction::Jog { axis: axis_named(&axis)?, by, percent: speed_percent }
@@ -122,8 +122,8 @@ pub(super) fn snapshot(number: usize, controller: &ControllerHandle) -> Snapshot
         pose: Pose::of(&state.world.map(Some)),
         mode: state.mode.number(),
         mode_name: state.mode.to_string(),
-        alarm: state.alarm,
-        alarm_text: (state.alarm != 0).then(|| AlarmCode(state.alarm).decode().text),
+        alarm: state.alarm.0,
+        alarm_text: state.alarm.is_raised().then(|| state.alarm.decode().text),
         inputs_on: state.io.inputs_on(),
         outputs_on: state.io.outputs_on(),
         m_on: state.io.m_on(),

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use r6_controller::Controller;
 use r6_proto::Address;
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::Reading;
 
 use super::{AXES, Floor, SKEW};
@@ -28,7 +29,7 @@ const MOST_JERK: f64 = 2.0 * 8.0 / (0.078 * 0.078);
 pub(super) struct Sight {
     pub at: Duration,
     pub mode: i64,
-    pub alarm: u32,
+    pub alarm: AlarmCode,
     pub list: usize,
     pub axes: [f64; AXES],
     pub speeds: [f64; AXES],

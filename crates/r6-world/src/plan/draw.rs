@@ -9,6 +9,7 @@ use r6_controller::io::OutputPoint;
 use r6_controller::scenario::{Bounce, Entry, Happening, InputPoint, Scenario, Window};
 use r6_controller::{Button, Key, PanelAction};
 use r6_proto::AxisIndex;
+use r6_proto::alarm::AlarmCode;
 use r6_traffic::random::Random;
 
 use super::{Blow, CALM, CameraPlan, ClientPlan, NOBODYS_ALARM, Plan, RobotPlan, Temper, ms};
@@ -254,7 +255,7 @@ impl Draw<'_> {
                 }
             }
             C3 | P9 => {
-                let number = if class == P9 { NOBODYS_ALARM } else { self.pick(&[5001, 42, 130]) };
+                let number = if class == P9 { NOBODYS_ALARM } else { AlarmCode(self.pick(&[5001, 42, 130])) };
                 for n in 0..self.pick(&[1_u64, 1, 2, 6]) {
                     self.person(soon(n * 150), PanelAction::RaiseAlarm(number));
                     self.person(soon(n * 150 + 70), PanelAction::ClearAlarm);

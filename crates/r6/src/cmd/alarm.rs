@@ -35,24 +35,14 @@ fn code(text: &str) -> Result<u32, String> {
 pub fn run(args: &AlarmArgs) -> Result<Exit, Failure> {
     let alarms: Vec<_> = args.codes.iter().map(|code| AlarmCode(*code).decode()).collect();
     if args.json {
-        let list: Vec<_> = alarms
-            .iter()
-            .map(|alarm| {
-                let mut entry = serde_json::json!({
-                    "code": alarm.code.0,
-                    "text": alarm.text,
-                    "axis": alarm.axis.map(|axis| axis.to_string()),
-                    "remedy": alarm.remedy,
-                    "known": alarm.known,
-                    "seen_live": alarm.seen_live,
-                });
-                if !alarm.known {
-                    let what = format!("alarm {} is not in the table", alarm.code.0);
-                    entry["problem"] = problem::object(&Failure::refused(what).with_code(Code::NoValue));
-                }
-                entry
-            })
-            .collect();
+        let list = alarms.iter().map(|alarm| {
+            let unknown = (!alarm.known).then(|| {
+                let what = format!("alarm {} is not in the table", alarm.code);
+                problem::of(&Failure::refused(what).with_code(Code::NoValue))
+            });
+            r6_api::Alarm { problem: unknown, ..r6_api::Alarm::of(alarm.code) }
+        });
+        let list: Vec<_> = list.collect();
         output::json_pretty(&list);
     } else {
         for alarm in &alarms {

@@ -66,7 +66,7 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         .map_err(|problem| Failure::usage(format!("{name}: {problem}")).advise(usage(name.info())))?;
     robot
         .ask(async |robot| {
-            if starts(name) && !args.run_leftover {
+            if name.starts() && !args.run_leftover {
                 check_list(robot, name).await?;
             }
             let (means, wire) = (wording::words(&command), wording::on_the_wire(&command));
@@ -75,14 +75,22 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
             output::acts();
             let milliseconds = output::readings::milliseconds(accepted.after);
             if args.json {
-                output::json(&serde_json::json!({
-                    "robot": robot.address(), "command": name.word(), "accepted": true, "after_ms": milliseconds,
-                    "means": means, "on_the_wire": wire,
-                }));
+                output::json(&r6_api::CommandAccepted {
+                    robot: robot.address().to_owned(),
+                    command: name.word().to_owned(),
+                    accepted: true,
+                    after_ms: milliseconds,
+                    means,
+                    on_the_wire: wire,
+                });
             } else {
                 let means = means.map(|means| format!(": {means}")).unwrap_or_default();
                 let told = scaled || means.is_empty();
-                let wire = if told && !wire.is_empty() { format!("; on the wire {}", quoted(&wire)) } else { String::new() };
+                let wire = if told && !wire.is_empty() {
+                    format!("; on the wire {}", quoted(&wire))
+                } else {
+                    String::new()
+                };
                 output::line(format_args!("{name} accepted after {milliseconds:.1} ms{means}{wire}"));
             }
             Ok(Exit::Done)
@@ -93,17 +101,6 @@ pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 fn quoted(words: &[String]) -> String {
     let words: Vec<_> = words.iter().map(|word| format!("\"{word}\"")).collect();
     words.join(" ")
-}
-
-/// Whether the machine runs the rest of its instruction list after this command.
-fn starts(name: CommandName) -> bool {
-    [
-        CommandName::StartButton,
-        CommandName::ActionSingleCycle,
-        CommandName::ClearAlarmContinue,
-        CommandName::ClearAlarmRunNext,
-    ]
-    .contains(&name)
 }
 
 /// Refuses if instructions are left in the list. Passes if the firmware does not have `RemoteCmdLen`.

@@ -45,7 +45,7 @@ pub async fn run(args: QueryArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         .ask(async |robot| {
             let result = robot.query(&args.addresses).await?;
             if args.json {
-                output::json(&readings::Sample::now(robot.address(), &result));
+                output::json(&readings::sample(robot.address(), &result));
             } else {
                 output::line(readings::table(&result));
             }

@@ -1,11 +1,8 @@
 //! `r6 stop`: ends the motion and clears the list.
 
 use clap::Args;
-use r6_client::{
-    Invalid, ListAfterStop, NotSent, RequestError, Robot, SecondConnection, StandProof, StopMeans, StopReport,
-};
+use r6_client::{Invalid, NotSent, RequestError, Robot, StopReport};
 use r6_proto::printable;
-use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
 use crate::hint;
@@ -109,46 +106,28 @@ pub fn start_again(report: &StopReport) -> Option<String> {
     })
 }
 
-fn as_json(address: &str, report: &StopReport) -> Value {
-    let mut json = seen(report);
-    json["robot"] = address.into();
-    if !report.confirmed {
-        json["problem"] = problem::object(&Failure::unknown(report).with_code(Code::NotStopped));
-    }
-    json
+fn as_json(address: &str, report: &StopReport) -> r6_api::StopReport {
+    let unproved = || problem::of(&Failure::unknown(report).with_code(Code::NotStopped));
+    let problem = (!report.confirmed).then(unproved);
+    r6_api::StopReport { robot: Some(address.to_owned()), problem, ..seen(report) }
 }
 
-/// What became of a stop, as JSON, units in the names.
-pub fn seen(report: &StopReport) -> Value {
-    let list = match &report.list {
-        ListAfterStop::WasEmpty => "was empty",
-        ListAfterStop::Cleared => "cleared",
-        ListAfterStop::Refused(_) => "refused",
-        ListAfterStop::Unknown(_) => "unknown",
-        ListAfterStop::NotTried(_) => "not tried",
-    };
-    json!({
-        "confirmed": report.confirmed,
-        "proof": report.proof.map(|proof| match proof {
-            StandProof::NotRunning(_) => "not running",
-            StandProof::EmptyList(_) => "empty list",
-        }),
-        "means": report.means.map(StopMeans::word),
-        "second_connection": report.second.as_ref().map(|second| match second {
-            SecondConnection::Used => "used",
-            SecondConnection::Answered => "answered",
-            SecondConnection::Silent => "silent",
-            SecondConnection::Opening => "opening",
-            SecondConnection::NotMade(_) => "not made",
-            SecondConnection::Unidentified => "unidentified",
-        }),
-        "in_doubt": report.doubt.as_ref().map(|doubt| doubt.still_open),
-        "attempts": report.attempts,
-        "took_ms": output::readings::milliseconds(report.took),
-        "moving": report.moving,
-        "mode": report.mode.map(r6_client::OperationMode::number),
-        "alarm": report.alarm,
-        "list_length": report.list_length,
-        "list": list,
-    })
+/// What became of a stop, for programs.
+pub fn seen(report: &StopReport) -> r6_api::StopReport {
+    r6_api::StopReport {
+        robot: None,
+        confirmed: report.confirmed,
+        proof: report.proof.map(|proof| proof.word().to_owned()),
+        means: report.means.map(|means| means.word().to_owned()),
+        second_connection: report.second.as_ref().map(|second| second.word().to_owned()),
+        in_doubt: report.doubt.as_ref().map(|doubt| doubt.still_open),
+        attempts: report.attempts,
+        took_ms: output::readings::milliseconds(report.took),
+        moving: report.moving,
+        mode: report.mode.map(r6_client::OperationMode::number),
+        alarm: report.alarm,
+        list_length: report.list_length,
+        list: report.list.word().to_owned(),
+        problem: None,
+    }
 }

@@ -144,7 +144,7 @@ impl View {
 
     fn show(&mut self, robot: &str, result: &QueryResult) {
         match self {
-            Self::Json => output::json(&readings::Sample::now(robot, result)),
+            Self::Json => output::json(&readings::sample(robot, result)),
             Self::Screen { lines } => {
                 let table = readings::table(result);
                 let text = format!(

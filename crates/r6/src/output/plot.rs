@@ -113,7 +113,7 @@ pub fn json(recording: &Recording, model: &RobotModel) -> Map<String, Value> {
         "stops": recording.stops,
         "ended": ended,
         "ended_at_instruction": recording.ended_at.as_ref().map(|step| step.number),
-        "alarm": alarm.map(|alarm| alarm.code),
+        "alarm": alarm.map(|alarm| alarm.code.0),
         "alarm_text": alarm.map(|alarm| alarm::short(i64::from(alarm.code))),
         "alarm_why": alarm.map(|alarm| alarm.why.as_str()),
         "alarm_s": alarm.map(|alarm| rounded(alarm.at)),

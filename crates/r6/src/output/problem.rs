@@ -6,14 +6,19 @@ use serde_json::{Value, json};
 
 use crate::exit::Failure;
 
-/// The object of a failure: a [`CommandProblem`], and the members that a command adds.
-pub fn object(failure: &Failure) -> Value {
-    let mut object = json!(CommandProblem {
+/// The problem of a failure, without the members that a command adds.
+pub fn of(failure: &Failure) -> CommandProblem {
+    CommandProblem {
         code: failure.code(),
-        message: failure.what().to_owned(),
+        message: failure.what().into_owned(),
         advice: failure.advice().map(str::to_owned),
         exit: failure.exit().number(),
-    });
+    }
+}
+
+/// The object of a failure: its problem, and the members that a command adds.
+pub fn object(failure: &Failure) -> Value {
+    let mut object = json!(of(failure));
     for (name, value) in failure.members() {
         if object.get(name).is_none() {
             object[name] = value.clone();

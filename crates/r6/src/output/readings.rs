@@ -5,7 +5,6 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use r6_api::Unit;
 use r6_client::{NoReading, QueryResult};
 use r6_proto::{Address, Reading, printable};
-use serde::ser::{Serialize, SerializeMap, SerializeSeq, Serializer};
 
 use crate::exit::Failure;
 use crate::output::problem::{self, Code};
@@ -106,88 +105,17 @@ pub fn problem_text(address: Address, error: &NoReading) -> String {
     }
 }
 
-/// A reading as a JSON object: time, duration, values by address, and why some are missing.
-pub struct Sample<'r> {
-    robot: &'r str,
-    at: SystemTime,
-    result: &'r QueryResult,
-}
-
-impl<'r> Sample<'r> {
-    /// A sample with the current time.
-    pub fn now(robot: &'r str, result: &'r QueryResult) -> Self {
-        Self { robot, at: SystemTime::now(), result }
-    }
-}
-
-impl Serialize for Sample<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        map.serialize_entry("robot", self.robot)?;
-        let unix = self.at.duration_since(UNIX_EPOCH).unwrap_or_default();
-        map.serialize_entry("unix_ms", &u64::try_from(unix.as_millis()).unwrap_or(u64::MAX))?;
-        map.serialize_entry("took_ms", &milliseconds(self.result.took()))?;
-        map.serialize_entry("values", &Values(self.result))?;
-        map.serialize_entry("problems", &Problems(self.result))?;
-        if let Some(failure) = missing(self.result) {
-            map.serialize_entry("problem", &problem::object(&failure))?;
-        }
-        map.end()
-    }
-}
-
-struct Values<'r>(&'r QueryResult);
-
-impl Serialize for Values<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(self.0.rows().len()))?;
-        for (address, value) in self.0.rows() {
-            map.serialize_entry(&address.to_string(), &value.as_ref().ok().map(Value))?;
-        }
-        map.end()
-    }
-}
-
-struct Problems<'r>(&'r QueryResult);
-
-impl Serialize for Problems<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        for (address, error) in problems(self.0) {
-            map.serialize_entry(&address.to_string(), &error.to_string())?;
-        }
-        map.end()
-    }
-}
-
-struct Value<'r>(&'r Reading);
-
-impl Serialize for Value<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        match self.0 {
-            Reading::Text(text) => serializer.serialize_str(text),
-            Reading::Integer(number) => serializer.serialize_i64(*number),
-            Reading::Decimal(number) => serializer.serialize_f64(*number),
-            Reading::Word(word) => serializer.serialize_u32(*word),
-            Reading::Flag(flag) => serializer.serialize_bool(*flag),
-            Reading::Texts(texts) => {
-                let mut list = serializer.serialize_seq(Some(texts.len()))?;
-                for text in texts {
-                    list.serialize_element(text)?;
-                }
-                list.end()
-            }
-            Reading::Counter(counter) => {
-                let mut map = serializer.serialize_map(None)?;
-                map.serialize_entry("id", &counter.id)?;
-                map.serialize_entry("target", &counter.target)?;
-                map.serialize_entry("current", &counter.current)?;
-                if let Some(name) = &counter.name {
-                    map.serialize_entry("name", name)?;
-                }
-                map.end()
-            }
-        }
+/// The values for programs, with the current time.
+pub fn sample(robot: &str, result: &QueryResult) -> r6_api::Sample {
+    let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let value = |value: &Result<Reading, NoReading>| value.clone().ok().map(r6_api::Value::from);
+    r6_api::Sample {
+        robot: robot.to_owned(),
+        unix_ms: u64::try_from(unix.as_millis()).unwrap_or(u64::MAX),
+        took_ms: milliseconds(result.took()),
+        values: result.rows().iter().map(|(address, read)| (address.to_string(), value(read))).collect(),
+        problems: problems(result).map(|(address, why)| (address.to_string(), why.to_string())).collect(),
+        problem: missing(result).map(|failure| problem::of(&failure)),
     }
 }
 

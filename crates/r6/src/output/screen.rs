@@ -59,7 +59,8 @@ impl Screen {
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        ratatui::restore();
+        // The terminal may be gone, and stderr with it: `ratatui::restore` would complain there, and panic.
+        let _ = ratatui::try_restore();
     }
 }
 
@@ -227,6 +228,7 @@ mod tests {
     use ratatui::backend::TestBackend;
 
     use super::*;
+    use r6_proto::alarm::AlarmCode;
 
     fn state() -> ControllerSnapshot {
         ControllerSnapshot {
@@ -235,7 +237,7 @@ mod tests {
             profile: "hc1".to_owned(),
             model: "BRTIRUS0707A".to_owned(),
             mode: r6_controller::OperationMode::Running,
-            alarm: 135,
+            alarm: AlarmCode(135),
             emergency_stop: true,
             homed: true,
             moving: true,

@@ -1,6 +1,6 @@
 //! The state of a machine, for people and for programs.
 
-use r6_api::position::{AxisPosition, Pose, SHOWN_AXES};
+use r6_api::position::SHOWN_AXES;
 use r6_client::{Readiness, Status, Unmet, Unproved};
 use r6_proto::{AxisIndex, OperationMode, printable};
 use serde_json::{Value, json};
@@ -173,16 +173,6 @@ fn advice(unmet: Unmet) -> String {
 /// Unmet conditions as JSON.
 pub fn unmet_json(unmet: &[Unmet]) -> Value {
     json!(unmet.iter().map(r6_api::Unmet::of).collect::<Vec<_>>())
-}
-
-/// Axes as JSON, the ones that are shown.
-pub fn axes_json(positions: &[Option<f64>]) -> Value {
-    json!(AxisPosition::read(positions.get(..SHOWN_AXES).unwrap_or(positions)))
-}
-
-/// A pose as JSON, with the units in the names.
-pub fn pose_json(components: &[Option<f64>]) -> Value {
-    json!(Pose::of(components))
 }
 
 #[cfg(test)]

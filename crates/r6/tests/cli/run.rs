@@ -190,19 +190,29 @@ fn what_is_wrong_in_a_file_has_its_line() {
 }
 
 #[test]
-fn five_mistakes_are_five_lines_with_their_places_in_run_and_plot() {
+fn five_mistakes_are_five_lines_with_their_places_in_run_plot_and_guard() {
     let text = "repeet = true\n[[instruction]]\ndo = \"axis-move\"\nto = [1, 2]\nsped = 5\nblend = 12\n\
                 [[instruction]]\ndo = \"linear-move\"\nspeed = 500\n";
     let file = TempFile::new("five.toml", text);
-    for command in ["run", "plot"] {
-        let outcome = r6(&[command, file.path()]);
+    let wrong_limits =
+        "max_sped = 20\nmax_speed = 0\nmax_path_speed = 2.5\n[axes]\nJ1 = [90, -90]\nj2 = [0, 1]\n";
+    let limits = TempFile::new("five-limits.toml", wrong_limits);
+    let square = "examples/programs/square.toml";
+    let of_program = [":1:1", ":5:1", ":6:9", ":7:1", ":9:9"];
+    let of_limits = [":1:1", ":2:13", ":3:18", ":5:6", ":6:1"];
+    for (file, wanted, args) in [
+        (&file, of_program, &["run", file.path()][..]),
+        (&file, of_program, &["plot", file.path()]),
+        (&limits, of_limits, &["run", square, "--dry-run", "--guard", limits.path()]),
+    ] {
+        let outcome = r6(args);
         assert_eq!(outcome.code, 2, "{outcome:?}");
         let places: Vec<_> = outcome
             .err
             .lines()
             .filter_map(|line| line.strip_prefix(file.path())?.split(": ").next())
             .collect();
-        assert_eq!(places, [":1:1", ":5:1", ":6:9", ":7:1", ":9:9"], "{}", outcome.err);
+        assert_eq!(places, wanted, "{args:?}: {}", outcome.err);
     }
     let outcome = r6(&["run", file.path(), "--json"]);
     let problem: serde_json::Value = serde_json::from_str(outcome.out.lines().next().unwrap()).unwrap();

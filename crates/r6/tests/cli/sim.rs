@@ -408,5 +408,5 @@ fn a_program_that_alarms_at_its_first_step_says_so_at_once() {
     let mut sim = Running::start_with_pipes(&["sim", "--listen", "127.0.0.1:0", "--program", file.path()]);
     let mut told = String::new();
     sim.close_stdin().read_line(&mut told).unwrap();
-    assert!(told.contains("ended at once with alarm 130 (J1: positive soft limit); "), "{told}");
+    assert!(told.contains("alarm 130 (J1: positive soft limit) from the start (program "), "{told}");
 }

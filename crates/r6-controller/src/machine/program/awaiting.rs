@@ -1,20 +1,18 @@
 //! Waits that only a program has, not a list of a PC: for points, photos and registers, and waits with
 //! another way out.
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::Point;
 use r6_proto::time::Instant;
 use r6_proto::{OperationMode, RegisterIndex};
 
-use super::{Machine, PROGRAM_ERROR, Place};
+use super::{Machine, Place};
 use crate::event::{ModeReason, Reason};
 use crate::machine::execution::{Activity, Awaited, duration};
 use crate::program::{Photo, Step};
 
 /// How many photo requests wait to be sent. Further ones are dropped.
 const MAX_PHOTOS: usize = 16;
-
-/// The alarm when no points come: points not set.
-const NO_POINTS: u32 = 201;
 
 impl Machine {
     /// Notes that registers were written, and checks whether the program waits for them.
@@ -145,10 +143,10 @@ impl Machine {
                     let to = *to;
                     self.go_on_at(to);
                 }
-                _ => self.raise_here(NO_POINTS, Reason::NoPointInTime),
+                _ => self.raise_here(AlarmCode::NO_POINTS, Reason::NoPointInTime),
             },
             Awaited::Registers => {
-                self.raise_here(PROGRAM_ERROR, Reason::RegistersNotWritten);
+                self.raise_here(AlarmCode::PROGRAM, Reason::RegistersNotWritten);
             }
         }
     }

@@ -1,10 +1,11 @@
 //! The targets of moves of a taught program: registers, points of a camera, places in a stack.
 
+use r6_proto::alarm::AlarmCode;
 use r6_proto::message::instruction::{Coordinates, Manner, Move};
 use r6_proto::message::{Action, Point};
 use r6_proto::{AxisIndex, RegisterIndex};
 
-use super::{Machine, PROGRAM_ERROR};
+use super::Machine;
 use crate::event::Reason;
 use crate::machine::Stack;
 use crate::program::Step;
@@ -20,7 +21,7 @@ const W: AxisIndex = AxisIndex::ALL[5];
 
 impl Machine {
     /// The instruction that a step stands for now; `None` for a step without one.
-    pub(super) fn instruction_of(&self, step: &Step) -> Result<Option<Action>, (u32, Reason)> {
+    pub(super) fn instruction_of(&self, step: &Step) -> Result<Option<Action>, (AlarmCode, Reason)> {
         Ok(match step {
             Step::Instruction(action) => Some(*action),
             Step::MoveToRegisters { first, pose, manner } => {
@@ -49,8 +50,8 @@ impl Machine {
     }
 
     /// The move to the point that was taken.
-    fn move_to_point(&self, above: f64, manner: Manner) -> Result<Action, (u32, Reason)> {
-        let point = self.program.point.ok_or_else(|| (PROGRAM_ERROR, Reason::NoPointTaken))?;
+    fn move_to_point(&self, above: f64, manner: Manner) -> Result<Action, (AlarmCode, Reason)> {
+        let point = self.program.point.ok_or_else(|| (AlarmCode::PROGRAM, Reason::NoPointTaken))?;
         Ok(line_to(shifted(&point, [0.0; 3], above), manner))
     }
 
@@ -88,13 +89,13 @@ impl Machine {
     }
 
     /// The offset in mm of the place for a counter from the first place.
-    fn place_in_stack(&self, stack: u32, counter: u32) -> Result<[f64; 3], (u32, Reason)> {
+    fn place_in_stack(&self, stack: u32, counter: u32) -> Result<[f64; 3], (AlarmCode, Reason)> {
         let (at, place) = self.stack_and_place(stack, counter)?;
         let [x, y, z] = at.count.map(u64::from);
         let places = x.saturating_mul(y).saturating_mul(z);
         if place >= places {
             return Err((
-                PROGRAM_ERROR,
+                AlarmCode::PROGRAM,
                 format!("place {place} lies beyond stack {stack}, which has {places}").into(),
             ));
         }
@@ -116,16 +117,16 @@ impl Machine {
         })
     }
 
-    fn stack_and_place(&self, stack: u32, counter: u32) -> Result<(Stack, u64), (u32, Reason)> {
+    fn stack_and_place(&self, stack: u32, counter: u32) -> Result<(Stack, u64), (AlarmCode, Reason)> {
         let found = self.stacks.get(&stack).copied();
-        let found = found.ok_or_else(|| (PROGRAM_ERROR, format!("there is no stack {stack}").into()))?;
+        let found = found.ok_or_else(|| (AlarmCode::PROGRAM, format!("there is no stack {stack}").into()))?;
         if found.count.contains(&0) {
-            return Err((PROGRAM_ERROR, format!("stack {stack} has no places").into()));
+            return Err((AlarmCode::PROGRAM, format!("stack {stack} has no places").into()));
         }
         let counter_state = self.counters.get(&counter);
-        let current = counter_state.ok_or_else(|| (super::NO_COUNTER, Reason::NoCounter(counter)))?.current;
+        let current = counter_state.ok_or_else(|| (AlarmCode::NO_COUNTER, Reason::NoCounter(counter)))?.current;
         let place = u64::try_from(current).map_err(|_| {
-            (PROGRAM_ERROR, format!("counter {counter} is {current}, and no place of a stack").into())
+            (AlarmCode::PROGRAM, format!("counter {counter} is {current}, and no place of a stack").into())
         })?;
         Ok((found, place))
     }

@@ -6,7 +6,7 @@ use super::super::tests::{
 use super::*;
 use crate::kinematics::tests::{model, possible};
 use crate::profile::Ramps;
-use crate::{Blend, MoveTarget};
+use crate::{AxisNumber, Blend, LimitSide, MoveTarget};
 
 /// A ramp of 0.25 s and the filter.
 const CHANGE: f64 = 0.378;
@@ -104,7 +104,7 @@ fn so_near_a_limit_that_nothing_is_certain_the_arm_has_to_stop_first() {
     let down = plan(&at_j1(154.9), &j1(0.0), 1.0);
     assert!(down.take_over(0.8, &j1(150.0), &conditions(1.0)).unwrap().is_some());
     let outside = down.take_over(0.8, &j1(156.0), &conditions(1.0)).unwrap_err();
-    assert_eq!(outside.alarm(), 130);
+    assert_eq!(outside, PlanError::OutsideLimits { axis: AxisNumber::ARM[0], side: LimitSide::Plus });
 }
 
 #[test]

@@ -166,7 +166,6 @@ fn a_limit_on_the_way_is_named() {
     let start = tool_down();
     let error = line(&Frames::default(), &start, &shifted(pose_at(&start), 0.0, 0.0, 120.0)).unwrap_err();
     assert_eq!(error, PlanError::OutsideLimits { axis: AxisNumber::ARM[4], side: LimitSide::Minus });
-    assert_eq!(error.alarm(), 144);
 }
 
 #[test]
@@ -188,7 +187,6 @@ fn sideways_from_a_straight_wrist_is_singular() {
         matches!(error, PlanError::Singular { axis } if axis.index() == 3 || axis.index() == 5),
         "{error}"
     );
-    assert_eq!(error.alarm(), 200);
 }
 
 #[test]

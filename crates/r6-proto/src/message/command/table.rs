@@ -12,16 +12,16 @@ use crate::error::{EncodeError, Wanted};
 use crate::grid::Grid;
 
 /// Defines the table. Each row has: the name, the word on the wire, the effect on the machine (`+ Frame`:
-/// poses refer to another tool or workbench after it), the ports that offer it, the first manual or firmware
-/// that knows it, the source, what it does, and what to do if it is refused. The fields follow, each with its
-/// arguments. If fields and arguments differ, the arguments stand alone, with the functions that take and
-/// give them.
+/// poses refer to another tool or workbench after it; `+ Start`: the instruction list runs after it), the
+/// ports that offer it, the first manual or firmware that knows it, the source, what it does, and what to do
+/// if it is refused. The fields follow, each with its arguments. If fields and arguments differ, the
+/// arguments stand alone, with the functions that take and give them.
 macro_rules! commands {
     (
         $life:lifetime
         rows { $(
             $(#[$doc:meta])*
-            $name:ident $word:literal $effect:ident $(+ $frame:ident)? $ports:ident $since:literal $source:literal $meaning:literal
+            $name:ident $word:literal $effect:ident $(+ $also:ident)? $ports:ident $since:literal $source:literal $meaning:literal
             $if_refused:tt
             $({ $( $(#[$field_doc:meta])* $field:ident: $type:ty = [$($argument:expr),+], )+ })?
             $(= [$($other:expr),+] $take:ident $give:ident $({ $( $(#[$own_doc:meta])* $own:ident: $own_type:ty, )+ })?)?
@@ -44,7 +44,8 @@ macro_rules! commands {
             meaning: $meaning,
             if_refused: $if_refused,
             effect: Effect::$effect,
-            changes_frame: commands!(has $($frame)?),
+            changes_frame: commands!(frame $($also)?),
+            starts: commands!(start $($also)?),
             ports: Ports::$ports,
             since: $since,
             source: $source,
@@ -95,8 +96,10 @@ macro_rules! commands {
             }
         }
     };
-    (has) => { false };
-    (has Frame) => { true };
+    (frame Frame) => { true };
+    (frame $($other:ident)?) => { false };
+    (start Start) => { true };
+    (start $($other:ident)?) => { false };
     (take $from:ident $name:ident) => { Ok(Self::$name) };
     (take $from:ident $name:ident { $( $field:ident )+ }) => { Ok(Self::$name { $( $field: Field::take($from)?, )+ }) };
     (take $from:ident $name:ident $take:ident) => { Self::$take($from) };
@@ -186,10 +189,10 @@ commands! {
     ActionPause "actionPause" Stops Both "V6.0" "4.2.1 #2" "pauses the motion; start goes on from the present step"
         GO_ON
     /// Enters single cycle.
-    ActionSingleCycle "actionSingleCycle" Moves Both "V6.0" "4.2.1 #3" "enters single cycle"
+    ActionSingleCycle "actionSingleCycle" Moves + Start Both "V6.0" "4.2.1 #3" "enters single cycle"
         STARTS
     /// The start button.
-    StartButton "startButton" Moves Both "V6.0" "4.2.1 #4" "the start button"
+    StartButton "startButton" Moves + Start Both "V6.0" "4.2.1 #4" "the start button"
         STARTS
     /// The stop button.
     StopButton "stopButton" Stops Both "V6.0" "4.2.1 #5" "the stop button: first press ends with the cycle, second at once"
@@ -221,10 +224,10 @@ commands! {
         on: bool = [argument("state", Flag, "0 off, 1 on")],
     }
     /// Clears the alarm and runs the next step.
-    ClearAlarmRunNext "clearAlarmRunNext" Moves Both "V6.0" "4.2.1 #9" "clears the alarm and runs the next step"
+    ClearAlarmRunNext "clearAlarmRunNext" Moves + Start Both "V6.0" "4.2.1 #9" "clears the alarm and runs the next step"
         CLEARS
     /// Clears the alarm and continues automatically.
-    ClearAlarmContinue "clearAlarmContinue" Moves Both "V6.0" "4.2.1 #10" "clears the alarm and goes on automatically"
+    ClearAlarmContinue "clearAlarmContinue" Moves + Start Both "V6.0" "4.2.1 #10" "clears the alarm and goes on automatically"
         CLEARS
     /// Changes a stack.
     ModifyStackData "modifyStackData" Changes Pendant "V6.0" "4.2.1 #11" "changes a stack (palletising pattern)"

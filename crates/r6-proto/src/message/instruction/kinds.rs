@@ -1,6 +1,8 @@
 //! How the values of an instruction's members are read and written. [`super::table`] assigns these kinds to
 //! the members.
 
+use std::ops::RangeInclusive;
+
 use super::{BlendLevel, WaitSource};
 use crate::axis::AxisMask;
 use crate::encode::{Decimals, Key, ObjectWriter};
@@ -13,8 +15,12 @@ use crate::value::Value;
 /// What a valid point of an input is.
 pub(super) const POINT: Wanted = Wanted(&["a point from 0 to 31", "0 至 31 的点位"]);
 
-/// The longest delay or limit, in seconds: one day. A longer time is probably a mistake in the unit.
-const LONGEST_TIME: f64 = 86_400.0;
+/// The delays and limits that are read and sent, in seconds: at most one day. A longer time is probably a
+/// mistake in the unit.
+pub const TIMES: RangeInclusive<f64> = 0.0..=86_400.0;
+
+/// What a valid delay or limit is.
+pub const TIMES_WANTED: &str = "seconds from 0 to 86400";
 
 /// Reads and writes a value that takes `MEMBERS` members.
 pub(super) trait Kind<const MEMBERS: usize> {
@@ -266,11 +272,74 @@ impl OfOne for Number {
     }
 }
 
+/// A finite number, written without quotes with these decimals. The text says what a valid value is.
+pub(super) struct BareNumber(pub Wanted, pub Decimals);
+
+impl OfOne for BareNumber {
+    type Value = f64;
+
+    fn wanted(&self) -> Wanted {
+        self.0
+    }
+
+    fn read(&self, value: Value<'_>) -> Option<f64> {
+        value.number()
+    }
+
+    fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: f64) -> Result<(), EncodeError> {
+        object.bare_fixed(key, value, self.1)
+    }
+}
+
+/// A whole number, written without quotes.
+pub(super) struct BareWhole;
+
+impl OfOne for BareWhole {
+    type Value = i64;
+
+    fn wanted(&self) -> Wanted {
+        Wanted(&["a whole number", "整数"])
+    }
+
+    fn read(&self, value: Value<'_>) -> Option<i64> {
+        value.integer()
+    }
+
+    fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: i64) -> Result<(), EncodeError> {
+        object.bare_integer(key, value);
+        Ok(())
+    }
+}
+
+/// `1` or `0`, written without quotes.
+pub(super) struct BareFlag;
+
+impl OfOne for BareFlag {
+    type Value = bool;
+
+    fn wanted(&self) -> Wanted {
+        OfOne::wanted(&Flag)
+    }
+
+    fn read(&self, value: Value<'_>) -> Option<bool> {
+        value.flag()
+    }
+
+    fn write(
+        &self,
+        object: &mut ObjectWriter<'_>,
+        key: &'static Key,
+        value: bool,
+    ) -> Result<(), EncodeError> {
+        object.bare_integer(key, i64::from(value));
+        Ok(())
+    }
+}
+
 /// A number in equal steps, with one decimal. Any number is read, but only numbers within these bounds are
 /// sent.
 pub(super) struct OnGrid {
-    pub from: f64,
-    pub to: f64,
+    pub range: RangeInclusive<f64>,
     pub grid: Grid,
     pub read: Wanted,
     pub sent: &'static str,
@@ -288,7 +357,7 @@ impl OfOne for OnGrid {
     }
 
     fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: f64) -> Result<(), EncodeError> {
-        if !(self.from..=self.to).contains(&value) {
+        if !self.range.contains(&value) {
             return Err(EncodeError::new(key.name(), self.sent));
         }
         self.grid.sendable(key.name(), value)?;
@@ -303,16 +372,16 @@ impl OfOne for Seconds {
     type Value = f64;
 
     fn wanted(&self) -> Wanted {
-        Wanted(&["seconds, from 0 to 86400", "0 至 86400 的秒数"])
+        Wanted(&[TIMES_WANTED, "0 至 86400 的秒数"])
     }
 
     fn read(&self, value: Value<'_>) -> Option<f64> {
-        value.number().filter(|time| (0.0..=LONGEST_TIME).contains(time))
+        value.number().filter(|time| TIMES.contains(time))
     }
 
     fn write(&self, object: &mut ObjectWriter<'_>, key: &'static Key, value: f64) -> Result<(), EncodeError> {
-        if !(0.0..=LONGEST_TIME).contains(&value) {
-            return Err(EncodeError::new(key.name(), OfOne::wanted(self).english()));
+        if !TIMES.contains(&value) {
+            return Err(EncodeError::new(key.name(), TIMES_WANTED));
         }
         self.0.sendable(key.name(), value)?;
         object.quoted_fixed(key, value, self.1)

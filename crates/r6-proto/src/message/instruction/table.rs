@@ -1,13 +1,14 @@
-//! The table of the members of instructions. Each row is one member; a struct groups its rows. The structs,
-//! the code that reads and writes them, the names on the wire and the lists of [`super::super::action`] are
-//! generated from this table.
+//! The table of the members of instructions and of camera points. Each row is one member; a struct groups its
+//! rows. The structs, the code that reads and writes them, the names on the wire and the lists of
+//! [`super::super::action`] are generated from this table.
 //!
 //! Each row has: its documentation, its name in the code and its type; `must` (required), `may` (optional) or
 //! `or` (with a default); its names on the wire, each with the section of the manual or the evidence for a
 //! later one; and its kind ([`super::kinds`]). A struct is written in the order of its rows.
 
 use super::kinds::{
-    Blend, Flag, Kind, Listed, Mask, Number, OnGrid, POINT, Pairs, Seconds, UpTo, Watched, Whole,
+    BareFlag, BareNumber, BareWhole, Blend, Flag, Kind, Listed, Mask, Number, OnGrid, POINT, Pairs, Seconds,
+    UpTo, Watched, Whole,
 };
 use super::{BlendLevel, OutputBoard, OutputKind, WaitCondition, WaitSource};
 use crate::axis::AxisMask;
@@ -17,6 +18,9 @@ use crate::grid::Grid;
 use crate::io_point::PairMask;
 use crate::message::action::MemberInfo;
 use crate::message::fields::{Fields, FieldsView};
+
+const MM: Wanted = Wanted(&["a finite number of mm", "有限的毫米数"]);
+const DEGREES: Wanted = Wanted(&["a finite number of degrees", "有限的角度"]);
 
 macro_rules! parts {
     ($(
@@ -37,10 +41,10 @@ macro_rules! parts {
 
             impl $part {
                 /// Its members on the wire.
-                pub(crate) const MEMBERS: &[MemberInfo] =
+                pub const MEMBERS: &[MemberInfo] =
                     &[$( $( MemberInfo { name: $name, source: $source }, )+ )+];
 
-                /// Reads it from the members of an instruction.
+                /// Reads it from the members of an object.
                 pub(crate) fn from_fields(fields: &mut FieldsView<'_>) -> Result<Self, FieldError> {
                     $(
                         let slots = [$( const { Fields::of($name) } ),+];
@@ -49,8 +53,8 @@ macro_rules! parts {
                     Ok(Self { $( $member, )+ })
                 }
 
-                /// Appends its members to an instruction.
-                pub(super) fn write(&self, object: &mut ObjectWriter<'_>) -> Result<(), EncodeError> {
+                /// Appends its members to an object.
+                pub(in crate::message) fn write(&self, object: &mut ObjectWriter<'_>) -> Result<(), EncodeError> {
                     $( parts!(@give $how object, self.$member, [$( key!($name) ),+], $kind); )+
                     Ok(())
                 }
@@ -101,8 +105,7 @@ parts! {
         mask: Option<AxisMask> = may "ckStatus" "6.1.1" => Mask;
         /// `speed`: percent, 0.1 to 100, in steps of 0.1; other values are not sent.
         speed: Option<f64> = may "speed" "6.1.1" =>
-            // At 0 percent nothing would move.
-            OnGrid { from: 0.1, to: 100.0, grid: Grid::PERCENT, read: Wanted(&["a finite number of percent", "有限的百分比"]), sent: "percent, from 0.1 to 100" };
+            OnGrid { range: Manner::SPEEDS, grid: Grid::PERCENT, read: Wanted(&["a finite number of percent", "有限的百分比"]), sent: Manner::SPEEDS_WANTED };
         /// `delay`: seconds to wait before the move, 0 to 86400, in steps of 0.1; other values are not sent.
         delay: Option<f64> = may "delay" "6.1.1" => Seconds(Grid::TENTHS_OF_A_SECOND, Decimals::TENTHS);
         /// `smooth`: blend level 0 to 9.
@@ -160,7 +163,10 @@ parts! {
     #[derive(Clone, Copy, Debug, PartialEq)]
     Output {
         /// `type`: which kind of output.
-        kind: OutputKind = must "type" "later manual" => Listed(Wanted(&["0 (Y), 5 (M), 7 (EUY) or 100 (timed Y)", "0（Y）、5（M）、7（EUY）或 100（定时 Y）"]), &OutputKind::NUMBERS);
+        kind: OutputKind = must "type" "later manual" => Listed(
+            Wanted(&["0 (Y), 5 (M), 7 (EUY) or 100 (timed Y)", "0（Y）、5（M）、7（EUY）或 100（定时 Y）"]),
+            &[(0, OutputKind::Y), (5, OutputKind::M), (7, OutputKind::Euy), (100, OutputKind::TimedY)],
+        );
         /// `io_status`: on or off.
         on: bool = must "io_status" "later manual" => Flag;
         /// `point`: 0 to 32 (010 to 047 and one more in octal names).
@@ -174,7 +180,10 @@ parts! {
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     BoardOutput {
         /// `type`: which board.
-        board: OutputBoard = must "type" "later manual" => Listed(Wanted(&["0, 1 (Y) or 5, 6 (M)", "0、1（Y）或 5、6（M）"]), &OutputBoard::NUMBERS);
+        board: OutputBoard = must "type" "later manual" => Listed(
+            Wanted(&["0, 1 (Y) or 5, 6 (M)", "0、1（Y）或 5、6（M）"]),
+            &[(0, OutputBoard::Y(0)), (1, OutputBoard::Y(1)), (5, OutputBoard::M(0)), (6, OutputBoard::M(1))],
+        );
         /// `point`: two bits each for points 0 to 15.
         low: PairMask = or(PairMask::from_bits(0)) "point" "later manual" => Pairs;
         /// `point2`: two bits each for points 16 to 31.
@@ -186,5 +195,35 @@ parts! {
     Workbench {
         /// `cnt_id`: number of the workbench.
         id: u32 = must "cnt_id" "6.1.2" => Whole(Wanted(&["a number from 0", "不小于 0 的整数"]));
+    }
+
+    /// One part that a camera found, in the robot's calibrated world (manual 5.2).
+    ///
+    /// A coordinate that is left out is not written, and is not read as 0: the tool keeps its present value.
+    /// The manual always shows all of X to `Angel`. It is not known what a shipped controller does with an
+    /// incomplete point, so give all six if the wrist matters.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    Point {
+        /// `ModelID`: the template that recognised the part.
+        model_id: i64 = or(0) "ModelID" "5.2" => BareWhole;
+        /// `X`, mm.
+        x: f64 = must "X" "5.2" => BareNumber(MM, Decimals::POSITION);
+        /// `Y`, mm.
+        y: f64 = must "Y" "5.2" => BareNumber(MM, Decimals::POSITION);
+        /// `Z`, mm. If it is left out, the tool keeps its height.
+        z: Option<f64> = may "Z" "5.2" => BareNumber(MM, Decimals::POSITION);
+        /// `U`, degrees. If it is left out, the tool keeps its U. A four-axis robot has no U.
+        u: Option<f64> = may "U" "5.2" => BareNumber(DEGREES, Decimals::POSITION);
+        /// `V`, degrees. If it is left out, the tool keeps its V. A four-axis robot has no V.
+        v: Option<f64> = may "V" "5.2" => BareNumber(DEGREES, Decimals::POSITION);
+        /// `Angel` (the wire's spelling), degrees: W, or U on a four-axis robot. If it is left out, the tool
+        /// keeps its angle.
+        angle: Option<f64> = may "Angel" "5.2" => BareNumber(DEGREES, Decimals::POSITION);
+        /// `Similarity`. The manual does not give its range.
+        similarity: Option<f64> = may "Similarity" "5.2" => BareNumber(Wanted(&["a finite number", "有限的数"]), Decimals::FEW);
+        /// `Color`. The manual does not give its range.
+        color: Option<i64> = may "Color" "5.2" => BareWhole;
+        /// `Rel`: the coordinates are relative.
+        relative: bool = or(false) "Rel" "5.2" => BareFlag;
     }
 }

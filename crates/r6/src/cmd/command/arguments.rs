@@ -16,8 +16,8 @@ pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, Str
                 return Err(format!("a signal's name takes 1 more argument, on or off; {given} given"));
             };
             let signal: IoPoint = signal.parse().map_err(|error: BadPoint| error.to_string())?;
-            let board = wording::board_of(signal)?.to_string();
-            Command::typed(name, &[&board, &signal.point.to_string(), state])
+            let (board, point) = wording::for_command(signal)?;
+            Command::typed(name, &[&board.to_string(), &point.to_string(), state])
         }
         Some(_) | None => Command::typed(name, words),
     };

@@ -21,7 +21,7 @@ pub fn words(command: &Command<'_>) -> Option<String> {
         }
         Command::ModifyOutput { board, point, on } => {
             let state = if *on { "on" } else { "off" };
-            match output(*board, *point) {
+            match IoPoint::of_command(*board, *point) {
                 Some(named) => format!("point {point} of {} = {named}, {state}", bank(named)),
                 None => format!("board {board}, point {point}, {state}"),
             }
@@ -65,28 +65,14 @@ pub fn is_scaled(command: &Command<'_>) -> bool {
     command.name().info().arguments.iter().any(|argument| argument.kind.is_scaled())
 }
 
-/// The signal that a board and a point of `modifyOutput` name (manual 4.2.1 #8).
-fn output(board: u8, point: u8) -> Option<IoPoint> {
-    let (kind, board) = match board {
-        0..=3 => (PointKind::Y, board),
-        4..=6 => (PointKind::M, board - 4),
-        7 => (PointKind::Euy, 0),
-        _ => return None,
-    };
-    Some(IoPoint { kind, board, point })
-}
-
-/// The board of `modifyOutput` for a signal, or why the command cannot set it.
-pub fn board_of(named: IoPoint) -> Result<u8, String> {
-    match (named.kind, named.board) {
-        (PointKind::Y, board @ 0..=3) => Ok(board),
-        (PointKind::M, board @ 0..=2) => Ok(board + 4),
-        (PointKind::Euy, 0) => Ok(7),
-        (PointKind::X | PointKind::Eux, _) => Err(format!("{named} is an input, and is not set")),
-        (PointKind::Y | PointKind::M | PointKind::Euy, _) => {
-            Err(format!("{named} cannot be set by this command: it has boards 0 to 3 of Y and 0 to 2 of M"))
+/// Board and point of `modifyOutput` for a signal, or why the command cannot set it.
+pub fn for_command(named: IoPoint) -> Result<(u8, u8), String> {
+    named.for_command().ok_or_else(|| match named.kind {
+        PointKind::X | PointKind::Eux => format!("{named} is an input, and is not set"),
+        PointKind::Y | PointKind::M | PointKind::Euy => {
+            format!("{named} cannot be set by this command: it has boards 0 to 3 of Y and 0 to 2 of M")
         }
-    }
+    })
 }
 
 /// The bank of a signal: `Y`, `Y, board 1`.
@@ -111,19 +97,13 @@ mod tests {
     }
 
     #[test]
-    fn every_output_of_the_command_has_its_name_and_back() {
-        for board in 0..=7_u8 {
-            for point in 0..32_u8 {
-                let named = output(board, point).unwrap();
-                assert_eq!((board_of(named), named.point), (Ok(board), point));
-            }
-        }
+    fn an_output_is_told_by_its_name() {
         let said = |board, point| words(&Command::ModifyOutput { board, point, on: true }).unwrap();
         assert_eq!(said(0, 10), "point 10 of Y = Y022, on");
         assert_eq!(said(1, 0), "point 0 of Y, board 1 = Y1.010, on");
         assert_eq!(said(4, 3), "point 3 of M = M013, on");
         for wrong in ["X010", "EUX010", "Y4.010", "M3.010"] {
-            assert!(board_of(wrong.parse().unwrap()).is_err(), "{wrong}");
+            assert!(for_command(wrong.parse().unwrap()).is_err(), "{wrong}");
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use r6_client::{Cause, Missed, MotionError, Progress, RequestError, Robot, StopReport, WaitError};
+use r6_client::{Cause, Missed, MotionError, NotSent, Progress, RequestError, Robot, StopReport, WaitError};
 
 use crate::cmd::job::guard;
 use crate::cmd::stop::start_again;
@@ -139,10 +139,8 @@ fn steps(progress: &Progress) -> String {
 /// which is not repeated. If the stop was not sent, the error says that nothing was sent. This is true of the
 /// stop alone, because steps of the motion were sent.
 fn not_stopped(error: &RequestError, told: Code) -> String {
-    const MOST_IMPORTANT: &str = "use the emergency stop";
-    let text = error.to_string();
-    let (RequestError::NotSent(_), Some(at)) = (error, text.find(MOST_IMPORTANT)) else { return text };
-    let first = text.get(..at + MOST_IMPORTANT.len()).unwrap_or_default();
+    let RequestError::NotSent(NotSent::NotStopped(_)) = error else { return error.to_string() };
+    let first = NotSent::NOT_STOPPED;
     if is_another_robot(error) && told == Code::AnotherRobot {
         return first.to_owned();
     }

@@ -2,8 +2,10 @@
 
 use std::time::Duration;
 
-use r6_client::{Done, EndProof, Missed, Progress, Unmet};
-use serde_json::{Value, json};
+use r6_api::position::SHOWN_AXES;
+use r6_api::{AxisPosition, CutShort, MotionEvent, Pose, Steps, Unit};
+use r6_client::{Done, Missed, Progress, Unmet};
+use serde_json::json;
 
 use crate::cmd::job::ended::Ended;
 use crate::cmd::stop;
@@ -36,69 +38,54 @@ pub struct Accepted {
 
 impl Accepted {
     /// The event for a list that was sent as a whole.
-    pub fn whole(&self, robot: &str) -> Value {
-        json!({
-            "event": "accepted",
-            "robot": robot,
-            "instructions": self.instructions,
-            "replaced_list": self.replaced_list,
-            "repeats": self.repeats,
-            "after_ms": readings::milliseconds(self.after),
-        })
+    pub fn whole(&self, robot: &str) -> MotionEvent {
+        self.event(robot, None)
     }
 
     /// The event for a list of a stream, with the steps accepted so far and the progress of the motion.
-    pub fn streamed(&self, robot: &str, accepted: usize, progress: &Progress) -> Value {
-        let mut event = self.whole(robot);
-        event["steps"] = steps(&Progress { accepted, ..*progress });
-        event
+    pub fn streamed(&self, robot: &str, accepted: usize, progress: &Progress) -> MotionEvent {
+        self.event(robot, Some(steps(&Progress { accepted, ..*progress })))
+    }
+
+    fn event(&self, robot: &str, steps: Option<Steps>) -> MotionEvent {
+        MotionEvent::Accepted {
+            robot: robot.to_owned(),
+            instructions: self.instructions,
+            replaced_list: self.replaced_list,
+            repeats: self.repeats,
+            after_ms: readings::milliseconds(self.after),
+            steps,
+        }
     }
 }
 
 /// The event for the progress of a motion.
-pub fn progress(robot: &str, progress: &Progress) -> Value {
-    json!({ "event": "progress", "robot": robot, "steps": steps(progress) })
+pub fn progress(robot: &str, progress: &Progress) -> MotionEvent {
+    MotionEvent::Progress { robot: robot.to_owned(), steps: steps(progress) }
 }
 
-fn steps(progress: &Progress) -> Value {
+fn steps(progress: &Progress) -> Steps {
     let Progress { total, left, accepted, done, .. } = *progress;
-    json!({ "total": total, "sent": left, "accepted": accepted, "done": done })
+    Steps { total, sent: left, accepted, done }
 }
 
 /// The event for an arm that stands at the end of the motion, with the proof of the end.
-pub fn stands(robot: &str, done: &Done) -> Value {
-    json!({
-        "event": "stands",
-        "robot": robot,
-        "took_s": readings::milliseconds(done.took) / 1e3,
-        "moved": done.moved,
-        "proof": proof(&done.proof),
-        "cut_short": cut_short(&done.proof),
-        "axes": status::axes_json(&done.axes),
-        "pose": status::pose_json(&done.pose),
-    })
-}
-
-/// The word for the proof of the end.
-fn proof(proof: &EndProof) -> &'static str {
-    match proof {
-        EndProof::Reached => "reached",
-        EndProof::Consumed => "consumed",
-        EndProof::CutShort(_) => "cut_short",
-        EndProof::AtRest => "at_rest",
+pub fn stands(robot: &str, done: &Done) -> MotionEvent {
+    MotionEvent::Stands {
+        robot: robot.to_owned(),
+        took_s: readings::milliseconds(done.took) / 1e3,
+        moved: done.moved,
+        proof: done.proof.word().to_owned(),
+        cut_short: done.proof.cut_short().map(cut_short),
+        axes: AxisPosition::read(done.axes.get(..SHOWN_AXES).unwrap_or(&done.axes)),
+        pose: Pose::of(&done.pose),
     }
 }
 
-/// Where the last move should have ended and where the arm stands, if an input cut that move short.
-fn cut_short(proof: &EndProof) -> Option<Value> {
-    match proof {
-        EndProof::CutShort(Missed { axis, of_pose, wanted, found }) => {
-            let (axis, unit) =
-                if *of_pose { (axis.world_name().to_owned(), "mm") } else { (axis.to_string(), "deg") };
-            Some(json!({ "axis": axis, "wanted": wanted, "found": found, "unit": unit }))
-        }
-        EndProof::Reached | EndProof::Consumed | EndProof::AtRest => None,
-    }
+/// Where the last move should have ended and where the arm stands. The unit of an axis is not known.
+fn cut_short(missed: &Missed) -> CutShort {
+    let unit = missed.of_pose.then_some(Unit::Millimetres);
+    CutShort { axis: missed.name(), wanted: missed.wanted, found: missed.found, unit }
 }
 
 /// Adds event, steps and stop to the failure of a job, for programs: the steps if they were streamed, the
@@ -109,10 +96,10 @@ pub fn failed(ended: Ended) -> Failure {
         failure = failure.member("event", "failed");
     }
     if let Some(progress) = &progress {
-        failure = failure.member("steps", steps(progress));
+        failure = failure.member("steps", json!(steps(progress)));
     }
     if let Some(report) = &stop {
-        failure = failure.member("stop", stop::seen(report));
+        failure = failure.member("stop", json!(stop::seen(report)));
     }
     failure
 }

@@ -43,6 +43,13 @@ fn obey(controllers: &[ControllerHandle]) {
             Ok(0) | Err(_) => return,
             Ok(_) => {}
         }
+        if !bytes.ends_with(b"\n") && bytes.len() as u64 == MAX_LINE_BYTES {
+            output::note(format_args!("r6: a line has {MAX_LINE_BYTES} bytes at most: it was left out"));
+            if std::io::stdin().lock().skip_until(b'\n').is_err() {
+                return;
+            }
+            continue;
+        }
         let line = String::from_utf8_lossy(&bytes);
         if line.trim().is_empty() {
             continue;

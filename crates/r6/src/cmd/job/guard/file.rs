@@ -75,9 +75,7 @@ fn parse(text: &str) -> Result<Limits, Mistakes> {
         fields.optional(name, "a number above 0", |value| value.number().filter(|number| *number > 0.0))
     };
     let limits = Limits {
-        max_speed: fields.optional("max_speed", "percent, from 0.1 to 100 in steps of 0.1", |value| {
-            Percent::new(value.number()?).ok()
-        }),
+        max_speed: fields.optional("max_speed", Percent::WANTED, |value| Percent::new(value.number()?).ok()),
         max_path_speed: fields.optional("max_path_speed", PathSpeed::WANTED, |value| {
             MillimetresPerSecond::new(u32::try_from(value.whole()?).ok()?).ok()
         }),
