@@ -74,7 +74,11 @@ impl Machine {
     }
 }
 
-fn speed(target: &MoveTarget, manner: &Manner, path_speed: Option<f64>) -> Result<MoveSpeed, (AlarmCode, Reason)> {
+fn speed(
+    target: &MoveTarget,
+    manner: &Manner,
+    path_speed: Option<f64>,
+) -> Result<MoveSpeed, (AlarmCode, Reason)> {
     match (target, manner.speed, path_speed) {
         (_, Some(percent), _) => Ok(MoveSpeed::PercentOfMax(percent)),
         (MoveTarget::Line(_) | MoveTarget::Curve { .. }, None, Some(speed)) => {

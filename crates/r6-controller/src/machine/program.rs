@@ -308,7 +308,7 @@ impl Machine {
             }
             Step::Counter { id, change } => {
                 let counter = self.counters.get_mut(id);
-                let counter = counter.ok_or_else(|| (AlarmCode::NO_COUNTER, Reason::NoCounter(*id)))?;
+                let counter = counter.ok_or((AlarmCode::NO_COUNTER, Reason::NoCounter(*id)))?;
                 counter.current = changed(counter.current, *change);
                 self.program.next();
             }
@@ -401,7 +401,8 @@ impl Machine {
             ));
         }
         let program = self.programs.library.named(name).cloned();
-        let program = program.ok_or_else(|| (AlarmCode::PROGRAM, Reason::NoProgramToCall(Detail::of(name))))?;
+        let program =
+            program.ok_or_else(|| (AlarmCode::PROGRAM, Reason::NoProgramToCall(Detail::of(name))))?;
         self.program.calls.push(Place { program, step: 0 });
         Ok(())
     }

@@ -51,7 +51,7 @@ impl Machine {
 
     /// The move to the point that was taken.
     fn move_to_point(&self, above: f64, manner: Manner) -> Result<Action, (AlarmCode, Reason)> {
-        let point = self.program.point.ok_or_else(|| (AlarmCode::PROGRAM, Reason::NoPointTaken))?;
+        let point = self.program.point.ok_or((AlarmCode::PROGRAM, Reason::NoPointTaken))?;
         Ok(line_to(shifted(&point, [0.0; 3], above), manner))
     }
 
@@ -124,7 +124,7 @@ impl Machine {
             return Err((AlarmCode::PROGRAM, format!("stack {stack} has no places").into()));
         }
         let counter_state = self.counters.get(&counter);
-        let current = counter_state.ok_or_else(|| (AlarmCode::NO_COUNTER, Reason::NoCounter(counter)))?.current;
+        let current = counter_state.ok_or((AlarmCode::NO_COUNTER, Reason::NoCounter(counter)))?.current;
         let place = u64::try_from(current).map_err(|_| {
             (AlarmCode::PROGRAM, format!("counter {counter} is {current}, and no place of a stack").into())
         })?;
