@@ -329,7 +329,10 @@ impl Motion {
 
     /// The first move of a part that would go at a path speed which the part does not set.
     fn without_speed(&self) -> Option<StepError> {
-        let mut set = !self.cut_behind_path_speed;
+        if !self.cut_behind_path_speed {
+            return None;
+        }
+        let mut set = false;
         (1..).zip(&self.steps).find_map(|(step, instruction)| {
             let speed = match &instruction.action {
                 Action::PathSpeed(speed) => {

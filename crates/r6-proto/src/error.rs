@@ -5,7 +5,6 @@ use std::fmt;
 
 use crate::grid::Nearest;
 use crate::language::Language;
-use crate::message::CommandName;
 use crate::printable::printable;
 
 /// A frame that is not a JSON object.
@@ -108,8 +107,8 @@ pub enum FieldPath {
     Member(String),
     /// In an argument of a command.
     Argument {
-        /// The command.
-        command: CommandName,
+        /// The word of the command.
+        command: &'static str,
         /// The number of the argument, from 1.
         number: usize,
         /// Its name in the table of commands.

@@ -297,5 +297,8 @@ def test_a_port_may_stand_apart(virtual_controller: r6.Simulator) -> None:
         assert robot.status().is_ready
     with pytest.raises(TypeError, match='"192.168.1.10:9760"'):
         r6.Robot.connect(host, port)  # type: ignore[arg-type]
+    for twice in (virtual_controller.address, "[::1]:9760"):
+        with pytest.raises(ValueError, match="the port was given twice"):
+            r6.Robot.connect(twice, int(port))
     with pytest.raises(TypeError, match="given twice"):
         r6.Robot.connect(host, r6.RobotSettings(), r6.RobotSettings())

@@ -67,7 +67,7 @@ impl RobotArgs {
         let _ = SETTINGS.set(RobotSettings { type_key, ds_id, ..RobotSettings::default() });
     }
 
-    /// The options that say how requests are written, as they have to be typed again; empty if none was given.
+    /// The options that say how requests are written, as they have to be typed again; empty without any.
     pub fn wire_options(&self) -> String {
         let type_key = if self.type_key == "cmdType" { " --type-key cmdType" } else { "" };
         let ds_id = if self.ds_id == "short" { " --ds-id short" } else { "" };

@@ -204,7 +204,7 @@ impl<'a> Source<'a> for Sent<'a> {
             None => ("?", Wanted::UNKNOWN),
         };
         FieldError {
-            path: FieldPath::Argument { command: self.name, number: number + 1, name },
+            path: FieldPath::Argument { command: self.name.word(), number: number + 1, name },
             found: self.values.at(number).map(excerpt),
             wanted,
             nearest: None,

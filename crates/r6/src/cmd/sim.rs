@@ -268,8 +268,8 @@ pub async fn start(settings: SimSettings) -> Result<Simulation, Failure> {
     Ok(simulation)
 }
 
-/// The message for a controller that has an alarm as soon as it is switched on, such as because the first step
-/// of its program cannot be carried out.
+/// The message for a controller that has an alarm as soon as it is switched on. One reason is that the first
+/// step of its program cannot be carried out.
 fn alarm_at_start(state: &ControllerSnapshot, address: SocketAddr) -> Option<String> {
     let code = i64::from(state.alarm);
     (code != 0).then(|| {
