@@ -79,9 +79,11 @@ impl Status {
     /// The state according to the values of a robot; `read` returns `None` if an address has no value.
     ///
     /// `remote_program` is the name of a program that only waits for remote commands, if one is known.
+    /// `list_is_unreadable`: whether a `RemoteCmdLen` came that cannot be read.
     pub fn read(
         robot: &str,
         remote_program: Option<&str>,
+        list_is_unreadable: bool,
         read: impl Fn(Address) -> Option<Reading>,
     ) -> Self {
         let text = |address| if let Reading::Text(text) = read(address)? { Some(text) } else { None };
@@ -108,11 +110,12 @@ impl Status {
             homed: flag(Address::Origin),
             moving: flag(Address::IsMoving),
             list_length: integer(Address::RemoteCmdLen),
+            list_is_unreadable,
         };
         let unmet: Vec<_> = facts.unmet_with(remote_program).iter().map(Unmet::of).collect();
         Self {
             robot: robot.to_owned(),
-            r#virtual: machine_name.as_ref().is_some_and(|name| name.to_lowercase().contains("virtual")),
+            r#virtual: machine_name.as_deref().is_some_and(is_virtual),
             firmware: text(Address::Version),
             mode: mode.map(OperationMode::number),
             mode_name: mode.map(|mode| mode.to_string()),
@@ -138,6 +141,12 @@ impl Status {
             machine_name,
         }
     }
+}
+
+/// Whether a machine with this name says that it is a virtual controller.
+#[must_use]
+pub fn is_virtual(machine_name: &str) -> bool {
+    machine_name.to_lowercase().contains("virtual")
 }
 
 /// An alarm in a few words, such as `135 (J6: positive soft limit)`; `code` is not 0.
@@ -190,7 +199,7 @@ pub enum Condition {
     Moving,
     /// Instructions are left in the list from before.
     LeftoverList,
-    /// The controller reports another program than the one that was named (`--remote-program`).
+    /// `--remote-program` named a program, and the controller runs another one.
     OtherProgram,
     /// A value that has to be known could not be read.
     Unknown,
@@ -293,7 +302,7 @@ mod tests {
                 _ => None,
             }
         };
-        serde_json::to_value(Status::read("127.0.0.1:9760", remote_program, read)).unwrap()
+        serde_json::to_value(Status::read("127.0.0.1:9760", remote_program, false, read)).unwrap()
     }
 
     #[test]

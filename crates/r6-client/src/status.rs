@@ -42,6 +42,8 @@ pub struct Status {
     pub pose: [Option<f64>; AXES],
     /// `RemoteCmdLen`: instructions left in the instruction list (from 207beta25 on).
     pub list_length: Option<i64>,
+    /// Whether a `RemoteCmdLen` came that cannot be read: the list may have instructions.
+    pub list_is_unreadable: bool,
     /// `curCycle`, seconds.
     pub cycle: Option<f64>,
     /// `lastCycle`, seconds.
@@ -64,6 +66,7 @@ impl Status {
             axes: components(read, Address::Axis),
             pose: components(read, Address::World),
             list_length: read.integer(Address::RemoteCmdLen),
+            list_is_unreadable: read.left_in_list().is_err(),
             cycle: read.decimal(Address::CurCycle),
             last_cycle: read.decimal(Address::LastCycle),
         }
@@ -102,6 +105,7 @@ impl Status {
             homed: self.homed,
             moving: self.moving,
             list_length: self.list_length,
+            list_is_unreadable: self.list_is_unreadable,
         }
     }
 

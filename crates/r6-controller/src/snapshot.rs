@@ -137,6 +137,7 @@ fn facts(machine: &Machine) -> ReadinessFacts<'_> {
         homed: Some(machine.homed),
         moving: Some(machine.tells_moving()),
         list_length: i64::try_from(machine.list.len()).ok(),
+        list_is_unreadable: false,
     }
 }
 

@@ -22,6 +22,8 @@ pub struct ReadinessFacts<'s> {
     pub moving: Option<bool>,
     /// `RemoteCmdLen`: instructions left in the instruction list (from 207beta25 on).
     pub list_length: Option<i64>,
+    /// Whether a `RemoteCmdLen` came that cannot be read. This is not firmware without it.
+    pub list_is_unreadable: bool,
 }
 
 /// A condition for sending instructions that does not hold.
@@ -46,7 +48,7 @@ pub enum Unmet {
         /// How many.
         length: i64,
     },
-    /// The controller reports another program than the one that the caller named.
+    /// The caller named a program, and the controller runs another one.
     OtherProgram,
     /// A required value is not known.
     Unknown {
@@ -80,8 +82,8 @@ pub enum Readiness {
 impl ReadinessFacts<'_> {
     /// The conditions that do not hold, in the order in which to deal with them; empty if all hold.
     ///
-    /// An unknown value counts as not holding, except the length of the list, because older firmware cannot
-    /// report it. Empty does not mean ready: see [`Self::readiness`].
+    /// An unknown value counts as not holding, except a length of the list that did not come, because older
+    /// firmware cannot report it. Empty does not mean ready: see [`Self::readiness`].
     #[must_use]
     pub fn unmet(&self) -> Vec<Unmet> {
         let unknown = |address| Some(Unmet::Unknown { address });
@@ -105,8 +107,11 @@ impl ReadinessFacts<'_> {
             Some(true) => Some(Unmet::Moving),
             None => unknown(Address::IsMoving),
         };
-        let list =
-            self.list_length.filter(|length| *length != 0).map(|length| Unmet::LeftoverList { length });
+        let list = match self.list_length {
+            _ if self.list_is_unreadable => unknown(Address::RemoteCmdLen),
+            None | Some(0) => None,
+            Some(length) => Some(Unmet::LeftoverList { length }),
+        };
         // The order in which to deal with them: a leftover list would run at the next start.
         [moving, list, alarm, homed, mode].into_iter().flatten().collect()
     }
@@ -120,7 +125,8 @@ impl ReadinessFacts<'_> {
     pub fn unproved(&self, remote_program: Option<&str>) -> Vec<Unproved> {
         let waits = remote_program.is_some() && self.program == remote_program;
         let step = (!waits).then_some(Unproved::RemoteStep);
-        let list = self.list_length.is_none().then_some(Unproved::ListLength);
+        let list_is_untold = self.list_length.is_none() && !self.list_is_unreadable;
+        let list = list_is_untold.then_some(Unproved::ListLength);
         step.into_iter().chain(list).collect()
     }
 

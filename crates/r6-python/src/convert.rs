@@ -81,7 +81,8 @@ pub fn query_result<'py>(
 
 /// A status of the robot at this address, with its unmet conditions.
 pub fn status<'py>(py: Python<'py>, robot: &str, status: &Status) -> PyResult<Bound<'py, PyAny>> {
-    let told = r6_api::Status::read(robot, None, |address| status.reading(address));
+    let told =
+        r6_api::Status::read(robot, None, status.list_is_unreadable, |address| status.reading(address));
     let told = serde_json::to_string(&told).map_err(|error| PyValueError::new_err(error.to_string()))?;
     Record::new(py, "Status")?
         .with("firmware", status.firmware.as_deref())?

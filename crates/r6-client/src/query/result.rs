@@ -106,6 +106,19 @@ impl QueryResult {
         if let Reading::Integer(number) = self.reading(address)? { Some(*number) } else { None }
     }
 
+    /// How many instructions are left in the instruction list, if the query asked for `RemoteCmdLen`. `None`
+    /// if the firmware does not report it (before 207beta25).
+    ///
+    /// # Errors
+    /// A value came that cannot be read: the list may have instructions.
+    pub fn left_in_list(&self) -> Result<Option<i64>, &FieldError> {
+        let asked = self.rows.iter().find(|(address, _)| *address == Address::RemoteCmdLen);
+        match asked {
+            Some((_, Err(NoReading::Unreadable(error)))) => Err(error),
+            Some((_, Err(NoReading::Unsupported) | Ok(_))) | None => Ok(self.integer(Address::RemoteCmdLen)),
+        }
+    }
+
     /// A decimal number, in the unit of its address.
     #[must_use]
     pub fn decimal(&self, address: Address) -> Option<f64> {

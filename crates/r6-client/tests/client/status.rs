@@ -90,6 +90,20 @@ async fn what_is_not_known_counts_against_it_but_for_the_list() {
     assert_eq!(status.list_length, None);
 }
 
+/// It may have instructions, and the firmware reports its length.
+#[tokio::test]
+async fn a_list_length_that_cannot_be_read_is_not_a_missing_one() {
+    const WORD: [(&str, &str); 3] = [("curMode", "7"), ("origin", "1"), ("RemoteCmdLen", "24x")];
+    const HUGE: [(&str, &str); 3] =
+        [("curMode", "7"), ("origin", "1"), ("RemoteCmdLen", "99999999999999999999")];
+    for having in [&WORD, &HUGE] {
+        let status = status_of(having, &[]).await;
+        let unknown = Unmet::Unknown { address: Address::RemoteCmdLen };
+        assert_eq!((status.unmet(), status.list_length), (vec![unknown], None), "{having:?}");
+        assert_eq!(status.unproved(None), [Unproved::RemoteStep], "{having:?}");
+    }
+}
+
 /// The values fit any step of any program. Only a program name that the caller knows proves the wait step.
 #[tokio::test]
 async fn no_value_proves_the_wait_step_but_the_name_of_a_program_that_is_known() {

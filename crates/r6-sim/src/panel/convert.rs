@@ -107,7 +107,7 @@ pub(super) fn status(controller: &ControllerHandle) -> Status {
     let robot = controller.address().to_string();
     controller.look(|controller, now| {
         let controller = RefCell::new(controller);
-        Status::read(&robot, None, |address| controller.borrow_mut().reading(now, address))
+        Status::read(&robot, None, false, |address| controller.borrow_mut().reading(now, address))
     })
 }
 

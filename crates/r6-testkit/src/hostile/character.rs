@@ -106,6 +106,8 @@ pub enum ListLength {
     Absent,
     /// Always 0.
     Zero,
+    /// A word that is no number.
+    Unreadable,
 }
 
 /// The effect of each way of stopping.

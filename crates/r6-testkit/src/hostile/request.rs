@@ -203,6 +203,7 @@ fn value(body: &Body, character: &Character, address: &str) -> Option<Value> {
         "RemoteCmdLen" => match character.list_length {
             ListLength::Absent => return None,
             ListLength::Zero => "0".to_owned(),
+            ListLength::Unreadable => "24x".to_owned(),
             ListLength::True if body.dwelling() && character.dwell_told_empty => "0".to_owned(),
             ListLength::True => body.list_length().to_string(),
         },

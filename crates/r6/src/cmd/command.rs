@@ -105,17 +105,16 @@ fn quoted(words: &[String]) -> String {
 
 /// Refuses if instructions are left in the list. Passes if the firmware does not have `RemoteCmdLen`.
 async fn check_list(robot: &Robot, name: CommandName) -> Result<(), Failure> {
-    let length = robot.query(&[Address::RemoteCmdLen]).await?.integer(Address::RemoteCmdLen);
-    let left = match length {
-        None | Some(..=0) => return Ok(()),
-        Some(1) => "1 instruction is".to_owned(),
-        Some(count) => format!("{count} instructions are"),
+    let read = robot.query(&[Address::RemoteCmdLen]).await?;
+    let left = match read.left_in_list() {
+        Ok(None | Some(0)) => return Ok(()),
+        Ok(Some(1)) => "1 instruction is left in the list".to_owned(),
+        Ok(Some(count)) => format!("{count} instructions are left in the list"),
+        Err(error) => format!("what is left in the list cannot be read ({error})"),
     };
-    Err(Failure::refused(format!(
-        "{name} was not sent: {left} left in the list, and the arm would run the list"
-    ))
-    .with_code(Code::LeftoverList)
-    .advise(format!("`{}` clears the list; --run-leftover runs it", hint::r6("stop"))))
+    Err(Failure::refused(format!("{name} was not sent: {left}, and the arm would run the list"))
+        .with_code(Code::LeftoverList)
+        .advise(format!("`{}` clears the list; --run-leftover runs it", hint::r6("stop"))))
 }
 
 fn named(word: &str) -> Result<CommandName, Failure> {

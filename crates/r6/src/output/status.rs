@@ -12,7 +12,8 @@ use crate::output::table::Table;
 /// The state for programs (`docs/COMMAND_LINE.md`). `remote_program` names a program that only waits for
 /// remote commands.
 pub fn told(address: &str, status: &Status, remote_program: Option<&str>) -> r6_api::Status {
-    r6_api::Status::read(address, remote_program, |address| status.reading(address))
+    let unreadable = status.list_is_unreadable;
+    r6_api::Status::read(address, remote_program, unreadable, |address| status.reading(address))
 }
 
 /// The whole state as text. The last lines say whether the machine takes motion, and if not, why.
@@ -194,6 +195,7 @@ mod tests {
             axes: [Some(0.0), Some(10.0), Some(-20.5), Some(0.0), Some(30.0), Some(0.0), None, None],
             pose: [Some(400.0), Some(-50.0), Some(500.0), Some(180.0), Some(0.0), Some(0.0), None, None],
             list_length: Some(0),
+            list_is_unreadable: false,
             cycle: Some(1.25),
             last_cycle: None,
         }

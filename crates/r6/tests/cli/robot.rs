@@ -2,7 +2,9 @@
 
 use std::net::{TcpListener, TcpStream};
 
-use crate::support::{Robot, Running, TempFile, r6};
+use r6_testkit::hostile::{Character, Kind, ListLength};
+
+use crate::support::{Robot, Running, TempFile, hostile, r6};
 
 #[test]
 fn a_robot_that_may_be_ready_says_what_no_value_tells() {
@@ -262,6 +264,18 @@ fn a_leftover_list_is_not_started_without_a_word() {
     assert_eq!(outcome.code, 0, "{outcome:?}");
     assert_eq!(robot.r6(&["stop"]).code, 0);
     assert_eq!(robot.r6(&["command", "startButton"]).code, 0);
+    // A length that cannot be read is not that of a firmware without one.
+    let character = Character { list_length: ListLength::Unreadable, ..Character::default() };
+    let (garbled, controller) = hostile(character);
+    for args in [["command", "startButton"].as_slice(), &["move", "axes", "10", "--speed", "5"], &["status"]]
+    {
+        let outcome = r6(&[&["-r", &garbled], args].concat());
+        assert_eq!(outcome.code, 1, "{args:?}: {outcome:?}");
+        let said = format!("{}{}", outcome.out, outcome.err);
+        assert!(said.contains("cannot be read"), "{args:?}: {outcome:?}");
+    }
+    let moved = |kind| controller.arm(|arm, _| arm.log().iter().any(|entry| entry.kind == kind));
+    assert!(!moved(Kind::Command) && !moved(Kind::List), "nothing that moves was sent");
     // This firmware does not report the length of the list.
     let old = Robot::start(&["--profile", "r6-pendant", "--start", "auto"]);
     assert_eq!(old.r6(&["command", "startButton"]).code, 0);
