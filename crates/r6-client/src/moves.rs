@@ -287,17 +287,11 @@ impl Motion {
         let (begin, end) = (begin.min(self.len()), end.min(self.len()));
         let kept = || self.steps.iter().zip(&self.units).take(end).skip(begin);
         let starts = self.frame_starts.iter().filter(|start| (begin..end).contains(*start));
-        let in_force = |before, steps: &mut dyn Iterator<Item = &Instruction>| {
-            steps.fold(before, |set, step| match step.action {
-                Action::PathSpeed(speed) => speed.in_use,
-                _ => set,
-            })
-        };
-        let before = in_force(self.cut_behind_path_speed, &mut self.steps.iter().take(begin));
+        let before = path_speed_after(self.cut_behind_path_speed, self.steps.iter().take(begin));
         Self {
             steps: kept().map(|(step, _)| *step).collect(),
             units: kept().map(|(_, units)| *units).collect(),
-            path_speed: in_force(false, &mut kept().map(|(step, _)| step)),
+            path_speed: path_speed_after(false, kept().map(|(step, _)| step)),
             cut_behind_path_speed: before,
             frame_starts: starts.map(|start| start - begin).collect(),
             wrong: self.wrong,
@@ -437,6 +431,14 @@ impl FromIterator<Instruction> for Motion {
     fn from_iter<I: IntoIterator<Item = Instruction>>(instructions: I) -> Self {
         instructions.into_iter().fold(Self::new(), Self::instruction)
     }
+}
+
+/// Whether a path speed is in force after these steps.
+fn path_speed_after<'s>(before: bool, steps: impl Iterator<Item = &'s Instruction>) -> bool {
+    steps.fold(before, |set, step| match step.action {
+        Action::PathSpeed(speed) => speed.in_use,
+        _ => set,
+    })
 }
 
 fn manner(mask: AxisMask, speed: Option<Percent>) -> Manner {
