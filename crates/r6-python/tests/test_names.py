@@ -72,6 +72,7 @@ ELSEWHERE = {
     "WaitOptions": "Robot.wait_until_done",
     "WaitSource": "Motion.wait_for",
     "WrongPoint": " ValueError",
+    "address_with_port": " Robot.connect adds the port",
     "check_address": " Robot.connect checks it",
     "callback": " AsyncRobot runs on the event loop of asyncio",
 }
