@@ -46,7 +46,7 @@ Examples:
 pub struct PanelArgs {
     #[command(subcommand)]
     what: What,
-    /// Where the panel is [default: http://127.0.0.1:9770]
+    /// Where the panel is [default: 127.0.0.1:9770]
     #[arg(long, global = true, value_name = "URL", env = "R6_PANEL", hide_env_values = true)]
     panel: Option<String>,
     /// Which of its controllers, from 1
