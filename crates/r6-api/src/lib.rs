@@ -1,6 +1,6 @@
 //! The contract: the types that r6 writes as JSON. `r6 status --json`, the panel over HTTP and Python's
-//! `to_dict` use the same types. The figures of `r6 plot`, `inspect` and `discover` are still defined in the
-//! crate `r6`.
+//! `to_dict` use the same types. The JSON of `r6 plot`, `inspect`, `discover` and `command --list` is still
+//! defined in the crate `r6`.
 //!
 //! Each type works with serde; with the feature `openapi` it is also an OpenAPI schema. This crate has no I/O
 //! and no type of a client or of a controller: the caller that reads a robot passes its values by address.
@@ -31,5 +31,5 @@ pub use alarm::Alarm;
 pub use motion::{CommandAccepted, CutShort, MotionEvent, Steps, StopReport};
 pub use position::{AxisPosition, Pose, Unit};
 pub use problem::{Code, CommandProblem, Mistake, Problem};
-pub use reading::{Sample, Value};
+pub use reading::{AddressValue, Sample};
 pub use status::{Condition, Status, Unmet, Unproved};

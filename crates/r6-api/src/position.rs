@@ -31,6 +31,16 @@ impl Unit {
         Some(if component.number() < 3 { Self::Millimetres } else { Self::Degrees })
     }
 
+    /// The word for the unit of any address. `None` if the value has no unit; for an axis, see [`Self::of`].
+    #[must_use]
+    pub fn word_of(address: Address) -> Option<&'static str> {
+        match (address, Self::of(address)) {
+            (_, Some(unit)) => Some(unit.word()),
+            (Address::Axis(_) | Address::Faxis(_), None) => None,
+            (_, None) => Some(address.info().unit).filter(|unit| !unit.is_empty()),
+        }
+    }
+
     /// Its word: `deg` or `mm`.
     #[must_use]
     pub fn word(self) -> &'static str {

@@ -17,7 +17,7 @@ pub struct Sample {
     pub took_ms: f64,
     /// Each address with its value, in the order asked; `null` if it has none.
     #[serde(serialize_with = "as_map")]
-    pub values: Vec<(String, Option<Value>)>,
+    pub values: Vec<(String, Option<AddressValue>)>,
     /// Each address without a value, with the reason.
     #[serde(serialize_with = "as_map")]
     pub problems: Vec<(String, String)>,
@@ -27,9 +27,10 @@ pub struct Sample {
 }
 
 /// The value of an address: a text, a number, a flag, a list of texts or an object.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(untagged)]
-pub enum Value {
+pub enum AddressValue {
     /// Text: versions, names.
     Text(String),
     /// A whole number.
@@ -56,7 +57,7 @@ pub enum Value {
     },
 }
 
-impl From<Reading> for Value {
+impl From<Reading> for AddressValue {
     fn from(reading: Reading) -> Self {
         match reading {
             Reading::Text(text) => Self::Text(text),

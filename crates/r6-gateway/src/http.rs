@@ -7,6 +7,7 @@ mod audit;
 mod body;
 mod caller;
 mod commands;
+mod described;
 mod health;
 mod leases;
 mod metrics;
@@ -22,7 +23,7 @@ use axum::http::header::CONTENT_TYPE;
 use axum::http::{StatusCode, Uri};
 use axum::response::IntoResponse;
 use axum::{Router, middleware};
-use r6_api::{Code, Problem};
+use r6_api::Code;
 use r6_client::RobotSettings;
 use r6_http::Refusal;
 use r6_http::guard::guard;
@@ -34,6 +35,7 @@ use utoipa_axum::routes;
 use crate::fleet::Fleet;
 use crate::fleet::station::Shared;
 use crate::http::caller::Caller;
+use crate::http::described::OfToken;
 use crate::tokens::Tokens;
 
 /// What the routes work on.
@@ -118,9 +120,7 @@ pub fn openapi() -> String {
 /// This description.
 #[utoipa::path(get, path = "/v1/openapi.json", responses(
     (status = 200, description = "OpenAPI 3"),
-    (status = 401, description = "`no_token`", body = Problem),
-    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
-    (status = 429, description = "`too_many_requests`", body = Problem),
+    OfToken,
 ))]
 async fn describe(_caller: Caller) -> impl IntoResponse {
     ([(CONTENT_TYPE, "application/json")], openapi())

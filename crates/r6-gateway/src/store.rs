@@ -209,6 +209,5 @@ fn of_shell(time: &str, deed: Deed) -> AuditRecord {
 
 /// The role with this word.
 fn role(word: &str) -> Result<Role, StoreError> {
-    let named = Role::ALL.into_iter().find(|role| role.word() == word);
-    named.ok_or_else(|| StoreError::Unreadable(format!("the role `{word}`")))
+    Role::of_word(word).ok_or_else(|| StoreError::Unreadable(format!("the role `{word}`")))
 }

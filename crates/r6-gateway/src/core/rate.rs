@@ -47,8 +47,8 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Whatever the pauses: in no span of time pass more requests than the burst and one each interval.
-        /// Who waits as long as told passes.
+        /// Whatever the pauses, no span of time has more requests than the burst and one for each interval.
+        /// A request after the wait that the refusal gave is let through.
         #[test]
         fn no_more_pass_than_the_limit(pauses in prop::collection::vec(0..40_u64, 1..1_000)) {
             let mut rate = Rate::default();

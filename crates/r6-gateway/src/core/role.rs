@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_role_may_do_what_the_table_of_the_manual_says() {
+    fn each_role_may_do_what_the_table_of_the_page_says() {
         let rights = [
             Right::Read,
             Right::Stop,

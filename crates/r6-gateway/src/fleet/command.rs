@@ -7,7 +7,7 @@ use std::time::Duration;
 use r6_api::Code;
 use r6_api::gateway::{CommandDone, CommandOutcome, Deed, Happened, Lease, LeaseKey, RobotIdentity, Stopped};
 use r6_client::{Address, NotSent, OutcomeUnknown, RequestError, Robot};
-use r6_proto::{Command, CommandName, Effect};
+use r6_proto::{Command, Effect};
 use tokio::sync::Semaphore;
 
 use super::link::to_client;
@@ -137,7 +137,7 @@ impl Station {
         let robot = self.robot.borrow().clone();
         let robot =
             robot.ok_or_else(|| untold(Problem::new(Code::NotReady, "there is no connection yet")))?;
-        if starts_the_list(command.name()) && !run_leftover {
+        if command.name().starts() && !run_leftover {
             check_list(&robot).await.map_err(untold)?;
         }
 
@@ -349,17 +349,6 @@ fn outcome(error: &RequestError) -> CommandOutcome {
     }
 }
 
-/// Whether the machine runs the rest of its instruction list after this command.
-fn starts_the_list(name: CommandName) -> bool {
-    matches!(
-        name,
-        CommandName::StartButton
-            | CommandName::ActionSingleCycle
-            | CommandName::ClearAlarmContinue
-            | CommandName::ClearAlarmRunNext
-    )
-}
-
 /// Refuses if instructions are left in the list. Passes if the firmware does not tell its length.
 async fn check_list(robot: &Robot) -> Result<(), Problem> {
     let read = robot.query(&[Address::RemoteCmdLen]).await.map_err(|error| match error {
@@ -368,14 +357,12 @@ async fn check_list(robot: &Robot) -> Result<(), Problem> {
         }
         error => Problem::new(Code::NotReady, error.to_string()),
     })?;
-    match read.integer(Address::RemoteCmdLen) {
-        None | Some(..=0) => Ok(()),
-        Some(left) => Err(Problem::new(
-            Code::LeftoverList,
-            format!(
-                "{left} left in the instruction list, and the arm would run the list: a stop clears it, \
-                 `\"run_leftover\": true` runs it"
-            ),
-        )),
-    }
+    let left = match read.left_in_list() {
+        Ok(None | Some(0)) => return Ok(()),
+        Ok(Some(left)) => format!("{left} left in the instruction list"),
+        Err(error) => format!("what is left in the instruction list cannot be read ({error})"),
+    };
+    let message =
+        format!("{left}, and the arm would run the list: a stop clears it, `\"run_leftover\": true` runs it");
+    Err(Problem::new(Code::LeftoverList, message))
 }

@@ -67,7 +67,7 @@ pub fn check<'r>(robots: impl IntoIterator<Item = &'r RobotConfig>) -> Result<()
 }
 
 impl Fleet {
-    /// Adds a robot, or changes one that was added here. If it changes, its lease ends.
+    /// Adds a robot, or changes a robot that this function has added before. A change ends the robot's lease.
     ///
     /// # Errors
     /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends.
@@ -96,7 +96,7 @@ impl Fleet {
         }
     }
 
-    /// Removes a robot that was added here. Its lease ends, and the arm goes on with what it does.
+    /// Removes a robot that [`Self::put`] has added. Its lease ends, and the arm goes on with what it does.
     ///
     /// # Errors
     /// `no_such_robot`, `managed_by_file`, `store_unavailable`; `not_ready` if the gateway ends.

@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_api::gateway::{
-    AuditRecord, Deed, Happened, LeaseHolder, RobotIdentity, RobotLink, RobotState, RobotSummary, Signal,
+    AuditRecord, Deed, Happened, LeaseHolder, RobotLink, RobotState, RobotSummary, Signal,
 };
+use r6_api::status::is_virtual;
 use r6_client::{Permission, Robot};
 use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
@@ -326,7 +327,7 @@ impl Station {
                 address,
                 managed_by,
                 link: if seat.is_up() { RobotLink::Up } else { RobotLink::Down },
-                r#virtual: identity.as_ref().and_then(is_virtual),
+                r#virtual: identity.as_ref().and_then(|robot| robot.machine_name.as_deref().map(is_virtual)),
                 identity,
                 identity_changed,
                 lease,
@@ -373,9 +374,4 @@ fn push(pending: &mut VecDeque<AuditRecord>, record: AuditRecord) {
 /// Whole milliseconds.
 pub(super) fn millis(time: Duration) -> u64 {
     u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
-}
-
-/// As in the status: a virtual controller says so in its name.
-fn is_virtual(identity: &RobotIdentity) -> Option<bool> {
-    identity.machine_name.as_ref().map(|name| name.to_lowercase().contains("virtual"))
 }

@@ -12,6 +12,7 @@ use utoipa::IntoParams;
 
 use super::State;
 use super::caller::Caller;
+use super::described::OfRight;
 use super::refusal;
 use crate::core::role::Right;
 use crate::problem;
@@ -25,7 +26,7 @@ pub struct Page {
     /// Only entries after this number.
     #[serde(default)]
     after: u64,
-    /// At most so many entries are looked at, 1 to 1000.
+    /// The largest number of entries to look at, 1 to 1000.
     #[serde(default = "usual_limit")]
     #[param(minimum = 1, maximum = 1000, default = 100)]
     limit: usize,
@@ -38,11 +39,9 @@ fn usual_limit() -> usize {
 /// A page of the audit log, oldest first. A token for one robot sees the entries of that robot.
 #[utoipa::path(get, path = "/v1/audit", params(Page), responses(
     (status = 200, description = "The entries", body = Audit),
-    (status = 401, description = "`no_token`", body = Problem),
-    (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
     (status = 422, description = "`bad_value`", body = Problem),
-    (status = 429, description = "`too_many_requests`", body = Problem),
     (status = 503, description = "`store_unavailable`", body = Problem),
+    OfRight,
 ))]
 pub async fn page(
     caller: Caller,
@@ -57,7 +56,7 @@ pub async fn page(
     if !(1..=MAX_PAGE).contains(&limit) {
         return Err(bad_value(format!("limit is from 1 to {MAX_PAGE}")));
     }
-    // SQLite has signed numbers, and no log has so many entries.
+    // SQLite takes signed numbers only. No log gets that long.
     let after = after.min(u64::MAX >> 1);
     let entries = state.shared.keeper.entries(after, limit).await;
     let entries = entries.map_err(|error| refusal::of(error.into()))?;

@@ -9,6 +9,7 @@ use r6_proto::{Command, CommandName, Effect};
 
 use super::body::{Json, key};
 use super::caller::{self, AcceptIdentity, Robot, Stop};
+use super::described::{OfBody, OfRight};
 use super::{State, refusal};
 use crate::core::role::Right;
 use crate::core::seat::Denied;
@@ -23,23 +24,18 @@ use crate::problem;
     request_body = CommandRequest,
     responses(
         (status = 200, description = "The controller accepted it", body = CommandDone),
-        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
-        (status = 401, description = "`no_token`", body = Problem),
-        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 408, description = "`too_slow`", body = Problem),
         (
             status = 409,
             description = "`no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the \
                            controller)",
             body = Problem
         ),
-        (status = 413, description = "`too_long`", body = Problem),
-        (status = 415, description = "`not_json`", body = Problem),
         (status = 422, description = "`bad_command`, `bad_value`", body = Problem),
-        (status = 429, description = "`too_many_requests`", body = Problem),
         (status = 503, description = "`store_unavailable`, `overloaded`: nothing was sent", body = Problem),
         (status = 504, description = "`outcome_unknown`: it may have acted", body = Problem),
+        OfRight,
+        OfBody,
     )
 )]
 pub async fn command(
@@ -101,16 +97,11 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
     request_body = WithLease,
     responses(
         (status = 204, description = "Commands that move are sent again"),
-        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
-        (status = 401, description = "`no_token`", body = Problem),
-        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 408, description = "`too_slow`", body = Problem),
         (status = 409, description = "`no_lease`; `stopped`: a stop is still under way", body = Problem),
-        (status = 413, description = "`too_long`", body = Problem),
-        (status = 415, description = "`not_json`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
-        (status = 429, description = "`too_many_requests`", body = Problem),
+        OfRight,
+        OfBody,
     )
 )]
 pub async fn clear_stopped(
@@ -130,18 +121,13 @@ pub async fn clear_stopped(
     request_body = RobotIdentity,
     responses(
         (status = 204, description = "The name stands for this robot from now on"),
-        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
-        (status = 401, description = "`no_token`", body = Problem),
-        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 408, description = "`too_slow`", body = Problem),
         (status = 409, description = "`identity_changed`: this is not the robot that answers", body = Problem),
-        (status = 413, description = "`too_long`", body = Problem),
-        (status = 415, description = "`not_json`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
-        (status = 429, description = "`too_many_requests`", body = Problem),
         (status = 503, description = "`store_unavailable`", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+        OfRight,
+        OfBody,
     )
 )]
 pub async fn accept_identity(

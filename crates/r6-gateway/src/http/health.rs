@@ -8,6 +8,7 @@ use r6_api::gateway::{Ready, RobotLink};
 
 use super::State;
 use super::caller::Caller;
+use super::described::OfToken;
 
 /// Whether the gateway answers. It needs no token.
 #[utoipa::path(get, path = "/healthz", security(()), responses(
@@ -21,10 +22,8 @@ pub async fn healthz() -> StatusCode {
 /// Whether the gateway can be used: the store answers. Robots that are down do not count.
 #[utoipa::path(get, path = "/readyz", responses(
     (status = 200, description = "It is ready", body = Ready),
-    (status = 401, description = "`no_token`", body = Problem),
-    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
-    (status = 429, description = "`too_many_requests`", body = Problem),
     (status = 503, description = "The store does not answer", body = Ready),
+    OfToken,
 ))]
 pub async fn readyz(_caller: Caller, Of(state): Of<State>) -> (StatusCode, Json<Ready>) {
     // An empty append takes the way of a real one to the file, and adds nothing.

@@ -9,6 +9,7 @@ use r6_http::Refusal;
 
 use super::body::{Json, key};
 use super::caller::{Command, Robot};
+use super::described::{OfBody, OfRight};
 use super::refusal;
 use crate::core::role::Right;
 use crate::core::seat::{LONGEST_LEASE, SHORTEST_LEASE, USUAL_LEASE};
@@ -26,18 +27,13 @@ const MAX_REASON: usize = 200;
     request_body = LeaseRequest,
     responses(
         (status = 200, description = "The caller holds the lease", body = Lease),
-        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
-        (status = 401, description = "`no_token`", body = Problem),
-        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 408, description = "`too_slow`", body = Problem),
         (status = 409, description = "`leased`, `no_lease` (to renew), `identity_changed`", body = Problem),
-        (status = 413, description = "`too_long`", body = Problem),
-        (status = 415, description = "`not_json`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
-        (status = 429, description = "`too_many_requests`", body = Problem),
         (status = 503, description = "`store_unavailable`", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+        OfRight,
+        OfBody,
     )
 )]
 pub async fn acquire(
@@ -47,7 +43,8 @@ pub async fn acquire(
     let LeaseRequest { duration_ms, renew, take_because } = request;
     let lasts = duration_ms.map_or(USUAL_LEASE, Duration::from_millis);
     if !(SHORTEST_LEASE..=LONGEST_LEASE).contains(&lasts) {
-        return Err(bad_value("duration_ms is from 2000 to 300000"));
+        let [shortest, longest] = [SHORTEST_LEASE, LONGEST_LEASE].map(|lasts| lasts.as_millis());
+        return Err(bad_value(&format!("duration_ms is from {shortest} to {longest}")));
     }
     let (station, by) = (robot.station, robot.caller.by());
     let lease = match (renew, take_because) {
@@ -55,7 +52,7 @@ pub async fn acquire(
         (Some(held), None) => key(&held).and_then(|key| station.renew(key, lasts)).map_err(refusal::of)?,
         (None, Some(because)) => {
             if because.trim().is_empty() || because.len() > MAX_REASON {
-                return Err(bad_value("take_because is a reason of 1 to 200 bytes"));
+                return Err(bad_value(&format!("take_because is a reason of 1 to {MAX_REASON} bytes")));
             }
             if let Err(refused) = robot.caller.must(Right::TakeLease, station.name()) {
                 station.note_refused(&by, "take the lease", Code::NotAllowed);
@@ -80,16 +77,11 @@ pub async fn acquire(
     request_body = WithLease,
     responses(
         (status = 204, description = "The lease is free"),
-        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
-        (status = 401, description = "`no_token`", body = Problem),
-        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 408, description = "`too_slow`", body = Problem),
         (status = 409, description = "`no_lease`", body = Problem),
-        (status = 413, description = "`too_long`", body = Problem),
-        (status = 415, description = "`not_json`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
-        (status = 429, description = "`too_many_requests`", body = Problem),
+        OfRight,
+        OfBody,
     )
 )]
 pub async fn release(robot: Robot<Command>, Json(held): Json<WithLease>) -> Result<StatusCode, Refusal> {

@@ -5,11 +5,11 @@ use std::fmt::Write as _;
 use axum::extract::State as Of;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::IntoResponse;
-use r6_api::Problem;
 use r6_api::gateway::RobotLink;
 
 use super::State;
 use super::caller::Caller;
+use super::described::OfToken;
 
 /// The text format of Prometheus.
 const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
@@ -17,9 +17,7 @@ const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 /// The numbers of the robots that the token may see, in the text format of Prometheus.
 #[utoipa::path(get, path = "/metrics", responses(
     (status = 200, description = "The numbers", content_type = "text/plain", body = String),
-    (status = 401, description = "`no_token`", body = Problem),
-    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
-    (status = 429, description = "`too_many_requests`", body = Problem),
+    OfToken,
 ))]
 pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse {
     let stations = state.fleet.stations();

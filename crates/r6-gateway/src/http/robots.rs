@@ -12,6 +12,7 @@ use r6_http::Refusal;
 
 use super::body;
 use super::caller::{Caller, Configure, Named, Read, Robot};
+use super::described::{OfBody, OfRight, OfToken};
 use super::{State, refusal};
 use crate::core::name::RobotName;
 use crate::fleet::config::{RobotConfig, USUAL_PERIOD};
@@ -21,9 +22,7 @@ use crate::problem;
 /// The robots that the token may see.
 #[utoipa::path(get, path = "/v1/robots", responses(
     (status = 200, description = "All of them, without their values", body = Robots),
-    (status = 401, description = "`no_token`", body = Problem),
-    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
-    (status = 429, description = "`too_many_requests`", body = Problem),
+    OfToken,
 ))]
 pub async fn list(caller: Caller, Of(state): Of<State>) -> Json<Robots> {
     let all = state.fleet.stations();
@@ -38,18 +37,16 @@ pub async fn list(caller: Caller, Of(state): Of<State>) -> Json<Robots> {
     params(("name" = String, Path, description = "The name of the robot")),
     responses(
         (status = 200, description = "Now", body = RobotState),
-        (status = 401, description = "`no_token`", body = Problem),
-        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 429, description = "`too_many_requests`", body = Problem),
+        OfRight,
     )
 )]
 pub async fn show(robot: Robot<Read>) -> Json<RobotState> {
     Json(robot.station.state())
 }
 
-/// Adds a robot, or changes one that was added here. The gateway keeps it over its next start. If a robot
-/// changes, its connection is made anew and its lease ends; other robots go on.
+/// Adds a robot, or changes a robot that was added over this API. It is there again after a restart of the
+/// gateway. A change makes a new connection to the robot and ends its lease; other robots go on.
 #[utoipa::path(
     put,
     path = "/v1/robots/{name}",
@@ -58,21 +55,16 @@ pub async fn show(robot: Robot<Read>) -> Json<RobotState> {
     responses(
         (status = 201, description = "It was added"),
         (status = 204, description = "It is as wanted"),
-        (status = 400, description = "`bad_json`, `bad_body`", body = Problem),
-        (status = 401, description = "`no_token`", body = Problem),
-        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
-        (status = 408, description = "`too_slow`", body = Problem),
         (
             status = 409,
             description = "`managed_by_file`; `address_taken` by another robot; `not_ready`: the gateway ends",
             body = Problem
         ),
-        (status = 413, description = "`too_long`", body = Problem),
-        (status = 415, description = "`not_json`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
-        (status = 429, description = "`too_many_requests`", body = Problem),
         (status = 503, description = "`store_unavailable`: nothing was changed", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+        OfRight,
+        OfBody,
     )
 )]
 pub async fn put(
@@ -90,20 +82,18 @@ pub async fn put(
     })
 }
 
-/// Removes a robot that was added here. Its lease ends, and the arm goes on with what it does.
+/// Removes a robot that was added over this API. Its lease ends, and the arm goes on with what it does.
 #[utoipa::path(
     delete,
     path = "/v1/robots/{name}",
     params(("name" = String, Path, description = "The name of the robot")),
     responses(
         (status = 204, description = "It was removed"),
-        (status = 401, description = "`no_token`", body = Problem),
-        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
         (status = 404, description = "`no_such_robot`", body = Problem),
         (status = 409, description = "`managed_by_file`; `not_ready`: the gateway ends", body = Problem),
-        (status = 429, description = "`too_many_requests`", body = Problem),
         (status = 503, description = "`store_unavailable`: nothing was changed", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+        OfRight,
     )
 )]
 pub async fn remove(robot: Robot<Configure>, Of(state): Of<State>) -> Result<StatusCode, Refusal> {

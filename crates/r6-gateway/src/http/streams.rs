@@ -19,6 +19,7 @@ use utoipa::IntoParams;
 
 use super::State;
 use super::caller::Caller;
+use super::described::OfRight;
 use crate::core::role::Right;
 use crate::fleet::station::Station;
 use crate::live::board::Place;
@@ -43,11 +44,9 @@ pub struct Which {
 /// goes on behind that event. If events in between are lost, `reset` comes first.
 #[utoipa::path(get, path = "/v1/events", params(Which), responses(
     (status = 200, description = "The stream", content_type = "text/event-stream", body = r6_api::gateway::Event),
-    (status = 401, description = "`no_token`", body = Problem),
-    (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
     (status = 404, description = "`no_such_robot`", body = Problem),
     (status = 422, description = "`bad_value`", body = Problem),
-    (status = 429, description = "`too_many_requests`", body = Problem),
+    OfRight,
 ))]
 pub async fn events(
     caller: Caller,
@@ -74,11 +73,9 @@ pub async fn events(
 /// between. A robot that is added or configured anew begins with a `snapshot`, and `removed` ends one.
 #[utoipa::path(get, path = "/v1/live", params(Which), responses(
     (status = 200, description = "The stream", content_type = "text/event-stream", body = LiveChange),
-    (status = 401, description = "`no_token`", body = Problem),
-    (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
     (status = 404, description = "`no_such_robot`", body = Problem),
     (status = 422, description = "`bad_value`", body = Problem),
-    (status = 429, description = "`too_many_requests`", body = Problem),
+    OfRight,
 ))]
 pub async fn live(
     caller: Caller,

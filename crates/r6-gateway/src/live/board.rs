@@ -1,7 +1,8 @@
 //! The last values of one robot, and which of them changed since.
 
-use r6_api::gateway::{CounterValue, Signal, SignalQuality, SignalValue};
-use r6_client::{Address, Quality, Reading, Snapshot};
+use r6_api::gateway::{Signal, SignalQuality};
+use r6_api::{AddressValue, Unit};
+use r6_client::{Address, Quality, Snapshot};
 use r6_proto::time::Instant;
 
 use crate::clock;
@@ -27,7 +28,7 @@ pub struct Place {
 #[derive(Debug)]
 struct Row {
     address: Address,
-    value: Option<SignalValue>,
+    value: Option<AddressValue>,
     quality: SignalQuality,
     asked_at: Option<Instant>,
     /// The number of its last change.
@@ -60,7 +61,7 @@ impl Board {
         let mut any = false;
         for row in &mut self.rows {
             let Some(read) = snapshot.value(row.address) else { continue };
-            let value = read.reading.as_ref().map(value);
+            let value = read.reading.clone().map(AddressValue::from);
             let quality = quality(&read.quality);
             row.asked_at = read.age.map(|age| clock::before(now, age));
             if row.value != value || row.quality != quality {
@@ -87,18 +88,12 @@ impl Board {
 
 impl Row {
     fn signal(&self, now: Instant) -> Signal {
-        let unit = match (self.address, r6_api::Unit::of(self.address)) {
-            (_, Some(unit)) => unit.word(),
-            // Degrees or millimetres: no address tells whether an axis turns or slides.
-            (Address::Axis(_) | Address::Faxis(_), None) => "",
-            (_, None) => self.address.info().unit,
-        };
         let has_value = self.value.is_some();
         let age = self.asked_at.filter(|_| has_value).map(|asked_at| now.since(asked_at));
         Signal {
             address: self.address.to_string(),
             value: self.value.clone(),
-            unit: Some(unit).filter(|unit| !unit.is_empty()).map(str::to_owned),
+            unit: Unit::word_of(self.address).map(str::to_owned),
             quality: self.quality,
             age_ms: age.map(|age| u64::try_from(age.as_millis()).unwrap_or(u64::MAX)),
         }
@@ -110,21 +105,5 @@ fn quality(quality: &Quality) -> SignalQuality {
         Quality::Fresh => SignalQuality::Fresh,
         Quality::Stale | Quality::Dead => SignalQuality::Stale,
         Quality::NotRead | Quality::Unsupported | Quality::Unreadable(_) => SignalQuality::None,
-    }
-}
-
-fn value(reading: &Reading) -> SignalValue {
-    match reading {
-        Reading::Text(text) => SignalValue::Text(text.clone()),
-        Reading::Integer(number) => SignalValue::Integer(*number),
-        Reading::Decimal(number) => SignalValue::Decimal(*number),
-        Reading::Word(word) => SignalValue::Integer(i64::from(*word)),
-        Reading::Flag(flag) => SignalValue::Flag(*flag),
-        Reading::Texts(texts) => SignalValue::Texts(texts.clone()),
-        Reading::Counter(counter) => SignalValue::Counter(CounterValue {
-            id: counter.id,
-            target: counter.target,
-            current: counter.current,
-        }),
     }
 }

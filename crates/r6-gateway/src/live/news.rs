@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use r6_api::gateway::{Event, Happened};
 use tokio::sync::watch;
 
-/// How many events are kept: a reader that was away for so many gets a reset. Each has some hundred bytes.
+/// How many events are kept, each of some hundred bytes. A reader that missed more of them gets a reset.
 const KEPT: usize = 1_000;
 
 /// The last events of all robots.

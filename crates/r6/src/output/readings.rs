@@ -60,11 +60,10 @@ fn value_text(address: Address, value: &Result<Reading, NoReading>) -> String {
 /// The unit of an address. A pose has mm for its first three components and degrees for the others. The wire
 /// does not say the unit of an axis.
 pub fn unit(address: Address) -> &'static str {
-    match (address, Unit::of(address)) {
-        (_, Some(unit)) => unit.word(),
-        (Address::Axis(_) | Address::Faxis(_), None) => "deg or mm",
-        (_, None) => address.info().unit,
-    }
+    Unit::word_of(address).unwrap_or(match address {
+        Address::Axis(_) | Address::Faxis(_) => "deg or mm",
+        _ => "",
+    })
 }
 
 /// The meaning of an address: the text of the table, with the index of this address.
@@ -108,7 +107,7 @@ pub fn problem_text(address: Address, error: &NoReading) -> String {
 /// The values for programs, with the current time.
 pub fn sample(robot: &str, result: &QueryResult) -> r6_api::Sample {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    let value = |value: &Result<Reading, NoReading>| value.clone().ok().map(r6_api::Value::from);
+    let value = |value: &Result<Reading, NoReading>| value.clone().ok().map(r6_api::AddressValue::from);
     r6_api::Sample {
         robot: robot.to_owned(),
         unix_ms: u64::try_from(unix.as_millis()).unwrap_or(u64::MAX),

@@ -1,11 +1,10 @@
 //! The file with the robots of a gateway.
 
-use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Duration;
 
 use r6_client::Address;
-use r6_gateway::{MAX_READ, RobotConfig, RobotName};
+use r6_gateway::{MAX_READ, PERIODS, RobotConfig, RobotName};
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Node, Wrong};
 
@@ -15,9 +14,6 @@ use crate::text_file;
 
 /// The longest file. A robot takes a hundred bytes.
 const MAX_FILE_BYTES: usize = 1024 * 1024;
-
-/// The periods that a robot can be read at, in milliseconds.
-const PERIODS: RangeInclusive<u32> = 20..=3_600_000;
 
 /// Reads the robots from a file.
 pub fn read(path: &Path) -> Result<Vec<RobotConfig>, Failure> {
@@ -50,7 +46,9 @@ fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
     let address = fields.due("address", "HOST[:PORT], such as 192.168.1.10", |value| {
         value.text().filter(|text| r6_client::check_address(text).is_ok())
     });
-    let period = fields.whole_in("period_ms", "from 20 to 3600000", PERIODS);
+    let [shortest, longest] =
+        [PERIODS.0, PERIODS.1].map(|period| u32::try_from(period.as_millis()).unwrap_or(u32::MAX));
+    let period = fields.whole_in("period_ms", &format!("from {shortest} to {longest}"), shortest..=longest);
     let wanted = format!("at most {MAX_READ} query addresses in brackets, such as [\"Addr-800\"]");
     let addresses = fields.optional("read", &wanted, |value| {
         let addresses = value.list()?.iter().map(address_of).collect::<Option<Vec<_>>>()?;

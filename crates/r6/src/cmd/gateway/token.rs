@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use r6_api::gateway::Role;
 use r6_gateway::RobotName;
 
@@ -35,8 +36,8 @@ pub struct TokenArgs {
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
     /// What the token allows
-    #[arg(long, value_enum, required_unless_present_any = ["list", "revoke"])]
-    role: Option<RoleWord>,
+    #[arg(long, value_parser = role(), required_unless_present_any = ["list", "revoke"])]
+    role: Option<Role>,
     /// The only robot that it is for
     // The id is that of the global option, so that this one stands in its place.
     #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME")]
@@ -52,23 +53,9 @@ pub struct TokenArgs {
     revoke: Option<i64>,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum RoleWord {
-    Viewer,
-    Operator,
-    Engineer,
-    Admin,
-}
-
-impl From<RoleWord> for Role {
-    fn from(word: RoleWord) -> Self {
-        match word {
-            RoleWord::Viewer => Self::Viewer,
-            RoleWord::Operator => Self::Operator,
-            RoleWord::Engineer => Self::Engineer,
-            RoleWord::Admin => Self::Admin,
-        }
-    }
+/// Reads a role.
+fn role() -> impl TypedValueParser<Value = Role> {
+    PossibleValuesParser::new(Role::ALL.map(Role::word)).try_map(|word| Role::of_word(&word).ok_or("no role"))
 }
 
 /// Makes, lists or revokes tokens.
@@ -93,7 +80,6 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         let wanted = format!("--name has at most {MAX_NAME} characters, and no control characters");
         return Err(Failure::usage(wanted));
     }
-    let role = Role::from(role);
     let what = what(role, only.as_ref());
     let (number, token) =
         r6_gateway::make_token(&args.data, role, only, args.name).map_err(Failure::usage)?;

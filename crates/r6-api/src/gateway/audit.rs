@@ -1,0 +1,267 @@
+//! What happens at robots: events for streams, and records for the audit log.
+
+use serde::{Deserialize, Serialize};
+
+use super::{IdentityChange, RobotIdentity, Role};
+use crate::Code;
+
+/// Something that happened, in the stream of `GET /v1/events`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Event {
+    /// Its number; the next event has the next number. Numbers begin anew when the gateway starts.
+    pub id: u64,
+    /// When.
+    pub time: String,
+    /// The robot.
+    pub robot: String,
+    /// What.
+    #[serde(flatten)]
+    pub happened: Happened,
+}
+
+/// What happened to a robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Happened {
+    /// It was added to the gateway.
+    RobotAdded {},
+    /// Its address, or what is read of it, was changed. Its lease has ended.
+    RobotChanged {},
+    /// It was removed from the gateway.
+    RobotRemoved {},
+    /// It answers, and its state was read.
+    LinkUp {},
+    /// There is no connection, or nothing comes back over it.
+    LinkDown {},
+    /// Another robot than before answers at its address.
+    IdentityChanged(IdentityChange),
+    /// An engineer accepted the robot that answers.
+    IdentityAccepted {
+        /// The robot.
+        identity: RobotIdentity,
+    },
+    /// A lease began.
+    LeaseBegan {
+        /// Its number.
+        lease: u64,
+        /// Its holder.
+        holder: String,
+    },
+    /// A lease ended.
+    LeaseEnded {
+        /// Its number.
+        lease: u64,
+        /// Why.
+        cause: LeaseEnd,
+    },
+    /// A stop was asked for.
+    StopBegan {
+        /// By which token.
+        by: String,
+    },
+    /// A stop came to its end.
+    StopEnded {
+        /// Whether it is proved that the arm stands.
+        confirmed: bool,
+    },
+    /// The holder of the lease cleared the stop.
+    StopCleared {},
+    /// A command is being sent.
+    CommandBegan {
+        /// The number of the command.
+        command_id: u64,
+        /// The command.
+        command: String,
+    },
+    /// A command came to its end.
+    CommandEnded {
+        /// The number of the command.
+        command_id: u64,
+        /// How.
+        outcome: CommandOutcome,
+    },
+}
+
+/// Why a lease ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum LeaseEnd {
+    /// Its holder gave it back.
+    Released,
+    /// Its holder did not renew it.
+    Expired,
+    /// An admin took it.
+    Taken,
+    /// Another robot answers.
+    IdentityChanged,
+    /// The address of the robot, or what is read of it, was changed.
+    Reconfigured,
+    /// The robot was removed from the gateway.
+    Removed,
+    /// The gateway ended in order.
+    GatewayEnded,
+}
+
+/// How a command ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum CommandOutcome {
+    /// The controller accepted it.
+    Accepted,
+    /// The controller refused it.
+    Refused,
+    /// Nothing reached the controller.
+    NotSent,
+    /// It left, and no usable answer came: the controller may have acted.
+    Unknown,
+}
+
+/// A page of the audit log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Audit {
+    /// The entries that the token may see, oldest first.
+    pub entries: Vec<AuditEntry>,
+    /// Ask for the entries after this number to read on; `null` at the end.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub next_after: Option<u64>,
+}
+
+/// An entry of the audit log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct AuditEntry {
+    /// Its number, without a gap.
+    pub number: u64,
+    /// What it says.
+    #[serde(flatten)]
+    pub record: AuditRecord,
+    /// SHA-256 over the hash of the entry before, the number and the text of this one.
+    pub hash: String,
+}
+
+/// What an entry of the audit log says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct AuditRecord {
+    /// When.
+    pub time: String,
+    /// The token, its number and name; `gateway` for the gateway itself; `shell` for the command line.
+    pub actor: String,
+    /// The address that the request came from; `null` if there was none.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub source: Option<String>,
+    /// The robot; `null` if it is about none.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub robot: Option<String>,
+    /// What.
+    #[serde(flatten)]
+    pub deed: Deed,
+}
+
+/// What the audit log tells of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(tag = "what", rename_all = "snake_case")]
+pub enum Deed {
+    /// The gateway started.
+    GatewayStarted {},
+    /// The gateway ended in order.
+    GatewayEnded {},
+    /// A token was made.
+    TokenMade {
+        /// Its number.
+        token: i64,
+        /// Its role.
+        role: Role,
+        /// The robot that it is for; `null` for all. Not to be confused with the robot of the entry.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        only: Option<String>,
+        /// Its name.
+        name: String,
+    },
+    /// A token was revoked.
+    TokenRevoked {
+        /// Its number.
+        token: i64,
+    },
+    /// A lease began.
+    LeaseBegan {
+        /// Its number.
+        lease: u64,
+        /// Why it was taken from its holder; `null` if it was free.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        taken_because: Option<String>,
+    },
+    /// A lease ended.
+    LeaseEnded {
+        /// Its number.
+        lease: u64,
+        /// Why.
+        cause: LeaseEnd,
+    },
+    /// A command will be sent. Its outcome follows in another entry.
+    CommandIntent {
+        /// The command as it will be sent.
+        command: String,
+        /// The lease.
+        lease: u64,
+    },
+    /// The outcome of a command.
+    CommandOutcome {
+        /// The number of the intent.
+        intent: u64,
+        /// How it ended.
+        outcome: CommandOutcome,
+        /// The details, for people.
+        detail: String,
+    },
+    /// A request was refused.
+    Refused {
+        /// What was asked for.
+        request: String,
+        /// The code of the problem.
+        code: Code,
+    },
+    /// A stop was asked for. Its outcome follows in another entry.
+    StopBegan {
+        /// What is sent: `stop`, or the word of a command that stops.
+        request: String,
+    },
+    /// The robot was stopped, or that was tried.
+    Stop {
+        /// What was sent: `stop`, or the word of a command that stops.
+        request: String,
+        /// Whether it is proved that the arm stands; for a command, whether the controller accepted it.
+        confirmed: bool,
+        /// The details, for people.
+        detail: String,
+    },
+    /// The holder of the lease cleared the stop.
+    StopCleared {
+        /// The lease.
+        lease: u64,
+    },
+    /// Another robot than before answers.
+    IdentityChanged(IdentityChange),
+    /// An engineer accepted the robot that answers.
+    IdentityAccepted {
+        /// The robot.
+        identity: RobotIdentity,
+    },
+    /// The robot was added or changed.
+    RobotConfigured {
+        /// Host and port.
+        address: String,
+        /// How often its values are read.
+        period_ms: u64,
+        /// The addresses that are read besides the usual ones.
+        read: Vec<String>,
+    },
+    /// The robot was removed.
+    RobotRemoved {},
+}

@@ -1,0 +1,193 @@
+//! Robots, their values and their leases, as everybody may see them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::AddressValue;
+
+/// All robots of the gateway that the token may see.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Robots {
+    /// In the order of their names.
+    pub robots: Vec<RobotSummary>,
+}
+
+/// One robot without its values.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct RobotSummary {
+    /// Its name at the gateway.
+    #[cfg_attr(feature = "openapi", schema(example = "press-4"))]
+    pub name: String,
+    /// Host and port, as configured.
+    #[cfg_attr(feature = "openapi", schema(example = "192.168.1.10:9760"))]
+    pub address: String,
+    /// Who may change its address and what is read of it.
+    pub managed_by: ManagedBy,
+    /// Whether it can be reached.
+    pub link: RobotLink,
+    /// What it says of itself; `null` until it was read.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub identity: Option<RobotIdentity>,
+    /// Set if another robot than before answers at this address. Commands are refused until an engineer
+    /// accepts it.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub identity_changed: Option<IdentityChange>,
+    /// Whether its name says that it is not a real machine; `null` until its name was read.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub r#virtual: Option<bool>,
+    /// Who may send commands now; `null` if the lease is free.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub lease: Option<LeaseHolder>,
+    /// Whether a stop was asked for and not cleared: commands that can move the robot are refused.
+    pub stopped: bool,
+    /// How many stops are under way now.
+    pub stops_under_way: u32,
+}
+
+/// Where a robot is configured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum ManagedBy {
+    /// In the file or on the command line of the gateway.
+    File,
+    /// An admin added it through the API.
+    Api,
+}
+
+/// A robot to look after.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct RobotWanted {
+    /// Host and port; 9760 if there is no port.
+    #[cfg_attr(feature = "openapi", schema(example = "192.168.1.10"))]
+    pub address: String,
+    /// How often its values are read: 20 to 3 600 000 ms; 100 if it is missing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(minimum = 20, maximum = 3_600_000, example = 100))]
+    pub period_ms: Option<u64>,
+    /// Query addresses to read besides the usual ones, 200 at most.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(max_items = 200))]
+    pub read: Vec<String>,
+}
+
+/// Whether a robot can be reached.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum RobotLink {
+    /// It answers, and its state was read on this connection.
+    Up,
+    /// There is no connection, or nothing comes back over it.
+    Down,
+}
+
+/// What a controller reports about itself. A part is `null` if the controller has no such value.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct RobotIdentity {
+    /// `version`.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub firmware: Option<String>,
+    /// `machineName`.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub machine_name: Option<String>,
+    /// `axisNum`.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub axis_count: Option<i64>,
+}
+
+/// Another robot than before answers at an address.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct IdentityChange {
+    /// The robot that this name stands for.
+    pub expected: RobotIdentity,
+    /// The robot that answers.
+    pub found: RobotIdentity,
+}
+
+/// Who holds a lease. The secret is known to the holder alone.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct LeaseHolder {
+    /// Its number. A robot's next lease has a higher one.
+    pub number: u64,
+    /// The token of the holder: its number and name.
+    pub holder: String,
+    /// How long it lasts unless it is renewed.
+    pub expires_in_ms: u64,
+}
+
+/// One robot with its values.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct RobotState {
+    /// All but the values.
+    #[serde(flatten)]
+    pub summary: RobotSummary,
+    /// How often the values are read.
+    pub period_ms: u64,
+    /// The number of the last change of a value, as in `GET /v1/live`.
+    pub number: u64,
+    /// The values, in the order in which they are read.
+    pub signals: Vec<Signal>,
+}
+
+/// A value that is read again and again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Signal {
+    /// The query address.
+    #[cfg_attr(feature = "openapi", schema(example = "axis-0"))]
+    pub address: String,
+    /// The last value that was read; `null` without a value.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub value: Option<AddressValue>,
+    /// The unit; `null` if the value has none, or if the protocol does not tell it.
+    #[cfg_attr(feature = "openapi", schema(required = true, example = "mm"))]
+    pub unit: Option<String>,
+    /// Whether to act on the value.
+    pub quality: SignalQuality,
+    /// The time since the value was asked for; the value is no older. `null` without a value.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub age_ms: Option<u64>,
+}
+
+/// How much a value can be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum SignalQuality {
+    /// It was read when it was due, over the connection that is alive now.
+    Fresh,
+    /// It is late, or it was read over an earlier connection.
+    Stale,
+    /// There is no value: it was not read yet, the controller does not have it, or it cannot be parsed.
+    None,
+}
+
+/// A message in the stream of `GET /v1/live`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct LiveChange {
+    /// The robot.
+    pub robot: String,
+    /// The number of the robot's last change in this message. A slow reader gets the latest values, and
+    /// numbers in between are left out.
+    pub number: u64,
+    /// The values that changed.
+    pub signals: Vec<Signal>,
+}
+
+/// The last message about a robot in the stream of `GET /v1/live`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct LiveRemoved {
+    /// The robot, which was removed from the gateway.
+    pub robot: String,
+}

@@ -1,0 +1,47 @@
+//! The refusals that many routes describe alike.
+
+use std::collections::BTreeMap;
+
+use utoipa::IntoResponses;
+use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
+
+macro_rules! refusals {
+    ($($(#[$doc:meta])* $name:ident { $($status:literal $description:literal)+ })+) => {$(
+        $(#[$doc])*
+        pub struct $name;
+
+        impl IntoResponses for $name {
+            fn responses() -> BTreeMap<String, RefOr<Response>> {
+                [$(refusal($status, $description)),+].into()
+            }
+        }
+    )+};
+}
+
+refusals! {
+    /// Of every route with a token.
+    OfToken {
+        "401" "`no_token`"
+        "403" "`foreign_host`, `foreign_origin`"
+        "429" "`too_many_requests`"
+    }
+    /// Of every route that needs a right.
+    OfRight {
+        "401" "`no_token`"
+        "403" "`not_allowed`, `foreign_host`, `foreign_origin`"
+        "429" "`too_many_requests`"
+    }
+    /// Of every route that takes JSON.
+    OfBody {
+        "400" "`bad_json`, `bad_body`"
+        "408" "`too_slow`"
+        "413" "`too_long`"
+        "415" "`not_json`"
+    }
+}
+
+fn refusal(status: &str, description: &str) -> (String, RefOr<Response>) {
+    let content = ContentBuilder::new().schema(Some(Ref::from_schema_name("Problem"))).build();
+    let response = ResponseBuilder::new().description(description).content("application/json", content);
+    (status.to_owned(), response.build().into())
+}
