@@ -1,7 +1,7 @@
 //! The common parts of every HTTP server of r6: the panel of virtual controllers, the gateway.
 //!
 //! - [`serve`] accepts connections, and keeps room for new ones ([`server`]).
-//! - [`guard`] lets programs of this machine through, but no web pages from elsewhere.
+//! - [`access`] lets programs of this machine through, but no web pages from elsewhere.
 //! - [`Refusal`] is a problem of the contract with its status; [`body`] reads bodies within limits of length
 //!   and time.
 #![cfg_attr(
@@ -9,8 +9,8 @@
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
 )]
 
+pub mod access;
 pub mod body;
-pub mod guard;
 mod in_json;
 mod refusal;
 pub mod server;

@@ -12,7 +12,7 @@ use std::time::Duration;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::UnitQuaternion;
 use r6_motion::kinematics::{all_solutions, forward};
-use r6_motion::profile::Profile;
+use r6_motion::speed_profile::Profile;
 use r6_motion::{
     Axes, Conditions, Frame, Frames, Geometry, Move, MoveMask, MoveSpeed, MoveTarget, Movement, Pose, Ramps,
     RobotModel, Turning,

@@ -12,8 +12,8 @@
 //! axis are its full speed times the [`Peaks`] of the move's profile. The three numbers of the move say how
 //! close many samples of the planned [`Movement`] came to them, as fractions.
 
-use r6_motion::profile::{Peaks, Profile, SmoothStep};
 use r6_motion::robot_model::AxisModel;
+use r6_motion::speed_profile::{Peaks, Profile, SmoothStep};
 use r6_motion::{
     Axes, Conditions, Frames, Move, MoveMask, MoveSpeed, MoveTarget, Movement, Ramps, RobotModel, Turning,
 };

@@ -27,8 +27,8 @@ pub mod kinematics;
 pub mod movement;
 pub mod path;
 pub mod pose;
-pub mod profile;
 pub mod robot_model;
+pub mod speed_profile;
 
 pub use axes::{ARM_AXES, AXES, Axes, AxisNumber, MoveMask};
 pub use drive::AxisMotions;
@@ -37,5 +37,5 @@ pub use kinematics::{Frames, InverseError};
 pub use movement::{Blend, Conditions, MotionState, Move, MoveSpeed, MoveTarget, Movement};
 pub use path::Turning;
 pub use pose::{Frame, Pose};
-pub use profile::Ramps;
 pub use robot_model::{Geometry, Masses, RobotModel};
+pub use speed_profile::Ramps;

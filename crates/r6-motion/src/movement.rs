@@ -21,8 +21,8 @@ use super::error::PlanError;
 use super::kinematics::{Frames, world};
 use super::path::{AxisPath, CurvePath, LinearPath, Path, Turning};
 use super::pose::Pose;
-use super::profile::{Profile, Ramps, SmoothStep};
 use super::robot_model::RobotModel;
+use super::speed_profile::{Profile, Ramps, SmoothStep};
 use pace::Pace;
 use take_over::Tail;
 

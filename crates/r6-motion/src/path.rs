@@ -3,7 +3,7 @@
 //! The length of a path, and every position on it, is measured in seconds at full speed. An axis path takes
 //! as long as its slowest axis at its own full speed. A line or curve takes as long as the tool at full line
 //! speed, or at full angular speed if turning takes longer. When the arm is at a position is the matter of
-//! the [`profile`](super::profile). A path that rounds the corner between two others would be one more
+//! the [`profile`](super::speed_profile). A path that rounds the corner between two others would be one more
 //! variant.
 
 mod axis_path;

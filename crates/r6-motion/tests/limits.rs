@@ -6,7 +6,7 @@
 
 use proptest::prelude::*;
 use r6_motion::kinematics::forward;
-use r6_motion::profile::{Peaks, Profile, SmoothStep};
+use r6_motion::speed_profile::{Peaks, Profile, SmoothStep};
 use r6_motion::{
     Axes, Blend, Conditions, Frame, Frames, Move, MoveMask, MoveSpeed, MoveTarget, Movement, Pose, Ramps,
     RobotModel, Turning,

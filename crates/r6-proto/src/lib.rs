@@ -15,7 +15,6 @@
 pub mod address;
 pub mod alarm;
 pub mod axis;
-mod chunk;
 pub mod client;
 pub mod dialect;
 mod encode;
@@ -32,6 +31,7 @@ pub mod readiness;
 pub mod reply;
 pub mod request;
 pub mod server;
+mod sixteen_bytes;
 mod spelling;
 mod text;
 pub mod time;

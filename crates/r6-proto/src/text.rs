@@ -11,7 +11,7 @@ use std::borrow::Cow;
 
 use encoding_rs::GB18030;
 
-use crate::chunk::{CHUNK, Chunk};
+use crate::sixteen_bytes::{CHUNK, Chunk};
 
 mod state;
 

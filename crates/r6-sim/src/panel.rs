@@ -16,7 +16,7 @@
 //! `r6 panel estop`:
 //!
 //! 1. `r6/src/cmd/panel.rs` makes an [`r6_api::panel::Action`], and `cmd/panel/http.rs` posts it.
-//! 2. `r6-http/src/guard.rs` refuses it if a web page from elsewhere sent it.
+//! 2. `r6-http/src/access.rs` refuses it if a web page from elsewhere sent it.
 //! 3. `panel/routes.rs` reads it, and `panel/convert.rs` converts it to a `PanelAction`. Only there do HTTP
 //!    and the controller meet.
 //! 4. `Controller::operate` hands it to `r6-controller/src/machine/panel.rs`. Moves by hand are in

@@ -175,7 +175,7 @@ fn names_outside(brain: &Sources, exempt: &[&str]) -> Vec<String> {
 fn pure_crates_name_nothing_of_the_standard_library_that_is_not_allowed() {
     for rule in RULES.iter().filter(|rule| keeps_to_pure_rules(rule)) {
         let allowed = match rule.package {
-            // Processor instructions: `chunk.rs`.
+            // Processor instructions: `sixteen_bytes.rs`.
             "r6-proto" => [PURE_STD, &["std::arch"]].concat(),
             _ => PURE_STD.to_vec(),
         };

@@ -3,7 +3,7 @@
 //! Slowing down the time of a plan keeps the arm on its path while it halts, through corners too. Resuming
 //! speeds it up again.
 
-use crate::profile::SmoothStep;
+use crate::speed_profile::SmoothStep;
 
 /// Halvings that find a time to the last digit of a double.
 const HALVINGS: usize = 80;

@@ -8,7 +8,7 @@ use super::limits::stays_within;
 use super::{Conditions, Move, Movement, Stroke, StrokeState, since_start, sum};
 use crate::axes::Axes;
 use crate::error::PlanError;
-use crate::profile::SmoothStep;
+use crate::speed_profile::SmoothStep;
 
 /// How many earlier movements may still be coming to rest. A target that changes 20 times a second leaves
 /// about twenty that are not [`NEGLIGIBLE`] yet.

@@ -25,7 +25,7 @@
 //! unusual:
 //!
 //! - `message/fast.rs` compares each key with the key at its place last time, sixteen bytes at once
-//!   (`chunk.rs`).
+//!   (`sixteen_bytes.rs`).
 //! - `message/decoder/again.rs` recognises the reply of a repeated query by the bytes around its values.
 //!
 //! `tests/fast_path.rs` compares both with the slow way. To understand decoding, skip them.

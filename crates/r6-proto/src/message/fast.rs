@@ -14,7 +14,7 @@ mod object;
 pub(super) use list::read_texts;
 pub(super) use object::Habit;
 
-use crate::chunk::{CHUNK, Chunk};
+use crate::sixteen_bytes::{CHUNK, Chunk};
 use crate::text::plain_end;
 use crate::value::{Kind, Node, Span};
 

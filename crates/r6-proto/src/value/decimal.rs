@@ -1,6 +1,6 @@
 //! Reads plain decimals with a few multiplications, without a loop over the digits.
 
-use crate::chunk::{CHUNK, Chunk};
+use crate::sixteen_bytes::{CHUNK, Chunk};
 
 /// A decimal number as written: up to 15 digits, with at most one point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -10,7 +10,7 @@ use crate::kinematics::forward;
 use crate::kinematics::tests::{arm_in_limits, model, possible};
 use crate::movement::MoveTarget;
 use crate::pose::{Frame, Pose};
-use crate::profile::{Ramps, SmoothStep};
+use crate::speed_profile::{Ramps, SmoothStep};
 
 /// A ramp of 0.25 s and the filter.
 const CHANGE: f64 = 0.378;

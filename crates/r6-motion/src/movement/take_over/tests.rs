@@ -5,7 +5,7 @@ use super::super::tests::{
 };
 use super::*;
 use crate::kinematics::tests::{model, possible};
-use crate::profile::Ramps;
+use crate::speed_profile::Ramps;
 use crate::{AxisNumber, Blend, LimitSide, MoveTarget};
 
 /// A ramp of 0.25 s and the filter.

@@ -1,7 +1,7 @@
 //! Reads keys and members by habit: it expects the order of the last object.
 
 use super::{Pattern, short_number, short_text, text};
-use crate::chunk::Chunk;
+use crate::sixteen_bytes::Chunk;
 use crate::value::Node;
 
 /// Remembers the order in which `COUNT` known keys came last time.

@@ -90,7 +90,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::profile::{Ramps, SmoothStep};
+    use crate::speed_profile::{Ramps, SmoothStep};
 
     fn plan(end: f64, top: f64, up: f64, down: f64) -> Profile {
         Profile::plan(end, top, Ramps::new(up, down).unwrap()).unwrap()
