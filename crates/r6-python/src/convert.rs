@@ -96,6 +96,7 @@ pub fn status<'py>(py: Python<'py>, robot: &str, status: &Status) -> PyResult<Bo
         .with("axes", position(py, &status.axes)?)?
         .with("pose", position(py, &status.pose)?)?
         .with("list_length", status.list_length)?
+        .with("list_is_unreadable", status.list_is_unreadable)?
         .with("cycle", status.cycle)?
         .with("last_cycle", status.last_cycle)?
         .with("unmet", unmet(py, &status.unmet())?)?

@@ -180,6 +180,8 @@ class Status:
     """X, Y, Z, U, V, W: shape (6,), mm and degrees, NaN if not known."""
     list_length: int | None
     """Instructions left in the instruction list. Older firmware does not report it."""
+    list_is_unreadable: bool
+    """A length of the list came that cannot be read: the list may have instructions. The robot is not ready then."""
     cycle: float | None
     """Time of the present cycle, seconds."""
     last_cycle: float | None
