@@ -26,7 +26,7 @@ use axum::{Router, middleware};
 use r6_api::Code;
 use r6_client::RobotSettings;
 use r6_http::Refusal;
-use r6_http::guard::guard;
+use r6_http::access::guard;
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
 use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;

@@ -290,7 +290,11 @@ impl Station {
                 (Happened::LinkUp {}, None)
             }
             Noticed::LinkDown => {
-                tracing::warn!(robot, address = self.config().address, "the robot does not answer any more");
+                tracing::warn!(
+                    robot,
+                    address = self.config().address,
+                    "there is no connection to the robot any more"
+                );
                 (Happened::LinkDown {}, None)
             }
         };

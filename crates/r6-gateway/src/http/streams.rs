@@ -10,8 +10,9 @@ use axum::extract::{Query, State as Of};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures_util::stream::{Stream, unfold};
-use r6_api::gateway::{LiveChange, LiveRemoved};
+use r6_api::gateway::{LiveChange, LiveRemoved, Signal};
 use r6_api::{Code, Problem};
+use r6_client::Address;
 use r6_http::Refusal;
 use serde::{Deserialize, Serialize};
 use tokio::sync::watch;
@@ -40,6 +41,18 @@ pub struct Which {
     robot: Option<String>,
 }
 
+/// Which robot, and which of its values.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Followed {
+    /// Only this robot; all that the token may see if it is missing.
+    robot: Option<String>,
+    /// Only these values: query addresses with commas between them, such as `axis-0,isMoving`. All if it is
+    /// missing.
+    signal: Option<String>,
+}
+
 /// What happens, from now on, as server-sent events: `event` with an event as JSON. With `Last-Event-ID` it
 /// goes on behind that event. If events in between are lost, `reset` comes first.
 #[utoipa::path(get, path = "/v1/events", params(Which), responses(
@@ -54,7 +67,8 @@ pub async fn events(
     which: Result<Query<Which>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Refusal> {
-    let only = only(&caller, &state, which)?;
+    let Which { robot } = read(which)?;
+    let only = only(&caller, &state, robot)?;
     let last = state.shared.news.watch();
     let now = *last.borrow();
     let asked = headers.get("last-event-id").and_then(|id| id.to_str().ok());
@@ -71,7 +85,7 @@ pub async fn events(
 /// The values of the robots as server-sent events: a `snapshot` of each robot, then a `change` with the
 /// values that changed. Numbers grow by robot. A slow reader gets the latest values, and misses those in
 /// between. A robot that is added or configured anew begins with a `snapshot`, and `removed` ends one.
-#[utoipa::path(get, path = "/v1/live", params(Which), responses(
+#[utoipa::path(get, path = "/v1/live", params(Followed), responses(
     (status = 200, description = "The stream", content_type = "text/event-stream", body = LiveChange),
     (status = 404, description = "`no_such_robot`", body = Problem),
     (status = 422, description = "`bad_value`", body = Problem),
@@ -80,14 +94,23 @@ pub async fn events(
 pub async fn live(
     caller: Caller,
     Of(state): Of<State>,
-    which: Result<Query<Which>, QueryRejection>,
+    followed: Result<Query<Followed>, QueryRejection>,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Refusal> {
-    let only = only(&caller, &state, which)?;
+    let Followed { robot, signal } = read(followed)?;
+    let only = only(&caller, &state, robot)?;
+    let signals = signal.map(|words| signals(&words)).transpose()?;
+    if let Some(signal) =
+        signals.iter().flatten().find(|signal| !is_read(&caller, &state, only.as_deref(), signal))
+    {
+        let advice = "name it in `read` of the robot";
+        return Err(bad_value(format!("signal: `{signal}` is not read from any robot: {advice}")));
+    }
     let pulse = state.shared.pulse.subscribe();
     let stream = LiveStream {
         state,
         caller,
         only,
+        signals,
         looked: false,
         sent: BTreeMap::new(),
         ready: VecDeque::new(),
@@ -96,15 +119,34 @@ pub async fn live(
     Ok(Sse::new(unfold(stream, LiveStream::next)).keep_alive(KeepAlive::default()))
 }
 
+fn read<T>(query: Result<Query<T>, QueryRejection>) -> Result<T, Refusal> {
+    query.map(|Query(read)| read).map_err(|error| bad_value(error.body_text()))
+}
+
+fn bad_value(message: String) -> Refusal {
+    Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadValue, message)
+}
+
+/// The query addresses in a text with commas between them, as the values are named.
+fn signals(words: &str) -> Result<Vec<String>, Refusal> {
+    let named = |word| Address::parse(word).map(|address| address.to_string());
+    words
+        .split(',')
+        .map(named)
+        .collect::<Result<_, _>>()
+        .map_err(|error| bad_value(format!("signal: {error}")))
+}
+
+/// Whether a robot that the caller follows has this value among those that are read.
+fn is_read(caller: &Caller, state: &State, only: Option<&str>, signal: &str) -> bool {
+    let stations = state.fleet.stations();
+    let mut seen = stations.iter().filter(|station| sees(caller, only, station.name()));
+    seen.any(|station| station.config().all_addresses().iter().any(|address| address.to_string() == signal))
+}
+
 /// The robot that the caller wants to see, if it may.
-fn only(
-    caller: &Caller,
-    state: &State,
-    which: Result<Query<Which>, QueryRejection>,
-) -> Result<Option<String>, Refusal> {
-    let which = which
-        .map_err(|error| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadValue, error.body_text()))?;
-    let Some(robot) = which.0.robot else { return Ok(None) };
+fn only(caller: &Caller, state: &State, robot: Option<String>) -> Result<Option<String>, Refusal> {
+    let Some(robot) = robot else { return Ok(None) };
     caller.must(Right::Read, &robot)?;
     match state.fleet.station(&robot) {
         Some(_) => Ok(Some(robot)),
@@ -161,6 +203,8 @@ struct LiveStream {
     state: State,
     caller: Caller,
     only: Option<String>,
+    /// The values that are sent. `None` for all.
+    signals: Option<Vec<String>>,
     /// Whether the snapshots were made.
     looked: bool,
     /// How far each robot was sent.
@@ -202,18 +246,30 @@ impl LiveStream {
             let sent = self.sent.get(&robot).copied();
             match sent.and_then(|sent| station.changes_since(sent)) {
                 None => {
-                    let (place, state) = station.snapshot();
+                    let (place, mut state) = station.snapshot();
+                    keep(self.signals.as_deref(), &mut state.signals);
                     self.sent.insert(robot, place);
                     self.ready.push_back(message("snapshot", &state));
                 }
                 Some((place, _)) if sent == Some(place) => {}
-                Some((place, signals)) => {
+                Some((place, mut signals)) => {
                     self.sent.insert(robot.clone(), place);
+                    keep(self.signals.as_deref(), &mut signals);
+                    if signals.is_empty() {
+                        continue;
+                    }
                     let number = place.number;
                     self.ready.push_back(message("change", &LiveChange { robot, number, signals }));
                 }
             }
         }
+    }
+}
+
+/// Keeps the values that are followed.
+fn keep(followed: Option<&[String]>, signals: &mut Vec<Signal>) {
+    if let Some(followed) = followed {
+        signals.retain(|signal| followed.contains(&signal.address));
     }
 }
 

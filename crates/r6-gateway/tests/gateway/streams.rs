@@ -34,6 +34,34 @@ async fn live_begins_with_a_snapshot_and_numbers_grow() {
 }
 
 #[tokio::test]
+async fn chosen_values_are_followed_alone() {
+    let hall = Hall::with(vec![ready_to_start().await]).await;
+    let mut live =
+        Stream::open(hall.gateway.address(), &hall.viewer, "/v1/live?robot=press&signal=axis-0,axis-1", "")
+            .await;
+    let snapshot = live.next().await.unwrap();
+    let addresses = |data: &serde_json::Value| -> Vec<String> {
+        let signals = data["signals"].as_array().unwrap().iter();
+        signals.map(|signal| signal["address"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(addresses(&snapshot.data), ["axis-0", "axis-1"]);
+    let lease = hall.lease(&hall.operator, "press").await;
+    assert_eq!(hall.command(&hall.operator, "press", &lease, "startButton").await.0, 200);
+    // `isMoving`, the pose and others change too.
+    for _ in 0..5 {
+        let change = live.next().await.unwrap();
+        let seen = addresses(&change.data);
+        assert!(!seen.is_empty() && seen.iter().all(|seen| seen.starts_with("axis-")), "{seen:?}");
+    }
+    for (wrong, part) in [("axis-99", "axis-99"), ("axiz-0", "axis-"), ("Addr-800", "not read"), ("", "")] {
+        let path = format!("/v1/live?signal={wrong}");
+        let (status, problem) = hall.call(&hall.viewer, "GET", &path, None).await;
+        assert_eq!((status, &problem["code"]), (422, &json!("bad_value")), "{path}");
+        assert!(problem["message"].as_str().unwrap().contains(part), "{problem}");
+    }
+}
+
+#[tokio::test]
 async fn events_are_told_in_order_and_resumed() {
     let hall = Hall::start().await;
     let address = hall.gateway.address();
