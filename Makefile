@@ -32,7 +32,7 @@ breaks: ## Break each promise on purpose, in a copy, and show that a plan of mak
 	@tools/test toolchain
 	@tools/breaks $(ARGS)
 
-bench: ## Measure r6 beside others, as ratios; ARGS="round-trip codec" chooses rows, without it docs/BENCHMARKS.md is written (wants redis-server and tools/python/run)
+bench: ## Measure r6 beside others, as ratios; ARGS="round-trip codec" chooses rows, without it docs/BENCHMARKS.md is written (wants redis-server and tools/python/run bench)
 	@$(CARGO) build --profile bench --locked --package r6-bench
 	@"$(BUILT)/release/r6-bench" $(ARGS)
 

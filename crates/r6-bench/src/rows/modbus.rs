@@ -140,7 +140,7 @@ fn beside_pymodbus(modbus: SocketAddr, robots: SocketAddr) -> [Figure; 2] {
         import.is_ok_and(|status| status.success())
     };
     if !Path::new(PYTHON).exists() || !there("pymodbus") || !there("r6") {
-        return [(); 2].map(|()| Figure::NotMeasured("it takes what `tools/python/run` installs"));
+        return [(); 2].map(|()| Figure::NotMeasured("it takes what `tools/python/run bench` installs"));
     }
     let script = std::cell::RefCell::new(Script::start(&[modbus.to_string(), robots.to_string()]));
     let mut ours = sdk(robots);

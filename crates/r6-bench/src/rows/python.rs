@@ -10,8 +10,8 @@ use crate::measure::judge;
 use crate::report::{Figure, Goal, Row};
 use crate::serve::Server;
 
-/// Where `tools/python/run` installs the package.
-pub const PYTHON: &str = "target/tools/python/venv/bin/python";
+/// Where `tools/python/run bench` installs the package, built for release.
+pub const PYTHON: &str = "target/tools/python/bench/bin/python";
 const SCRIPT: &str = "crates/r6-python/benches/round_trip.py";
 
 #[derive(Deserialize)]
@@ -39,7 +39,7 @@ pub fn rows() -> Vec<Row> {
 
 fn measured() -> Figure {
     if !Path::new(PYTHON).exists() {
-        return Figure::NotMeasured("it takes what `tools/python/run` installs");
+        return Figure::NotMeasured("it takes what `tools/python/run bench` installs");
     }
     let server = Server::Echo.start();
     let output = Command::new(PYTHON)
