@@ -17,20 +17,30 @@ pub struct LogArgs {
     verbose: u8,
 }
 
-/// Starts the log. While a full screen is on the terminal nothing is logged, because the lines would destroy
-/// the screen. The lines go through a queue, so that the program does not wait for a slow reader of stderr.
+/// What a program logs that was not asked for more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Usual {
+    /// Warnings, and a line for each thing that a gateway does.
+    Full,
+    /// Warnings only: the program says itself what happens.
+    Warnings,
+    /// Nothing, whatever was asked for: there is a full screen on the terminal, and lines would destroy it.
+    Nothing,
+}
+
+/// Starts the log. The lines go through a queue, so that the program does not wait for a slow reader of stderr.
 /// Flush the queue at the end.
-pub fn begin(args: &LogArgs, has_screen: bool) -> std::io::Result<LineQueue> {
+pub fn begin(args: &LogArgs, usual: Usual) -> std::io::Result<LineQueue> {
     let level = match args.verbose {
         // `r6 sim` and `r6 up` print the log of a virtual controller themselves.
-        // What a gateway does is worth a line each.
+        0 if usual == Usual::Warnings => "warn,r6_sim=error,r6_gateway=error",
         0 => "warn,r6_sim=error,r6_gateway=info",
         1 => "info",
         2 => "debug",
         3.. => "trace",
     };
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
-    let filter = if has_screen { EnvFilter::new("off") } else { filter };
+    let filter = if usual == Usual::Nothing { EnvFilter::new("off") } else { filter };
     // A log line that cannot be written does not end the program.
     let queue = LineQueue::start(|bytes| std::io::stderr().write_all(bytes))?;
     let colours = output::has_colours(&std::io::stderr());

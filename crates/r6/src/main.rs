@@ -23,6 +23,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use r6::units;
 
 use crate::exit::{Exit, Failure};
+use crate::logs::Usual;
 use crate::robot::RobotArgs;
 
 /// Virtual controllers, queries, commands and motion for Huacheng R6 / HC1 robots.
@@ -109,8 +110,12 @@ fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     if robot_typed && let Some(refused) = asks_no_robot(&cli.subcommand, cli.robot.address()) {
         return Err(refused);
     }
-    let has_screen = matches!(&cli.subcommand, Subcommands::Up(args) if args.has_screen());
-    let logs = logs::begin(&cli.logs, has_screen)
+    let usual = match &cli.subcommand {
+        Subcommands::Up(args) if args.has_screen() => Usual::Nothing,
+        Subcommands::Up(_) => Usual::Warnings,
+        _ => Usual::Full,
+    };
+    let logs = logs::begin(&cli.logs, usual)
         .map_err(|error| Failure::usage(format!("the system gives no threads: {error}")))?;
     let ended = run(cli, robot_typed);
     logs.flush();

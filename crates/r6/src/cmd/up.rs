@@ -1,5 +1,7 @@
 //! `r6 up`: a whole cell on this machine, with its live state.
 
+mod gateway;
+
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
@@ -10,6 +12,7 @@ use r6_sim::panel::DEFAULT_PORT;
 use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
 use tokio::sync::broadcast::error::TryRecvError;
 
+use self::gateway::CellGateway;
 use crate::cmd::sim::{self, CellArgs, LangArg};
 use crate::exit::{Exit, Failure};
 use crate::output;
@@ -23,17 +26,25 @@ const DRAW_INTERVAL: Duration = Duration::from_millis(50);
 /// The port of the real controllers, and the default port of `r6 up`.
 const DEFAULT_LISTEN_PORT: u16 = 9760;
 
-/// Where to offer the panel.
+/// Where to offer the panel or the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum PanelPlace {
+enum Place {
     Off,
     At(SocketAddr),
 }
 
-fn panel_place(text: &str) -> Result<PanelPlace, String> {
+fn panel_place(text: &str) -> Result<Place, String> {
+    place(text, units::panel_address)
+}
+
+fn gateway_place(text: &str) -> Result<Place, String> {
+    place(text, units::listen_address)
+}
+
+fn place(text: &str, read: fn(&str) -> Result<SocketAddr, String>) -> Result<Place, String> {
     match text {
-        "off" => Ok(PanelPlace::Off),
-        _ => units::panel_address(text).map(PanelPlace::At).map_err(|wanted| format!("{wanted}; or `off`")),
+        "off" => Ok(Place::Off),
+        _ => read(text).map(Place::At).map_err(|wanted| format!("{wanted}; or `off`")),
     }
 }
 
@@ -47,7 +58,7 @@ Examples:
   r6 up
   r6 up --listen 0.0.0.0:9760                   reachable from other machines: it has no login
   r6 up --profile r6-pendant --start stopped
-  r6 up --panel off
+  r6 up --panel off --gateway off
 
 Then, in a second shell:
   r6 status
@@ -60,7 +71,11 @@ pub struct UpArgs {
     /// Where to offer the panel over HTTP, or off [default: 127.0.0.1:9770 with --listen on port 9760 and if
     /// it is free, else any free port]
     #[arg(long, value_name = "ADDR:PORT|off", value_parser = panel_place)]
-    panel: Option<PanelPlace>,
+    panel: Option<Place>,
+    /// Where to offer the gateway over HTTP, or off; its folder goes when this ends [default: 127.0.0.1:9780
+    /// with --listen on port 9760 and if it is free, else any free port]
+    #[arg(long, value_name = "ADDR:PORT|off", value_parser = gateway_place)]
+    gateway: Option<Place>,
     /// Let --panel be an address that other machines can reach: it has no login
     #[arg(long, requires = "panel")]
     panel_open: bool,
@@ -82,22 +97,43 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let has_screen = args.has_screen();
     let mut ending = Ending::watch()?;
     let lang = args.lang;
+    let (place, usual_port) = (args.gateway, args.listen.port() == DEFAULT_LISTEN_PORT);
     let simulation = start(args).await?;
+    let gateway = match simulation.controllers().first() {
+        Some(robot) => CellGateway::start(place, robot.address(), usual_port).await?,
+        None => None,
+    };
     let result = tokio::select! {
-        shown = show(&simulation, has_screen, lang) => shown,
+        shown = show(&simulation, gateway.as_ref(), has_screen, lang) => shown,
         () = ending.signalled() => Ok(()),
     };
+    let ended = match gateway {
+        Some(gateway) => gateway.end().await,
+        None => Ok(()),
+    };
     let kept = sim::end(simulation).await;
-    result.and(kept).map(|()| Exit::Done)
+    result.and(kept).and(ended).map(|()| Exit::Done)
 }
 
-async fn show(simulation: &Simulation, has_screen: bool, lang: LangArg) -> Result<(), Failure> {
+async fn show(
+    simulation: &Simulation,
+    gateway: Option<&CellGateway>,
+    has_screen: bool,
+    lang: LangArg,
+) -> Result<(), Failure> {
     let Some(controller) = simulation.controllers().first() else { return Ok(()) };
-    let panel = simulation.panel();
+    let doors = Doors { panel: simulation.panel(), gateway };
     match has_screen {
-        true => show_screen(controller, panel, lang.language()).await,
-        false => show_lines(controller, panel, lang).await,
+        true => show_screen(controller, doors, lang.language()).await,
+        false => show_lines(controller, doors, lang).await,
     }
+}
+
+/// What is offered over HTTP.
+#[derive(Clone, Copy, Debug)]
+struct Doors<'a> {
+    panel: Option<SocketAddr>,
+    gateway: Option<&'a CellGateway>,
 }
 
 /// Starts the cell. Without `--panel`, the panel takes its usual port if that is free, else any free port.
@@ -106,8 +142,8 @@ async fn start(args: UpArgs) -> Result<Simulation, Failure> {
         SimSettings { listen: vec![args.listen], panel_open: args.panel_open, ..args.cell.settings()? };
     let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let panel = match args.panel {
-        Some(PanelPlace::Off) => None,
-        Some(PanelPlace::At(address)) => Some(address),
+        Some(Place::Off) => None,
+        Some(Place::At(address)) => Some(address),
         None if args.listen.port() == DEFAULT_LISTEN_PORT => {
             let usual = SocketAddr::from((Ipv4Addr::LOCALHOST, DEFAULT_PORT));
             match Simulation::start(SimSettings { panel: Some(usual), ..settings.clone() }).await {
@@ -121,11 +157,11 @@ async fn start(args: UpArgs) -> Result<Simulation, Failure> {
 }
 
 /// Commands to try in a second shell.
-fn hints(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Vec<String> {
+fn hints(controller: &ControllerHandle, doors: Doors<'_>) -> Vec<String> {
     let address = controller.address();
     let robot =
         if address.to_string() == "127.0.0.1:9760" { String::new() } else { format!(" -r {address}") };
-    let panel = panel.map(|address| match address.to_string().as_str() {
+    let panel = doors.panel.map(|address| match address.to_string().as_str() {
         crate::hint::DEFAULT_PANEL => "r6 panel status".to_owned(),
         _ => format!("r6 panel --panel {address} status"),
     });
@@ -134,14 +170,10 @@ fn hints(controller: &ControllerHandle, panel: Option<SocketAddr>) -> Vec<String
         format!("r6{robot} move axes 10 0 0 0 30 0 --speed 50 --wait"),
         format!("r6{robot} watch axis-0 axis-4 isMoving --every 100ms"),
     ];
-    commands.into_iter().chain(panel).collect()
+    commands.into_iter().chain(panel).chain(doors.gateway.map(CellGateway::hint)).collect()
 }
 
-async fn show_lines(
-    controller: &ControllerHandle,
-    panel: Option<SocketAddr>,
-    lang: LangArg,
-) -> Result<(), Failure> {
+async fn show_lines(controller: &ControllerHandle, doors: Doors<'_>, lang: LangArg) -> Result<(), Failure> {
     let log = controller.log_from_start();
     let state = controller.snapshot();
     let lines = output::lines();
@@ -152,10 +184,13 @@ async fn show_lines(
         Language::English => format!("{name}, profile {profile}, mode {mode}"),
         Language::Chinese => format!("{name}，控制器配置 {profile}，模式 {}", mode.number()),
     });
-    if let Some(panel) = panel {
+    if let Some(panel) = doors.panel {
         lines.line(sim::panel_line(panel, language));
     }
-    for hint in hints(controller, panel) {
+    if let Some(gateway) = doors.gateway {
+        lines.line(gateway.line(language));
+    }
+    for hint in hints(controller, doors) {
         lines.line(match language {
             Language::English => format!("try: {hint}"),
             Language::Chinese => format!("可以试试：{hint}"),
@@ -167,12 +202,12 @@ async fn show_lines(
 
 async fn show_screen(
     controller: &ControllerHandle,
-    panel: Option<SocketAddr>,
+    doors: Doors<'_>,
     language: Language,
 ) -> Result<(), Failure> {
     let failed = |error: std::io::Error| Failure::usage(format!("the terminal cannot be drawn on: {error}"));
     let mut log = controller.log_from_start();
-    let mut view = View::new(controller.address(), hints(controller, panel));
+    let mut view = View::new(controller.address(), hints(controller, doors));
     let mut screen = Screen::open().map_err(failed)?;
     let mut ticks = tokio::time::interval(DRAW_INTERVAL);
     loop {

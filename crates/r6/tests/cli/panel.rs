@@ -269,7 +269,8 @@ fn up_has_a_panel_unless_told() {
     let lines = [up.line(), up.line(), up.line()];
     let panel = lines[2].strip_prefix("panel on http://").unwrap_or_else(|| panic!("{lines:?}"));
     assert_eq!(r6(&["panel", "--panel", panel, "key", "stop"]).code, 0);
-    let mut without = Running::start(&["up", "--listen", "127.0.0.1:0", "--panel", "off"]);
+    let mut without =
+        Running::start(&["up", "--listen", "127.0.0.1:0", "--panel", "off", "--gateway", "off"]);
     for _ in 0..2 {
         without.line();
     }

@@ -1,7 +1,8 @@
 //! `r6 sim` and `r6 up` as processes.
 
-use std::io::{BufRead, Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::path::Path;
 
 use crate::support::{Robot, Running, TempFile, r6};
 
@@ -58,15 +59,38 @@ fn up_without_a_terminal_prints_lines() {
         assert!(up.line().contains("BRTIRUS0707A, profile hc1"));
         let panel = up.line();
         let panel = panel.strip_prefix("panel on http://").unwrap();
+        let gateway = up.line();
+        let gateway =
+            gateway.strip_prefix("gateway on http://").unwrap().strip_suffix(", robot `virtual`").unwrap();
         for _ in 0..3 {
             let hint = up.line();
             assert!(hint.starts_with(&format!("try: r6 -r {address} ")), "{hint}");
         }
         assert_eq!(up.line(), format!("try: r6 panel --panel {panel} status"));
+        let curl = up.line();
+        let token = curl
+            .strip_prefix("try: curl -sN -H @")
+            .and_then(|rest| rest.strip_suffix(&format!(" {gateway}/v1/live?signal=axis-0")));
+        let token = Path::new(token.unwrap_or_else(|| panic!("{curl}")));
         assert_eq!(r6(&["-r", &address, "stop"]).code, 0);
         assert_ne!(up.line(), "", "a change of state is a line");
+        let header = std::fs::read_to_string(token).unwrap();
+        let first = first_event(gateway, &header, "/v1/live?signal=axis-0");
+        assert!(first.contains("\"address\":\"axis-0\",\"value\":0.0"), "{first}");
+        let folder = token.parent().unwrap();
+        let mode = std::os::unix::fs::PermissionsExt::mode(&std::fs::metadata(folder).unwrap().permissions());
+        assert_eq!(mode & 0o777, 0o700, "the token is for its owner alone");
         assert_eq!(up.end(signal), Some(0), "{signal}");
+        assert!(!folder.exists(), "the folder goes with the cell");
     }
+}
+
+/// The first event of a stream, as `curl -H @FILE` gets it.
+fn first_event(gateway: &str, header: &str, path: &str) -> String {
+    let mut stream = TcpStream::connect(gateway).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {gateway}\r\n{}\r\n\r\n", header.trim_end()).unwrap();
+    let lines = BufReader::new(stream).lines().map(Result::unwrap);
+    lines.skip_while(|line| !line.starts_with("data:")).next().unwrap_or_default()
 }
 
 /// A program from a file runs and can call another one. The error for a wrong program says where it is wrong.
@@ -368,12 +392,14 @@ fn the_log_speaks_chinese() {
     let address = up.line().strip_prefix("监听地址 ").unwrap().to_owned();
     assert!(up.line().ends_with("，控制器配置 hc1，模式 7"));
     assert!(up.line().starts_with("面板地址 http://127.0.0.1:"));
+    assert!(up.line().starts_with("网关地址 http://127.0.0.1:"));
     for _ in 0..4 {
         assert!(up.line().starts_with("可以试试：r6 "));
     }
+    assert!(up.line().starts_with("可以试试：curl "));
     assert_eq!(r6(&["-r", &address, "command", "actionStop"]).code, 0);
     let lines = [up.line(), up.line()];
-    assert!(lines.iter().any(|line| line.ends_with("连接 0：命令 actionStop")), "{lines:?}");
+    assert!(lines.iter().any(|line| line.ends_with("连接 1：命令 actionStop")), "{lines:?}");
 }
 
 /// A folder has the name of the new file. So the file cannot be written, as on a full disk.
