@@ -159,7 +159,7 @@ class OneDegree:
         b"12",
         [b"1", b"2"],
         bytearray(b"12"),
-        memoryview(b"12"),
+        pytest.param(memoryview(b"12"), id="memoryview"),
         [True, False],
         [1.0, True],
         [1.0, np.bool_(True)],

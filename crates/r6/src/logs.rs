@@ -28,8 +28,8 @@ pub enum Usual {
     Nothing,
 }
 
-/// Starts the log. The lines go through a queue, so that the program does not wait for a slow reader of stderr.
-/// Flush the queue at the end.
+/// Starts the log. The lines go through a queue, so that the program does not wait for a slow reader of
+/// stderr. Flush the queue at the end.
 pub fn begin(args: &LogArgs, usual: Usual) -> std::io::Result<LineQueue> {
     let level = match args.verbose {
         // `r6 sim` and `r6 up` print the log of a virtual controller themselves.

@@ -70,7 +70,7 @@ fn up_without_a_terminal_prints_lines() {
         let curl = up.line();
         let token = curl
             .strip_prefix("try: curl -sN -H @")
-            .and_then(|rest| rest.strip_suffix(&format!(" {gateway}/v1/live?signal=axis-0")));
+            .and_then(|rest| rest.strip_suffix(&format!(" '{gateway}/v1/live?signal=axis-0'")));
         let token = Path::new(token.unwrap_or_else(|| panic!("{curl}")));
         assert_eq!(r6(&["-r", &address, "stop"]).code, 0);
         assert_ne!(up.line(), "", "a change of state is a line");

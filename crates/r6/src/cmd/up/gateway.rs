@@ -67,7 +67,8 @@ impl CellGateway {
     /// The command that follows J1 live.
     pub fn hint(&self) -> String {
         let token = self.folder.path().join(TOKEN_FILE);
-        format!("curl -sN -H @{} {}/v1/live?signal=axis-0", token.display(), self.gateway.address())
+        // Some shells read `?` as a pattern for file names.
+        format!("curl -sN -H @{} '{}/v1/live?signal=axis-0'", token.display(), self.gateway.address())
     }
 
     /// Ends it and removes its folder.
