@@ -4,6 +4,7 @@
 
 use std::fmt;
 
+use crate::io_point::IoPoint;
 use crate::printable::printable;
 use crate::spelling;
 
@@ -243,6 +244,12 @@ impl UnknownAddress {
 impl fmt::Display for UnknownAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "`{}` is no query address", printable(&self.name))?;
+        if let Ok(point) = self.name.parse::<IoPoint>() {
+            return match point.address() {
+                Some(word) => write!(f, " but a point: `{word}` has it, as bit {}", point.point),
+                None => write!(f, " but a point of the EU board, which has none"),
+            };
+        }
         match self.nearest() {
             None => Ok(()),
             Some(row) => match row.indices {
@@ -333,5 +340,9 @@ mod tests {
         assert_eq!(Address::parse("curAlrm").unwrap_err().nearest().map(|row| row.name), Some("curAlarm"));
         assert_eq!(Address::parse("axis-01").unwrap_err().nearest().map(|row| row.name), Some("axis-n"));
         assert_eq!(Address::parse("qqqq").unwrap_err().nearest().map(|row| row.name), None);
+        let told = |name: &str| Address::parse(name).unwrap_err().to_string();
+        assert_eq!(told("Y012"), "`Y012` is no query address but a point: `output-0` has it, as bit 2");
+        assert!(told("x1.010").ends_with("`input-1` has it, as bit 0"), "{}", told("x1.010"));
+        assert!(told("EUY010").ends_with("a point of the EU board, which has none"), "{}", told("EUY010"));
     }
 }
