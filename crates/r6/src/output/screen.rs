@@ -66,11 +66,15 @@ impl Drop for Screen {
 
 fn draw(frame: &mut Frame<'_>, view: &View, state: &ControllerSnapshot) {
     let axes = u16::try_from(state.axis_limits.len()).unwrap_or(8).min(8);
+    // On a low screen the last hints give way, so that all axes and a line of the log stay.
+    let [of_head, of_axes, least_of_log] = [7, axes + 2, 3];
+    let wanted = u16::try_from(view.hints.len() + 2).unwrap_or(u16::MAX);
+    let left = frame.area().height.saturating_sub(of_head + of_axes + least_of_log);
     let [head, middle, log, hints] = Layout::vertical([
-        Constraint::Length(7),
-        Constraint::Length(axes + 2),
-        Constraint::Min(3),
-        Constraint::Length(u16::try_from(view.hints.len() + 2).unwrap_or(u16::MAX)),
+        Constraint::Length(of_head),
+        Constraint::Length(of_axes),
+        Constraint::Min(least_of_log),
+        Constraint::Length(wanted.min(left)),
     ])
     .areas(frame.area());
     let [bars, pose] = Layout::horizontal([Constraint::Min(40), Constraint::Length(24)]).areas(middle);
@@ -268,7 +272,7 @@ mod tests {
     fn drawn(width: u16, height: u16) -> String {
         let mut view = View::new(
             SocketAddr::from(([127, 0, 0, 1], 9760)),
-            vec!["r6 status".to_owned(), String::new(), "r6 panel status".to_owned()],
+            ["r6 status", "", "r6 panel status", "curl", "r6 watch"].map(str::to_owned).to_vec(),
         );
         for number in 0..300 {
             view.add_line(format!("line {number}"));
@@ -302,6 +306,16 @@ mod tests {
             assert!(text.contains(part), "{part} in\n{text}");
         }
         assert!(!text.contains("line 200"), "{text}");
+    }
+
+    #[test]
+    fn on_a_low_terminal_hints_give_way_to_axes_and_the_log() {
+        let text = drawn(80, 24);
+        for part in ["J6  ", "line 299", "r6 status", "curl"] {
+            assert!(text.contains(part), "{part} in\n{text}");
+        }
+        assert!(!text.contains("r6 watch"), "{text}");
+        assert!(drawn(80, 25).contains("r6 watch"));
     }
 
     #[test]
