@@ -16,6 +16,7 @@ use crate::event::Event;
 use crate::identity::{Found, Identity};
 use crate::link_quality::Meter;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
+use crate::raw::RawValues;
 use crate::reply::Places;
 use crate::time::Time;
 
@@ -73,6 +74,8 @@ pub(crate) struct Known {
     pub read_of_nobody: bool,
     /// The unexpected robot that answered on the connection before this one, if there was one.
     pub stranger_before: Option<Identity>,
+    /// The last values as the controller wrote them.
+    pub raw: RawValues,
 }
 
 impl Known {
@@ -81,6 +84,7 @@ impl Known {
         if self.connection == connection {
             self.doubts_lists = true;
             self.doubts += 1;
+            self.raw.forget();
         }
     }
 }
@@ -247,9 +251,16 @@ impl Hub {
             let (expected, present) = (known.expected.take(), known.present.take());
             let read_of_nobody = known.read_of_nobody || (known.handed_out && expected.is_none());
             let stranger_before = present.filter(|present| expected.as_ref().is_some_and(|it| it != present));
-            let doubts = known.doubts;
-            *known =
-                Known { connection, expected, read_of_nobody, stranger_before, doubts, ..Known::default() };
+            let (doubts, raw) = (known.doubts, known.raw.on_next_connection());
+            *known = Known {
+                connection,
+                expected,
+                read_of_nobody,
+                stranger_before,
+                doubts,
+                raw,
+                ..Known::default()
+            };
         }
         self.meter().disconnected(self.time.now());
         self.board.connection_lost();

@@ -23,7 +23,7 @@ pub use crate::query::result::{NoReading, QueryResult};
 use crate::robot::Robot;
 
 /// A query without addresses is a mistake in the calling program.
-const NO_ADDRESS: EncodeError = EncodeError {
+pub(crate) const NO_ADDRESS: EncodeError = EncodeError {
     field: "queryAddr",
     wanted: "one address at least, such as curMode or axis-0",
     nearest: None,
@@ -279,7 +279,7 @@ impl Robot {
                         self.hub().known().doubt_lists(on.connection);
                     }
                 }
-                Answer::Accepted { .. } | Answer::Left => {
+                Answer::Accepted { .. } | Answer::Raw { .. } | Answer::Left => {
                     let answer = "a reply to a command".to_owned();
                     return Err(OutcomeUnknown::Unclear { request: Sent::QUERY, answer }.into());
                 }

@@ -193,6 +193,15 @@ fn replies_without_pack_id_are_matched_by_kind_and_order() {
             echoes_query_addr: Some(false),
             names_command: Some(false),
             echo_types: Some(true),
+            sorts_keys: Some(false),
+        }
+    );
+    assert_eq!(
+        session.learned().dialect(),
+        Dialect {
+            counter: CounterForm::Numbers,
+            command_reply: CommandReplyForm::Verdict,
+            ..Dialect::LEGACY
         }
     );
 }
