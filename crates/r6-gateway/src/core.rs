@@ -6,9 +6,11 @@
 //! - [`chain`]: the hash chain of the audit log.
 //! - [`name`]: names of robots.
 //! - [`rate`]: how many requests a token may make.
+//! - [`raw`]: the raw port.
 
 pub mod chain;
 pub mod name;
 pub mod rate;
+pub mod raw;
 pub mod role;
 pub mod seat;

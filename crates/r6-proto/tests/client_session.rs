@@ -6,7 +6,7 @@ use std::time::Duration;
 use r6_proto::client::{
     ClientSession, ClientSettings, Event, LearnedDialect, SendError, StrayReason, Ticket,
 };
-use r6_proto::dialect::DsIdForm;
+use r6_proto::dialect::{CommandReplyForm, CounterForm, Dialect, DsIdForm};
 use r6_proto::message::command::Outcome;
 use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Instruction, Manner, Move};
 use r6_proto::message::{Body, LengthMismatch, PhotoAnswer, TypeKey};

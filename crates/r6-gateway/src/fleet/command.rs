@@ -45,6 +45,19 @@ impl Station {
     /// # Errors
     /// `leased`, `identity_changed`, `store_unavailable`.
     pub async fn acquire(&self, by: &By, lasts: Duration) -> Result<Lease, Problem> {
+        let granted = self.acquire_now(by, lasts).await?;
+        Ok(self.given(granted))
+    }
+
+    /// The same for a caller in the gateway: the key of the lease.
+    ///
+    /// # Errors
+    /// As [`Self::acquire`].
+    pub(crate) async fn acquire_key(&self, by: &By, lasts: Duration) -> Result<Key, Problem> {
+        Ok(self.acquire_now(by, lasts).await?.key)
+    }
+
+    async fn acquire_now(&self, by: &By, lasts: Duration) -> Result<Granted, Problem> {
         let ask = ask(by, lasts)?;
         let granted = self.seat(|seat, now| seat.acquire(now, ask))?;
         self.keep_granted(by, granted, None).await
@@ -60,7 +73,8 @@ impl Station {
         // An unconfirmed stop holds all the same, so nothing moves before somebody has looked.
         let _ = self.stop(by).await;
         let granted = self.seat(|seat, now| seat.end_taking(now, ask))?;
-        self.keep_granted(by, granted, Some(because)).await
+        let granted = self.keep_granted(by, granted, Some(because)).await?;
+        Ok(self.given(granted))
     }
 
     /// Lets the lease last longer.
@@ -81,7 +95,12 @@ impl Station {
     }
 
     /// A lease counts only after its number is on the disk: the number must not be given out again.
-    async fn keep_granted(&self, by: &By, granted: Granted, taken: Option<String>) -> Result<Lease, Problem> {
+    async fn keep_granted(
+        &self,
+        by: &By,
+        granted: Granted,
+        taken: Option<String>,
+    ) -> Result<Granted, Problem> {
         let deed = Deed::LeaseBegan { lease: granted.key.number, taken_because: taken };
         let record = self.record(by, deed);
         let kept = async {
@@ -92,7 +111,7 @@ impl Station {
             let _ = self.release(granted.key);
             return Err(error.into());
         }
-        Ok(self.given(granted))
+        Ok(granted)
     }
 
     fn given(&self, granted: Granted) -> Lease {
@@ -149,6 +168,7 @@ impl Station {
         // What was true before the disk had its turn may not be true any more.
         let answer = match self.seat(|seat, now| seat.permit(now, key, command)) {
             Ok(permit) => {
+                let _sending = self.sending();
                 let answer = self.send(&robot, permit).await;
                 answer.map_err(|error| (outcome(&error), self.problem_of(&error, key, effect)))
             }
@@ -188,6 +208,7 @@ impl Station {
     /// # Errors
     /// `not_stopped`.
     pub async fn stop(&self, by: &By) -> Result<Stopped, Problem> {
+        let sending = self.sending();
         self.begin_stop(by, STOP);
         let answer = match self.stops.try_acquire() {
             Ok(_place) => match self.connected().await {
@@ -196,6 +217,7 @@ impl Station {
             },
             Err(_) => Err(format!("{MAX_STOPS} stops of this robot are under way: {USE_EMERGENCY_STOP}")),
         };
+        drop(sending);
         let stopped = match answer {
             Ok(report) if report.confirmed => Ok((report.took, report.to_string())),
             Ok(report) => Err(report.to_string()),
@@ -215,6 +237,7 @@ impl Station {
     /// `refused`, `not_ready`, `identity_changed`, `overloaded`, `outcome_unknown`.
     pub async fn stop_command(&self, by: &By, command: Command<'static>) -> Result<CommandDone, Problem> {
         let (word, sent) = (command.name().word(), command.to_string());
+        let sending = self.sending();
         self.begin_stop(by, word);
         let answer = match self.stop_commands.try_acquire() {
             Ok(_place) => match self.connected().await {
@@ -226,6 +249,7 @@ impl Station {
                 Err(Problem::new(Code::Overloaded, message))
             }
         };
+        drop(sending);
         let detail = answer.as_ref().err().map(|problem| problem.message.clone()).unwrap_or_default();
         self.end_stop(by, word, answer.is_ok(), detail);
         let after_ms = clock::milliseconds(answer?.after);

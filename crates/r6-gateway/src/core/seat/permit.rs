@@ -89,7 +89,10 @@ impl fmt::Display for Denied {
                  secret with each command",
             ),
             Self::Leased { holder, left } => {
-                write!(f, "token {holder} holds the lease for {} ms more, unless it is renewed", left.as_millis())
+                // A token's label begins with its number; that of a raw client says so itself.
+                let what = if holder.starts_with(|first: char| first.is_ascii_digit()) { "token " } else { "" };
+                let left = left.as_millis();
+                write!(f, "{what}{holder} holds the lease for {left} ms more, unless it is renewed")
             }
             Self::BeingTaken => f.write_str("an admin is taking the lease, and the robot is being stopped"),
             Self::Stopped => f.write_str(
@@ -133,6 +136,14 @@ impl Seat {
         self.may(now, key, effect).map(|_| ())
     }
 
+    /// Whether a command with this effect would be permitted now to a caller that gets the lease for it.
+    ///
+    /// # Errors
+    /// [`Denied`].
+    pub fn check_before_lease(&self, now: Instant, effect: Effect) -> Result<(), Denied> {
+        self.is_fit(now, effect).map(|_| ())
+    }
+
     /// The connection, and until when the caller holds the lease.
     fn may(&mut self, now: Instant, key: Key, effect: Effect) -> Result<(u64, Instant), Denied> {
         if self.closed {
@@ -142,6 +153,17 @@ impl Seat {
             return Err(Denied::IdentityChanged);
         }
         let until = self.held(now, key)?.until;
+        Ok((self.is_fit(now, effect)?, until))
+    }
+
+    /// The connection, if the robot may get a command with this effect from the holder of the lease.
+    fn is_fit(&self, now: Instant, effect: Effect) -> Result<u64, Denied> {
+        if self.closed {
+            return Err(Denied::Closed);
+        }
+        if self.stranger.is_some() {
+            return Err(Denied::IdentityChanged);
+        }
         match effect {
             Effect::Stops | Effect::Reads => return Err(Denied::NeedsNone),
             Effect::Moves if self.saved.stopped => return Err(Denied::Stopped),
@@ -152,6 +174,6 @@ impl Seat {
         if link.manual {
             return Err(Denied::Manual);
         }
-        Ok((link.connection, until))
+        Ok(link.connection)
     }
 }

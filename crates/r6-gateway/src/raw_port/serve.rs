@@ -1,0 +1,165 @@
+//! Carries out one request of a raw client.
+
+use std::net::SocketAddr;
+
+use r6_api::Code;
+use r6_client::{Address, Robot};
+use r6_proto::Command;
+
+use super::port::Door;
+use crate::clock;
+use crate::core::raw::lease::Holder;
+use crate::core::raw::policy::{RawAllow, RawRule};
+use crate::core::raw::session::Answer;
+use crate::core::seat::{Key, USUAL_LEASE};
+use crate::fleet::station::{By, Station};
+use crate::problem::Problem;
+
+/// Answers a query: from readings that are fresh and show the effect of all commands, or by asking the robot.
+/// If the robot does not answer, neither does this.
+pub async fn query(station: &Station, addresses: &[Address]) -> Answer {
+    if addresses.is_empty() {
+        // The robot has nothing of it.
+        return Answer::Values(Vec::new());
+    }
+    let Some(robot) = station.robot() else { return Answer::Silence };
+    if let Some(values) = fresh(station, &robot, addresses) {
+        return Answer::Values(values);
+    }
+    let _turn = station.asking.lock().await;
+    // The query of another client may have answered this one meanwhile.
+    if let Some(values) = fresh(station, &robot, addresses) {
+        return Answer::Values(values);
+    }
+    match robot.query_raw(addresses).await {
+        Ok(reply) => Answer::Values(reply.values),
+        Err(error) => {
+            tracing::debug!(robot = station.name(), %error, "a query of a raw client has no answer");
+            Answer::Silence
+        }
+    }
+}
+
+/// The values of these addresses, if all of them are fresh.
+fn fresh(station: &Station, robot: &Robot, addresses: &[Address]) -> Option<Vec<Vec<u8>>> {
+    robot.keep_raw_values();
+    // Taken before the ages: so no value seems younger than it is.
+    let now = clock::now();
+    let values = robot.raw_values(addresses).into_iter().collect::<Option<Vec<_>>>()?;
+    // Looked at after the values: a command that begins in between makes them old.
+    let fresh = station.fresh();
+    let all = values.iter().all(|value| fresh.may_answer(now, clock::before(now, value.age)));
+    all.then(|| values.into_iter().map(|value| value.text).collect())
+}
+
+/// Stops or pauses the robot at once, for every source that is not denied. The stop holds.
+pub async fn stop(door: &Door, station: &Station, source: SocketAddr, command: Command<'static>) -> Answer {
+    let Some(rule) = door.policy.rule(source, &door.robot) else { return Answer::Silence };
+    let done = station.stop_command(&by(&rule, source), command).await;
+    door_answer(station, done.map(drop))
+}
+
+/// Sends a command that changes or moves, with the implicit lease of the source.
+pub async fn command(
+    door: &Door,
+    station: &Station,
+    source: SocketAddr,
+    command: Command<'static>,
+) -> Answer {
+    let Some(rule) = door.policy.rule(source, &door.robot) else { return Answer::Silence };
+    let word = command.name().word();
+    if rule.allow < RawAllow::Command {
+        let reason = "this address may only read and stop".to_owned();
+        return refuse(door, station, source, word, reason);
+    }
+    if let Some(reason) = rule.forbids(&command) {
+        return refuse(door, station, source, word, reason);
+    }
+    let effect = command.name().effect();
+    let holder = holder(&rule, source);
+    // A command that is refused anyway does not take the lease from those who could use it.
+    let fit = station.seat(|seat, now| seat.check_before_lease(now, effect));
+    let key = match fit {
+        Ok(()) => acquire(door, station, &holder, source).await,
+        Err(denied) => Err(denied.into()),
+    };
+    let key = match key {
+        Ok(key) => key,
+        Err(problem) => {
+            if door.refusals().is_written(clock::now(), source.ip(), word) {
+                station.note_refused(&by(&rule, source), &command.to_string(), problem.code);
+            }
+            return door_answer(station, Err(problem));
+        }
+    };
+    let used = Used { door, key };
+    let done = station.command(&by(&rule, source), key, command, false).await;
+    drop(used);
+    door_answer(station, done.map(drop))
+}
+
+/// The lease of this holder; acquired if it is free. It is in use afterwards.
+async fn acquire(
+    door: &Door,
+    station: &Station,
+    holder: &Holder,
+    source: SocketAddr,
+) -> Result<Key, Problem> {
+    // Two clients of one computer are one holder: the second waits for the lease of the first.
+    let _turn = door.acquiring.lock().await;
+    let held = door.lease().begin_use(holder);
+    if let Some(key) = held {
+        if station.seat(|seat, now| seat.renew(now, key, USUAL_LEASE)).is_ok() {
+            return Ok(key);
+        }
+        door.lease().lost(key);
+    }
+    let by = By { actor: holder.label(), source: Some(source.to_string()) };
+    let key = station.acquire_key(&by, USUAL_LEASE).await?;
+    door.lease().granted(clock::now(), holder.clone(), key);
+    Ok(key)
+}
+
+/// Notes that a command does not use the lease any more, also if its task ends by itself.
+struct Used<'d> {
+    door: &'d Door,
+    key: Key,
+}
+
+impl Drop for Used<'_> {
+    fn drop(&mut self) {
+        self.door.lease().used(self.key);
+    }
+}
+
+/// Refuses what the gateway does not send on.
+pub fn refuse(door: &Door, station: &Station, source: SocketAddr, request: &str, reason: String) -> Answer {
+    station.counts.raw.refused();
+    if let Some(rule) = door.policy.rule(source, &door.robot)
+        && door.refusals().is_written(clock::now(), source.ip(), request)
+    {
+        station.note_refused(&by(&rule, source), request, Code::NotAllowed);
+    }
+    Answer::Refused(reason)
+}
+
+/// How a raw client is told: what was not done or was refused by the controller is `err` with the reason; an
+/// unknown outcome is silence, because an `err` would make a script send it again.
+fn door_answer(station: &Station, done: Result<(), Problem>) -> Answer {
+    match done {
+        Ok(()) => Answer::Accepted,
+        Err(Problem { code: Code::OutcomeUnknown, .. }) => Answer::Silence,
+        Err(problem) => {
+            station.counts.raw.refused();
+            Answer::Refused(problem.message)
+        }
+    }
+}
+
+fn holder(rule: &RawRule, source: SocketAddr) -> Holder {
+    Holder { address: source.ip(), rule: rule.source.to_string() }
+}
+
+fn by(rule: &RawRule, source: SocketAddr) -> By {
+    By { actor: holder(rule, source).label(), source: Some(source.to_string()) }
+}
