@@ -7,6 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
+use r6_proto::message::QueryReply;
+use r6_proto::time::Instant;
 use tokio::sync::{broadcast, watch};
 
 use crate::board::Board;
@@ -85,6 +87,21 @@ impl Known {
             self.doubts_lists = true;
             self.doubts += 1;
             self.raw.forget();
+        }
+    }
+}
+
+impl Known {
+    /// Keeps the values of a reply as the controller wrote them, if each is known to belong to its address.
+    pub fn keep_raw(
+        &mut self,
+        asked: &[Address],
+        reply: &QueryReply<'_>,
+        connection: u64,
+        asked_at: Instant,
+    ) {
+        if self.connection == connection && (asked.len() == 1 || !self.doubts_lists) {
+            self.raw.keep(asked, reply, asked_at);
         }
     }
 }

@@ -402,7 +402,7 @@ impl Link {
                     } else if let Some(mut job) = self.in_flight.take(ticket) {
                         let rows = std::mem::take(&mut job.rows);
                         if let (Some(asked), Body::QueryReply(reply)) = (job.work.asked(), &message.body) {
-                            hub.known().keep_raw(asked, reply, on);
+                            hub.known().keep_raw(asked, reply, on.connection, on.asked_at);
                         }
                         let answer = job.work.answer(&message, on, rows);
                         if !job.background {

@@ -3,6 +3,7 @@
 pub(crate) mod frames;
 mod memory;
 mod parts;
+mod raw;
 pub(crate) mod result;
 
 use std::pin::pin;
@@ -23,7 +24,7 @@ pub use crate::query::result::{NoReading, QueryResult};
 use crate::robot::Robot;
 
 /// A query without addresses is a mistake in the calling program.
-pub(crate) const NO_ADDRESS: EncodeError = EncodeError {
+const NO_ADDRESS: EncodeError = EncodeError {
     field: "queryAddr",
     wanted: "one address at least, such as curMode or axis-0",
     nearest: None,

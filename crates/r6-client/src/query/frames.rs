@@ -39,7 +39,7 @@ impl QueryFrames {
     }
 
     /// Splits the addresses into parts whose requests and replies stay below the longest frame.
-    pub(crate) fn split(self, addresses: Part) -> Vec<Part> {
+    pub(super) fn split(self, addresses: Part) -> Vec<Part> {
         let mut parts: Vec<Part> = Vec::new();
         let mut bytes = 0;
         for (at, address) in addresses {

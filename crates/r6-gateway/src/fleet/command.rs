@@ -13,6 +13,7 @@ use tokio::sync::Semaphore;
 use super::link::to_client;
 use super::station::{By, MAX_COMMANDS, MAX_STOPS, Station, millis};
 use crate::clock;
+use crate::core::order::Order;
 use crate::core::seat::{Ask, Denied, Granted, Key, Secret};
 use crate::problem::Problem;
 
@@ -121,7 +122,7 @@ impl Station {
         Lease { lease, expires_in_ms: millis(left), stopped }
     }
 
-    /// Sends a command that changes or moves. Its intent is on the disk before it leaves, its outcome after.
+    /// Sends a command or a list that changes or moves. Its intent is on the disk before it leaves, its outcome after.
     ///
     /// # Errors
     /// `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused`, `overloaded`,
@@ -130,12 +131,13 @@ impl Station {
         &self,
         by: &By,
         key: Key,
-        command: Command<'static>,
+        order: Order,
         run_leftover: bool,
     ) -> Result<CommandDone, Problem> {
-        let done = self.try_command(by, key, command.clone(), run_leftover).await;
+        let sent = order.to_string();
+        let done = self.try_command(by, key, order, run_leftover).await;
         if let Err((problem, Told::No)) = &done {
-            self.note_refused(by, &command.to_string(), problem.code);
+            self.note_refused(by, &sent, problem.code);
         }
         done.map_err(|(problem, _)| problem)
     }
@@ -144,29 +146,29 @@ impl Station {
         &self,
         by: &By,
         key: Key,
-        command: Command<'static>,
+        order: Order,
         run_leftover: bool,
     ) -> Result<CommandDone, (Problem, Told)> {
         let untold = |problem: Problem| (problem, Told::No);
         let _slot = self.commands.try_acquire().map_err(|_| {
             untold(Problem::new(Code::Overloaded, "too many commands of this robot are under way"))
         })?;
-        let effect = command.name().effect();
+        let effect = order.effect();
         self.seat(|seat, now| seat.check(now, key, effect)).map_err(|denied| untold(denied.into()))?;
         let robot = self.robot.borrow().clone();
         let robot =
             robot.ok_or_else(|| untold(Problem::new(Code::NotReady, "there is no connection yet")))?;
-        if command.name().starts() && !run_leftover {
+        if order.runs_leftover() && !run_leftover {
             check_list(&robot).await.map_err(untold)?;
         }
 
-        let sent = command.to_string();
+        let sent = order.to_string();
         let intent = Deed::CommandIntent { command: sent.clone(), lease: key.number };
         let intent = self.append(self.record(by, intent)).await;
         let command_id = intent.map_err(|error| untold(error.into()))?;
         self.publish(Happened::CommandBegan { command_id, command: sent.clone() });
         // What was true before the disk had its turn may not be true any more.
-        let answer = match self.seat(|seat, now| seat.permit(now, key, command)) {
+        let answer = match self.seat(|seat, now| seat.permit(now, key, order)) {
             Ok(permit) => {
                 let _sending = self.sending();
                 let answer = self.send(&robot, permit).await;

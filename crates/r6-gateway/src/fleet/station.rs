@@ -203,25 +203,29 @@ impl Station {
         self.fresh.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether readings after the last command show that the list is empty and the arm stands. A robot that
-    /// does not tell the length of its list counts as one with an empty list.
-    pub(crate) fn is_at_rest(&self) -> bool {
+    /// Whether readings after the last command show that the arm stands, and that the list is empty. A robot
+    /// that does not tell the length of its list counts as one with an empty list.
+    pub(crate) fn is_at_rest(&self) -> (bool, bool) {
         let now = clock::now();
         let (moving, list) = {
             let board = self.board();
             (board.signal(now, Address::IsMoving), board.signal(now, Address::RemoteCmdLen))
         };
-        let (Some((moving, Some(asked_at))), Some((list, list_at))) = (moving, list) else { return false };
-        let stands =
-            moving.quality == SignalQuality::Fresh && moving.value == Some(AddressValue::Flag(false));
-        let is_empty = match list.quality {
-            SignalQuality::Fresh => list.value == Some(AddressValue::Integer(0)),
+        let fresh = self.fresh();
+        let shows =
+            |read: &(Signal, Option<Instant>)| read.1.is_some_and(|asked_at| fresh.shows_all(asked_at));
+        let stands = |read: &(Signal, _)| {
+            read.0.quality == SignalQuality::Fresh && read.0.value == Some(AddressValue::Flag(false))
+        };
+        let is_empty = |read: &(Signal, _)| match read.0.quality {
+            SignalQuality::Fresh => read.0.value == Some(AddressValue::Integer(0)),
             SignalQuality::None => true,
             SignalQuality::Stale => false,
         };
-        let fresh = self.fresh();
-        let shows_list = list_at.is_none_or(|list_at| fresh.shows_all(list_at));
-        stands && is_empty && fresh.shows_all(asked_at) && shows_list
+        (
+            moving.is_some_and(|read| stands(&read) && shows(&read)),
+            list.is_some_and(|read| is_empty(&read) && shows(&read)),
+        )
     }
 
     /// The client's handle, if there ever was a connection to the present address.

@@ -62,7 +62,7 @@ pub async fn command(
                 refusal::of(problem)
             })?;
             let run_leftover = request.run_leftover;
-            tokio::spawn(async move { station.command(&by, key, command, run_leftover).await })
+            tokio::spawn(async move { station.command(&by, key, command.into(), run_leftover).await })
         }
     };
     work.await.map_err(refusal::of_lost_work)?.map(axum::Json).map_err(refusal::of)

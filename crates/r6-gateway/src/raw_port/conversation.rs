@@ -123,8 +123,8 @@ fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: T
             let work = tokio::spawn(async move { serve::stop(&door, &station, source, command).await });
             Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
         }
-        Asked::Command(command) => {
-            let work = tokio::spawn(async move { serve::command(&door, &station, source, command).await });
+        Asked::Order(order) => {
+            let work = tokio::spawn(async move { serve::order(&door, &station, source, order).await });
             Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
         }
     }

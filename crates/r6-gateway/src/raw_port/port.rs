@@ -102,11 +102,11 @@ impl Door {
     /// Renews the implicit lease or gives it back, and takes the usual time of a reply.
     fn look(&self) {
         let Some(station) = self.fleet.station(&self.robot) else { return };
-        let at_rest = station.is_at_rest();
+        let (stands, list_is_empty) = station.is_at_rest();
         station.seat(|seat, now| {
             let (stopped, under_way) = seat.stops();
             let mut lease = self.lease();
-            let rest = Rest { at_rest: at_rest && under_way == 0, stopped };
+            let rest = Rest { stands: stands && under_way == 0, list_is_empty, stopped };
             match lease.due(now, rest) {
                 Due::Nothing => {}
                 Due::Renew(key) => {

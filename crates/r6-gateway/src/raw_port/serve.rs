@@ -3,11 +3,13 @@
 use std::net::SocketAddr;
 
 use r6_api::Code;
-use r6_client::{Address, Robot};
+use r6_client::units::{MillimetresPerSecond, Percent};
+use r6_client::{Address, Envelope, Motion, Robot};
 use r6_proto::Command;
 
 use super::port::Door;
 use crate::clock;
+use crate::core::order::Order;
 use crate::core::raw::lease::Holder;
 use crate::core::raw::policy::{RawAllow, RawRule};
 use crate::core::raw::session::Answer;
@@ -59,65 +61,86 @@ pub async fn stop(door: &Door, station: &Station, source: SocketAddr, command: C
     door_answer(station, done.map(drop))
 }
 
-/// Sends a command that changes or moves, with the implicit lease of the source.
-pub async fn command(
-    door: &Door,
-    station: &Station,
-    source: SocketAddr,
-    command: Command<'static>,
-) -> Answer {
+/// Sends a command or a list that changes or moves, with the implicit lease of the source.
+pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Order) -> Answer {
     let Some(rule) = door.policy.rule(source, &door.robot) else { return Answer::Silence };
-    let word = command.name().word();
+    let word = order.word();
     if rule.allow < RawAllow::Command {
         let reason = "this address may only read and stop".to_owned();
         return refuse(door, station, source, word, reason);
     }
-    if let Some(reason) = rule.forbids(&command) {
+    if let Some(reason) = rule.forbids(&order).or_else(|| beyond(&rule, &order)) {
         return refuse(door, station, source, word, reason);
     }
-    let effect = command.name().effect();
+    let effect = order.effect();
     let holder = holder(&rule, source);
-    // A command that is refused anyway does not take the lease from those who could use it.
+    // What is refused anyway does not take the lease from those who could use it.
     let fit = station.seat(|seat, now| seat.check_before_lease(now, effect));
-    let key = match fit {
+    let held = match fit {
         Ok(()) => acquire(door, station, &holder, source).await,
         Err(denied) => Err(denied.into()),
     };
-    let key = match key {
-        Ok(key) => key,
+    let (key, is_new) = match held {
+        Ok(held) => held,
         Err(problem) => {
             if door.refusals().is_written(clock::now(), source.ip(), word) {
-                station.note_refused(&by(&rule, source), &command.to_string(), problem.code);
+                station.note_refused(&by(&rule, source), &order.to_string(), problem.code);
             }
             return door_answer(station, Err(problem));
         }
     };
     let used = Used { door, key };
-    let done = station.command(&by(&rule, source), key, command, false).await;
+    // What is in the list under a lease that is held already is the source's own.
+    let run_leftover = !is_new && matches!(order, Order::List { .. });
+    let done = station.command(&by(&rule, source), key, order, run_leftover).await;
     drop(used);
     door_answer(station, done.map(drop))
 }
 
-/// The lease of this holder; acquired if it is free. It is in use afterwards.
+/// Why a list goes beyond the limits of the rule.
+fn beyond(rule: &RawRule, order: &Order) -> Option<String> {
+    let Order::List { steps, .. } = order else { return None };
+    let mut envelope = Envelope::new();
+    let unusable = || Some("the limit of speed in the rule of this address cannot be used".to_owned());
+    if let Some(percent) = rule.max_speed {
+        let Ok(cap) = Percent::new(percent) else { return unusable() };
+        envelope = envelope.speed_cap(cap);
+    }
+    if let Some(speed) = rule.max_path_speed {
+        let Ok(cap) = MillimetresPerSecond::new(speed) else { return unusable() };
+        envelope = envelope.path_speed_cap(cap);
+    }
+    if envelope == Envelope::new() {
+        return None;
+    }
+    let motion = Motion::of_list(steps.iter().copied());
+    if let Err(wrong) = motion.instructions() {
+        // It would not be checked.
+        return Some(wrong.to_string());
+    }
+    envelope.check_motion(&motion).err().map(|violation| violation.to_string())
+}
+
+/// The lease of this holder, and whether it is new; acquired if it is free. It is in use afterwards.
 async fn acquire(
     door: &Door,
     station: &Station,
     holder: &Holder,
     source: SocketAddr,
-) -> Result<Key, Problem> {
+) -> Result<(Key, bool), Problem> {
     // Two clients of one computer are one holder: the second waits for the lease of the first.
     let _turn = door.acquiring.lock().await;
     let held = door.lease().begin_use(holder);
     if let Some(key) = held {
         if station.seat(|seat, now| seat.renew(now, key, USUAL_LEASE)).is_ok() {
-            return Ok(key);
+            return Ok((key, false));
         }
         door.lease().lost(key);
     }
     let by = By { actor: holder.label(), source: Some(source.to_string()) };
     let key = station.acquire_key(&by, USUAL_LEASE).await?;
     door.lease().granted(clock::now(), holder.clone(), key);
-    Ok(key)
+    Ok((key, true))
 }
 
 /// Notes that a command does not use the lease any more, also if its task ends by itself.
@@ -140,7 +163,7 @@ pub fn refuse(door: &Door, station: &Station, source: SocketAddr, request: &str,
     {
         station.note_refused(&by(&rule, source), request, Code::NotAllowed);
     }
-    Answer::Refused(reason)
+    Answer::Refused(Some(reason))
 }
 
 /// How a raw client is told: what was not done or was refused by the controller is `err` with the reason; an
@@ -151,7 +174,9 @@ fn door_answer(station: &Station, done: Result<(), Problem>) -> Answer {
         Err(Problem { code: Code::OutcomeUnknown, .. }) => Answer::Silence,
         Err(problem) => {
             station.counts.raw.refused();
-            Answer::Refused(problem.message)
+            // The controller's own words, if it was the controller.
+            let is_own = problem.code == Code::Refused;
+            Answer::Refused(if is_own { problem.reason } else { Some(problem.message) })
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod commands;
 mod hostile;
+mod lists;
 mod queries;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -46,12 +47,7 @@ impl Raw {
 
 /// These sources may do this.
 pub fn policy(rules: &[(&str, RawAllow)]) -> RawPolicy {
-    let rule = |(source, allow): &(&str, RawAllow)| RawRule {
-        source: RawSource::parse(source).unwrap(),
-        robot: None,
-        allow: *allow,
-        max_global_speed: None,
-    };
+    let rule = |(source, allow): &(&str, RawAllow)| RawRule::new(RawSource::parse(source).unwrap(), *allow);
     RawPolicy::new(rules.iter().map(rule).collect())
 }
 

@@ -188,13 +188,13 @@ fn mistakes_of_the_command_line_and_of_a_file_are_told() {
         (&["gateway", "--robot", "a=127.0.0.1", "--robot", "a=127.0.0.2"], "two robots are called `a`"),
         (&["gateway", "--robot", "a=127.0.0.1", "--raw", "a"], "NAME=ADDR:PORT"),
         (&["gateway", "--robot", "a=127.0.0.1", "--raw", "a=9760"], "write IP:PORT"),
-        (&["gateway", "--data", &data, "--robot", "a=127.0.0.1", "--raw", "b=127.0.0.1:0"], "no such robot"),
         (&["gateway", "verify", "--data", &data], "there is no "),
         (&["gateway", "token", "--data", &data], "--role"),
         (
             &["gateway", "--data", &data, "--robot", "a=127.0.0.1", "--robot", "b=127.0.0.1:9760"],
             "both have the address",
         ),
+        (&["gateway", "--data", &data, "--robot", "a=127.0.0.1", "--raw", "b=127.0.0.1:0"], "no such robot"),
     ] {
         let wrong = r6(args);
         assert!(wrong.code == 2 && wrong.err.contains(part), "{args:?}: {wrong:?}");

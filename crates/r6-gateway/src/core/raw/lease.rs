@@ -33,8 +33,10 @@ impl Holder {
 /// What is known of the robot when the lease is looked at.
 #[derive(Clone, Copy, Debug)]
 pub struct Rest {
-    /// A reading after the last command shows that the list is empty and the arm stands.
-    pub at_rest: bool,
+    /// A reading after the last command shows that the arm stands.
+    pub stands: bool,
+    /// One shows that the list is empty.
+    pub list_is_empty: bool,
     /// A stop holds.
     pub stopped: bool,
 }
@@ -97,13 +99,13 @@ impl ImplicitLease {
         }
     }
 
-    /// What has to be done now. A stop that holds ends the lease as soon as the arm rests, because its holder
+    /// What has to be done now. A stop that holds ends the lease as soon as the arm stands, because its holder
     /// cannot clear the stop, and the person who clears it needs the lease.
     #[must_use]
     pub fn due(&self, now: Instant, rest: Rest) -> Due {
         let Some(held) = &self.held else { return Due::Nothing };
-        let is_over = rest.stopped || now.since(held.last_frame) >= KEPT_FOR;
-        if held.in_use == 0 && rest.at_rest && is_over {
+        let is_gone = rest.list_is_empty && now.since(held.last_frame) >= KEPT_FOR;
+        if held.in_use == 0 && rest.stands && (rest.stopped || is_gone) {
             Due::Release(held.key)
         } else {
             Due::Renew(held.key)
@@ -124,7 +126,7 @@ mod tests {
         Frame { who: u8 },
         Use { who: u8 },
         Used,
-        Look { at_rest: bool },
+        Look { stands: bool, list_is_empty: bool },
         Stops,
         Clears,
         Taken,
@@ -136,7 +138,8 @@ mod tests {
             3 => (0..2_u8).prop_map(|who| Step::Frame { who }),
             3 => (0..2_u8).prop_map(|who| Step::Use { who }),
             3 => Just(Step::Used),
-            4 => any::<bool>().prop_map(|at_rest| Step::Look { at_rest }),
+            4 => (any::<bool>(), any::<bool>())
+                .prop_map(|(stands, list_is_empty)| Step::Look { stands, list_is_empty }),
             1 => Just(Step::Stops),
             1 => Just(Step::Clears),
             1 => Just(Step::Taken),
@@ -149,7 +152,7 @@ mod tests {
 
     proptest! {
         /// Beside a seat: a source never gets the lease of another. It is given back exactly when no command
-        /// uses it, the arm rests, and 10 s are over since the last frame or a stop holds.
+        /// uses it, the arm stands, and a stop holds or 10 s are over since the last frame and the list is empty.
         #[test]
         fn it_ends_when_it_should_and_never_while_it_is_used(steps in prop::collection::vec(step(), 1..80)) {
             let mut now = Instant::ORIGIN + Duration::from_secs(1);
@@ -193,13 +196,14 @@ mod tests {
                             lease.used(key);
                         }
                     }
-                    Step::Look { at_rest } => {
+                    Step::Look { stands, list_is_empty } => {
                         let stopped = seat.stops().0;
-                        match (lease.due(now, Rest { at_rest, stopped }), last) {
+                        match (lease.due(now, Rest { stands, list_is_empty, stopped }), last) {
                             (Due::Nothing, None) => {}
                             (Due::Release(key), Some((_, number, at))) => {
                                 prop_assert_eq!(key.number, number);
-                                prop_assert!(at_rest && (stopped || now.since(at) >= KEPT_FOR));
+                                let is_gone = list_is_empty && now.since(at) >= KEPT_FOR;
+                                prop_assert!(stands && (stopped || is_gone));
                                 prop_assert!(!uses.iter().any(|using| using.number == number));
                                 let _ = seat.release(now, key);
                                 lease.lost(key);
@@ -208,7 +212,8 @@ mod tests {
                             (Due::Renew(key), Some((_, number, at))) => {
                                 prop_assert_eq!(key.number, number);
                                 let used = uses.iter().any(|using| using.number == number);
-                                prop_assert!(used || !at_rest || (!stopped && now.since(at) < KEPT_FOR));
+                                let is_gone = list_is_empty && now.since(at) >= KEPT_FOR;
+                                prop_assert!(used || !stands || (!stopped && !is_gone));
                                 if seat.renew(now, key, USUAL_LEASE).is_err() {
                                     lease.lost(key);
                                     last = None;

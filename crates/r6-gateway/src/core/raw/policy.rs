@@ -6,6 +6,7 @@ use std::net::IpAddr;
 use r6_proto::Command;
 
 use crate::core::name::RobotName;
+use crate::core::order::Order;
 
 /// What a rule allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -111,14 +112,25 @@ pub struct RawRule {
     pub allow: RawAllow,
     /// The highest global speed that these sources may set, percent; `None` for any.
     pub max_global_speed: Option<f64>,
+    /// The highest speed of moves in their lists, percent; `None` for any.
+    pub max_speed: Option<f64>,
+    /// The highest path speed in their lists, mm/s; `None` for any.
+    pub max_path_speed: Option<u32>,
 }
 
 impl RawRule {
-    /// Why these sources may not send a command, whatever the lease says; `None` if they may.
+    /// A rule without limits for all robots.
     #[must_use]
-    pub fn forbids(&self, command: &Command<'_>) -> Option<String> {
-        match (command, self.max_global_speed) {
-            (Command::ModifyGspd { percent }, Some(most)) if !(*percent <= most) => {
+    pub fn new(source: RawSource, allow: RawAllow) -> Self {
+        Self { source, robot: None, allow, max_global_speed: None, max_speed: None, max_path_speed: None }
+    }
+
+    /// Why these sources may not send a command, whatever the lease says; `None` if they may. Lists are checked
+    /// by an envelope of the client.
+    #[must_use]
+    pub fn forbids(&self, order: &Order) -> Option<String> {
+        match (order, self.max_global_speed) {
+            (Order::Command(Command::ModifyGspd { percent }), Some(most)) if !(*percent <= most) => {
                 Some(format!("this address may set a global speed of {most} % at most, not {percent} %"))
             }
             _ => None,
@@ -136,8 +148,7 @@ impl Default for RawPolicy {
     /// Programs of this machine may read and stop; others nothing.
     fn default() -> Self {
         let sources = ["127.0.0.0/8", "::1"].into_iter().filter_map(RawSource::parse);
-        let read = |source| RawRule { source, robot: None, allow: RawAllow::Read, max_global_speed: None };
-        Self { rules: sources.map(read).collect() }
+        Self { rules: sources.map(|source| RawRule::new(source, RawAllow::Read)).collect() }
     }
 }
 
@@ -165,8 +176,7 @@ mod tests {
     use super::*;
 
     fn rule(source: &str, allow: RawAllow) -> RawRule {
-        let source = RawSource::parse(source).unwrap();
-        RawRule { source, robot: None, allow, max_global_speed: None }
+        RawRule::new(RawSource::parse(source).unwrap(), allow)
     }
 
     fn allowed(policy: &RawPolicy, address: &str) -> Option<RawAllow> {
@@ -223,11 +233,16 @@ mod tests {
     #[test]
     fn a_limit_of_the_global_speed_forbids_more() {
         let limited = RawRule { max_global_speed: Some(30.0), ..rule("::1", RawAllow::Command) };
-        assert_eq!(limited.forbids(&Command::ModifyGspd { percent: 30.0 }), None);
-        assert!(limited.forbids(&Command::ModifyGspd { percent: 30.1 }).unwrap().contains("30 % at most"));
-        assert!(limited.forbids(&Command::ModifyGspd { percent: f64::NAN }).is_some());
-        assert_eq!(limited.forbids(&Command::StartButton), None);
-        assert_eq!(rule("::1", RawAllow::Command).forbids(&Command::ModifyGspd { percent: 100.0 }), None);
+        assert_eq!(limited.forbids(&Command::ModifyGspd { percent: 30.0 }.into()), None);
+        assert!(
+            limited.forbids(&Command::ModifyGspd { percent: 30.1 }.into()).unwrap().contains("30 % at most")
+        );
+        assert!(limited.forbids(&Command::ModifyGspd { percent: f64::NAN }.into()).is_some());
+        assert_eq!(limited.forbids(&Command::StartButton.into()), None);
+        assert_eq!(
+            rule("::1", RawAllow::Command).forbids(&Command::ModifyGspd { percent: 100.0 }.into()),
+            None
+        );
     }
 
     proptest! {

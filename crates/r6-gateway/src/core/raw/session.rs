@@ -10,11 +10,13 @@ use std::time::Duration;
 
 use r6_proto::dialect::Dialect;
 use r6_proto::frame::{FrameBuffer, FrameFault, Limits};
-use r6_proto::message::Header;
+use r6_proto::message::{Action, AddRcc, Extra, ExtraKind, Header, Place};
 use r6_proto::reply::{ReplyWriter, Verdict};
 use r6_proto::time::Instant;
 use r6_proto::value::Values;
 use r6_proto::{Address, Body, Command, Decoder, Effect, Message, RequestType};
+
+use crate::core::order::Order;
 
 /// How many requests of one client may wait or be under way, and how many stops besides. Scripts send one at
 /// a time.
@@ -100,8 +102,8 @@ pub enum Asked {
     Query(Vec<Address>),
     /// A command that stops or pauses.
     Stop(Command<'static>),
-    /// A command that changes or moves.
-    Command(Command<'static>),
+    /// A command or a list that changes or moves.
+    Order(Order),
     /// Something that the gateway does not send on.
     Refused {
         /// What it was.
@@ -118,8 +120,8 @@ pub enum Answer {
     Values(Vec<Vec<u8>>),
     /// The controller accepted the command.
     Accepted,
-    /// Nothing was done.
-    Refused(String),
+    /// Nothing was done, or the controller refused it, for this reason. Controllers do not always give one.
+    Refused(Option<String>),
     /// No reply: it is not known what the controller did, or controllers do not answer this.
     Silence,
 }
@@ -334,12 +336,13 @@ fn asked(message: &Message<'_>) -> Option<Asked> {
         }
         Body::Command(words) => match words.read_owned() {
             Ok(command) if command.name().effect() == Effect::Stops => Some(Asked::Stop(command)),
-            Ok(command) => Some(Asked::Command(command)),
+            Ok(command) => Some(Asked::Order(command.into())),
             Err(error) => refused(&excerpt(&words.word()), error.to_string()),
         },
-        Body::AddRcc(_) => {
-            refused("AddRCC", "the gateway does not send instruction lists of raw clients yet".to_owned())
-        }
+        Body::AddRcc(rcc) => match list(message, rcc) {
+            Ok(list) => Some(Asked::Order(list)),
+            Err(reason) => refused("AddRCC", reason),
+        },
         Body::AddPoints(_) => refused("AddPoints", "the gateway does not send points of cameras".to_owned()),
         Body::Rejected(rejection) => match rejection.request {
             RequestType::Query => Some(Asked::Query(Vec::new())),
@@ -358,6 +361,35 @@ fn asked(message: &Message<'_>) -> Option<Asked> {
     // A request without a type gets no reply (manual 5.2, 6), so its sender would not learn that it was
     // refused. Only a stop is carried out.
     asked.filter(|asked| message.header.type_word.is_some() || matches!(asked, Asked::Stop(_)))
+}
+
+/// The list of an AddRCC, if it means the same in our own encoding, on whatever firmware.
+fn list(message: &Message<'_>, rcc: &AddRcc<'_>) -> Result<Order, String> {
+    let Some(replace) = rcc.empty_list else { return Err("`emptyList` is missing".to_owned()) };
+    if rcc.shape_2020 {
+        return Err("the gateway does not send the shape of 2020 (`dsData`): use `instructions`".to_owned());
+    }
+    if let Some(index) = rcc.without_oneshot.first() {
+        return Err(format!("instruction {} has no `oneshot`, which firmware reads in two ways", index + 1));
+    }
+    for (number, step) in (1..).zip(rcc.instructions) {
+        if let Action::Unknown(unknown) = &step.action {
+            return Err(format!(
+                "instruction {number} has the action {}, which is not known",
+                unknown.number()
+            ));
+        }
+    }
+    // Unknown keys and keys without a meaning do nothing, in a controller either.
+    let is_doubtful = |extra: &Extra<'_>| match extra.kind {
+        ExtraKind::DuplicateKey => true,
+        ExtraKind::OtherSpelling => matches!(extra.place, Place::Instruction(_)),
+        ExtraKind::UnknownKey | ExtraKind::OutOfPlace => false,
+    };
+    if let Some(extra) = message.extras().find(is_doubtful) {
+        return Err(format!("`{}` in {}: {}", excerpt(&extra.key.text()), extra.place, extra.kind));
+    }
+    Ok(Order::List { replace, steps: rcc.instructions.to_vec() })
 }
 
 fn excerpt(word: &str) -> String {
@@ -384,7 +416,10 @@ fn reply(message: &Message<'_>, dialect: Dialect, answer: &Answer) -> Vec<u8> {
         }
         (_, Answer::Values(_)) => {}
         (body, Answer::Accepted) => verdict(body, header, dialect, Verdict::Ok, &mut out),
-        (body, Answer::Refused(reason)) => verdict(body, header, dialect, Verdict::Err(reason), &mut out),
+        (body, Answer::Refused(Some(reason))) => {
+            verdict(body, header, dialect, Verdict::Err(reason), &mut out);
+        }
+        (body, Answer::Refused(None)) => verdict(body, header, dialect, Verdict::BareErr, &mut out),
     }
     out
 }

@@ -1,23 +1,24 @@
-//! The permit to send one command, and why it is not given.
+//! The permit to send one command or list, and why it is not given.
 
 use std::fmt;
 use std::time::Duration;
 
+use r6_proto::Effect;
 use r6_proto::time::Instant;
-use r6_proto::{Command, Effect};
 
 use super::{Key, Seat};
+use crate::core::order::Order;
 
 /// A permitted command does not leave later than this after it was permitted: later it would be a surprise.
 const LEAVE_WITHIN: Duration = Duration::from_secs(1);
 
-/// The right to send one command once: on one connection, until a time. Only [`Seat::permit`] makes one.
+/// The right to send one command or list once: on one connection, until a time. Only [`Seat::permit`] makes one.
 ///
 /// It is void once [`Seat::generation`] differs from [`Self::generation`].
 #[derive(Debug)]
 #[must_use = "the command leaves only if the permit is used"]
 pub struct Permit {
-    command: Command<'static>,
+    order: Order,
     connection: u64,
     latest: Instant,
     generation: u64,
@@ -30,7 +31,7 @@ impl Permit {
         self.connection
     }
 
-    /// The latest time at which the command may leave.
+    /// The latest time at which it may leave.
     #[must_use]
     pub fn latest(&self) -> Instant {
         self.latest
@@ -42,10 +43,10 @@ impl Permit {
         self.generation
     }
 
-    /// Uses the permit up: the command to send.
+    /// Uses the permit up: what to send.
     #[must_use]
-    pub fn into_command(self) -> Command<'static> {
-        self.command
+    pub fn into_order(self) -> Order {
+        self.order
     }
 }
 
@@ -118,14 +119,15 @@ impl fmt::Display for Denied {
 impl std::error::Error for Denied {}
 
 impl Seat {
-    /// Permits one command, if the caller holds the lease and the robot may get it.
+    /// Permits one command or list, if the caller holds the lease and the robot may get it.
     ///
     /// # Errors
     /// [`Denied`].
-    pub fn permit(&mut self, now: Instant, key: Key, command: Command<'static>) -> Result<Permit, Denied> {
-        let (connection, until) = self.may(now, key, command.name().effect())?;
+    pub fn permit(&mut self, now: Instant, key: Key, order: impl Into<Order>) -> Result<Permit, Denied> {
+        let order = order.into();
+        let (connection, until) = self.may(now, key, order.effect())?;
         let latest = until.min(now + LEAVE_WITHIN);
-        Ok(Permit { command, connection, latest, generation: self.generation })
+        Ok(Permit { order, connection, latest, generation: self.generation })
     }
 
     /// Whether a command with this effect would be permitted now.

@@ -177,12 +177,8 @@ async fn an_arm_that_moves_keeps_the_lease_of_a_script_that_has_gone() {
 
 #[tokio::test]
 async fn a_limit_of_the_global_speed_holds() {
-    let slow = RawRule {
-        source: RawSource::parse("127.0.0.1").unwrap(),
-        robot: None,
-        allow: RawAllow::Command,
-        max_global_speed: Some(30.0),
-    };
+    let rule = RawRule::new(RawSource::parse("127.0.0.1").unwrap(), RawAllow::Command);
+    let slow = RawRule { max_global_speed: Some(30.0), ..rule };
     let raw = Raw::with(VirtualController::start().await.unwrap(), RawPolicy::new(vec![slow])).await;
     let mut script = raw.script().await;
     assert_eq!(

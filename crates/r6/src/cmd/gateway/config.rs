@@ -4,11 +4,13 @@ use std::path::Path;
 use std::time::Duration;
 
 use r6_client::Address;
+use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_gateway::{
     MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotConfig, RobotName,
 };
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Node, Wrong};
+use r6_proto::message::instruction::PathSpeed;
 
 use crate::exit::Failure;
 use crate::robot;
@@ -85,7 +87,15 @@ fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
     let allow = fields.due_word("allow", &words);
     let robot = fields.optional("robot", "the name of a robot", |value| RobotName::new(value.text()?));
     let max_global_speed = fields.number_in("max_global_speed", "percent from 0 to 100", 0.0..=100.0);
-    Ok(RawRule { source: source?, robot, allow: allow?, max_global_speed })
+    let max_speed = fields.optional("max_speed", Percent::WANTED, |value| {
+        value.number().filter(|percent| Percent::new(*percent).is_ok())
+    });
+    let max_path_speed = fields.optional("max_path_speed", PathSpeed::WANTED, |value| {
+        let speed = u32::try_from(value.whole()?).ok()?;
+        MillimetresPerSecond::new(speed).is_ok().then_some(speed)
+    });
+    let rule = RawRule::new(source?, allow?);
+    Ok(RawRule { robot, max_global_speed, max_speed, max_path_speed, ..rule })
 }
 
 fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
@@ -135,7 +145,7 @@ mod tests {
     fn a_file_has_raw_ports_and_rules_in_their_order() {
         let text = "[[raw]]\nrobot = \"press-4\"\nlisten = \"192.168.1.2:9760\"\n\
                     [[raw_rule]]\nsource = \"192.168.1.20\"\nallow = \"command\"\nrobot = \"press-4\"\n\
-                    max_global_speed = 30\n\
+                    max_global_speed = 30\nmax_speed = 20.5\nmax_path_speed = 250\n\
                     [[raw_rule]]\nsource = \"192.168.1.0/24\"\nallow = \"read\"\n";
         let Config { raw, policy, .. } = parse(text).unwrap();
         assert_eq!(
@@ -146,6 +156,7 @@ mod tests {
         let of = |address: &str, robot| policy.rule(address.parse().unwrap(), robot).cloned();
         let first = of("192.168.1.20", "press-4").unwrap();
         assert_eq!((first.allow, first.max_global_speed), (RawAllow::Command, Some(30.0)));
+        assert_eq!((first.max_speed, first.max_path_speed), (Some(20.5), Some(250)));
         assert_eq!(of("192.168.1.20", "saw").unwrap().allow, RawAllow::Read);
         assert_eq!(of("10.0.0.1", "press-4"), None);
     }
@@ -154,7 +165,7 @@ mod tests {
     fn every_mistake_of_a_raw_port_or_a_rule_is_told() {
         let text = "[[raw]]\nrobot = \"a\"\nlisten = \"9760\"\n[[raw]]\nlisten = \"127.0.0.1:0\"\n\
                     [[raw_rule]]\nsource = \"10.0.0.1/8\"\nallow = \"write\"\nmax_global_speed = 101\n\
-                    [[raw_rule]]\nallow = \"read\"\nmax_speed = 3\n\
+                    [[raw_rule]]\nallow = \"read\"\nspeed = 3\n\
                     [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n\
                     [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n";
         let mistakes = parse(text).unwrap_err();
@@ -166,7 +177,7 @@ mod tests {
             ("hall.toml:8:", "`allow`"),
             ("hall.toml:9:", "`max_global_speed` is 101"),
             ("hall.toml:10:", "`source` is missing"),
-            ("hall.toml:12:", "`max_speed`"),
+            ("hall.toml:12:", "`speed`"),
             ("hall.toml:17:", "two raw ports"),
         ] {
             let is_told = lines.iter().any(|told| told.starts_with(line) && told.contains(part));

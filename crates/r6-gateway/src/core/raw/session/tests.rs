@@ -80,14 +80,30 @@ fn a_refusal_is_err_with_the_reason() {
     for (frame, request) in [
         (r#"{"reqType":"command","packID":1,"cmdData":["fly","1"]}"#, "fly"),
         (r#"{"reqType":"command","packID":1,"cmdData":["modifyGSPD","x"]}"#, "modifyGSPD"),
-        (r#"{"reqType":"AddRCC","packID":1,"emptyList":"1","instructions":[]}"#, "AddRCC"),
+        (r#"{"reqType":"AddRCC","packID":1,"instructions":[]}"#, "AddRCC"),
+        (
+            r#"{"reqType":"AddRCC","packID":1,"emptyList":"1","instructions":[{"oneshot":"1","action":"14"}]}"#,
+            "AddRCC",
+        ),
+        (
+            r#"{"reqType":"AddRCC","packID":1,"emptyList":"1","instructions":[{"action":"51","isUse":"0"}]}"#,
+            "AddRCC",
+        ),
+        (
+            r#"{"reqType":"AddRCC","packID":1,"emptyList":"1","instructions":[{"oneshot":"1","action":"51","isUse":"1","isUse":"0"}]}"#,
+            "AddRCC",
+        ),
+        (
+            r#"{"reqType":"AddRCC","packID":1,"emptyList":"1","dsData":[{"camID":"0","data":[{"oneshot":"1","action":"51","isUse":"0"}]}]}"#,
+            "AddRCC",
+        ),
         (r#"{"reqType":"AddPoints","packID":1,"dsData":[]}"#, "AddPoints"),
     ] {
         session.handle_input(at(0), frame.as_bytes());
         let (ticket, asked) = begun(&mut session).remove(0);
         let Asked::Refused { request: what, reason } = asked else { panic!("{frame}: {asked:?}") };
         assert_eq!(what, request);
-        session.answer(ticket, Dialect::HC1, &Answer::Refused(reason));
+        session.answer(ticket, Dialect::HC1, &Answer::Refused(Some(reason)));
         let reply = sent(&mut session).remove(0);
         assert!(reply.contains(&format!(r#""cmdReply":["{request}","err",""#)), "{reply}");
     }
