@@ -211,7 +211,7 @@ impl Station {
     /// `not_stopped`.
     pub async fn stop(&self, by: &By) -> Result<Stopped, Problem> {
         let sending = self.sending();
-        self.begin_stop(by, STOP);
+        self.begin_stop(by, STOP, true);
         let answer = match self.stops.try_acquire() {
             Ok(_place) => match self.connected().await {
                 Some(robot) => robot.stop().await.map_err(|error| error.to_string()),
@@ -228,19 +228,26 @@ impl Station {
         let detail = match &stopped {
             Ok((_, detail)) | Err(detail) => detail.clone(),
         };
-        self.end_stop(by, STOP, stopped.is_ok(), detail);
+        self.end_stop(by, STOP, (stopped.is_ok(), detail), true);
         let (took, _) = stopped.map_err(|message| Problem::new(Code::NotStopped, message))?;
         Ok(Stopped { confirmed: true, took_ms: clock::milliseconds(took) })
     }
 
     /// Sends one command that stops or pauses. It needs no lease, and holds as [`Self::stop`] does.
     ///
+    /// `written`: whether the audit log is told.
+    ///
     /// # Errors
     /// `refused`, `not_ready`, `identity_changed`, `overloaded`, `outcome_unknown`.
-    pub async fn stop_command(&self, by: &By, command: Command<'static>) -> Result<CommandDone, Problem> {
+    pub async fn stop_command(
+        &self,
+        by: &By,
+        command: Command<'static>,
+        written: bool,
+    ) -> Result<CommandDone, Problem> {
         let (word, sent) = (command.name().word(), command.to_string());
         let sending = self.sending();
-        self.begin_stop(by, word);
+        self.begin_stop(by, word, written);
         let answer = match self.stop_commands.try_acquire() {
             Ok(_place) => match self.connected().await {
                 Some(robot) => robot.command(command).await.map_err(|error| Problem::of_request(&error)),
@@ -253,24 +260,28 @@ impl Station {
         };
         drop(sending);
         let detail = answer.as_ref().err().map(|problem| problem.message.clone()).unwrap_or_default();
-        self.end_stop(by, word, answer.is_ok(), detail);
+        self.end_stop(by, word, (answer.is_ok(), detail), written);
         let after_ms = clock::milliseconds(answer?.after);
         Ok(CommandDone { command_id: None, sent, after_ms })
     }
 
     /// A stop holds before anything is sent. The audit log is told soon: a stop does not wait for the disk.
-    fn begin_stop(&self, by: &By, request: &str) {
+    fn begin_stop(&self, by: &By, request: &str, written: bool) {
         self.seat(|seat, _| seat.stop_begins());
         self.publish(Happened::StopBegan { by: by.actor.clone() });
-        self.note(by, Deed::StopBegan { request: request.to_owned() });
+        if written {
+            self.note(by, Deed::StopBegan { request: request.to_owned() });
+        }
     }
 
-    fn end_stop(&self, by: &By, request: &str, confirmed: bool, detail: String) {
+    fn end_stop(&self, by: &By, request: &str, (confirmed, detail): (bool, String), written: bool) {
         self.seat(|seat, _| seat.stop_ends());
         tracing::warn!(robot = self.name(), request, confirmed, by = %by.actor, "a stop");
         self.counts.count_stop(confirmed);
         self.publish(Happened::StopEnded { confirmed });
-        self.note(by, Deed::Stop { request: request.to_owned(), confirmed, detail });
+        if written {
+            self.note(by, Deed::Stop { request: request.to_owned(), confirmed, detail });
+        }
     }
 
     /// The client's handle. If there never was a connection, an attempt is made at once.

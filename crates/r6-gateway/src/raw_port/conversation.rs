@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use futures_util::StreamExt as _;
 use futures_util::stream::FuturesUnordered;
+use r6_api::Code;
 use r6_proto::dialect::Dialect;
 use r6_proto::time::Instant;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -116,7 +117,7 @@ fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: T
             (ticket, answer)
         }),
         Asked::Refused { request, reason } => Box::pin(async move {
-            let answer = serve::refuse(&door, &station, source, &request, reason);
+            let answer = serve::refuse(&door, &station, source, &request, (Code::BadCommand, reason));
             (ticket, answer)
         }),
         Asked::Stop(command) => {

@@ -10,6 +10,7 @@ use tokio::task::JoinSet;
 
 use super::conversation::{self, End};
 use super::{RawPort, SharedPolicy};
+use crate::core::rate::Rate;
 use crate::core::raw::lease::{Due, ImplicitLease, Rest};
 use crate::core::raw::refusals::Refusals;
 use crate::core::raw::session::Cause;
@@ -48,6 +49,8 @@ pub struct Door {
     pub policy: SharedPolicy,
     lease: Mutex<ImplicitLease>,
     refusals: Mutex<Refusals>,
+    /// The rate of commands and lists: each takes the disk twice. That of a token is the model.
+    rate: Mutex<Rate>,
     pace: Mutex<Duration>,
     /// Locked while the implicit lease is acquired.
     pub acquiring: tokio::sync::Mutex<()>,
@@ -77,6 +80,7 @@ impl Door {
             policy,
             lease: Mutex::default(),
             refusals: Mutex::default(),
+            rate: Mutex::default(),
             pace: Mutex::default(),
             acquiring: tokio::sync::Mutex::default(),
         };
@@ -91,6 +95,11 @@ impl Door {
     /// The refusals that stand in the audit log.
     pub fn refusals(&self) -> MutexGuard<'_, Refusals> {
         self.refusals.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The rate of commands and lists.
+    pub fn rate(&self) -> MutexGuard<'_, Rate> {
+        self.rate.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// How long a reply takes at least: half of the robot's usual time. Otherwise a loop without a sleep, which

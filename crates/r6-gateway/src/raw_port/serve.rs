@@ -57,7 +57,10 @@ fn fresh(station: &Station, robot: &Robot, addresses: &[Address]) -> Option<Vec<
 /// Stops or pauses the robot at once, for every source that is not denied. The stop holds.
 pub async fn stop(door: &Door, station: &Station, source: SocketAddr, command: Command<'static>) -> Answer {
     let Some(rule) = door.policy.rule(source, &door.robot) else { return Answer::Silence };
-    let done = station.stop_command(&by(&rule, source), command).await;
+    // A script that stops a stopped robot again and again must not fill the disk.
+    let holds = station.seat(|seat, _| seat.stops().0);
+    let written = door.refusals().is_written(clock::now(), source.ip(), command.name().word()) || !holds;
+    let done = station.stop_command(&by(&rule, source), command, written).await;
     door_answer(station, done.map(drop))
 }
 
@@ -67,10 +70,14 @@ pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Or
     let word = order.word();
     if rule.allow < RawAllow::Command {
         let reason = "this address may only read and stop".to_owned();
-        return refuse(door, station, source, word, reason);
+        return refuse(door, station, source, word, (Code::NotAllowed, reason));
     }
     if let Some(reason) = rule.forbids(&order).or_else(|| beyond(&rule, &order)) {
-        return refuse(door, station, source, word, reason);
+        return refuse(door, station, source, word, (Code::NotAllowed, reason));
+    }
+    if let Err(wait) = door.rate().request(clock::now()) {
+        let reason = format!("too many commands: wait {} ms", wait.as_millis());
+        return refuse(door, station, source, word, (Code::TooManyRequests, reason));
     }
     let effect = order.effect();
     let holder = holder(&rule, source);
@@ -156,12 +163,18 @@ impl Drop for Used<'_> {
 }
 
 /// Refuses what the gateway does not send on.
-pub fn refuse(door: &Door, station: &Station, source: SocketAddr, request: &str, reason: String) -> Answer {
+pub fn refuse(
+    door: &Door,
+    station: &Station,
+    source: SocketAddr,
+    request: &str,
+    (code, reason): (Code, String),
+) -> Answer {
     station.counts.raw.refused();
     if let Some(rule) = door.policy.rule(source, &door.robot)
         && door.refusals().is_written(clock::now(), source.ip(), request)
     {
-        station.note_refused(&by(&rule, source), request, Code::NotAllowed);
+        station.note_refused(&by(&rule, source), request, code);
     }
     Answer::Refused(Some(reason))
 }

@@ -130,7 +130,9 @@ impl RawRule {
     #[must_use]
     pub fn forbids(&self, order: &Order) -> Option<String> {
         match (order, self.max_global_speed) {
-            (Order::Command(Command::ModifyGspd { percent }), Some(most)) if !(*percent <= most) => {
+            (Order::Command(Command::ModifyGspd { percent }), Some(most))
+                if !(0.0..=most).contains(percent) =>
+            {
                 Some(format!("this address may set a global speed of {most} % at most, not {percent} %"))
             }
             _ => None,

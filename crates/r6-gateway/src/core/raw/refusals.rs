@@ -1,4 +1,5 @@
-//! Which refusals of raw clients stand in the audit log: a script in a loop must not fill the disk.
+//! Which refusals and repeated stops of raw clients stand in the audit log: a script in a loop must not fill
+//! the disk.
 
 use std::net::IpAddr;
 use std::time::Duration;

@@ -82,13 +82,15 @@ async fn what_a_read_only_source_may_not_never_reaches_the_controller() {
     script.send(r#"{"cmdData":["startButton"]}"#).await;
     assert_eq!(script.query("curMode").await, ["2"]);
     assert_eq!(raw.tap.frames(r#""reqType":"query""#).len(), raw.tap.frames("").len());
-    for word in ["modifyGSPD", "startButton", "AddRCC", "AddPoints", "fly"] {
+    for (word, code) in [
+        ("modifyGSPD", "not_allowed"),
+        ("startButton", "not_allowed"),
+        ("AddRCC", "not_allowed"),
+        ("AddPoints", "bad_command"),
+        ("fly", "bad_command"),
+    ] {
         let refused = raw.hall.until_audited(|entry| entry["request"] == word).await;
-        assert_eq!(
-            (&refused["what"], &refused["code"]),
-            (&json!("refused"), &json!("not_allowed")),
-            "{word}"
-        );
+        assert_eq!((&refused["what"], &refused["code"]), (&json!("refused"), &json!(code)), "{word}");
     }
     // A loop does not fill the log.
     let entries = raw.hall.audit().await.len();
@@ -226,4 +228,28 @@ async fn an_unknown_outcome_is_silence() {
     let outcome = raw.hall.until_audited(|entry| entry["what"] == "command_outcome").await;
     assert_eq!(outcome["outcome"], "unknown");
     assert_eq!(raw.tap.frames("rewriteData").len(), 1, "it is never sent again");
+}
+
+#[tokio::test]
+async fn a_loop_of_stops_or_commands_does_not_fill_the_disk() {
+    let raw = Raw::start(ready_to_start().await, RULES).await;
+    let mut script = Script::from(2, raw.address()).await;
+    for _ in 0..100 {
+        assert_eq!(script.command("actionPause").await, "ok");
+    }
+    assert_eq!(raw.tap.frames("actionPause").len(), 100, "a stop is never refused");
+    raw.hall.until_audited(|entry| entry["what"] == "stop").await;
+    let audit = raw.hall.audit().await;
+    let stops = audit.iter().filter(|entry| entry["request"] == "actionPause").count();
+    assert_eq!(stops, 2, "one began and ended");
+
+    let mut loops = raw.script().await;
+    let mut refused = 0;
+    for _ in 0..400 {
+        let said = loops.command("modifyGSPD 500").await;
+        assert!(said == "ok" || said.starts_with("err too many commands"), "{said}");
+        refused += u32::from(said != "ok");
+    }
+    // On a machine that takes more than 10 ms for each command, none is too many.
+    assert_eq!(raw.tap.frames("modifyGSPD").len(), 400 - refused as usize);
 }
