@@ -1,13 +1,15 @@
 //! Instruction lists (`AddRCC`) over the raw port.
 
-use std::time::Instant;
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
 
 use r6_gateway::{RawAllow, RawPolicy, RawRule, RawSource};
 use r6_sim::VirtualController;
 use serde_json::json;
 
 use super::{Raw, Script, verdict};
-use crate::support::{PATIENCE, signal};
+use crate::support::{Hall, PATIENCE, signal};
 
 const RULES: &[(&str, RawAllow)] = &[("127.0.0.1", RawAllow::Command), ("127.0.0.2", RawAllow::Read)];
 
@@ -109,4 +111,100 @@ async fn limits_of_speed_hold_for_lists() {
     }
     assert!(raw.tap.frames("AddRCC").is_empty());
     assert_eq!(verdict(&script.ask(&list(true, &[to("1", "20")])).await), "ok");
+}
+
+/// Choices from a seed.
+struct Dice(u64);
+
+impl Dice {
+    fn roll(&mut self, sides: u64) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % sides
+    }
+}
+
+/// A script that sends everything that a script can send, in the order of its seed.
+async fn scribble(last: u8, address: SocketAddr, seed: u64) {
+    let mut dice = Dice(seed);
+    let mut script = Script::from(last, address).await;
+    for _ in 0..40 {
+        match dice.roll(8) {
+            0 => script = Script::from(last, address).await,
+            1 => drop(script.ask(&list(dice.roll(2) == 0, &[to("0.5", "90")])).await),
+            2 => drop(script.ask(&list(true, &[])).await),
+            3 => drop(script.command("startButton").await),
+            4 => drop(script.command(&format!("rewriteData 80{last} {} 0", dice.roll(9))).await),
+            5 if dice.roll(8) == 0 => drop(script.command("actionPause").await),
+            5 | 6 => drop(script.command("modifyGSPD 500").await),
+            _ => drop(script.query("isMoving RemoteCmdLen").await),
+        }
+    }
+}
+
+/// A person who holds the lease now and then, clears stops, and takes the lease away.
+async fn look_after(hall: &Hall, seed: u64) {
+    let mut dice = Dice(seed);
+    for _ in 0..30 {
+        let because = if dice.roll(6) == 0 { json!({ "take_because": "test" }) } else { json!({}) };
+        let (status, lease) = hall.post(&hall.admin, "/v1/robots/press/lease", &because).await;
+        if status == 200 {
+            let held = json!({ "lease": lease["lease"] });
+            hall.post(&hall.admin, "/v1/robots/press/clear-stopped", &held).await;
+            hall.command(&hall.admin, "press", &lease["lease"], "modifyGSPD 60").await;
+            hall.call(&hall.admin, "DELETE", "/v1/robots/press/lease", Some(&held)).await;
+        }
+        tokio::time::sleep(Duration::from_millis(dice.roll(40))).await;
+    }
+}
+
+#[tokio::test]
+async fn whatever_scripts_and_people_do_nothing_leaves_without_a_live_lease() {
+    for seed in 1..=3 {
+        let raw = Raw::start(VirtualController::start().await.unwrap(), RULES).await;
+        let address = raw.address();
+        let scripts =
+            [1, 1, 2, 2, 1].into_iter().zip(seed * 100..).map(|(last, seed)| scribble(last, address, seed));
+        tokio::join!(futures_util::future::join_all(scripts), look_after(&raw.hall, seed));
+        let audit = raw.hall.audit().await;
+        assert!(audit.len() < 1_000, "the page has all entries");
+
+        // Each command and list that reached the controller has its intent, under a lease that was live then.
+        let (mut live, mut intents, mut left) = (None, BTreeMap::new(), 0);
+        for entry in &audit {
+            match entry["what"].as_str().unwrap() {
+                "lease_began" => {
+                    assert_eq!(live, None, "seed {seed}: {entry}");
+                    live = Some(entry["lease"].clone());
+                }
+                "lease_ended" => {
+                    assert_eq!(live.take().as_ref(), Some(&entry["lease"]), "seed {seed}: {entry}");
+                }
+                "command_intent" => {
+                    let is_live = live.as_ref() == Some(&entry["lease"]);
+                    intents.insert(entry["number"].as_u64(), is_live);
+                }
+                "command_outcome" => {
+                    let is_live = intents.remove(&entry["intent"].as_u64());
+                    // A lease may end while the intent is on its way to the disk: then nothing is sent.
+                    let sent = entry["outcome"] != "not_sent";
+                    assert!(is_live.is_some_and(|is_live| is_live || !sent), "seed {seed}: {entry}");
+                    left += usize::from(sent);
+                }
+                _ => {}
+            }
+        }
+        assert!(intents.is_empty(), "seed {seed}: {intents:?}");
+        // The admin's stops send `actionStop` and clear the list: what the client does for a stop needs no lease.
+        let stops = audit.iter().filter(|entry| entry["request"] == "stop").count();
+        let sent = ["modifyGSPD", "startButton", "rewriteData"].map(|word| raw.tap.frames(word).len());
+        let lists = raw.tap.frames("AddRCC");
+        let cleared = lists.iter().filter(|frame| frame.contains(r#""instructions":[]"#)).count();
+        let orders = sent.iter().sum::<usize>() + lists.len();
+        assert!(
+            left > 20 && (left..=left + if stops > 0 { cleared } else { 0 }).contains(&orders),
+            "{left} {orders}"
+        );
+        assert!(raw.tap.frames(r#""rewriteData","802""#).is_empty(), "127.0.0.2 may only read");
+        assert_eq!(raw.tap.connections(), 1);
+    }
 }
