@@ -67,7 +67,8 @@ impl fmt::Display for Order {
             Self::List { replace, steps } => (replace, steps),
         };
         let how = if *replace { "replace" } else { "append" };
-        write!(f, "AddRCC {how}, {} steps", steps.len())?;
+        let plural = if steps.len() == 1 { "" } else { "s" };
+        write!(f, "AddRCC {how}, {} step{plural}", steps.len())?;
         for (at, step) in steps.iter().take(NAMED_STEPS).enumerate() {
             write!(f, "{}{}", if at == 0 { ": " } else { ", " }, step.action.name())?;
         }
@@ -93,7 +94,7 @@ mod tests {
             (Command::StartButton.into(), Effect::Moves, true, "startButton"),
             (Command::ModifyGspd { percent: 5.0 }.into(), Effect::Changes, false, r#"modifyGSPD "50""#),
             (list(true, 2), Effect::Moves, false, "AddRCC replace, 2 steps: path speed, path speed"),
-            (list(false, 1), Effect::Moves, true, "AddRCC append, 1 steps: path speed"),
+            (list(false, 1), Effect::Moves, true, "AddRCC append, 1 step: path speed"),
             (list(true, 0), Effect::Changes, false, "AddRCC replace, 0 steps"),
             (list(false, 0), Effect::Changes, false, "AddRCC append, 0 steps"),
         ] {

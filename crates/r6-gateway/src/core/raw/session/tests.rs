@@ -240,4 +240,33 @@ proptest! {
         prop_assert!(numbers.is_sorted(), "{:?}", replies);
         prop_assert!(session.is_idle());
     }
+
+    /// Whatever bytes come in whatever pieces: no panic, nothing beyond the limits is kept, and a session that
+    /// is to be closed begins nothing but stops.
+    #[test]
+    fn no_bytes_do_harm(
+        pieces in prop::collection::vec(prop_oneof![
+            3 => prop::collection::vec(any::<u8>(), 0..200),
+            3 => prop::sample::select(vec![QUERY, STOP, "{", "}", "\"", "[", r#"{"reqType":"AddRCC","#, r#""instructions":[{"#,
+                r#"{"reqType":"command","cmdData":["startButton"]}"#]).prop_map(|text| text.as_bytes().to_vec()),
+            1 => (0..40_000_usize).prop_map(|count| vec![b'{'; count]),
+        ], 0..60),
+        answers in any::<bool>(),
+    ) {
+        let mut session = Session::new();
+        for (number, piece) in (0..).zip(pieces) {
+            session.handle_input(at(number * 100), &piece);
+            session.handle_timeout(at(number * 100));
+            let was_closed = session.closed().is_some();
+            for (ticket, asked) in begun(&mut session) {
+                prop_assert!(!was_closed || matches!(asked, Asked::Stop(_)), "{:?}", asked);
+                if answers {
+                    session.answer(ticket, Dialect::HC1, &Answer::Refused(None));
+                }
+            }
+            prop_assert!(session.waiting.len() <= 2 * MAX_WAITING + 1 + 60);
+            let kept: usize = session.waiting.iter().map(|waiting| waiting.frame.len()).sum();
+            prop_assert!(kept <= session.waiting.len() * MAX_FRAME);
+        }
+    }
 }
