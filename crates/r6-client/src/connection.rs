@@ -498,7 +498,9 @@ fn hand_over_once_known(
             link.begin_introduction();
             true
         }
-        Work::Query(addresses) => !asks_who_is_there(addresses) && link.begin_introduction_for_query(now),
+        Work::Query(addresses) | Work::RawQuery(addresses) => {
+            !asks_who_is_there(addresses) && link.begin_introduction_for_query(now)
+        }
         // A photo cannot wait. On a first connection, stops do not come this way.
         Work::PhotoAnswer(_) | Work::Command(_) | Work::AddRcc { .. } | Work::AddPoints(_) => {
             link.begin_introduction_for_query(now);

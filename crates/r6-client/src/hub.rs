@@ -7,6 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use r6_proto::address::Address;
 use r6_proto::client::LearnedDialect;
+use r6_proto::message::QueryReply;
+use r6_proto::time::Instant;
 use tokio::sync::{broadcast, watch};
 
 use crate::board::Board;
@@ -16,6 +18,7 @@ use crate::event::Event;
 use crate::identity::{Found, Identity};
 use crate::link_quality::Meter;
 use crate::pushed::{KEPT_FOR_SUBSCRIBERS, LostReason, Pushed};
+use crate::raw::RawValues;
 use crate::reply::Places;
 use crate::time::Time;
 
@@ -73,6 +76,8 @@ pub(crate) struct Known {
     pub read_of_nobody: bool,
     /// The unexpected robot that answered on the connection before this one, if there was one.
     pub stranger_before: Option<Identity>,
+    /// The last values as the controller wrote them.
+    pub raw: RawValues,
 }
 
 impl Known {
@@ -81,6 +86,22 @@ impl Known {
         if self.connection == connection {
             self.doubts_lists = true;
             self.doubts += 1;
+            self.raw.forget();
+        }
+    }
+}
+
+impl Known {
+    /// Keeps the values of a reply as the controller wrote them, if each is known to belong to its address.
+    pub fn keep_raw(
+        &mut self,
+        asked: &[Address],
+        reply: &QueryReply<'_>,
+        connection: u64,
+        asked_at: Instant,
+    ) {
+        if self.connection == connection && (asked.len() == 1 || !self.doubts_lists) {
+            self.raw.keep(asked, reply, asked_at);
         }
     }
 }
@@ -247,9 +268,16 @@ impl Hub {
             let (expected, present) = (known.expected.take(), known.present.take());
             let read_of_nobody = known.read_of_nobody || (known.handed_out && expected.is_none());
             let stranger_before = present.filter(|present| expected.as_ref().is_some_and(|it| it != present));
-            let doubts = known.doubts;
-            *known =
-                Known { connection, expected, read_of_nobody, stranger_before, doubts, ..Known::default() };
+            let (doubts, raw) = (known.doubts, known.raw.on_next_connection());
+            *known = Known {
+                connection,
+                expected,
+                read_of_nobody,
+                stranger_before,
+                doubts,
+                raw,
+                ..Known::default()
+            };
         }
         self.meter().disconnected(self.time.now());
         self.board.connection_lost();

@@ -78,7 +78,8 @@ impl Introduction {
                     }
                 }
             }
-            Ok(Answer::Mismatch { .. } | Answer::Accepted { .. } | Answer::Left) | Err(_) => missing = asked,
+            Ok(Answer::Mismatch { .. } | Answer::Raw { .. } | Answer::Accepted { .. } | Answer::Left)
+            | Err(_) => missing = asked,
         }
         match missing.as_slice() {
             [] => self.odd = 0,

@@ -40,8 +40,13 @@ pub struct CameraSet {
 #[derive(Clone, Debug)]
 pub(crate) enum Work {
     Query(Arc<[Address]>),
+    /// A query whose values are handed on as the controller wrote them.
+    RawQuery(Arc<[Address]>),
     Command(Command<'static>),
-    AddRcc { replace: bool, instructions: Vec<Instruction> },
+    AddRcc {
+        replace: bool,
+        instructions: Vec<Instruction>,
+    },
     AddPoints(Vec<CameraSet>),
     PhotoAnswer(PhotoAnswer),
 }
@@ -53,6 +58,8 @@ pub(crate) enum Answer {
     Values { rows: Rows, on: Answered },
     /// The number of values differs from that of the addresses, so they cannot be matched.
     Mismatch { answered: usize, on: Answered },
+    /// The values as the controller wrote them, however many there are.
+    Raw { values: Vec<Vec<u8>>, on: Answered },
     /// The controller accepted the request.
     Accepted { accepted: Accepted, on: Answered },
     /// The request was sent; the controller does not answer requests of this kind.
@@ -110,6 +117,14 @@ pub(crate) struct Job {
 }
 
 impl Work {
+    /// The addresses of a query.
+    pub fn asked(&self) -> Option<&[Address]> {
+        match self {
+            Self::Query(addresses) | Self::RawQuery(addresses) => Some(addresses),
+            Self::Command(_) | Self::AddRcc { .. } | Self::AddPoints(_) | Self::PhotoAnswer(_) => None,
+        }
+    }
+
     /// The request's word and its effect. They do not depend on the points of cameras.
     pub fn sent(&self) -> Sent {
         let request = self.request(&[]);
@@ -119,7 +134,7 @@ impl Work {
     /// The request. `cameras`: the points of [`Self::AddPoints`].
     fn request<'a>(&'a self, cameras: &'a [CameraPoints<'a>]) -> Request<'a> {
         match self {
-            Self::Query(addresses) => Request::Query(addresses),
+            Self::Query(addresses) | Self::RawQuery(addresses) => Request::Query(addresses),
             Self::Command(command) => Request::Command(command),
             Self::AddRcc { replace, instructions } => Request::AddRcc { empty_list: *replace, instructions },
             Self::AddPoints(_) => Request::AddPoints(cameras),
@@ -130,7 +145,7 @@ impl Work {
     /// Whether a caller has to read mode and alarm after a reconnect before this may be sent.
     pub fn needs_known_state(&self) -> bool {
         match self {
-            Self::Query(_) | Self::PhotoAnswer(_) => false,
+            Self::Query(_) | Self::RawQuery(_) | Self::PhotoAnswer(_) => false,
             Self::Command(_) | Self::AddRcc { .. } | Self::AddPoints(_) => {
                 self.sent().effect != Effect::Stops
             }
@@ -140,7 +155,7 @@ impl Work {
     /// Whether it must reach only the expected robot: everything but a query.
     pub fn is_for_one_robot(&self) -> bool {
         match self {
-            Self::Query(_) => false,
+            Self::Query(_) | Self::RawQuery(_) => false,
             Self::Command(_) | Self::AddRcc { .. } | Self::AddPoints(_) | Self::PhotoAnswer(_) => true,
         }
     }
@@ -151,7 +166,11 @@ impl Work {
             Self::AddPoints(sets) => {
                 sets.iter().map(|set| CameraPoints { cam_id: set.cam_id, points: &set.points }).collect()
             }
-            Self::Query(_) | Self::Command(_) | Self::AddRcc { .. } | Self::PhotoAnswer(_) => Vec::new(),
+            Self::Query(_)
+            | Self::RawQuery(_)
+            | Self::Command(_)
+            | Self::AddRcc { .. }
+            | Self::PhotoAnswer(_) => Vec::new(),
         };
         let request = self.request(&cameras);
         session.send(now, &request).map(|ticket| request.expects_reply().then_some(ticket))
@@ -164,6 +183,10 @@ impl Work {
         let request = self.sent();
         match (self, &message.body) {
             (Self::Query(addresses), Body::QueryReply(reply)) => Ok(values(addresses, reply, on, rows)),
+            (Self::RawQuery(_), Body::QueryReply(reply)) => Ok(Answer::Raw {
+                values: reply.values.iter().map(|value| value.wire().to_vec()).collect(),
+                on,
+            }),
             (_, Body::CommandReply(reply)) => self.verdict(reply, on),
             (_, Body::Rejected(rejection)) => {
                 Err(OutcomeUnknown::Unreadable { request, error: rejection.error.clone() }.into())
@@ -185,7 +208,7 @@ impl Work {
                 Self::Command(command) => Refused::Command { command: command.name(), reason }.into(),
                 Self::AddRcc { .. } => Refused::InstructionList { reason }.into(),
                 Self::AddPoints(_) => Refused::Points { reason }.into(),
-                Self::Query(_) | Self::PhotoAnswer(_) => {
+                Self::Query(_) | Self::RawQuery(_) | Self::PhotoAnswer(_) => {
                     let answer = reason.unwrap_or_default();
                     OutcomeUnknown::Unclear { request: self.sent(), answer }.into()
                 }

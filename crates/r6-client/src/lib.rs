@@ -56,6 +56,7 @@ mod poll_plan;
 mod progress;
 mod pushed;
 mod query;
+mod raw;
 mod registers;
 mod reply;
 mod robot;
@@ -97,6 +98,7 @@ pub use r6_proto::message::instruction::{
 };
 pub use r6_proto::message::{PhotoAnswer, Point, Reading};
 pub use r6_proto::{Address, AxisIndex, AxisMask, Command, OperationMode, RegisterIndex};
+pub use raw::{RawReply, RawValue};
 pub use registers::{Keep, RegisterError, from_thousandths, to_thousandths};
 pub use robot::{Accepted, Closed, Robot};
 pub use settings::{Heartbeat, Liveness, Reconnect, RobotSettings};

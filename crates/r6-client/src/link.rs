@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use r6_proto::address::Address;
 use r6_proto::client::{ClientSession, ClientSettings, Event, Ticket};
+use r6_proto::message::Body;
 use r6_proto::request::Request;
 use r6_proto::time::Instant;
 
@@ -400,6 +401,9 @@ impl Link {
                         }
                     } else if let Some(mut job) = self.in_flight.take(ticket) {
                         let rows = std::mem::take(&mut job.rows);
+                        if let (Some(asked), Body::QueryReply(reply)) = (job.work.asked(), &message.body) {
+                            hub.known().keep_raw(asked, reply, on.connection, on.asked_at);
+                        }
                         let answer = job.work.answer(&message, on, rows);
                         if !job.background {
                             self.unread.retain(|address| !reads(*address, &answer));
@@ -493,6 +497,7 @@ impl Link {
                     again.push_back(job);
                 }
                 Work::Query(_)
+                | Work::RawQuery(_)
                 | Work::Command(_)
                 | Work::AddRcc { .. }
                 | Work::AddPoints(_)

@@ -2,6 +2,7 @@
 
 use r6_proto::message::Instruction;
 
+use crate::conditions::Conditions;
 pub use crate::done::{Done, EndProof, WaitError, WaitOptions};
 use crate::error::{Invalid, NotSent, RequestError};
 use crate::evidence::Observation;
@@ -32,7 +33,20 @@ impl Robot {
         replace: bool,
         instructions: Vec<Instruction>,
     ) -> Result<Accepted, RequestError> {
-        self.drive(self.add_list(replace, instructions, &[])).await
+        self.drive(self.add_list(Conditions::default(), replace, instructions, &[])).await
+    }
+
+    /// Sends instructions as [`Self::add_rcc`], but only under these conditions.
+    ///
+    /// # Errors
+    /// As [`Self::add_rcc`], and the errors that [`Conditions`] names.
+    pub async fn add_rcc_under(
+        &self,
+        conditions: Conditions,
+        replace: bool,
+        instructions: Vec<Instruction>,
+    ) -> Result<Accepted, RequestError> {
+        self.drive(self.add_list(conditions, replace, instructions, &[])).await
     }
 
     /// Sends the steps of a motion as one list, as [`Self::add_rcc`] does. The guard gets the units of its
@@ -42,21 +56,29 @@ impl Robot {
     /// [`RequestError`], as there; [`Invalid::Step`] if a step is wrong.
     pub async fn add_motion(&self, replace: bool, motion: &Motion) -> Result<Accepted, RequestError> {
         let steps = motion.instructions().map_err(Invalid::Step)?.to_vec();
-        self.drive(self.add_list(replace, steps, motion.units())).await
+        self.drive(self.add_list(Conditions::default(), replace, steps, motion.units())).await
     }
 
     async fn add_list(
         &self,
+        conditions: Conditions,
         replace: bool,
         instructions: Vec<Instruction>,
         units: &[AxisUnits],
     ) -> Result<Accepted, RequestError> {
         // Read this before any wait: a stop that is asked for meanwhile withdraws this list.
         let stops_before = Some(self.hub().stops_asked());
+        let Conditions { leave_within, only_on, permission } = conditions;
+        let leave_by = leave_within.map(|within| self.now() + within);
         // An empty list is the same wherever the arm stands.
         let _turn = if instructions.is_empty() { None } else { Some(self.lists().await) };
-        let only_on = self.held_against_guard(replace, &instructions, units).await?;
-        let terms = Terms { only_on, stops_before, ..Terms::default() };
+        let checked_on = self.held_against_guard(replace, &instructions, units).await?;
+        if let (Some(wanted), Some(checked)) = (only_on, checked_on)
+            && wanted != checked
+        {
+            return Err(NotSent::Disconnected.into());
+        }
+        let terms = Terms { leave_by, only_on: only_on.or(checked_on), stops_before, permission };
         self.accepted_on(terms, Work::AddRcc { replace, instructions }, Lane::Ordinary).await
     }
 

@@ -3,6 +3,7 @@
 pub(crate) mod frames;
 mod memory;
 mod parts;
+mod raw;
 pub(crate) mod result;
 
 use std::pin::pin;
@@ -279,7 +280,7 @@ impl Robot {
                         self.hub().known().doubt_lists(on.connection);
                     }
                 }
-                Answer::Accepted { .. } | Answer::Left => {
+                Answer::Accepted { .. } | Answer::Raw { .. } | Answer::Left => {
                     let answer = "a reply to a command".to_owned();
                     return Err(OutcomeUnknown::Unclear { request: Sent::QUERY, answer }.into());
                 }

@@ -80,7 +80,7 @@ impl Tells {
             Work::AddRcc { instructions, .. } => {
                 instructions.iter().fold(Self::default(), |tells, step| tells.and(&step.action))
             }
-            Work::Query(_) | Work::AddPoints(_) | Work::PhotoAnswer(_) => Self::default(),
+            Work::Query(_) | Work::RawQuery(_) | Work::AddPoints(_) | Work::PhotoAnswer(_) => Self::default(),
         }
     }
 

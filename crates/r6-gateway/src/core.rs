@@ -5,10 +5,14 @@
 //! - [`role`]: which role may do what.
 //! - [`chain`]: the hash chain of the audit log.
 //! - [`name`]: names of robots.
+//! - [`order`]: what the holder of a lease sends.
 //! - [`rate`]: how many requests a token may make.
+//! - [`raw`]: the raw port.
 
 pub mod chain;
 pub mod name;
+pub mod order;
 pub mod rate;
+pub mod raw;
 pub mod role;
 pub mod seat;

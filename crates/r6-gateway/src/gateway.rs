@@ -14,12 +14,14 @@ use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 
 use crate::clock;
+use crate::core::raw::policy::RawPolicy;
 use crate::fleet::Fleet;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roster::{self, Changes};
 use crate::fleet::station::Shared;
 use crate::http::{self, State};
 use crate::problem::Problem;
+use crate::raw_port::{self, Door, RawPort, SharedPolicy};
 use crate::store::{Keeper, Sqlite, Store, StoreError};
 use crate::tokens::{REFRESH, Tokens};
 
@@ -34,6 +36,10 @@ pub struct GatewaySettings {
     pub robots: Vec<RobotConfig>,
     /// How to communicate with robots that are added through the API.
     pub robot_settings: RobotSettings,
+    /// The raw ports: at most one for each robot.
+    pub raw: Vec<RawPort>,
+    /// Who may do what on them.
+    pub raw_policy: RawPolicy,
 }
 
 /// Why a gateway could not be started. Nothing is left running.
@@ -45,8 +51,12 @@ pub enum GatewayError {
     Store(StoreError),
     /// The robots cannot be looked after: a mistake in their configuration.
     Robots(Problem),
+    /// A raw port is wrong.
+    Raw(String),
     /// The system did not allow listening there.
     Listen {
+        /// The option that says where to listen.
+        option: &'static str,
         /// The address.
         address: SocketAddr,
         /// Why not.
@@ -62,10 +72,11 @@ impl fmt::Display for GatewayError {
             Self::InUse(folder) => write!(f, "another gateway uses {}", folder.display()),
             Self::Store(error) => error.fmt(f),
             Self::Robots(problem) => f.write_str(&problem.message),
-            Self::Listen { address, error } if error.kind() == io::ErrorKind::AddrInUse => {
-                write!(f, "{address} is taken by another program: choose another address with --listen")
+            Self::Raw(wrong) => f.write_str(wrong),
+            Self::Listen { option, address, error } if error.kind() == io::ErrorKind::AddrInUse => {
+                write!(f, "{address} is taken by another program: choose another address with {option}")
             }
-            Self::Listen { address, error } => write!(f, "cannot listen on {address}: {error}"),
+            Self::Listen { address, error, .. } => write!(f, "cannot listen on {address}: {error}"),
             Self::System(error) => write!(f, "the system gives no thread or file: {error}"),
         }
     }
@@ -84,6 +95,8 @@ impl From<StoreError> for GatewayError {
 pub struct Gateway {
     address: SocketAddr,
     state: State,
+    raw_policy: SharedPolicy,
+    raw_ports: Vec<RawPort>,
     server: JoinSet<()>,
     /// Locked as long as the gateway runs.
     _lock: File,
@@ -98,8 +111,9 @@ impl Gateway {
         let mut store = Sqlite::open(&settings.data)?;
         let lock = lock(&settings.data)?;
         let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
+        check_raw(&settings.raw, &robots)?;
         let listen = settings.listen;
-        let failed = |error| GatewayError::Listen { address: listen, error };
+        let failed = |error| GatewayError::Listen { option: "--listen", address: listen, error };
         let listener = TcpListener::bind(listen).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
 
@@ -112,26 +126,45 @@ impl Gateway {
         let shared = Arc::new(Shared::new(keeper));
         let tokens = Tokens::read(shared.keeper.clone()).await?;
 
-        let fleet = Fleet::start(saved, Arc::clone(&shared));
+        let fleet = Arc::new(Fleet::start(saved, Arc::clone(&shared)));
+        let raw_policy = SharedPolicy::new(settings.raw_policy);
+        let doors = match open(settings.raw, &fleet, &raw_policy) {
+            Ok(doors) => doors,
+            Err(error) => {
+                fleet.end().await;
+                return Err(error);
+            }
+        };
         let epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let epoch = u64::try_from(epoch.as_micros()).unwrap_or(u64::MAX);
-        let state = State {
-            fleet: Arc::new(fleet),
-            tokens: Arc::new(tokens),
-            shared,
-            robot_settings: settings.robot_settings,
-            epoch,
-        };
+        let state =
+            State { fleet, tokens: Arc::new(tokens), shared, robot_settings: settings.robot_settings, epoch };
         let mut server = JoinSet::new();
         server.spawn(r6_http::serve(listener, http::router(state.clone(), address)));
         server.spawn(refresh(Arc::clone(&state.tokens)));
-        Ok(Self { address, state, server, _lock: lock })
+        let mut raw_ports = Vec::new();
+        for (port, door, listener) in doors {
+            raw_ports.push(port);
+            server.spawn(raw_port::attend(door, listener));
+        }
+        Ok(Self { address, state, raw_policy, raw_ports, server, _lock: lock })
     }
 
     /// The address that it listens on.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// The raw ports, with the addresses that they listen on.
+    #[must_use]
+    pub fn raw_ports(&self) -> &[RawPort] {
+        &self.raw_ports
+    }
+
+    /// Makes these rules those of all raw ports, from the next frame of each client on.
+    pub fn set_raw_policy(&self, policy: RawPolicy) {
+        self.raw_policy.set(policy);
     }
 
     /// How many robots it looks after.
@@ -179,6 +212,38 @@ fn all_robots(
     }
     roster::check(&robots).map_err(GatewayError::Robots)?;
     Ok(robots)
+}
+
+/// Refuses raw ports of robots that are not there, and two of one robot.
+fn check_raw(ports: &[RawPort], robots: &[RobotConfig]) -> Result<(), GatewayError> {
+    for (at, port) in ports.iter().enumerate() {
+        let name = &port.robot;
+        if !robots.iter().any(|robot| robot.name == *name) {
+            return Err(GatewayError::Raw(format!("a raw port is for `{name}`, and there is no such robot")));
+        }
+        if ports.iter().take(at).any(|other| other.robot == *name) {
+            return Err(GatewayError::Raw(format!(
+                "`{name}` has two raw ports: one is enough for all clients"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Opens the raw ports: each with the address that it listens on.
+fn open(
+    ports: Vec<RawPort>,
+    fleet: &Arc<Fleet>,
+    policy: &SharedPolicy,
+) -> Result<Vec<(RawPort, Door, TcpListener)>, GatewayError> {
+    let opened = ports.into_iter().map(|port| {
+        let address = port.listen;
+        let failed = |error| GatewayError::Listen { option: "--raw", address, error };
+        let (door, listener) = Door::open(&port, Arc::clone(fleet), policy.clone()).map_err(failed)?;
+        let listen = listener.local_addr().map_err(failed)?;
+        Ok((RawPort { listen, ..port }, door, listener))
+    });
+    opened.collect()
 }
 
 /// Reads the tokens again and again.

@@ -28,6 +28,7 @@
 //! - `live`: values that change, and events.
 //! - `store`: tokens, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
+//! - `raw_port`: the robots' own protocol, for old scripts.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
@@ -40,17 +41,20 @@ mod gateway;
 mod http;
 mod live;
 mod problem;
+mod raw_port;
 mod shell;
 mod store;
 mod tokens;
 
 pub use crate::core::name::RobotName;
+pub use crate::core::raw::policy::{RawAllow, RawPolicy, RawRule, RawSource};
 pub use crate::core::role::Grant;
 pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
 pub use crate::fleet::roster::Changes;
 pub use crate::gateway::{Gateway, GatewayError, GatewaySettings};
 pub use crate::http::openapi;
 pub use crate::problem::Problem;
+pub use crate::raw_port::RawPort;
 pub use crate::shell::{Verified, list_tokens, make_token, revoke_token, verify};
 pub use crate::store::{StoreError, Token};
 

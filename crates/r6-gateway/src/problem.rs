@@ -1,7 +1,7 @@
 //! Why the gateway did not do what it was asked for.
 
 use r6_api::Code;
-use r6_client::{NotSent, RequestError};
+use r6_client::{NotSent, Refused, RequestError};
 
 use crate::core::seat::Denied;
 use crate::store::StoreError;
@@ -13,12 +13,14 @@ pub struct Problem {
     pub code: Code,
     /// The sentence.
     pub message: String,
+    /// What the controller itself gave as the reason, if it refused and gave one.
+    pub reason: Option<String>,
 }
 
 impl Problem {
     /// A problem.
     pub fn new(code: Code, message: impl Into<String>) -> Self {
-        Self { code, message: message.into() }
+        Self { code, message: message.into(), reason: None }
     }
 
     /// A command that the client did not send, or that was not accepted.
@@ -32,7 +34,15 @@ impl Problem {
             RequestError::Refused(_) => Code::Refused,
             RequestError::OutcomeUnknown(_) => Code::OutcomeUnknown,
         };
-        Self::new(code, error.to_string())
+        let reason = match error {
+            RequestError::Refused(
+                Refused::Command { reason, .. }
+                | Refused::InstructionList { reason }
+                | Refused::Points { reason },
+            ) => reason.clone(),
+            RequestError::Invalid(_) | RequestError::NotSent(_) | RequestError::OutcomeUnknown(_) => None,
+        };
+        Self { reason, ..Self::new(code, error.to_string()) }
     }
 }
 

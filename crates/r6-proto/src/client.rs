@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use self::matcher::{Assigned, Matcher, hash_of_query};
 use self::repeated::LastQuery;
-use crate::dialect::{Addressing, DsIdForm};
+use crate::dialect::{Addressing, CommandReplyForm, Dialect, DsIdForm, KeyOrder, ReplyType};
 use crate::encode::write_integer;
 use crate::error::{EncodeError, JsonError};
 use crate::frame::{FrameBuffer, FrameError, Limits};
@@ -203,6 +203,30 @@ pub struct LearnedDialect {
     pub names_command: Option<bool>,
     /// Replies say `queryEcho` or `cmdEcho` (before 2.0.2.1).
     pub echo_types: Option<bool>,
+    /// The keys of query replies are in the order of the alphabet, not in that of the manual.
+    pub sorts_keys: Option<bool>,
+}
+
+impl LearnedDialect {
+    /// The dialect of the replies, as far as it is known; the rest as [`Dialect::HC1`].
+    ///
+    /// The form of counters and the types of replies to AddPoints and AddRCC are not learned.
+    #[must_use]
+    pub fn dialect(self) -> Dialect {
+        let is = |learned: Option<bool>| learned != Some(false);
+        let old = self.echo_types == Some(true);
+        Dialect {
+            key_order: if is(self.sorts_keys) { KeyOrder::Alphabetical } else { KeyOrder::Manual },
+            reply_type: if old { ReplyType::Echo } else { ReplyType::AsSent },
+            command_reply: match is(self.names_command) {
+                true => CommandReplyForm::NameAndVerdict,
+                false => CommandReplyForm::Verdict,
+            },
+            echo_pack_id: is(self.echoes_pack_id),
+            echo_query_addr: is(self.echoes_query_addr),
+            ..Dialect::HC1
+        }
+    }
 }
 
 #[derive(Debug)]

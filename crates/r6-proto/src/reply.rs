@@ -164,6 +164,11 @@ impl DataWriter<'_, '_> {
         self.list.text(value);
     }
 
+    /// Writes a value as another controller wrote it: one JSON value, with its quotes.
+    pub fn wire(&mut self, value: &[u8]) {
+        self.list.item().extend_from_slice(value);
+    }
+
     /// Writes a whole number in quotes.
     pub fn integer(&mut self, value: i64) {
         write_quoted_integer(self.list.item(), value);

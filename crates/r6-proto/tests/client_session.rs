@@ -6,7 +6,7 @@ use std::time::Duration;
 use r6_proto::client::{
     ClientSession, ClientSettings, Event, LearnedDialect, SendError, StrayReason, Ticket,
 };
-use r6_proto::dialect::DsIdForm;
+use r6_proto::dialect::{CommandReplyForm, CounterForm, Dialect, DsIdForm};
 use r6_proto::message::command::Outcome;
 use r6_proto::message::instruction::{Action, BlendLevel, Coordinates, Instruction, Manner, Move};
 use r6_proto::message::{Body, LengthMismatch, PhotoAnswer, TypeKey};
@@ -193,6 +193,15 @@ fn replies_without_pack_id_are_matched_by_kind_and_order() {
             echoes_query_addr: Some(false),
             names_command: Some(false),
             echo_types: Some(true),
+            sorts_keys: Some(false),
+        }
+    );
+    assert_eq!(
+        session.learned().dialect(),
+        Dialect {
+            counter: CounterForm::Numbers,
+            command_reply: CommandReplyForm::Verdict,
+            ..Dialect::LEGACY
         }
     );
 }

@@ -58,7 +58,7 @@ pub enum Happened {
     },
     /// A stop was asked for.
     StopBegan {
-        /// By which token.
+        /// By which token or raw client.
         by: String,
     },
     /// A stop came to its end.
@@ -150,7 +150,7 @@ pub struct AuditEntry {
 pub struct AuditRecord {
     /// When.
     pub time: String,
-    /// The token, its number and name; `gateway` for the gateway itself; `shell` for the command line.
+    /// The token, its number and name; `raw`, the address and the rule for a raw client; `gateway` for the gateway itself; `shell` for the command line.
     pub actor: String,
     /// The address that the request came from; `null` if there was none.
     #[cfg_attr(feature = "openapi", schema(required = true))]

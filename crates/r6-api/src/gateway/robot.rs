@@ -117,7 +117,7 @@ pub struct IdentityChange {
 pub struct LeaseHolder {
     /// Its number. A robot's next lease has a higher one.
     pub number: u64,
-    /// The token of the holder: its number and name.
+    /// The token of the holder, its number and name; or `raw`, the address and the rule of a raw client.
     pub holder: String,
     /// How long it lasts unless it is renewed.
     pub expires_in_ms: u64,

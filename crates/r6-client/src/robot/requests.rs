@@ -103,7 +103,7 @@ impl Robot {
                 }
                 Ok(accepted)
             }
-            Answer::Values { .. } | Answer::Mismatch { .. } | Answer::Left => {
+            Answer::Values { .. } | Answer::Mismatch { .. } | Answer::Raw { .. } | Answer::Left => {
                 Err(OutcomeUnknown::Unclear { request, answer: "a reply to a query".to_owned() }.into())
             }
         }

@@ -328,3 +328,40 @@ async fn a_result_is_read_again_with_the_values_of_then_also_after_a_call_that_w
     assert_eq!(robot.query_again(&mut result).await, Err(NotSent::Closed.into()));
     assert_eq!(result.rows(), [], "no value of before");
 }
+
+#[tokio::test]
+async fn raw_values_keep_the_digits_of_the_controller() {
+    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
+    let answer = |request: &Value| {
+        let of = |name: &&str| match *name {
+            "axis-0" => Some("\"-0.050000\""),
+            "curMode" => Some("7"),
+            "counter-4" => Some("[4,0,373266]"),
+            "version" => Some("\"v\\u0031\""),
+            _ => None,
+        };
+        let values: Vec<_> = asked(request).iter().filter_map(of).collect();
+        let pack_id = &request["packID"];
+        Some(format!(r#"{{"packID":{pack_id},"queryData":[{}],"reqType":"query"}}"#, values.join(",")))
+    };
+    tokio::spawn(peer.answer_all(answer));
+    let axis = Address::parse("axis-0").unwrap();
+    let texts = |values: &[Vec<u8>]| -> Vec<String> {
+        values.iter().map(|value| String::from_utf8(value.clone()).unwrap()).collect()
+    };
+    let read = robot.query_raw(&[axis, Address::CurMold, Address::CurMode, axis]).await.unwrap();
+    assert_eq!(texts(&read.values), ["\"-0.050000\"", "7", "\"-0.050000\""], "what is missing is left out");
+    assert_eq!(robot.raw_values(&[axis]), [None], "values are not kept unless that is asked for");
+
+    robot.keep_raw_values();
+    let counter = Address::Counter(4);
+    robot.query(&[axis, Address::Version, counter]).await.unwrap();
+    let kept = robot.raw_values(&[counter, Address::CurMode, axis, Address::Version]);
+    let kept: Vec<_> =
+        kept.into_iter().map(|value| value.map(|value| texts(&[value.text]).remove(0))).collect();
+    let texts = [Some("[4,0,373266]"), None, Some("\"-0.050000\""), Some("\"v\\u0031\"")];
+    assert_eq!(kept, texts.map(|text| text.map(str::to_owned)));
+    // A list that is too short says nothing about its values.
+    robot.query_raw(&[Address::CurMold, Address::CurMode]).await.unwrap();
+    assert_eq!(robot.raw_values(&[Address::CurMold, Address::CurMode]), [None, None]);
+}

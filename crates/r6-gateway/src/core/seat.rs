@@ -228,6 +228,12 @@ impl Seat {
         self.link.is_some()
     }
 
+    /// The connection over which the robot answers.
+    #[must_use]
+    pub fn connection(&self) -> Option<u64> {
+        self.link.map(|link| link.connection)
+    }
+
     /// The robot that answers in place of the expected one.
     #[must_use]
     pub fn identity_change(&self) -> Option<IdentityChange> {

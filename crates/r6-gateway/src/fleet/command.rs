@@ -13,6 +13,7 @@ use tokio::sync::Semaphore;
 use super::link::to_client;
 use super::station::{By, MAX_COMMANDS, MAX_STOPS, Station, millis};
 use crate::clock;
+use crate::core::order::Order;
 use crate::core::seat::{Ask, Denied, Granted, Key, Secret};
 use crate::problem::Problem;
 
@@ -45,6 +46,19 @@ impl Station {
     /// # Errors
     /// `leased`, `identity_changed`, `store_unavailable`.
     pub async fn acquire(&self, by: &By, lasts: Duration) -> Result<Lease, Problem> {
+        let granted = self.acquire_now(by, lasts).await?;
+        Ok(self.given(granted))
+    }
+
+    /// The same for a caller in the gateway: the key of the lease.
+    ///
+    /// # Errors
+    /// As [`Self::acquire`].
+    pub(crate) async fn acquire_key(&self, by: &By, lasts: Duration) -> Result<Key, Problem> {
+        Ok(self.acquire_now(by, lasts).await?.key)
+    }
+
+    async fn acquire_now(&self, by: &By, lasts: Duration) -> Result<Granted, Problem> {
         let ask = ask(by, lasts)?;
         let granted = self.seat(|seat, now| seat.acquire(now, ask))?;
         self.keep_granted(by, granted, None).await
@@ -60,7 +74,8 @@ impl Station {
         // An unconfirmed stop holds all the same, so nothing moves before somebody has looked.
         let _ = self.stop(by).await;
         let granted = self.seat(|seat, now| seat.end_taking(now, ask))?;
-        self.keep_granted(by, granted, Some(because)).await
+        let granted = self.keep_granted(by, granted, Some(because)).await?;
+        Ok(self.given(granted))
     }
 
     /// Lets the lease last longer.
@@ -81,7 +96,12 @@ impl Station {
     }
 
     /// A lease counts only after its number is on the disk: the number must not be given out again.
-    async fn keep_granted(&self, by: &By, granted: Granted, taken: Option<String>) -> Result<Lease, Problem> {
+    async fn keep_granted(
+        &self,
+        by: &By,
+        granted: Granted,
+        taken: Option<String>,
+    ) -> Result<Granted, Problem> {
         let deed = Deed::LeaseBegan { lease: granted.key.number, taken_because: taken };
         let record = self.record(by, deed);
         let kept = async {
@@ -92,7 +112,7 @@ impl Station {
             let _ = self.release(granted.key);
             return Err(error.into());
         }
-        Ok(self.given(granted))
+        Ok(granted)
     }
 
     fn given(&self, granted: Granted) -> Lease {
@@ -102,7 +122,7 @@ impl Station {
         Lease { lease, expires_in_ms: millis(left), stopped }
     }
 
-    /// Sends a command that changes or moves. Its intent is on the disk before it leaves, its outcome after.
+    /// Sends a command or a list that changes or moves. Its intent is on the disk before it leaves, its outcome after.
     ///
     /// # Errors
     /// `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused`, `overloaded`,
@@ -111,12 +131,13 @@ impl Station {
         &self,
         by: &By,
         key: Key,
-        command: Command<'static>,
+        order: Order,
         run_leftover: bool,
     ) -> Result<CommandDone, Problem> {
-        let done = self.try_command(by, key, command.clone(), run_leftover).await;
+        let sent = order.to_string();
+        let done = self.try_command(by, key, order, run_leftover).await;
         if let Err((problem, Told::No)) = &done {
-            self.note_refused(by, &command.to_string(), problem.code);
+            self.note_refused(by, &sent, problem.code);
         }
         done.map_err(|(problem, _)| problem)
     }
@@ -125,30 +146,31 @@ impl Station {
         &self,
         by: &By,
         key: Key,
-        command: Command<'static>,
+        order: Order,
         run_leftover: bool,
     ) -> Result<CommandDone, (Problem, Told)> {
         let untold = |problem: Problem| (problem, Told::No);
         let _slot = self.commands.try_acquire().map_err(|_| {
             untold(Problem::new(Code::Overloaded, "too many commands of this robot are under way"))
         })?;
-        let effect = command.name().effect();
+        let effect = order.effect();
         self.seat(|seat, now| seat.check(now, key, effect)).map_err(|denied| untold(denied.into()))?;
         let robot = self.robot.borrow().clone();
         let robot =
             robot.ok_or_else(|| untold(Problem::new(Code::NotReady, "there is no connection yet")))?;
-        if command.name().starts() && !run_leftover {
+        if order.runs_leftover() && !run_leftover {
             check_list(&robot).await.map_err(untold)?;
         }
 
-        let sent = command.to_string();
+        let sent = order.to_string();
         let intent = Deed::CommandIntent { command: sent.clone(), lease: key.number };
         let intent = self.append(self.record(by, intent)).await;
         let command_id = intent.map_err(|error| untold(error.into()))?;
         self.publish(Happened::CommandBegan { command_id, command: sent.clone() });
         // What was true before the disk had its turn may not be true any more.
-        let answer = match self.seat(|seat, now| seat.permit(now, key, command)) {
+        let answer = match self.seat(|seat, now| seat.permit(now, key, order)) {
             Ok(permit) => {
+                let _sending = self.sending();
                 let answer = self.send(&robot, permit).await;
                 answer.map_err(|error| (outcome(&error), self.problem_of(&error, key, effect)))
             }
@@ -188,7 +210,8 @@ impl Station {
     /// # Errors
     /// `not_stopped`.
     pub async fn stop(&self, by: &By) -> Result<Stopped, Problem> {
-        self.begin_stop(by, STOP);
+        let sending = self.sending();
+        self.begin_stop(by, STOP, true);
         let answer = match self.stops.try_acquire() {
             Ok(_place) => match self.connected().await {
                 Some(robot) => robot.stop().await.map_err(|error| error.to_string()),
@@ -196,6 +219,7 @@ impl Station {
             },
             Err(_) => Err(format!("{MAX_STOPS} stops of this robot are under way: {USE_EMERGENCY_STOP}")),
         };
+        drop(sending);
         let stopped = match answer {
             Ok(report) if report.confirmed => Ok((report.took, report.to_string())),
             Ok(report) => Err(report.to_string()),
@@ -204,18 +228,26 @@ impl Station {
         let detail = match &stopped {
             Ok((_, detail)) | Err(detail) => detail.clone(),
         };
-        self.end_stop(by, STOP, stopped.is_ok(), detail);
+        self.end_stop(by, STOP, (stopped.is_ok(), detail), true);
         let (took, _) = stopped.map_err(|message| Problem::new(Code::NotStopped, message))?;
         Ok(Stopped { confirmed: true, took_ms: clock::milliseconds(took) })
     }
 
     /// Sends one command that stops or pauses. It needs no lease, and holds as [`Self::stop`] does.
     ///
+    /// `written`: whether the audit log is told.
+    ///
     /// # Errors
     /// `refused`, `not_ready`, `identity_changed`, `overloaded`, `outcome_unknown`.
-    pub async fn stop_command(&self, by: &By, command: Command<'static>) -> Result<CommandDone, Problem> {
+    pub async fn stop_command(
+        &self,
+        by: &By,
+        command: Command<'static>,
+        written: bool,
+    ) -> Result<CommandDone, Problem> {
         let (word, sent) = (command.name().word(), command.to_string());
-        self.begin_stop(by, word);
+        let sending = self.sending();
+        self.begin_stop(by, word, written);
         let answer = match self.stop_commands.try_acquire() {
             Ok(_place) => match self.connected().await {
                 Some(robot) => robot.command(command).await.map_err(|error| Problem::of_request(&error)),
@@ -226,25 +258,30 @@ impl Station {
                 Err(Problem::new(Code::Overloaded, message))
             }
         };
+        drop(sending);
         let detail = answer.as_ref().err().map(|problem| problem.message.clone()).unwrap_or_default();
-        self.end_stop(by, word, answer.is_ok(), detail);
+        self.end_stop(by, word, (answer.is_ok(), detail), written);
         let after_ms = clock::milliseconds(answer?.after);
         Ok(CommandDone { command_id: None, sent, after_ms })
     }
 
     /// A stop holds before anything is sent. The audit log is told soon: a stop does not wait for the disk.
-    fn begin_stop(&self, by: &By, request: &str) {
+    fn begin_stop(&self, by: &By, request: &str, written: bool) {
         self.seat(|seat, _| seat.stop_begins());
         self.publish(Happened::StopBegan { by: by.actor.clone() });
-        self.note(by, Deed::StopBegan { request: request.to_owned() });
+        if written {
+            self.note(by, Deed::StopBegan { request: request.to_owned() });
+        }
     }
 
-    fn end_stop(&self, by: &By, request: &str, confirmed: bool, detail: String) {
+    fn end_stop(&self, by: &By, request: &str, (confirmed, detail): (bool, String), written: bool) {
         self.seat(|seat, _| seat.stop_ends());
         tracing::warn!(robot = self.name(), request, confirmed, by = %by.actor, "a stop");
         self.counts.count_stop(confirmed);
         self.publish(Happened::StopEnded { confirmed });
-        self.note(by, Deed::Stop { request: request.to_owned(), confirmed, detail });
+        if written {
+            self.note(by, Deed::Stop { request: request.to_owned(), confirmed, detail });
+        }
     }
 
     /// The client's handle. If there never was a connection, an attempt is made at once.

@@ -4,6 +4,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use r6_api::gateway::CommandOutcome;
 
+use crate::core::raw::session::Cause;
+
 /// The counts of one robot, since it was added or the gateway started.
 #[derive(Debug, Default)]
 pub struct Counts {
@@ -13,6 +15,60 @@ pub struct Counts {
     unknown: AtomicU64,
     confirmed: AtomicU64,
     not_confirmed: AtomicU64,
+    /// The clients of the raw port.
+    pub raw: RawCounts,
+}
+
+/// The counts of the clients of one robot's raw port.
+#[derive(Debug, Default)]
+pub struct RawCounts {
+    clients: AtomicU64,
+    refused: AtomicU64,
+    closed: [AtomicU64; Cause::ALL.len()],
+}
+
+impl RawCounts {
+    /// A client came. It is there until the returned value is dropped.
+    pub fn client(&self) -> Present<'_> {
+        self.clients.fetch_add(1, Ordering::Relaxed);
+        Present(self)
+    }
+
+    /// A request was refused.
+    pub fn refused(&self) {
+        self.refused.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// A client was closed, or not let in.
+    pub fn closed(&self, cause: Cause) {
+        if let Some(count) = self.closed.get(cause as usize) {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// How many clients are there now, and how many requests were refused.
+    pub fn now(&self) -> (u64, u64) {
+        (self.clients.load(Ordering::Relaxed), self.refused.load(Ordering::Relaxed))
+    }
+
+    /// The clients that were closed, by the word of the cause.
+    pub fn by_cause(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        Cause::ALL
+            .iter()
+            .zip(&self.closed)
+            .map(|(cause, count)| (cause.word(), count.load(Ordering::Relaxed)))
+    }
+}
+
+/// A client of a raw port.
+#[derive(Debug)]
+#[must_use = "it is gone when this is dropped"]
+pub struct Present<'c>(&'c RawCounts);
+
+impl Drop for Present<'_> {
+    fn drop(&mut self) {
+        self.0.clients.fetch_sub(1, Ordering::Relaxed);
+    }
 }
 
 impl Counts {

@@ -5,16 +5,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use r6_api::AddressValue;
 use r6_api::gateway::{
-    AuditRecord, Deed, Happened, LeaseHolder, RobotLink, RobotState, RobotSummary, Signal,
+    AuditRecord, Deed, Happened, LeaseHolder, RobotLink, RobotState, RobotSummary, Signal, SignalQuality,
 };
 use r6_api::status::is_virtual;
-use r6_client::{Permission, Robot};
+use r6_client::{Address, Permission, Robot};
 use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
 
 use crate::clock;
 use crate::core::name::RobotName;
+use crate::core::raw::fresh::Freshness;
 use crate::core::seat::{Noticed, Saved, Seat};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
@@ -101,6 +103,12 @@ pub struct Station {
     /// Stops and commands that stop have places of their own: a stop must not wait for pauses.
     pub(super) stops: Semaphore,
     pub(super) stop_commands: Semaphore,
+    /// The connection over which the robot answers, for clients that must not outlive it.
+    pub(crate) link: watch::Sender<Option<u64>>,
+    /// Which readings show the effect of all commands.
+    fresh: Mutex<Freshness>,
+    /// Locked while a query of a raw client is under way: those behind it may be answered by its values.
+    pub(crate) asking: AsyncMutex<()>,
     /// Locked while the seat is saved, so that an older state never overwrites a newer one.
     saving: AsyncMutex<()>,
 }
@@ -134,6 +142,9 @@ impl Station {
             commands: Semaphore::new(MAX_COMMANDS as usize),
             stops: Semaphore::new(MAX_STOPS as usize),
             stop_commands: Semaphore::new(MAX_STOPS as usize),
+            link: watch::Sender::new(None),
+            fresh: Mutex::default(),
+            asking: AsyncMutex::default(),
             saving: AsyncMutex::default(),
         }
     }
@@ -159,7 +170,7 @@ impl Station {
 
     /// Uses the seat. If permits became void, the commands that have not left yet are taken back before this
     /// returns.
-    pub(super) fn seat<T>(&self, act: impl FnOnce(&mut Seat, Instant) -> T) -> T {
+    pub(crate) fn seat<T>(&self, act: impl FnOnce(&mut Seat, Instant) -> T) -> T {
         let mut held = self.held();
         let now = clock::now();
         let generation = held.seat.generation();
@@ -168,6 +179,8 @@ impl Station {
         if held.seat.generation() != generation {
             std::mem::take(&mut held.permission).withdraw();
         }
+        let link = held.seat.connection();
+        self.link.send_if_modified(|known| std::mem::replace(known, link) != link);
         let mut writes = held.seat.saved() != &held.stored;
         while let Some(noticed) = held.seat.poll_noticed() {
             writes |= self.tell(&mut held.pending, noticed);
@@ -177,6 +190,47 @@ impl Station {
             self.to_write.notify_one();
         }
         result
+    }
+
+    /// A command or a stop is about to leave. It is over when the returned value is dropped.
+    pub(super) fn sending(&self) -> Sending<'_> {
+        self.fresh().begins();
+        Sending(self)
+    }
+
+    /// Which readings show the effect of all commands.
+    pub(crate) fn fresh(&self) -> MutexGuard<'_, Freshness> {
+        self.fresh.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether readings after the last command show that the arm stands, and that the list is empty. A robot
+    /// that does not tell the length of its list counts as one with an empty list.
+    pub(crate) fn is_at_rest(&self) -> (bool, bool) {
+        let now = clock::now();
+        let (moving, list) = {
+            let board = self.board();
+            (board.signal(now, Address::IsMoving), board.signal(now, Address::RemoteCmdLen))
+        };
+        let fresh = self.fresh();
+        let shows =
+            |read: &(Signal, Option<Instant>)| read.1.is_some_and(|asked_at| fresh.shows_all(asked_at));
+        let stands = |read: &(Signal, _)| {
+            read.0.quality == SignalQuality::Fresh && read.0.value == Some(AddressValue::Flag(false))
+        };
+        let is_empty = |read: &(Signal, _)| match read.0.quality {
+            SignalQuality::Fresh => read.0.value == Some(AddressValue::Integer(0)),
+            SignalQuality::None => true,
+            SignalQuality::Stale => false,
+        };
+        (
+            moving.is_some_and(|read| stands(&read) && shows(&read)),
+            list.is_some_and(|read| is_empty(&read) && shows(&read)),
+        )
+    }
+
+    /// The client's handle, if there ever was a connection to the present address.
+    pub(crate) fn robot(&self) -> Option<Robot> {
+        self.robot.borrow().clone()
     }
 
     /// The permission of the permits of this generation; `None` if they are void.
@@ -360,6 +414,16 @@ impl Station {
         let board = self.board();
         let now = board.place();
         (now.board == place.board).then(|| (now, board.since(clock::now(), place.number)))
+    }
+}
+
+/// A command or a stop that is under way.
+#[must_use = "it is over when this is dropped"]
+pub(super) struct Sending<'s>(&'s Station);
+
+impl Drop for Sending<'_> {
+    fn drop(&mut self) {
+        self.0.fresh().ends(clock::now());
     }
 }
 

@@ -54,7 +54,7 @@ pub async fn command(
     caller.must(Right::for_effect(effect), station.name())?;
     let by = caller.by();
     let work = match effect {
-        Effect::Stops => tokio::spawn(async move { station.stop_command(&by, command).await }),
+        Effect::Stops => tokio::spawn(async move { station.stop_command(&by, command, true).await }),
         Effect::Reads | Effect::Changes | Effect::Moves => {
             let held = request.lease.as_ref().ok_or_else(|| Denied::NoLease.into()).and_then(key);
             let key = held.map_err(|problem: problem::Problem| {
@@ -62,7 +62,7 @@ pub async fn command(
                 refusal::of(problem)
             })?;
             let run_leftover = request.run_leftover;
-            tokio::spawn(async move { station.command(&by, key, command, run_leftover).await })
+            tokio::spawn(async move { station.command(&by, key, command.into(), run_leftover).await })
         }
     };
     work.await.map_err(refusal::of_lost_work)?.map(axum::Json).map_err(refusal::of)

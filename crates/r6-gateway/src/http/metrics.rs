@@ -1,6 +1,7 @@
 //! The numbers of the gateway, in the text format of Prometheus.
 
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 use axum::extract::State as Of;
 use axum::http::header::CONTENT_TYPE;
@@ -10,6 +11,7 @@ use r6_api::gateway::RobotLink;
 use super::State;
 use super::caller::Caller;
 use super::described::OfToken;
+use crate::fleet::station::Station;
 
 /// The text format of Prometheus.
 const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
@@ -67,7 +69,29 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
         let count = station.records_waiting() as u64;
         sample(&mut text, "r6_gateway_records_waiting", station.name(), "", count);
     }
+    raw(&mut text, &seen);
     ([(CONTENT_TYPE, FORMAT)], text)
+}
+
+/// The clients of the raw ports.
+fn raw(text: &mut String, seen: &[&Arc<Station>]) {
+    family(text, "r6_gateway_raw_clients", "gauge", "Clients of the raw port.");
+    for station in seen {
+        sample(text, "r6_gateway_raw_clients", station.name(), "", station.counts.raw.now().0);
+    }
+    let refused = "Requests over the raw port that were answered with err, by the gateway or the controller.";
+    family(text, "r6_gateway_raw_refused_total", "counter", refused);
+    for station in seen {
+        sample(text, "r6_gateway_raw_refused_total", station.name(), "", station.counts.raw.now().1);
+    }
+    let closed = "Clients of the raw port that the gateway closed or did not let in, by cause.";
+    family(text, "r6_gateway_raw_closed_total", "counter", closed);
+    for station in seen {
+        for (cause, count) in station.counts.raw.by_cause() {
+            let label = format!(",cause=\"{cause}\"");
+            sample(text, "r6_gateway_raw_closed_total", station.name(), &label, count);
+        }
+    }
 }
 
 fn family(text: &mut String, name: &str, kind: &str, help: &str) {

@@ -80,6 +80,12 @@ impl Board {
         self.rows.iter().filter(|row| row.changed > number).map(|row| row.signal(now)).collect()
     }
 
+    /// The value of an address, if it is read, and when it was asked for.
+    pub fn signal(&self, now: Instant, address: Address) -> Option<(Signal, Option<Instant>)> {
+        let row = self.rows.iter().find(|row| row.address == address)?;
+        Some((row.signal(now), row.asked_at))
+    }
+
     /// All values.
     pub fn all(&self, now: Instant) -> Vec<Signal> {
         self.rows.iter().map(|row| row.signal(now)).collect()

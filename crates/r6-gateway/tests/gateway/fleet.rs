@@ -7,7 +7,7 @@ use r6_gateway::RobotConfig;
 use r6_sim::{SimSettings, Simulation, VirtualController};
 use serde_json::json;
 
-use crate::support::{Hall, call, commands, name, signal};
+use crate::support::{Hall, call, commands, name, settings, signal};
 
 #[tokio::test]
 async fn values_have_unit_quality_and_age() {
@@ -123,12 +123,6 @@ async fn a_robot_that_is_exchanged_while_the_gateway_is_off_is_noticed_too() {
 #[tokio::test]
 async fn two_gateways_do_not_share_a_folder() {
     let hall = Hall::start().await;
-    let settings = r6_gateway::GatewaySettings {
-        listen: ([127, 0, 0, 1], 0).into(),
-        data: hall.data.path().to_owned(),
-        robots: Vec::new(),
-        robot_settings: r6_client::RobotSettings::default(),
-    };
-    let error = r6_gateway::Gateway::start(settings).await.unwrap_err();
+    let error = r6_gateway::Gateway::start(settings(hall.data.path(), Vec::new())).await.unwrap_err();
     assert!(error.to_string().contains("another gateway uses"), "{error}");
 }

@@ -5,6 +5,7 @@ mod commands;
 mod fleet;
 mod leases;
 mod openapi;
+mod raw;
 mod roster;
 mod stops;
 mod streams;

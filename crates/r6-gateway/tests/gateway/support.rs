@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use r6_api::gateway::Role;
 use r6_client::RobotSettings;
 use r6_controller::{Event, LogEntry, Program, StartState};
-use r6_gateway::{Gateway, GatewaySettings, RobotConfig, RobotName};
+use r6_gateway::{Gateway, GatewaySettings, RawPolicy, RawPort, RobotConfig, RobotName};
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -69,12 +69,35 @@ impl Hall {
     /// A gateway with this folder and these robots.
     pub async fn at(data: TempDir, configs: Vec<RobotConfig>, robots: Vec<VirtualController>) -> Self {
         let gateway = gateway(data.path(), configs).await;
+        Self::of(gateway, data, robots)
+    }
+
+    fn of(gateway: Gateway, data: TempDir, robots: Vec<VirtualController>) -> Self {
         let make = |role: Role| {
             let name = role.word().to_owned();
             r6_gateway::make_token(data.path(), role, None, name).unwrap().1
         };
         let [viewer, operator, engineer, admin] = Role::ALL.map(make);
         Self { gateway, robots, data, viewer, operator, engineer, admin }
+    }
+
+    /// A gateway with one robot, `press`, at this address, which is up, and its raw port with these rules.
+    pub async fn with_raw(robot: VirtualController, address: SocketAddr, policy: RawPolicy) -> Self {
+        let period = Duration::from_millis(20);
+        let press = RobotConfig { period, ..RobotConfig::new(name("press"), address.to_string()) };
+        let data = tempfile::tempdir().unwrap();
+        let port = RawPort { robot: name("press"), listen: SocketAddr::from(([127, 0, 0, 1], 0)) };
+        let settings =
+            GatewaySettings { raw: vec![port], raw_policy: policy, ..settings(data.path(), vec![press]) };
+        let gateway = Gateway::start(settings).await.unwrap();
+        let hall = Self::of(gateway, data, vec![robot]);
+        hall.until_up("press").await;
+        hall
+    }
+
+    /// Where the raw port of `press` is.
+    pub fn raw(&self) -> SocketAddr {
+        self.gateway.raw_ports()[0].listen
     }
 
     /// Ends the gateway and starts it again with these robots.
@@ -160,10 +183,19 @@ impl Hall {
 }
 
 async fn gateway(data: &Path, robots: Vec<RobotConfig>) -> Gateway {
-    let listen = SocketAddr::from(([127, 0, 0, 1], 0));
-    let robot_settings = RobotSettings::default();
-    let settings = GatewaySettings { listen, data: data.to_owned(), robots, robot_settings };
-    Gateway::start(settings).await.unwrap()
+    Gateway::start(settings(data, robots)).await.unwrap()
+}
+
+/// A gateway without raw ports.
+pub fn settings(data: &Path, robots: Vec<RobotConfig>) -> GatewaySettings {
+    GatewaySettings {
+        listen: SocketAddr::from(([127, 0, 0, 1], 0)),
+        data: data.to_owned(),
+        robots,
+        robot_settings: RobotSettings::default(),
+        raw: Vec::new(),
+        raw_policy: RawPolicy::default(),
+    }
 }
 
 /// A value of a robot's state.

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use super::{InFlight, LearnedDialect, OutOfStep, StrayReason};
 use crate::address::Address;
-use crate::message::{Body, Message, RequestType};
+use crate::message::{Body, Message, RequestType, TypeKey};
 use crate::value::Values;
 
 /// Finds the request that a frame answers.
@@ -121,6 +121,14 @@ impl Matcher<'_> {
         self.learned.echoes_pack_id = Some(message.header.pack_id.is_some());
         if let Body::QueryReply(reply) = &message.body {
             self.learned.echoes_query_addr = Some(reply.addresses.is_some());
+            if let (Some(word), Some(first)) = (message.header.type_word, reply.values.at(0)) {
+                // `reqType` is behind `queryData` in the alphabet, and `cmdType` is the first of all keys.
+                self.learned.sorts_keys = match message.header.type_key {
+                    TypeKey::ReqType => Some(first.offset() < word.offset()),
+                    TypeKey::CmdType => message.header.ds_id.map(|ds_id| word.offset() < ds_id.offset()),
+                    TypeKey::Absent => None,
+                };
+            }
         }
         // AddPoints and AddRCC carry their names, and have the type `command`, in every dialect, so they show
         // nothing about the dialect.

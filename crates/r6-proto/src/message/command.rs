@@ -157,15 +157,30 @@ impl<'a> CommandWords<'a> {
     /// [`CommandError`] for an unknown name (with the nearest one) and for an argument that is missing or
     /// wrong.
     pub fn read(&self) -> Result<Command<'a>, CommandError> {
-        let Some(name) = self.name() else {
-            let word = self.word();
-            return Err(CommandError::UnknownCommand {
-                word: word.chars().take(48).collect(),
-                nearest: CommandName::nearest(&word),
-            });
-        };
-        let mut sent = Sent { name, values: self.arguments(), number: 0 };
-        Command::take(name, &mut sent).map_err(CommandError::Argument)
+        let mut sent = self.sent()?;
+        Command::take(sent.name, &mut sent).map_err(CommandError::Argument)
+    }
+
+    /// The same as a command that outlives the frame.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_owned(&self) -> Result<Command<'static>, CommandError> {
+        let sent = self.sent()?;
+        Command::take(sent.name, &mut Copied(sent)).map_err(CommandError::Argument)
+    }
+
+    fn sent(&self) -> Result<Sent<'a>, CommandError> {
+        match self.name() {
+            Some(name) => Ok(Sent { name, values: self.arguments(), number: 0 }),
+            None => {
+                let word = self.word();
+                Err(CommandError::UnknownCommand {
+                    word: word.chars().take(48).collect(),
+                    nearest: CommandName::nearest(&word),
+                })
+            }
+        }
     }
 }
 
@@ -209,6 +224,31 @@ impl<'a> Source<'a> for Sent<'a> {
             wanted,
             nearest: None,
         }
+    }
+}
+
+/// Copies of the arguments of a command as a peer sent them.
+struct Copied<'a>(Sent<'a>);
+
+impl Source<'static> for Copied<'_> {
+    type Error = FieldError;
+
+    const FORGIVES: bool = true;
+
+    fn number(&self) -> usize {
+        self.0.number()
+    }
+
+    fn left(&self) -> usize {
+        self.0.left()
+    }
+
+    fn next(&mut self) -> Result<Argument<'static>, FieldError> {
+        self.0.next().map(Argument::into_owned)
+    }
+
+    fn wrong(&self, number: usize) -> FieldError {
+        self.0.wrong(number)
     }
 }
 
@@ -297,6 +337,25 @@ mod tests {
             (Command::SwitchMold { mold: "a\nb\u{9b}".into() }, r#"switchMold "a\nb\u{9b}""#),
         ] {
             assert_eq!(command.to_string(), shown);
+        }
+    }
+
+    #[test]
+    fn a_copy_of_a_command_is_the_command() {
+        let mut decoder = crate::Decoder::new();
+        for data in [
+            r#"["switchMold","a\u0062"]"#,
+            r#"["modifyGSPD",55]"#,
+            r#"["modifyCounter","4","-1","7"]"#,
+            r#"["rewriteDataList","800","2","1","5","-6"]"#,
+            r#"["clearAlarm","1","0"]"#,
+            r#"["modifyGSPD","x"]"#,
+            r#"["fly"]"#,
+        ] {
+            let frame = format!(r#"{{"reqType":"command","cmdData":{data}}}"#);
+            let message = decoder.decode(frame.as_bytes()).unwrap();
+            let crate::Body::Command(words) = message.body else { panic!("{data}") };
+            assert_eq!(words.read_owned(), words.read(), "{data}");
         }
     }
 

@@ -9,8 +9,9 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use r6_gateway::{Changes, Gateway, GatewaySettings, RobotConfig, RobotName};
+use r6_gateway::{Changes, Gateway, GatewaySettings, RawPort, RobotConfig, RobotName};
 
+use crate::cmd::gateway::config::Config;
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::robot;
@@ -35,6 +36,7 @@ Examples:
   r6 gateway --robot press-4=192.168.1.10
   r6 gateway --config hall.toml --data /var/lib/r6-gateway
   r6 gateway --robot virtual=127.0.0.1:9760 --listen 127.0.0.1:0
+  r6 gateway --robot press-4=192.168.1.10 --raw press-4=127.0.0.1:9761
 
 In hall.toml, for each robot:
   [[robot]]
@@ -42,6 +44,12 @@ In hall.toml, for each robot:
   address = \"192.168.1.10\"
   period_ms = 100                      how often its values are read
   read = [\"Addr-800\", \"counter-1\"]     values to read besides the usual ones
+
+A raw port speaks the robots' own protocol, for old scripts. Without a rule, programs of this machine may \
+read and stop over raw ports, and others nothing. In hall.toml, for each source; the first that fits decides:
+  [[raw_rule]]
+  source = \"192.168.1.20\"              an address, or a network such as 192.168.1.0/24
+  allow = \"command\"                    read, command or deny; stops are part of read
 
 Then, in a second shell:
   r6 gateway token --role operator"
@@ -74,6 +82,10 @@ struct ServeArgs {
     // The id is that of the global option, so that this one stands in its place.
     #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME=HOST[:PORT]")]
     robots: Vec<String>,
+    /// Let old scripts speak the robots' own protocol to this robot here; may be given several times. It has
+    /// no login: see [[raw_rule]] below
+    #[arg(long, value_name = "NAME=ADDR:PORT")]
+    raw: Vec<String>,
 }
 
 /// Runs the gateway until it is ended, or works on its folder.
@@ -90,7 +102,11 @@ pub fn run(args: GatewayArgs, robot_typed: bool) -> Result<Exit, Failure> {
 
 async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let typed = if robot_typed { args.robots.as_slice() } else { &[] };
-    let robots = all(args.config.as_deref(), typed)?;
+    let Config { robots, mut raw, policy } = all(args.config.as_deref(), typed)?;
+    for text in &args.raw {
+        raw.push(raw_port(text)?);
+    }
+    let rules = policy.is_some();
     crate::limits::open_as_many_files_as_allowed();
     let mut ending = Ending::watch()?;
     let mut rereading = match &args.config {
@@ -98,9 +114,12 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
         None => None,
     };
     let (listen, data) = (args.listen, args.data.clone());
-    let settings = GatewaySettings { listen, data, robots, robot_settings: robot::settings() };
+    let raw_policy = policy.unwrap_or_default();
+    let robot_settings = robot::settings();
+    let settings = GatewaySettings { listen, data, robots, robot_settings, raw, raw_policy };
     let gateway = Gateway::start(settings).await.map_err(Failure::usage)?;
     tell_start(&gateway, &args.data);
+    tell_raw(&gateway, rules);
     loop {
         let asked = async {
             match &mut rereading {
@@ -139,28 +158,44 @@ fn tell_start(gateway: &Gateway, data: &Path) {
     }
 }
 
-/// Reads the file again. A mistake changes nothing.
+fn tell_raw(gateway: &Gateway, rules: bool) {
+    for RawPort { robot, listen } in gateway.raw_ports() {
+        output::line(format_args!("raw port of {robot} on {listen}"));
+    }
+    if !gateway.raw_ports().is_empty() && !rules {
+        output::note(
+            "r6: there is no [[raw_rule]]: over raw ports, programs of this machine may read and stop, and others nothing",
+        );
+    }
+}
+
+/// Reads the file again. A mistake changes nothing. Raw ports stay as they are until the next start; the rules
+/// change at once.
 async fn reread(gateway: &Gateway, path: &Path, typed: &[String]) {
-    let robots = match all(Some(path), typed) {
-        Ok(robots) => robots,
+    let Config { robots, policy, .. } = match all(Some(path), typed) {
+        Ok(config) => config,
         Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
     };
     match gateway.reload(robots).await {
-        Ok(Changes { added, changed, removed }) => output::line(format_args!(
-            "read {} again: {added} added, {changed} changed, {removed} removed, {} now",
-            path.display(),
-            output::counted(gateway.robots(), "robot")
-        )),
+        Ok(Changes { added, changed, removed }) => {
+            gateway.set_raw_policy(policy.unwrap_or_default());
+            output::line(format_args!(
+                "read {} again: {added} added, {changed} changed, {removed} removed, {} now",
+                path.display(),
+                output::counted(gateway.robots(), "robot")
+            ));
+        }
         Err(problem) => output::note(format_args!("r6: {}: {}", path.display(), problem.message)),
     }
 }
 
-/// The robots of the file and of the command line.
-fn all(config: Option<&Path>, typed: &[String]) -> Result<Vec<RobotConfig>, Failure> {
-    let mut robots = match config {
+/// What the file says, with the robots of the command line.
+fn all(config: Option<&Path>, typed: &[String]) -> Result<Config, Failure> {
+    let mut config = match config {
         Some(path) => config::read(path)?,
-        None => Vec::new(),
+        None => Config::default(),
     };
+    let robots = &mut config.robots;
     for text in typed {
         let robot = named(text)?;
         if robots.iter().any(|known| known.name == robot.name) {
@@ -168,7 +203,20 @@ fn all(config: Option<&Path>, typed: &[String]) -> Result<Vec<RobotConfig>, Fail
         }
         robots.push(robot);
     }
-    Ok(robots)
+    Ok(config)
+}
+
+/// A raw port of the command line.
+fn raw_port(text: &str) -> Result<RawPort, Failure> {
+    let wrong = |why: String| {
+        Failure::usage(format!("--raw {text}: {why}")).advise("such as --raw press-4=127.0.0.1:9761")
+    };
+    let (name, listen) =
+        text.split_once('=').ok_or_else(|| wrong("it has to be NAME=ADDR:PORT".to_owned()))?;
+    let robot =
+        RobotName::new(name).ok_or_else(|| wrong(format!("`{name}` is not {}", RobotName::WANTED)))?;
+    let listen = units::listen_address(listen).map_err(wrong)?;
+    Ok(RawPort { robot, listen })
 }
 
 /// A robot of the command line.

@@ -186,12 +186,15 @@ fn mistakes_of_the_command_line_and_of_a_file_are_told() {
         (["gateway", "--robot", "192.168.1.10"].as_slice(), "NAME=HOST[:PORT]"),
         (&["gateway", "--robot", "Press=192.168.1.10"], "`Press` is not a name"),
         (&["gateway", "--robot", "a=127.0.0.1", "--robot", "a=127.0.0.2"], "two robots are called `a`"),
+        (&["gateway", "--robot", "a=127.0.0.1", "--raw", "a"], "NAME=ADDR:PORT"),
+        (&["gateway", "--robot", "a=127.0.0.1", "--raw", "a=9760"], "write IP:PORT"),
         (&["gateway", "verify", "--data", &data], "there is no "),
         (&["gateway", "token", "--data", &data], "--role"),
         (
             &["gateway", "--data", &data, "--robot", "a=127.0.0.1", "--robot", "b=127.0.0.1:9760"],
             "both have the address",
         ),
+        (&["gateway", "--data", &data, "--robot", "a=127.0.0.1", "--raw", "b=127.0.0.1:0"], "no such robot"),
     ] {
         let wrong = r6(args);
         assert!(wrong.code == 2 && wrong.err.contains(part), "{args:?}: {wrong:?}");
@@ -199,4 +202,63 @@ fn mistakes_of_the_command_line_and_of_a_file_are_told() {
     let file = TempFile::new("hall.toml", "[[robot]]\nname = \"press\"\n");
     let wrong = r6(&["gateway", "--config", file.path()]);
     assert!(wrong.code == 2 && wrong.err.contains("`address` is missing"), "{wrong:?}");
+}
+
+#[test]
+fn a_raw_port_answers_as_the_page_says() {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/GATEWAY.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let after = |start: &str| page.split_once(start).unwrap().1.lines().next().unwrap().to_owned();
+    let request = after("$ printf '%s' '");
+    let request = request.split_once('\'').unwrap().0;
+    let reply = page.lines().skip_while(|line| !line.starts_with("$ printf '%s' '")).nth(1).unwrap();
+
+    let mut sim = Running::start(&["sim", "--listen", "127.0.0.1:0"]);
+    let robot = format!("press-4={}", sim.line().strip_prefix("listening on ").unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data").display().to_string();
+    let (mut gateway, url) = gateway(&data, &["--robot", &robot, "--raw", "press-4=127.0.0.1:0"]);
+    let line = gateway.line();
+    let raw = line.strip_prefix("raw port of press-4 on ").unwrap_or_else(|| panic!("{line}"));
+    let viewer = token(&data, "viewer");
+    until(|| (get(&url, &viewer, "/v1/robots/press-4").1["link"] == "up").then_some(()));
+    let mut script = TcpStream::connect(raw).unwrap();
+    script.write_all(request.as_bytes()).unwrap();
+    script.shutdown(std::net::Shutdown::Write).unwrap();
+    let mut answer = String::new();
+    script.read_to_string(&mut answer).unwrap();
+    assert_eq!(answer, reply);
+}
+
+#[test]
+fn a_hangup_exchanges_the_rules_of_raw_ports() {
+    let robot = Robot::start(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let (data, file) = (folder.path().join("data").display().to_string(), folder.path().join("hall.toml"));
+    let hall = |allow: &str| {
+        let press = format!("[[robot]]\nname = \"press\"\naddress = \"{}\"\n", robot.address());
+        let raw = "[[raw]]\nrobot = \"press\"\nlisten = \"127.0.0.1:0\"\n";
+        std::fs::write(&file, press + raw + "[[raw_rule]]\nsource = \"127.0.0.1\"\n" + allow).unwrap();
+    };
+    hall("allow = \"deny\"\n");
+    let path = file.display().to_string();
+    let (mut gateway, url) = gateway(&data, &["--config", &path]);
+    let raw = gateway.line().strip_prefix("raw port of press on ").unwrap().to_owned();
+    let viewer = token(&data, "viewer");
+    until(|| (get(&url, &viewer, "/v1/robots/press").1["link"] == "up").then_some(()));
+    let ask = || {
+        let mut script = TcpStream::connect(&raw).unwrap();
+        // If it is denied, it may be closed before this.
+        let _ = script.write_all(br#"{"reqType":"query","queryAddr":["curMode"]}"#);
+        let _ = script.shutdown(std::net::Shutdown::Write);
+        let mut answer = String::new();
+        let _ = script.read_to_string(&mut answer);
+        answer
+    };
+    assert_eq!(ask(), "");
+    hall("allow = \"read\"\n");
+    gateway.signal("HUP");
+    assert!(gateway.line().starts_with("read "));
+    assert!(ask().contains(r#""queryData":["7"]"#));
+    assert_eq!(gateway.end("TERM"), Some(0));
 }

@@ -1,23 +1,24 @@
-//! The permit to send one command, and why it is not given.
+//! The permit to send one command or list, and why it is not given.
 
 use std::fmt;
 use std::time::Duration;
 
+use r6_proto::Effect;
 use r6_proto::time::Instant;
-use r6_proto::{Command, Effect};
 
 use super::{Key, Seat};
+use crate::core::order::Order;
 
 /// A permitted command does not leave later than this after it was permitted: later it would be a surprise.
 const LEAVE_WITHIN: Duration = Duration::from_secs(1);
 
-/// The right to send one command once: on one connection, until a time. Only [`Seat::permit`] makes one.
+/// The right to send one command or list once: on one connection, until a time. Only [`Seat::permit`] makes one.
 ///
 /// It is void once [`Seat::generation`] differs from [`Self::generation`].
 #[derive(Debug)]
 #[must_use = "the command leaves only if the permit is used"]
 pub struct Permit {
-    command: Command<'static>,
+    order: Order,
     connection: u64,
     latest: Instant,
     generation: u64,
@@ -30,7 +31,7 @@ impl Permit {
         self.connection
     }
 
-    /// The latest time at which the command may leave.
+    /// The latest time at which it may leave.
     #[must_use]
     pub fn latest(&self) -> Instant {
         self.latest
@@ -42,10 +43,10 @@ impl Permit {
         self.generation
     }
 
-    /// Uses the permit up: the command to send.
+    /// Uses the permit up: what to send.
     #[must_use]
-    pub fn into_command(self) -> Command<'static> {
-        self.command
+    pub fn into_order(self) -> Order {
+        self.order
     }
 }
 
@@ -89,7 +90,10 @@ impl fmt::Display for Denied {
                  secret with each command",
             ),
             Self::Leased { holder, left } => {
-                write!(f, "token {holder} holds the lease for {} ms more, unless it is renewed", left.as_millis())
+                // A token's label begins with its number; that of a raw client says so itself.
+                let what = if holder.starts_with(|first: char| first.is_ascii_digit()) { "token " } else { "" };
+                let left = left.as_millis();
+                write!(f, "{what}{holder} holds the lease for {left} ms more, unless it is renewed")
             }
             Self::BeingTaken => f.write_str("an admin is taking the lease, and the robot is being stopped"),
             Self::Stopped => f.write_str(
@@ -115,14 +119,15 @@ impl fmt::Display for Denied {
 impl std::error::Error for Denied {}
 
 impl Seat {
-    /// Permits one command, if the caller holds the lease and the robot may get it.
+    /// Permits one command or list, if the caller holds the lease and the robot may get it.
     ///
     /// # Errors
     /// [`Denied`].
-    pub fn permit(&mut self, now: Instant, key: Key, command: Command<'static>) -> Result<Permit, Denied> {
-        let (connection, until) = self.may(now, key, command.name().effect())?;
+    pub fn permit(&mut self, now: Instant, key: Key, order: impl Into<Order>) -> Result<Permit, Denied> {
+        let order = order.into();
+        let (connection, until) = self.may(now, key, order.effect())?;
         let latest = until.min(now + LEAVE_WITHIN);
-        Ok(Permit { command, connection, latest, generation: self.generation })
+        Ok(Permit { order, connection, latest, generation: self.generation })
     }
 
     /// Whether a command with this effect would be permitted now.
@@ -131,6 +136,14 @@ impl Seat {
     /// [`Denied`].
     pub fn check(&mut self, now: Instant, key: Key, effect: Effect) -> Result<(), Denied> {
         self.may(now, key, effect).map(|_| ())
+    }
+
+    /// Whether a command with this effect would be permitted now to a caller that gets the lease for it.
+    ///
+    /// # Errors
+    /// [`Denied`].
+    pub fn check_before_lease(&self, now: Instant, effect: Effect) -> Result<(), Denied> {
+        self.is_fit(now, effect).map(|_| ())
     }
 
     /// The connection, and until when the caller holds the lease.
@@ -142,6 +155,17 @@ impl Seat {
             return Err(Denied::IdentityChanged);
         }
         let until = self.held(now, key)?.until;
+        Ok((self.is_fit(now, effect)?, until))
+    }
+
+    /// The connection, if the robot may get a command with this effect from the holder of the lease.
+    fn is_fit(&self, now: Instant, effect: Effect) -> Result<u64, Denied> {
+        if self.closed {
+            return Err(Denied::Closed);
+        }
+        if self.stranger.is_some() {
+            return Err(Denied::IdentityChanged);
+        }
         match effect {
             Effect::Stops | Effect::Reads => return Err(Denied::NeedsNone),
             Effect::Moves if self.saved.stopped => return Err(Denied::Stopped),
@@ -152,6 +176,6 @@ impl Seat {
         if link.manual {
             return Err(Denied::Manual);
         }
-        Ok((link.connection, until))
+        Ok(link.connection)
     }
 }

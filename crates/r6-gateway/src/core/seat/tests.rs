@@ -2,8 +2,11 @@
 
 use proptest::prelude::*;
 use r6_proto::Command;
+use r6_proto::message::instruction::PathSpeed;
+use r6_proto::message::{Action, Instruction};
 
 use super::*;
+use crate::core::order::Order;
 
 /// Something that a caller, the robot or the clock does.
 #[derive(Clone, Debug)]
@@ -65,6 +68,9 @@ fn step() -> impl Strategy<Value = Step> {
         1 => Just(Step::Restart),
     ]
 }
+
+const STEP: Instruction =
+    Instruction { oneshot: true, action: Action::PathSpeed(PathSpeed { in_use: false, speed: None }) };
 
 const FRESH_FOR: Duration = Duration::from_secs(2);
 
@@ -229,9 +235,13 @@ proptest! {
                 }
                 Step::Command { which, moves } => {
                     let key = model.key(which);
-                    let command =
-                        if moves { Command::StartButton } else { Command::ModifyGspd { percent: 5.0 } };
-                    let permit = seat.permit(now, key, command);
+                    let order = match (moves, number % 2) {
+                        (true, 0) => Order::from(Command::StartButton),
+                        (true, _) => Order::List { replace: false, steps: vec![STEP] },
+                        (false, 0) => Command::ModifyGspd { percent: 5.0 }.into(),
+                        (false, _) => Order::List { replace: true, steps: Vec::new() },
+                    };
+                    let permit = seat.permit(now, key, order);
                     let seen = model.seen.is_some_and(|(at, manual)| now.since(at) <= FRESH_FOR && !manual);
                     let permitted = model.holds(now, key)
                         && model.stops_under_way == 0

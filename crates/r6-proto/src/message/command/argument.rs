@@ -240,6 +240,19 @@ pub(super) enum Argument<'a> {
     Number(f64),
 }
 
+impl Argument<'_> {
+    /// The same without the frame that it came from.
+    pub fn into_owned(self) -> Argument<'static> {
+        match self {
+            Self::Text(text) => Argument::Text(Cow::Owned(text.into_owned())),
+            Self::Whole(number) => Argument::Whole(number),
+            Self::Kept => Argument::Kept,
+            Self::Flag(flag) => Argument::Flag(flag),
+            Self::Number(number) => Argument::Number(number),
+        }
+    }
+}
+
 /// Supplies the arguments of a command one after the other.
 pub(super) trait Source<'a> {
     type Error;

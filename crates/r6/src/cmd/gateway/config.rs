@@ -1,12 +1,16 @@
-//! The file with the robots of a gateway.
+//! The file of a gateway: robots, raw ports, and who may use these.
 
 use std::path::Path;
 use std::time::Duration;
 
 use r6_client::Address;
-use r6_gateway::{MAX_READ, PERIODS, RobotConfig, RobotName};
+use r6_client::units::{MillimetresPerSecond, Percent};
+use r6_gateway::{
+    MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotConfig, RobotName,
+};
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Node, Wrong};
+use r6_proto::message::instruction::PathSpeed;
 
 use crate::exit::Failure;
 use crate::robot;
@@ -15,15 +19,26 @@ use crate::text_file;
 /// The longest file. A robot takes a hundred bytes.
 const MAX_FILE_BYTES: usize = 1024 * 1024;
 
-/// Reads the robots from a file.
-pub fn read(path: &Path) -> Result<Vec<RobotConfig>, Failure> {
+/// What the file of a gateway says.
+#[derive(Debug, Default)]
+pub struct Config {
+    /// `[[robot]]`.
+    pub robots: Vec<RobotConfig>,
+    /// `[[raw]]`.
+    pub raw: Vec<RawPort>,
+    /// `[[raw_rule]]`, if there is any.
+    pub policy: Option<RawPolicy>,
+}
+
+/// Reads the file.
+pub fn read(path: &Path) -> Result<Config, Failure> {
     let name = path.display().to_string();
-    let text = text_file::read(path, "a file of robots", MAX_FILE_BYTES)
+    let text = text_file::read(path, "a file of a gateway", MAX_FILE_BYTES)
         .map_err(|error| Failure::usage(format!("{name}: {error}")))?;
     parse(&text).map_err(|mistakes| Failure::in_file(&name, &mistakes))
 }
 
-fn parse(text: &str) -> Result<Vec<RobotConfig>, Mistakes> {
+fn parse(text: &str) -> Result<Config, Mistakes> {
     let (document, mut found) = form::parse(text);
     let fields = Fields::of(&document, &[], "");
     let mut robots: Vec<RobotConfig> = Vec::new();
@@ -37,8 +52,50 @@ fn parse(text: &str) -> Result<Vec<RobotConfig>, Mistakes> {
         });
         robots.extend(inner.finish(read, &mut found));
     }
-    let robots = fields.finish(Ok(robots), &mut found);
-    found.finish(robots)
+    let mut raw: Vec<RawPort> = Vec::new();
+    for (number, table) in (1..).zip(fields.tables("raw")) {
+        let inner = Fields::of(table, &[], format!("[[raw]] {number}: "));
+        let read = raw_port(&inner).and_then(|port| {
+            if raw.iter().any(|known| known.robot == port.robot) {
+                return Err(inner.wrong("robot", format!("`{}` has two raw ports", port.robot)));
+            }
+            Ok(port)
+        });
+        raw.extend(inner.finish(read, &mut found));
+    }
+    let mut rules = Vec::new();
+    for (number, table) in (1..).zip(fields.tables("raw_rule")) {
+        let inner = Fields::of(table, &[], format!("[[raw_rule]] {number}: "));
+        let read = raw_rule(&inner);
+        rules.extend(inner.finish(read, &mut found));
+    }
+    let policy = (!rules.is_empty()).then(|| RawPolicy::new(rules));
+    let config = fields.finish(Ok(Config { robots, raw, policy }), &mut found);
+    found.finish(config)
+}
+
+fn raw_port(fields: &Fields<'_>) -> Result<RawPort, Wrong> {
+    let robot = fields.due("robot", "the name of a robot", |value| RobotName::new(value.text()?));
+    let listen =
+        fields.due("listen", "ADDR:PORT, such as 192.168.1.2:9760", |value| value.text()?.parse().ok());
+    Ok(RawPort { robot: robot?, listen: listen? })
+}
+
+fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
+    let source = fields.due("source", RawSource::WANTED, |value| RawSource::parse(value.text()?));
+    let words = [RawAllow::Deny, RawAllow::Read, RawAllow::Command].map(|allow| (allow.word(), allow));
+    let allow = fields.due_word("allow", &words);
+    let robot = fields.optional("robot", "the name of a robot", |value| RobotName::new(value.text()?));
+    let max_global_speed = fields.number_in("max_global_speed", "percent from 0 to 100", 0.0..=100.0);
+    let max_speed = fields.optional("max_speed", Percent::WANTED, |value| {
+        value.number().filter(|percent| Percent::new(*percent).is_ok())
+    });
+    let max_path_speed = fields.optional("max_path_speed", PathSpeed::WANTED, |value| {
+        let speed = u32::try_from(value.whole()?).ok()?;
+        MillimetresPerSecond::new(speed).is_ok().then_some(speed)
+    });
+    let rule = RawRule::new(source?, allow?);
+    Ok(RawRule { robot, max_global_speed, max_speed, max_path_speed, ..rule })
 }
 
 fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
@@ -76,11 +133,56 @@ mod tests {
         let text = "[[robot]]\nname = \"press-4\"\naddress = \"192.168.1.10\"\nperiod_ms = 50\n\
                     read = [\"Addr-800\", \"counter-1\"]\n\
                     [[robot]]\nname = \"saw\"\naddress = \"saw.hall:9761\"\n";
-        let robots = parse(text).unwrap();
+        let Config { robots, raw, policy } = parse(text).unwrap();
+        assert!(raw.is_empty() && policy.is_none());
         let [press, saw] = &robots[..] else { panic!("{robots:?}") };
         assert_eq!((press.name.as_str(), press.period), ("press-4", Duration::from_millis(50)));
         assert_eq!(press.addresses.len(), 2);
         assert_eq!((saw.address.as_str(), saw.period), ("saw.hall:9761", r6_gateway::USUAL_PERIOD));
+    }
+
+    #[test]
+    fn a_file_has_raw_ports_and_rules_in_their_order() {
+        let text = "[[raw]]\nrobot = \"press-4\"\nlisten = \"192.168.1.2:9760\"\n\
+                    [[raw_rule]]\nsource = \"192.168.1.20\"\nallow = \"command\"\nrobot = \"press-4\"\n\
+                    max_global_speed = 30\nmax_speed = 20.5\nmax_path_speed = 250\n\
+                    [[raw_rule]]\nsource = \"192.168.1.0/24\"\nallow = \"read\"\n";
+        let Config { raw, policy, .. } = parse(text).unwrap();
+        assert_eq!(
+            (raw[0].robot.as_str(), raw[0].listen.to_string()),
+            ("press-4", "192.168.1.2:9760".to_owned())
+        );
+        let policy = policy.unwrap();
+        let of = |address: &str, robot| policy.rule(address.parse().unwrap(), robot).cloned();
+        let first = of("192.168.1.20", "press-4").unwrap();
+        assert_eq!((first.allow, first.max_global_speed), (RawAllow::Command, Some(30.0)));
+        assert_eq!((first.max_speed, first.max_path_speed), (Some(20.5), Some(250)));
+        assert_eq!(of("192.168.1.20", "saw").unwrap().allow, RawAllow::Read);
+        assert_eq!(of("10.0.0.1", "press-4"), None);
+    }
+
+    #[test]
+    fn every_mistake_of_a_raw_port_or_a_rule_is_told() {
+        let text = "[[raw]]\nrobot = \"a\"\nlisten = \"9760\"\n[[raw]]\nlisten = \"127.0.0.1:0\"\n\
+                    [[raw_rule]]\nsource = \"10.0.0.1/8\"\nallow = \"write\"\nmax_global_speed = 101\n\
+                    [[raw_rule]]\nallow = \"read\"\nspeed = 3\n\
+                    [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n\
+                    [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n";
+        let mistakes = parse(text).unwrap_err();
+        let lines: Vec<_> = mistakes.lines("hall.toml").collect();
+        for (line, part) in [
+            ("hall.toml:3:", "`listen`"),
+            ("hall.toml:4:", "`robot` is missing"),
+            ("hall.toml:7:", "`source`"),
+            ("hall.toml:8:", "`allow`"),
+            ("hall.toml:9:", "`max_global_speed` is 101"),
+            ("hall.toml:10:", "`source` is missing"),
+            ("hall.toml:12:", "`speed`"),
+            ("hall.toml:17:", "two raw ports"),
+        ] {
+            let is_told = lines.iter().any(|told| told.starts_with(line) && told.contains(part));
+            assert!(is_told, "{part}: {lines:#?}");
+        }
     }
 
     #[test]

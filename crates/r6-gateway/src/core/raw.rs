@@ -1,0 +1,14 @@
+//! The decisions of the raw port: which source may do what, which readings may answer a query, who holds the
+//! implicit lease, and what one client sends and gets.
+//!
+//! - [`policy`]: rules by source address.
+//! - [`fresh`]: which readings are fresh enough after a command.
+//! - [`lease`]: the lease of scripts that know no leases.
+//! - [`refusals`]: which refusals stand in the audit log.
+//! - [`session`]: the frames and limits of one client.
+
+pub mod fresh;
+pub mod lease;
+pub mod policy;
+pub mod refusals;
+pub mod session;

@@ -1,0 +1,265 @@
+//! Which source may do what on a raw port.
+
+use std::fmt;
+use std::net::IpAddr;
+
+use r6_proto::Command;
+
+use crate::core::name::RobotName;
+use crate::core::order::Order;
+
+/// What a rule allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RawAllow {
+    /// Nothing: the connection is closed at once.
+    Deny,
+    /// Queries and stops.
+    Read,
+    /// Also what changes or moves, with the implicit lease.
+    Command,
+}
+
+impl RawAllow {
+    /// Its word in the file: `deny`, `read`, `command`.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Deny => "deny",
+            Self::Read => "read",
+            Self::Command => "command",
+        }
+    }
+
+    /// What this word allows.
+    #[must_use]
+    pub fn of_word(word: &str) -> Option<Self> {
+        [Self::Deny, Self::Read, Self::Command].into_iter().find(|allow| allow.word() == word)
+    }
+}
+
+/// An address, or all addresses with the same first bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RawSource {
+    address: IpAddr,
+    bits: u32,
+}
+
+impl RawSource {
+    /// What a source is, for people.
+    pub const WANTED: &str = "an address, such as 192.168.1.20, or a network without host bits, such as \
+                              192.168.1.0/24";
+
+    /// The source with this text: an IPv4 or IPv6 address, or such an address with `/` and its length in
+    /// bits. `None` for anything else, and for a network whose address has bits behind its length.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        let (address, bits) = match text.split_once('/') {
+            Some((address, bits)) => (address, Some(bits)),
+            None => (text, None),
+        };
+        let address: IpAddr = address.parse().ok()?;
+        let all = if address.is_ipv4() { 32 } else { 128 };
+        let bits = match bits {
+            Some(bits) if bits.is_empty() || !bits.bytes().all(|byte| byte.is_ascii_digit()) => return None,
+            Some(bits) => bits.parse().ok().filter(|bits| *bits <= all)?,
+            None => all,
+        };
+        let source = Self { address, bits };
+        (source.first_bits(address)? == number(address)).then_some(source)
+    }
+
+    /// Whether it has this address. An IPv4 address is the same if it comes as `::ffff:a.b.c.d`.
+    #[must_use]
+    pub fn covers(&self, address: IpAddr) -> bool {
+        let address = address.to_canonical();
+        self.first_bits(address).is_some_and(|first| first == number(self.address))
+    }
+
+    /// The address with all bits behind the length 0; `None` for an address of the other kind.
+    fn first_bits(&self, address: IpAddr) -> Option<u128> {
+        if address.is_ipv4() != self.address.is_ipv4() {
+            return None;
+        }
+        let behind = if address.is_ipv4() { 32 - self.bits } else { 128 - self.bits };
+        // With a length of 0 no bit counts, and a shift by all bits is none.
+        Some(number(address).checked_shr(behind).map_or(0, |first| first << behind))
+    }
+}
+
+fn number(address: IpAddr) -> u128 {
+    match address {
+        IpAddr::V4(address) => u128::from(u32::from(address)),
+        IpAddr::V6(address) => u128::from(address),
+    }
+}
+
+impl fmt::Display for RawSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let all = if self.address.is_ipv4() { 32 } else { 128 };
+        self.address.fmt(f)?;
+        if self.bits < all { write!(f, "/{}", self.bits) } else { Ok(()) }
+    }
+}
+
+/// One rule.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RawRule {
+    /// The sources that it is for.
+    pub source: RawSource,
+    /// The only robot that it is for; `None` for all.
+    pub robot: Option<RobotName>,
+    /// What it allows.
+    pub allow: RawAllow,
+    /// The highest global speed that these sources may set, percent; `None` for any.
+    pub max_global_speed: Option<f64>,
+    /// The highest speed of moves in their lists, percent; `None` for any.
+    pub max_speed: Option<f64>,
+    /// The highest path speed in their lists, mm/s; `None` for any.
+    pub max_path_speed: Option<u32>,
+}
+
+impl RawRule {
+    /// A rule without limits for all robots.
+    #[must_use]
+    pub fn new(source: RawSource, allow: RawAllow) -> Self {
+        Self { source, robot: None, allow, max_global_speed: None, max_speed: None, max_path_speed: None }
+    }
+
+    /// Why these sources may not send a command, whatever the lease says; `None` if they may. Lists are checked
+    /// by an envelope of the client.
+    #[must_use]
+    pub fn forbids(&self, order: &Order) -> Option<String> {
+        match (order, self.max_global_speed) {
+            (Order::Command(Command::ModifyGspd { percent }), Some(most))
+                if !(0.0..=most).contains(percent) =>
+            {
+                Some(format!("this address may set a global speed of {most} % at most, not {percent} %"))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The rules of all raw ports, in their order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RawPolicy {
+    rules: Vec<RawRule>,
+}
+
+impl Default for RawPolicy {
+    /// Programs of this machine may read and stop; others nothing.
+    fn default() -> Self {
+        let sources = ["127.0.0.0/8", "::1"].into_iter().filter_map(RawSource::parse);
+        Self { rules: sources.map(|source| RawRule::new(source, RawAllow::Read)).collect() }
+    }
+}
+
+impl RawPolicy {
+    /// These rules. Without any, no source may do anything.
+    #[must_use]
+    pub fn new(rules: Vec<RawRule>) -> Self {
+        Self { rules }
+    }
+
+    /// The first rule for this address and robot. `None`: the source may do nothing.
+    #[must_use]
+    pub fn rule(&self, address: IpAddr, robot: &str) -> Option<&RawRule> {
+        let is_for = |rule: &&RawRule| {
+            rule.source.covers(address) && rule.robot.as_ref().is_none_or(|only| only.as_str() == robot)
+        };
+        self.rules.iter().find(is_for).filter(|rule| rule.allow != RawAllow::Deny)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn rule(source: &str, allow: RawAllow) -> RawRule {
+        RawRule::new(RawSource::parse(source).unwrap(), allow)
+    }
+
+    fn allowed(policy: &RawPolicy, address: &str) -> Option<RawAllow> {
+        policy.rule(address.parse().unwrap(), "press").map(|rule| rule.allow)
+    }
+
+    #[test]
+    fn the_first_rule_decides_and_without_a_rule_nothing_is_allowed() {
+        let policy = RawPolicy::new(vec![
+            rule("192.168.1.20", RawAllow::Command),
+            rule("192.168.1.66", RawAllow::Deny),
+            rule("192.168.1.0/24", RawAllow::Read),
+            rule("192.168.1.30", RawAllow::Command),
+        ]);
+        for (address, allow) in [
+            ("192.168.1.20", Some(RawAllow::Command)),
+            ("::ffff:192.168.1.20", Some(RawAllow::Command)),
+            ("192.168.1.66", None),
+            ("192.168.1.30", Some(RawAllow::Read)),
+            ("192.168.2.20", None),
+            ("127.0.0.1", None),
+            ("::1", None),
+        ] {
+            assert_eq!(allowed(&policy, address), allow, "{address}");
+        }
+        assert_eq!(allowed(&RawPolicy::new(Vec::new()), "127.0.0.1"), None);
+        let usual = RawPolicy::default();
+        assert_eq!(allowed(&usual, "127.0.0.9"), Some(RawAllow::Read));
+        assert_eq!(allowed(&usual, "::1"), Some(RawAllow::Read));
+        assert_eq!(allowed(&usual, "10.0.0.1"), None);
+    }
+
+    #[test]
+    fn a_rule_may_be_for_one_robot() {
+        let only = RawRule { robot: RobotName::new("saw"), ..rule("0.0.0.0/0", RawAllow::Command) };
+        let policy = RawPolicy::new(vec![only, rule("10.0.0.0/8", RawAllow::Read)]);
+        let of = |robot| policy.rule("10.1.2.3".parse().unwrap(), robot).map(|rule| rule.allow);
+        assert_eq!((of("saw"), of("press")), (Some(RawAllow::Command), Some(RawAllow::Read)));
+    }
+
+    #[test]
+    fn a_source_is_read_and_shown() {
+        for text in ["192.168.1.20", "192.168.1.0/24", "0.0.0.0/0", "::1", "fd00::/8", "::/0"] {
+            assert_eq!(RawSource::parse(text).unwrap().to_string(), text);
+        }
+        assert_eq!(RawSource::parse("10.0.0.1/32").unwrap().to_string(), "10.0.0.1");
+        for text in
+            ["", "press", "192.168.1.20/24", "10.0.0.0/33", "::/129", "10.0.0.0/", "10.0.0.0/+8", "10/8"]
+        {
+            assert_eq!(RawSource::parse(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_limit_of_the_global_speed_forbids_more() {
+        let limited = RawRule { max_global_speed: Some(30.0), ..rule("::1", RawAllow::Command) };
+        assert_eq!(limited.forbids(&Command::ModifyGspd { percent: 30.0 }.into()), None);
+        assert!(
+            limited.forbids(&Command::ModifyGspd { percent: 30.1 }.into()).unwrap().contains("30 % at most")
+        );
+        assert!(limited.forbids(&Command::ModifyGspd { percent: f64::NAN }.into()).is_some());
+        assert_eq!(limited.forbids(&Command::StartButton.into()), None);
+        assert_eq!(
+            rule("::1", RawAllow::Command).forbids(&Command::ModifyGspd { percent: 100.0 }.into()),
+            None
+        );
+    }
+
+    proptest! {
+        /// A network has exactly the addresses with its first bits.
+        #[test]
+        fn a_network_has_the_addresses_with_its_first_bits(
+            network in any::<u32>(), other in any::<u32>(), bits in 0_u32..=32
+        ) {
+            let mask = u32::MAX.checked_shl(32 - bits).unwrap_or(0);
+            let base = std::net::Ipv4Addr::from(network & mask);
+            let source = RawSource::parse(&format!("{base}/{bits}")).unwrap();
+            for address in [network, other, network ^ 1, network ^ (1 << 31)] {
+                let covers = source.covers(IpAddr::V4(address.into()));
+                prop_assert_eq!(covers, address & mask == network & mask);
+            }
+        }
+    }
+}

@@ -1,0 +1,453 @@
+//! One client of a raw port: its frames, its replies in their order, and its limits.
+//!
+//! Bytes and times come in; requests, replies and the next deadline go out. A request is answered with
+//! [`Session::answer`], whenever that is possible: replies leave in the order of the requests. A stop is handed
+//! out at once, ahead of requests that wait.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::time::Duration;
+
+use r6_proto::dialect::Dialect;
+use r6_proto::frame::{FrameBuffer, FrameFault, Limits};
+use r6_proto::message::{Action, AddRcc, Extra, ExtraKind, Header, Place};
+use r6_proto::reply::{ReplyWriter, Verdict};
+use r6_proto::time::Instant;
+use r6_proto::value::Values;
+use r6_proto::{Address, Body, Command, Decoder, Effect, Message, RequestType};
+
+use crate::core::order::Order;
+
+/// How many requests of one client may wait or be under way, and how many stops besides. Scripts send one at
+/// a time.
+pub const MAX_WAITING: usize = 8;
+
+/// How many bytes of replies may wait for a client that does not read. A reply is below 4 KiB.
+pub const MAX_OUTPUT: usize = 64 * 1024;
+
+/// How long a frame may take from its first byte to its last.
+pub const HALF_FRAME: Duration = Duration::from_secs(10);
+
+/// The longest frame. Controllers take 4 KiB at most.
+pub const MAX_FRAME: usize = 16 * 1024;
+
+/// How many broken frames in a row end a connection. Controllers pass over them, and so does this, but not
+/// without end.
+pub const MAX_BROKEN: u32 = 16;
+
+/// Why a connection was closed by the gateway.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Cause {
+    /// No rule allows this source.
+    Denied,
+    /// The robot has as many clients as it may have.
+    TooManyClients,
+    /// The robot does not answer, or another connection to it began.
+    RobotDown,
+    /// Too many requests waited.
+    TooManyRequests,
+    /// The client does not read its replies.
+    SlowReader,
+    /// A frame did not end in time.
+    HalfFrame,
+    /// A frame was too long.
+    LongFrame,
+    /// Broken frame after broken frame came.
+    Garbage,
+}
+
+impl Cause {
+    /// All causes.
+    pub const ALL: [Self; 8] = [
+        Self::Denied,
+        Self::TooManyClients,
+        Self::RobotDown,
+        Self::TooManyRequests,
+        Self::SlowReader,
+        Self::HalfFrame,
+        Self::LongFrame,
+        Self::Garbage,
+    ];
+
+    /// Its word in the metrics.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Denied => "denied",
+            Self::TooManyClients => "too_many_clients",
+            Self::RobotDown => "robot_down",
+            Self::TooManyRequests => "too_many_requests",
+            Self::SlowReader => "slow_reader",
+            Self::HalfFrame => "half_frame",
+            Self::LongFrame => "long_frame",
+            Self::Garbage => "garbage",
+        }
+    }
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+/// Names one request of a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Ticket(u64);
+
+/// What a client asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Asked {
+    /// These values: the addresses that the table knows, in their order.
+    Query(Vec<Address>),
+    /// A command that stops or pauses.
+    Stop(Command<'static>),
+    /// A command or a list that changes or moves.
+    Order(Order),
+    /// Something that the gateway does not send on.
+    Refused {
+        /// What it was.
+        request: String,
+        /// Why not, for people.
+        reason: String,
+    },
+}
+
+/// The answer to a request.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// The values of a query as the controller wrote them.
+    Values(Vec<Vec<u8>>),
+    /// The controller accepted the command.
+    Accepted,
+    /// Nothing was done, or the controller refused it, for this reason. Controllers do not always give one.
+    Refused(Option<String>),
+    /// No reply: it is not known what the controller did, or controllers do not answer this.
+    Silence,
+}
+
+/// One client.
+#[derive(Debug)]
+pub struct Session {
+    frames: FrameBuffer,
+    decoder: Decoder,
+    /// Since when the present frame is incomplete.
+    half_since: Option<Instant>,
+    broken: u32,
+    next_ticket: u64,
+    /// The requests whose replies have not left, oldest first.
+    waiting: VecDeque<Waiting>,
+    /// Replies that may leave.
+    output: VecDeque<Vec<u8>>,
+    /// How much of the first of them has left.
+    left: usize,
+    closed: Option<Cause>,
+}
+
+#[derive(Debug)]
+struct Waiting {
+    ticket: Ticket,
+    /// Its reply repeats parts of it.
+    frame: Vec<u8>,
+    is_stop: bool,
+    state: State,
+}
+
+#[derive(Debug)]
+enum State {
+    New(Asked),
+    UnderWay,
+    Answered(Vec<u8>),
+}
+
+impl Default for Session {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Session {
+    /// A new client.
+    #[must_use]
+    pub fn new() -> Self {
+        let limits = Limits { max_frame_bytes: MAX_FRAME, ..Limits::default() };
+        Self {
+            frames: FrameBuffer::new(limits),
+            decoder: Decoder::new(),
+            half_since: None,
+            broken: 0,
+            next_ticket: 0,
+            waiting: VecDeque::new(),
+            output: VecDeque::new(),
+            left: 0,
+            closed: None,
+        }
+    }
+
+    /// Takes in bytes. Returns how many complete frames were among them.
+    pub fn handle_input(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        let (mut rest, mut frames) = (bytes, 0);
+        while self.closed.is_none() {
+            let taken = self.frames.push(rest);
+            rest = rest.get(taken..).unwrap_or_default();
+            frames += self.take_frames();
+            if rest.is_empty() {
+                break;
+            }
+        }
+        self.half_since = if self.frames.pending() > 0 { self.half_since.or(Some(now)) } else { None };
+        frames
+    }
+
+    fn take_frames(&mut self) -> usize {
+        let mut frames = 0;
+        while self.closed.is_none()
+            && let Some(next) = self.frames.next()
+        {
+            self.half_since = None;
+            let message = match next {
+                Ok(frame) => self.decoder.decode(frame.bytes).ok(),
+                Err(error) if matches!(error.fault, FrameFault::TooLarge { .. }) => {
+                    self.closed = Some(Cause::LongFrame);
+                    None
+                }
+                Err(_) => None,
+            };
+            let Some(message) = message else {
+                self.broken += 1;
+                if self.broken >= MAX_BROKEN {
+                    self.closed.get_or_insert(Cause::Garbage);
+                }
+                continue;
+            };
+            (self.broken, frames) = (0, frames + 1);
+            let Some(asked) = asked(&message) else { continue };
+            let is_stop = matches!(asked, Asked::Stop(_));
+            let ticket = Ticket(self.next_ticket);
+            self.next_ticket += 1;
+            let frame = message.frame().to_vec();
+            self.waiting.push_back(Waiting { ticket, frame, is_stop, state: State::New(asked) });
+            let same = |waiting: &&Waiting| {
+                waiting.is_stop == is_stop && !matches!(waiting.state, State::Answered(_))
+            };
+            if self.waiting.iter().filter(same).count() > MAX_WAITING {
+                self.closed.get_or_insert(Cause::TooManyRequests);
+            }
+        }
+        frames
+    }
+
+    /// The next request to carry out: a stop, or the oldest request once those before it are answered.
+    ///
+    /// Stops are handed out even if the connection is to be closed.
+    pub fn poll_request(&mut self) -> Option<(Ticket, Asked)> {
+        let stop =
+            self.waiting.iter().position(|waiting| waiting.is_stop && matches!(waiting.state, State::New(_)));
+        let at = match stop {
+            Some(at) => at,
+            None if self.closed.is_some() => return None,
+            // Everything else goes one by one: a script expects its requests to be carried out in order.
+            None => self.waiting.iter().position(|waiting| !matches!(waiting.state, State::Answered(_)))?,
+        };
+        let waiting = self.waiting.get_mut(at)?;
+        match std::mem::replace(&mut waiting.state, State::UnderWay) {
+            State::New(asked) => Some((waiting.ticket, asked)),
+            other => {
+                waiting.state = other;
+                None
+            }
+        }
+    }
+
+    /// Answers a request in this dialect. Its reply leaves after those of earlier requests.
+    pub fn answer(&mut self, ticket: Ticket, dialect: Dialect, answer: &Answer) {
+        let Some(waiting) = self.waiting.iter_mut().find(|waiting| waiting.ticket == ticket) else { return };
+        let reply = match self.decoder.decode(&waiting.frame) {
+            Ok(message) => reply(&message, dialect, answer),
+            // It was decoded before.
+            Err(_) => Vec::new(),
+        };
+        waiting.state = State::Answered(reply);
+        while let Some(Waiting { state: State::Answered(_), .. }) = self.waiting.front() {
+            if let Some(Waiting { state: State::Answered(reply), .. }) = self.waiting.pop_front()
+                && !reply.is_empty()
+            {
+                self.output.push_back(reply);
+            }
+        }
+        let held = self.waiting.iter().map(|waiting| match &waiting.state {
+            State::Answered(reply) => reply.len(),
+            State::New(_) | State::UnderWay => 0,
+        });
+        let bytes = self.output.iter().map(Vec::len).chain(held).sum::<usize>() - self.left;
+        if bytes > MAX_OUTPUT {
+            self.closed.get_or_insert(Cause::SlowReader);
+        }
+    }
+
+    /// The rest of the frame that leaves next. No two frames are joined: old clients read with one call.
+    #[must_use]
+    pub fn poll_transmit(&self) -> Option<&[u8]> {
+        self.output.front()?.get(self.left..)
+    }
+
+    /// The first `bytes` of [`Self::poll_transmit`] have left.
+    pub fn transmitted(&mut self, bytes: usize) {
+        self.left += bytes;
+        if self.output.front().is_some_and(|frame| frame.len() <= self.left) {
+            self.output.pop_front();
+            self.left = 0;
+        }
+    }
+
+    /// When to call [`Self::handle_timeout`].
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Instant> {
+        self.half_since.map(|since| since + HALF_FRAME)
+    }
+
+    /// Gives up a client whose frame does not end.
+    pub fn handle_timeout(&mut self, now: Instant) {
+        if self.poll_timeout().is_some_and(|due| due <= now) {
+            self.closed.get_or_insert(Cause::HalfFrame);
+        }
+    }
+
+    /// Why the connection has to be closed, if it has to be.
+    #[must_use]
+    pub fn closed(&self) -> Option<Cause> {
+        self.closed
+    }
+
+    /// Whether all requests are answered, and all replies have left.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.waiting.is_empty() && self.output.is_empty()
+    }
+}
+
+/// What a message asks for; `None` if a controller would not answer it, and the gateway does nothing.
+fn asked(message: &Message<'_>) -> Option<Asked> {
+    let refused =
+        |request: &str, reason: String| Some(Asked::Refused { request: request.to_owned(), reason });
+    let asked = match &message.body {
+        Body::Query(query) => {
+            Some(Asked::Query(query.resolved().filter_map(|(_, address)| address.ok()).collect()))
+        }
+        Body::Command(words) => match words.read_owned() {
+            Ok(command) if command.name().effect() == Effect::Stops => Some(Asked::Stop(command)),
+            Ok(command) => Some(Asked::Order(command.into())),
+            Err(error) => refused(&excerpt(&words.word()), error.to_string()),
+        },
+        Body::AddRcc(rcc) => match list(message, rcc) {
+            Ok(list) => Some(Asked::Order(list)),
+            Err(reason) => refused("AddRCC", reason),
+        },
+        Body::AddPoints(_) => refused("AddPoints", "the gateway does not send points of cameras".to_owned()),
+        Body::Rejected(rejection) => match rejection.request {
+            RequestType::Query => Some(Asked::Query(Vec::new())),
+            RequestType::Command | RequestType::AddPoints | RequestType::AddRcc => {
+                refused(rejection.request.word(), rejection.error.to_string())
+            }
+            RequestType::Heartbreak | RequestType::Photo => None,
+        },
+        Body::Heartbreak
+        | Body::PhotoAnswer(_)
+        | Body::Unknown(_)
+        | Body::QueryReply(_)
+        | Body::CommandReply(_)
+        | Body::Photo(_) => None,
+    };
+    // A request without a type gets no reply (manual 5.2, 6), so its sender would not learn that it was
+    // refused. Only a stop is carried out.
+    asked.filter(|asked| message.header.type_word.is_some() || matches!(asked, Asked::Stop(_)))
+}
+
+/// The list of an AddRCC, if it means the same in our own encoding, on whatever firmware.
+fn list(message: &Message<'_>, rcc: &AddRcc<'_>) -> Result<Order, String> {
+    let Some(replace) = rcc.empty_list else { return Err("`emptyList` is missing".to_owned()) };
+    if rcc.shape_2020 {
+        return Err("the gateway does not send the shape of 2020 (`dsData`): use `instructions`".to_owned());
+    }
+    if let Some(index) = rcc.without_oneshot.first() {
+        return Err(format!("instruction {} has no `oneshot`, which firmware reads in two ways", index + 1));
+    }
+    for (number, step) in (1..).zip(rcc.instructions) {
+        if let Action::Unknown(unknown) = &step.action {
+            return Err(format!(
+                "instruction {number} has the action {}, which is not known",
+                unknown.number()
+            ));
+        }
+    }
+    // Unknown keys and keys without a meaning do nothing, in a controller either.
+    let is_doubtful = |extra: &Extra<'_>| match extra.kind {
+        ExtraKind::DuplicateKey => true,
+        ExtraKind::OtherSpelling => matches!(extra.place, Place::Instruction(_)),
+        ExtraKind::UnknownKey | ExtraKind::OutOfPlace => false,
+    };
+    if let Some(extra) = message.extras().find(is_doubtful) {
+        return Err(format!("`{}` in {}: {}", excerpt(&extra.key.text()), extra.place, extra.kind));
+    }
+    Ok(Order::List { replace, steps: rcc.instructions.to_vec() })
+}
+
+fn excerpt(word: &str) -> String {
+    word.chars().take(48).collect()
+}
+
+/// The reply to a request; empty for none.
+fn reply(message: &Message<'_>, dialect: Dialect, answer: &Answer) -> Vec<u8> {
+    let mut out = Vec::new();
+    let header = &message.header;
+    if header.type_word.is_none() {
+        return out;
+    }
+    match (&message.body, answer) {
+        (_, Answer::Silence) => {}
+        (body @ (Body::Query(_) | Body::Rejected(_)), Answer::Values(values)) => {
+            let addresses = match body {
+                Body::Query(query) => query.addresses,
+                _ => Values::EMPTY,
+            };
+            writer(header, dialect, RequestType::Query).query(addresses, &mut out, |data| {
+                values.iter().for_each(|value| data.wire(value));
+            });
+        }
+        (_, Answer::Values(_)) => {}
+        (body, Answer::Accepted) => verdict(body, header, dialect, Verdict::Ok, &mut out),
+        (body, Answer::Refused(Some(reason))) => {
+            verdict(body, header, dialect, Verdict::Err(reason), &mut out);
+        }
+        (body, Answer::Refused(None)) => verdict(body, header, dialect, Verdict::BareErr, &mut out),
+    }
+    out
+}
+
+fn verdict(body: &Body<'_>, header: &Header<'_>, dialect: Dialect, verdict: Verdict<'_>, out: &mut Vec<u8>) {
+    let (request, word) = match body {
+        Body::Command(words) => (RequestType::Command, words.word()),
+        Body::AddRcc(_) => (RequestType::AddRcc, "AddRCC".into()),
+        Body::AddPoints(_) => (RequestType::AddPoints, "AddPoints".into()),
+        Body::Rejected(rejection) => match rejection.request {
+            RequestType::Command => (RequestType::Command, "".into()),
+            request => (request, request.word().into()),
+        },
+        // A query has no place for a reason: it stays without a reply.
+        Body::Query(_)
+        | Body::Heartbreak
+        | Body::PhotoAnswer(_)
+        | Body::Unknown(_)
+        | Body::QueryReply(_)
+        | Body::CommandReply(_)
+        | Body::Photo(_) => return,
+    };
+    writer(header, dialect, request).verdict(&word, verdict, out);
+}
+
+fn writer<'h>(header: &Header<'h>, dialect: Dialect, request: RequestType) -> ReplyWriter<'h> {
+    ReplyWriter::new(dialect, *header, request)
+}
+
+#[cfg(test)]
+mod tests;

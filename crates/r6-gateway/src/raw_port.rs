@@ -1,0 +1,54 @@
+//! The raw port: the robots' own protocol, for scripts that know nothing of the gateway.
+//!
+//! # A request over the raw port
+//!
+//! 1. [`port`] accepts the connection, if the policy allows its source (`core/raw/policy.rs`).
+//! 2. [`conversation`] moves bytes; `core/raw/session.rs` finds the requests, and brings the replies into their
+//!    order.
+//! 3. [`serve`] carries a request out: a query from fresh readings or by asking the robot, a stop at once, a
+//!    command with the implicit lease (`core/raw/lease.rs`), on the way of all commands
+//!    (`fleet/command.rs`).
+
+mod conversation;
+mod port;
+mod serve;
+
+use std::net::SocketAddr;
+use std::sync::{Arc, PoisonError, RwLock};
+
+use crate::core::name::RobotName;
+use crate::core::raw::policy::{RawPolicy, RawRule};
+
+pub use port::{Door, attend};
+
+/// One raw port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RawPort {
+    /// The robot.
+    pub robot: RobotName,
+    /// Where to listen; port 0 takes any free port.
+    pub listen: SocketAddr,
+}
+
+/// The policy that all raw ports share. It can be exchanged: the new one holds from the next frame on.
+#[derive(Clone, Debug, Default)]
+pub struct SharedPolicy(Arc<RwLock<RawPolicy>>);
+
+impl SharedPolicy {
+    /// A policy.
+    #[must_use]
+    pub fn new(policy: RawPolicy) -> Self {
+        Self(Arc::new(RwLock::new(policy)))
+    }
+
+    /// Exchanges it.
+    pub fn set(&self, policy: RawPolicy) {
+        *self.0.write().unwrap_or_else(PoisonError::into_inner) = policy;
+    }
+
+    /// The rule for this source and robot; `None` if the source may do nothing.
+    fn rule(&self, source: SocketAddr, robot: &str) -> Option<RawRule> {
+        let policy = self.0.read().unwrap_or_else(PoisonError::into_inner);
+        policy.rule(source.ip(), robot).cloned()
+    }
+}

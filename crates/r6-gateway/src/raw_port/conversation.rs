@@ -1,0 +1,132 @@
+//! Moves the bytes of one client.
+
+use std::future::Future;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::time::Duration;
+
+use futures_util::StreamExt as _;
+use futures_util::stream::FuturesUnordered;
+use r6_api::Code;
+use r6_proto::dialect::Dialect;
+use r6_proto::time::Instant;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+
+use super::port::Door;
+use super::serve;
+use crate::clock;
+use crate::core::raw::session::{Answer, Asked, Cause, HALF_FRAME, Session, Ticket};
+use crate::fleet::station::Station;
+
+/// How many bytes one read of the socket takes.
+const READ_BYTES: usize = 4096;
+
+/// How long a client may take no byte of a reply that waits.
+const WRITE_WITHIN: Duration = Duration::from_secs(10);
+
+/// How a conversation ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The client closed it, or its connection broke.
+    Left,
+    /// The gateway closed it.
+    Closed(Cause),
+}
+
+type Work = Pin<Box<dyn Future<Output = (Ticket, Answer)> + Send>>;
+
+/// Serves a client until it ends.
+pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream, source: SocketAddr) -> End {
+    let mut link = station.link.subscribe();
+    let Some(connection) = *link.borrow_and_update() else { return End::Closed(Cause::RobotDown) };
+    let (mut from, mut to) = stream.split();
+    let mut session = Session::new();
+    let mut work: FuturesUnordered<Work> = FuturesUnordered::new();
+    let mut input = vec![0; READ_BYTES];
+    // The client may close its half and still read, as `nc -N` does.
+    let mut half_closed = false;
+    let mut stuck_since: Option<Instant> = None;
+    loop {
+        while let Some((ticket, asked)) = session.poll_request() {
+            work.push(begin(door, station, source, ticket, asked));
+        }
+        if let Some(cause) = session.closed() {
+            return End::Closed(cause);
+        }
+        if half_closed && session.is_idle() {
+            return End::Left;
+        }
+        let output = session.poll_transmit();
+        if output.is_none() {
+            stuck_since = None;
+        } else {
+            stuck_since.get_or_insert_with(clock::now);
+        }
+        let half = session.poll_timeout();
+        let stuck = stuck_since.map(|since| since + WRITE_WITHIN);
+        let due = [half, stuck].into_iter().flatten().min();
+        let wait = due.map_or(HALF_FRAME, |due| due.since(clock::now()));
+        tokio::select! {
+            read = from.read(&mut input), if !half_closed => {
+                let Ok(count) = read else { return End::Left };
+                half_closed = count == 0;
+                let now = clock::now();
+                let frames = session.handle_input(now, input.get(..count).unwrap_or_default());
+                if frames > 0 {
+                    door.lease().frame(now, source.ip());
+                    if door.policy.rule(source, &door.robot).is_none() {
+                        return End::Closed(Cause::Denied);
+                    }
+                }
+            }
+            Some((ticket, answer)) = work.next() => {
+                let dialect = station.robot().map_or(Dialect::HC1, |robot| robot.learned().dialect());
+                session.answer(ticket, dialect, &answer);
+            }
+            written = to.write(output.unwrap_or_default()), if output.is_some() => {
+                let Ok(count) = written else { return End::Left };
+                session.transmitted(count);
+                stuck_since = None;
+            }
+            changed = link.wait_for(|now| *now != Some(connection)) => {
+                // Closed without an answer to what is under way: its outcome is unknown.
+                drop(changed);
+                return End::Closed(Cause::RobotDown);
+            }
+            () = tokio::time::sleep(wait) => {
+                let now = clock::now();
+                session.handle_timeout(now);
+                if stuck_since.is_some_and(|since| since + WRITE_WITHIN <= now) {
+                    return End::Closed(Cause::SlowReader);
+                }
+            }
+        }
+    }
+}
+
+/// Begins a request. Stops and commands run to their end even if the client leaves.
+fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: Ticket, asked: Asked) -> Work {
+    let (door, station) = (Arc::clone(door), Arc::clone(station));
+    match asked {
+        Asked::Query(addresses) => Box::pin(async move {
+            let begun = tokio::time::Instant::now();
+            let answer = serve::query(&station, &addresses).await;
+            tokio::time::sleep_until(begun + door.pace()).await;
+            (ticket, answer)
+        }),
+        Asked::Refused { request, reason } => Box::pin(async move {
+            let answer = serve::refuse(&door, &station, source, &request, (Code::BadCommand, reason));
+            (ticket, answer)
+        }),
+        Asked::Stop(command) => {
+            let work = tokio::spawn(async move { serve::stop(&door, &station, source, command).await });
+            Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
+        }
+        Asked::Order(order) => {
+            let work = tokio::spawn(async move { serve::order(&door, &station, source, order).await });
+            Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Carries out one request of a raw client.
+
+use std::net::SocketAddr;
+
+use r6_api::Code;
+use r6_client::units::{MillimetresPerSecond, Percent};
+use r6_client::{Address, Envelope, Motion, Robot};
+use r6_proto::Command;
+
+use super::port::Door;
+use crate::clock;
+use crate::core::order::Order;
+use crate::core::raw::lease::Holder;
+use crate::core::raw::policy::{RawAllow, RawRule};
+use crate::core::raw::session::Answer;
+use crate::core::seat::{Key, USUAL_LEASE};
+use crate::fleet::station::{By, Station};
+use crate::problem::Problem;
+
+/// Answers a query: from readings that are fresh and show the effect of all commands, or by asking the robot.
+/// If the robot does not answer, neither does this.
+pub async fn query(station: &Station, addresses: &[Address]) -> Answer {
+    if addresses.is_empty() {
+        // The robot has nothing of it.
+        return Answer::Values(Vec::new());
+    }
+    let Some(robot) = station.robot() else { return Answer::Silence };
+    if let Some(values) = fresh(station, &robot, addresses) {
+        return Answer::Values(values);
+    }
+    let _turn = station.asking.lock().await;
+    // The query of another client may have answered this one meanwhile.
+    if let Some(values) = fresh(station, &robot, addresses) {
+        return Answer::Values(values);
+    }
+    match robot.query_raw(addresses).await {
+        Ok(reply) => Answer::Values(reply.values),
+        Err(error) => {
+            tracing::debug!(robot = station.name(), %error, "a query of a raw client has no answer");
+            Answer::Silence
+        }
+    }
+}
+
+/// The values of these addresses, if all of them are fresh.
+fn fresh(station: &Station, robot: &Robot, addresses: &[Address]) -> Option<Vec<Vec<u8>>> {
+    robot.keep_raw_values();
+    // Taken before the ages: so no value seems younger than it is.
+    let now = clock::now();
+    let values = robot.raw_values(addresses).into_iter().collect::<Option<Vec<_>>>()?;
+    // Looked at after the values: a command that begins in between makes them old.
+    let fresh = station.fresh();
+    let all = values.iter().all(|value| fresh.may_answer(now, clock::before(now, value.age)));
+    all.then(|| values.into_iter().map(|value| value.text).collect())
+}
+
+/// Stops or pauses the robot at once, for every source that is not denied. The stop holds.
+pub async fn stop(door: &Door, station: &Station, source: SocketAddr, command: Command<'static>) -> Answer {
+    let Some(rule) = door.policy.rule(source, &door.robot) else { return Answer::Silence };
+    // A script that stops a stopped robot again and again must not fill the disk.
+    let holds = station.seat(|seat, _| seat.stops().0);
+    let written = door.refusals().is_written(clock::now(), source.ip(), command.name().word()) || !holds;
+    let done = station.stop_command(&by(&rule, source), command, written).await;
+    door_answer(station, done.map(drop))
+}
+
+/// Sends a command or a list that changes or moves, with the implicit lease of the source.
+pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Order) -> Answer {
+    let Some(rule) = door.policy.rule(source, &door.robot) else { return Answer::Silence };
+    let word = order.word();
+    if rule.allow < RawAllow::Command {
+        let reason = "this address may only read and stop".to_owned();
+        return refuse(door, station, source, word, (Code::NotAllowed, reason));
+    }
+    if let Some(reason) = rule.forbids(&order).or_else(|| beyond(&rule, &order)) {
+        return refuse(door, station, source, word, (Code::NotAllowed, reason));
+    }
+    if let Err(wait) = door.rate().request(clock::now()) {
+        let reason = format!("too many commands: wait {} ms", wait.as_millis());
+        return refuse(door, station, source, word, (Code::TooManyRequests, reason));
+    }
+    let effect = order.effect();
+    let holder = holder(&rule, source);
+    // What is refused anyway does not take the lease from those who could use it.
+    let fit = station.seat(|seat, now| seat.check_before_lease(now, effect));
+    let held = match fit {
+        Ok(()) => acquire(door, station, &holder, source).await,
+        Err(denied) => Err(denied.into()),
+    };
+    let (key, is_new) = match held {
+        Ok(held) => held,
+        Err(problem) => {
+            if door.refusals().is_written(clock::now(), source.ip(), word) {
+                station.note_refused(&by(&rule, source), &order.to_string(), problem.code);
+            }
+            return door_answer(station, Err(problem));
+        }
+    };
+    let used = Used { door, key };
+    // What is in the list under a lease that is held already is the source's own.
+    let run_leftover = !is_new && matches!(order, Order::List { .. });
+    let done = station.command(&by(&rule, source), key, order, run_leftover).await;
+    drop(used);
+    door_answer(station, done.map(drop))
+}
+
+/// Why a list goes beyond the limits of the rule.
+fn beyond(rule: &RawRule, order: &Order) -> Option<String> {
+    let Order::List { steps, .. } = order else { return None };
+    let mut envelope = Envelope::new();
+    let unusable = || Some("the limit of speed in the rule of this address cannot be used".to_owned());
+    if let Some(percent) = rule.max_speed {
+        let Ok(cap) = Percent::new(percent) else { return unusable() };
+        envelope = envelope.speed_cap(cap);
+    }
+    if let Some(speed) = rule.max_path_speed {
+        let Ok(cap) = MillimetresPerSecond::new(speed) else { return unusable() };
+        envelope = envelope.path_speed_cap(cap);
+    }
+    if envelope == Envelope::new() {
+        return None;
+    }
+    let motion = Motion::of_list(steps.iter().copied());
+    if let Err(wrong) = motion.instructions() {
+        // It would not be checked.
+        return Some(wrong.to_string());
+    }
+    envelope.check_motion(&motion).err().map(|violation| violation.to_string())
+}
+
+/// The lease of this holder, and whether it is new; acquired if it is free. It is in use afterwards.
+async fn acquire(
+    door: &Door,
+    station: &Station,
+    holder: &Holder,
+    source: SocketAddr,
+) -> Result<(Key, bool), Problem> {
+    // Two clients of one computer are one holder: the second waits for the lease of the first.
+    let _turn = door.acquiring.lock().await;
+    let held = door.lease().begin_use(holder);
+    if let Some(key) = held {
+        if station.seat(|seat, now| seat.renew(now, key, USUAL_LEASE)).is_ok() {
+            return Ok((key, false));
+        }
+        door.lease().lost(key);
+    }
+    let by = By { actor: holder.label(), source: Some(source.to_string()) };
+    let key = station.acquire_key(&by, USUAL_LEASE).await?;
+    door.lease().granted(clock::now(), holder.clone(), key);
+    Ok((key, true))
+}
+
+/// Notes that a command does not use the lease any more, also if its task ends by itself.
+struct Used<'d> {
+    door: &'d Door,
+    key: Key,
+}
+
+impl Drop for Used<'_> {
+    fn drop(&mut self) {
+        self.door.lease().used(self.key);
+    }
+}
+
+/// Refuses what the gateway does not send on.
+pub fn refuse(
+    door: &Door,
+    station: &Station,
+    source: SocketAddr,
+    request: &str,
+    (code, reason): (Code, String),
+) -> Answer {
+    station.counts.raw.refused();
+    if let Some(rule) = door.policy.rule(source, &door.robot)
+        && door.refusals().is_written(clock::now(), source.ip(), request)
+    {
+        station.note_refused(&by(&rule, source), request, code);
+    }
+    Answer::Refused(Some(reason))
+}
+
+/// How a raw client is told: what was not done or was refused by the controller is `err` with the reason; an
+/// unknown outcome is silence, because an `err` would make a script send it again.
+fn door_answer(station: &Station, done: Result<(), Problem>) -> Answer {
+    match done {
+        Ok(()) => Answer::Accepted,
+        Err(Problem { code: Code::OutcomeUnknown, .. }) => Answer::Silence,
+        Err(problem) => {
+            station.counts.raw.refused();
+            // The controller's own words, if it was the controller.
+            let is_own = problem.code == Code::Refused;
+            Answer::Refused(if is_own { problem.reason } else { Some(problem.message) })
+        }
+    }
+}
+
+fn holder(rule: &RawRule, source: SocketAddr) -> Holder {
+    Holder { address: source.ip(), rule: rule.source.to_string() }
+}
+
+fn by(rule: &RawRule, source: SocketAddr) -> By {
+    By { actor: holder(rule, source).label(), source: Some(source.to_string()) }
+}
