@@ -72,8 +72,9 @@ pub struct UpArgs {
     /// it is free, else any free port]
     #[arg(long, value_name = "ADDR:PORT|off", value_parser = panel_place)]
     panel: Option<Place>,
-    /// Where to offer the gateway over HTTP, or off; its folder goes when this ends [default: 127.0.0.1:9780
-    /// with --listen on port 9760 and if it is free, else any free port]
+    /// Where to offer the gateway over HTTP, or off. Its folder goes when this ends. Its raw port, for socket
+    /// scripts of this machine, is beside it [default: 127.0.0.1:9780, raw port 9781, with --listen on port
+    /// 9760 and if both are free, else any free ports]
     #[arg(long, value_name = "ADDR:PORT|off", value_parser = gateway_place)]
     gateway: Option<Place>,
     /// Let --panel be an address that other machines can reach: it has no login
@@ -187,8 +188,8 @@ async fn show_lines(controller: &ControllerHandle, doors: Doors<'_>, lang: LangA
     if let Some(panel) = doors.panel {
         lines.line(sim::panel_line(panel, language));
     }
-    if let Some(gateway) = doors.gateway {
-        lines.line(gateway.line(language));
+    for line in doors.gateway.into_iter().flat_map(|gateway| gateway.lines(language)) {
+        lines.line(line);
     }
     for hint in hints(controller, doors) {
         lines.line(match language {

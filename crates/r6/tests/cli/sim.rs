@@ -62,6 +62,8 @@ fn up_without_a_terminal_prints_lines() {
         let gateway = up.line();
         let gateway =
             gateway.strip_prefix("gateway on http://").unwrap().strip_suffix(", robot `virtual`").unwrap();
+        let raw = up.line();
+        let raw = raw.strip_prefix("raw port of the gateway, for socket scripts, on ").unwrap().to_owned();
         for _ in 0..2 {
             let hint = up.line();
             assert!(hint.starts_with(&format!("try: r6 -r {address} ")), "{hint}");
@@ -76,8 +78,10 @@ fn up_without_a_terminal_prints_lines() {
         assert_eq!(r6(&["-r", &address, "stop"]).code, 0);
         assert_ne!(up.line(), "", "a change of state is a line");
         let header = std::fs::read_to_string(token).unwrap();
-        let first = first_event(gateway, &header, "/v1/live?signal=axis-0");
-        assert!(first.contains("\"address\":\"axis-0\",\"value\":0.0"), "{first}");
+        follow(gateway, &header, "/v1/live?signal=axis-0", "\"address\":\"axis-0\",\"value\":0.0");
+        // An old script moves the arm over the raw port.
+        let start = r6(&["-r", &raw, "command", "startButton"]);
+        assert_eq!(start.code, 0, "{start:?}");
         let folder = token.parent().unwrap();
         let mode = std::os::unix::fs::PermissionsExt::mode(&std::fs::metadata(folder).unwrap().permissions());
         assert_eq!(mode & 0o777, 0o700, "the token is for its owner alone");
@@ -86,12 +90,13 @@ fn up_without_a_terminal_prints_lines() {
     }
 }
 
-/// The first event of a stream, as `curl -H @FILE` gets it.
-fn first_event(gateway: &str, header: &str, path: &str) -> String {
+/// Follows a stream of events, as `curl -H @FILE` does, until one has this text.
+fn follow(gateway: &str, header: &str, path: &str, text: &str) {
     let mut stream = TcpStream::connect(gateway).unwrap();
+    stream.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
     write!(stream, "GET {path} HTTP/1.1\r\nHost: {gateway}\r\n{}\r\n\r\n", header.trim_end()).unwrap();
-    let lines = BufReader::new(stream).lines().map(Result::unwrap);
-    lines.skip_while(|line| !line.starts_with("data:")).next().unwrap_or_default()
+    let mut lines = BufReader::new(stream).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.starts_with("data:") && line.contains(text)), "{text} never came");
 }
 
 /// A program from a file runs and can call another one. The error for a wrong program says where it is wrong.
@@ -394,6 +399,7 @@ fn the_log_speaks_chinese() {
     assert!(up.line().ends_with("，控制器配置 hc1，模式 7"));
     assert!(up.line().starts_with("面板地址 http://127.0.0.1:"));
     assert!(up.line().starts_with("网关地址 http://127.0.0.1:"));
+    assert!(up.line().starts_with("网关的原始端口（供 socket 脚本使用）127.0.0.1:"));
     for program in ["r6", "r6", "r6", "curl", "r6"] {
         assert!(up.line().starts_with(&format!("可以试试：{program} ")));
     }

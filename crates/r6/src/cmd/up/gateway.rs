@@ -6,7 +6,10 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
 use r6_api::gateway::Role;
-use r6_gateway::{DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, RobotConfig, RobotName};
+use r6_gateway::{
+    DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, RawAllow, RawPolicy, RawPort, RawRule, RawSource,
+    RobotConfig, RobotName,
+};
 use r6_proto::Language;
 use tempfile::TempDir;
 
@@ -16,6 +19,9 @@ use crate::robot;
 
 /// The name of the virtual robot in its gateway.
 const ROBOT: &str = "virtual";
+
+/// The port for socket scripts, if it is free and no other is asked for.
+const RAW_PORT: u16 = DEFAULT_PORT + 1;
 
 /// The file with the header that `curl -H @FILE` sends.
 const TOKEN_FILE: &str = "token";
@@ -35,17 +41,19 @@ impl CellGateway {
         robot: SocketAddr,
         usual_port: bool,
     ) -> Result<Option<Self>, Failure> {
-        let [usual, any] = [DEFAULT_PORT, 0].map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+        // The gateway, and beside it the raw port.
+        let here = |port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+        let [usual, any] = [(here(DEFAULT_PORT), here(RAW_PORT)), (here(0), here(0))];
         let places = match place {
             Some(Place::Off) => return Ok(None),
-            Some(Place::At(address)) => vec![address],
+            Some(Place::At(address)) => vec![(address, here(0))],
             None if usual_port => vec![usual, any],
             None => vec![any],
         };
         let folder = folder()?;
         let mut last = None;
-        for listen in places {
-            match Gateway::start(settings(listen, folder.path(), robot)?).await {
+        for (listen, raw) in places {
+            match Gateway::start(settings(listen, raw, folder.path(), robot)?).await {
                 Ok(gateway) => return Ok(Some(Self { gateway, folder })),
                 Err(error @ GatewayError::Listen { .. }) => last = Some(error),
                 Err(error) => return Err(Failure::usage(format!("the gateway does not start: {error}"))),
@@ -55,13 +63,18 @@ impl CellGateway {
         Err(Failure::usage(format!("the gateway does not start: {}", why.replace("--listen", "--gateway"))))
     }
 
-    /// The line that names its address.
-    pub fn line(&self, language: Language) -> String {
+    /// The lines that name its address and that of the raw port.
+    pub fn lines(&self, language: Language) -> Vec<String> {
         let address = self.gateway.address();
-        match language {
+        let gateway = match language {
             Language::English => format!("gateway on http://{address}, robot `{ROBOT}`"),
             Language::Chinese => format!("网关地址 http://{address}，机器人 `{ROBOT}`"),
-        }
+        };
+        let raw = self.gateway.raw_ports().iter().map(|RawPort { listen, .. }| match language {
+            Language::English => format!("raw port of the gateway, for socket scripts, on {listen}"),
+            Language::Chinese => format!("网关的原始端口（供 socket 脚本使用）{listen}"),
+        });
+        [gateway].into_iter().chain(raw).collect()
     }
 
     /// The command that follows J1 live.
@@ -101,8 +114,17 @@ fn write(path: &PathBuf, text: &str) -> io::Result<()> {
     OpenOptions::new().write(true).create_new(true).open(path)?.write_all(text.as_bytes())
 }
 
-fn settings(listen: SocketAddr, data: &Path, robot: SocketAddr) -> Result<GatewaySettings, Failure> {
+fn settings(
+    listen: SocketAddr,
+    raw: SocketAddr,
+    data: &Path,
+    robot: SocketAddr,
+) -> Result<GatewaySettings, Failure> {
     let name = RobotName::new(ROBOT).ok_or_else(|| Failure::usage(RobotName::WANTED))?;
+    let port = RawPort { robot: name.clone(), listen: raw };
+    // The robot is virtual: programs of this machine may move it. Others cannot reach the raw port.
+    let sources = ["127.0.0.0/8", "::1"].into_iter().filter_map(RawSource::parse);
+    let rules = sources.map(|source| RawRule::new(source, RawAllow::Command)).collect();
     let config =
         RobotConfig { settings: robot::settings(), ..RobotConfig::new(name, reached(robot).to_string()) };
     Ok(GatewaySettings {
@@ -110,6 +132,8 @@ fn settings(listen: SocketAddr, data: &Path, robot: SocketAddr) -> Result<Gatewa
         data: data.to_owned(),
         robots: vec![config],
         robot_settings: robot::settings(),
+        raw: vec![port],
+        raw_policy: RawPolicy::new(rules),
     })
 }
 
