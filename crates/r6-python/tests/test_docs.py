@@ -91,6 +91,11 @@ def watch(said: str, controller: r6.Simulator) -> None:
     assert re.search(r"^\[0\. 7\.\] \[\d\.[\de-]+ \d\.[\de-]+\]$", said, re.MULTILINE)
 
 
+def stopped(said: str, controller: r6.Simulator) -> None:
+    assert "the arm stands" in said and said.endswith("not ready: []\n"), said
+    assert controller.snapshot().axes[0] < 90
+
+
 def passed(said: str, controller: r6.Simulator) -> None:
     assert "2 passed" in said
 
@@ -105,7 +110,8 @@ DID: dict[str, Callable[[str, r6.Simulator], None]] = {
     "docs/FROM_SOCKETS.md 2": replacement,
     "docs/QUICKSTART.md 1": ten_lines,
     "docs/QUICKSTART.md 2": ran,
-    "docs/QUICKSTART.md 3": ran,
+    "docs/QUICKSTART.md 3": stopped,
+    "docs/QUICKSTART.md 4": ran,
     "crates/r6-python/README.md 1": package,
     "crates/r6-python/README.md 2": watch,
     "crates/r6-python/README.md 3": passed,

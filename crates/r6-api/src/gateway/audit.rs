@@ -150,7 +150,8 @@ pub struct AuditEntry {
 pub struct AuditRecord {
     /// When.
     pub time: String,
-    /// The token, its number and name; `raw`, the address and the rule for a raw client; `gateway` for the gateway itself; `shell` for the command line.
+    /// The token, its number and name; `raw`, the address and the rule for a raw client; `gateway` for the
+    /// gateway itself; `shell` for the command line.
     pub actor: String,
     /// The address that the request came from; `null` if there was none.
     #[cfg_attr(feature = "openapi", schema(required = true))]

@@ -122,7 +122,8 @@ impl Station {
         Lease { lease, expires_in_ms: millis(left), stopped }
     }
 
-    /// Sends a command or a list that changes or moves. Its intent is on the disk before it leaves, its outcome after.
+    /// Sends a command or a list that changes or moves. Its intent is on the disk before it leaves, its
+    /// outcome after.
     ///
     /// # Errors
     /// `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused`, `overloaded`,

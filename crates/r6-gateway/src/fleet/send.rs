@@ -8,8 +8,8 @@ use crate::core::order::Order;
 use crate::core::seat::Permit;
 
 impl Station {
-    /// Sends the command or the list of a permit. The client looks again, in the call that writes the first byte, whether
-    /// the permit is void or too old, and whether the connection is another one.
+    /// Sends the command or the list of a permit. The client looks again, in the call that writes the first
+    /// byte, whether the permit is void or too old, and whether the connection is another one.
     pub(super) async fn send(&self, robot: &Robot, permit: Permit) -> Result<Accepted, RequestError> {
         let Some(permission) = self.permission(permit.generation()) else {
             return Err(NotSent::Withdrawn.into());

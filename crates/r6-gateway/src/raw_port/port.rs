@@ -28,8 +28,8 @@ const BACKLOG: u32 = 64;
 /// How many bytes the system takes for a client that does not read, besides those of the session.
 const SEND_BUFFER: u32 = 64 * 1024;
 
-/// A client from which nothing came for so long is asked by the system whether it is still there: a cable that
-/// was cut must not keep its place for ever.
+/// A client from which nothing came for so long is asked by the system whether it is still there: a cable
+/// that was cut must not keep its place for ever.
 const KEEPALIVE: Duration = Duration::from_secs(30);
 
 /// How often to look at the implicit lease, and at the usual time of a reply. Shorter than a lease lasts.
@@ -102,8 +102,8 @@ impl Door {
         self.rate.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// How long a reply takes at least: half of the robot's usual time. Otherwise a loop without a sleep, which
-    /// the robot slows down, would spin.
+    /// How long a reply takes at least: half of the robot's usual time. Otherwise a loop without a sleep,
+    /// which the robot slows down, would spin.
     pub fn pace(&self) -> Duration {
         *self.pace.lock().unwrap_or_else(PoisonError::into_inner)
     }

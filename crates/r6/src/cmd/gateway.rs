@@ -169,8 +169,8 @@ fn tell_raw(gateway: &Gateway, rules: bool) {
     }
 }
 
-/// Reads the file again. A mistake changes nothing. Raw ports stay as they are until the next start; the rules
-/// change at once.
+/// Reads the file again. A mistake changes nothing. Raw ports stay as they are until the next start; the
+/// rules change at once.
 async fn reread(gateway: &Gateway, path: &Path, typed: &[String]) {
     let Config { robots, policy, .. } = match all(Some(path), typed) {
         Ok(config) => config,

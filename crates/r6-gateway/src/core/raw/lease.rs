@@ -99,8 +99,8 @@ impl ImplicitLease {
         }
     }
 
-    /// What has to be done now. A stop that holds ends the lease as soon as the arm stands, because its holder
-    /// cannot clear the stop, and the person who clears it needs the lease.
+    /// What has to be done now. A stop that holds ends the lease as soon as the arm stands, because its
+    /// holder cannot clear the stop, and the person who clears it needs the lease.
     #[must_use]
     pub fn due(&self, now: Instant, rest: Rest) -> Due {
         let Some(held) = &self.held else { return Due::Nothing };
@@ -152,7 +152,8 @@ mod tests {
 
     proptest! {
         /// Beside a seat: a source never gets the lease of another. It is given back exactly when no command
-        /// uses it, the arm stands, and a stop holds or 10 s are over since the last frame and the list is empty.
+        /// uses it, the arm stands, and a stop holds or 10 s are over since the last frame and the list is
+        /// empty.
         #[test]
         fn it_ends_when_it_should_and_never_while_it_is_used(steps in prop::collection::vec(step(), 1..80)) {
             let mut now = Instant::ORIGIN + Duration::from_secs(1);

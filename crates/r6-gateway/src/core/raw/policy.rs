@@ -125,8 +125,8 @@ impl RawRule {
         Self { source, robot: None, allow, max_global_speed: None, max_speed: None, max_path_speed: None }
     }
 
-    /// Why these sources may not send a command, whatever the lease says; `None` if they may. Lists are checked
-    /// by an envelope of the client.
+    /// Why these sources may not send a command, whatever the lease says; `None` if they may. Lists are
+    /// checked by an envelope of the client.
     #[must_use]
     pub fn forbids(&self, order: &Order) -> Option<String> {
         match (order, self.max_global_speed) {

@@ -1,8 +1,8 @@
 //! One client of a raw port: its frames, its replies in their order, and its limits.
 //!
 //! Bytes and times come in; requests, replies and the next deadline go out. A request is answered with
-//! [`Session::answer`], whenever that is possible: replies leave in the order of the requests. A stop is handed
-//! out at once, ahead of requests that wait.
+//! [`Session::answer`], whenever that is possible: replies leave in the order of the requests. A stop is
+//! handed out at once, ahead of requests that wait.
 
 use std::collections::VecDeque;
 use std::fmt;

@@ -12,7 +12,8 @@ use crate::core::order::Order;
 /// A permitted command does not leave later than this after it was permitted: later it would be a surprise.
 const LEAVE_WITHIN: Duration = Duration::from_secs(1);
 
-/// The right to send one command or list once: on one connection, until a time. Only [`Seat::permit`] makes one.
+/// The right to send one command or list once: on one connection, until a time. Only [`Seat::permit`] makes
+/// one.
 ///
 /// It is void once [`Seat::generation`] differs from [`Self::generation`].
 #[derive(Debug)]

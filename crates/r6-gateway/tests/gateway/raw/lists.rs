@@ -195,7 +195,8 @@ async fn whatever_scripts_and_people_do_nothing_leaves_without_a_live_lease() {
             }
         }
         assert!(intents.is_empty(), "seed {seed}: {intents:?}");
-        // The admin's stops send `actionStop` and clear the list: what the client does for a stop needs no lease.
+        // The admin's stops send `actionStop` and clear the list: what the client does for a stop needs no
+        // lease.
         let stops = audit.iter().filter(|entry| entry["request"] == "stop").count();
         let sent = ["modifyGSPD", "startButton", "rewriteData"].map(|word| raw.tap.frames(word).len());
         let lists = raw.tap.frames("AddRCC");

@@ -190,8 +190,9 @@ fn a_stop_is_carried_out_although_its_client_has_to_be_closed() {
 }
 
 proptest! {
-    /// Whatever the pieces in which the bytes come and the order in which requests are answered: every request
-    /// is begun once, stops at once, all others one by one, and replies leave in the order of the requests.
+    /// Whatever the pieces in which the bytes come and the order in which requests are answered: every
+    /// request is begun once, stops at once, all others one by one, and replies leave in the order of the
+    /// requests.
     #[test]
     fn every_request_is_answered_once_and_in_order(
         kinds in prop::collection::vec(any::<bool>(), 1..8),
@@ -241,8 +242,8 @@ proptest! {
         prop_assert!(session.is_idle());
     }
 
-    /// Whatever bytes come in whatever pieces: no panic, nothing beyond the limits is kept, and a session that
-    /// is to be closed begins nothing but stops.
+    /// Whatever bytes come in whatever pieces: no panic, nothing beyond the limits is kept, and a session
+    /// that is to be closed begins nothing but stops.
     #[test]
     fn no_bytes_do_harm(
         pieces in prop::collection::vec(prop_oneof![
