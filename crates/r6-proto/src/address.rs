@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use crate::io_point::IoPoint;
+use crate::io_point::{IoPoint, PointKind};
 use crate::printable::printable;
 use crate::spelling;
 
@@ -215,6 +215,19 @@ fn index(digits: &[u8], last: u32) -> Option<u32> {
     }
     let value = digits.iter().fold(0, |value, digit| value * 10 + u32::from(digit - b'0'));
     (value <= last).then_some(value)
+}
+
+impl IoPoint {
+    /// The query address of the word that contains this point. `None` for EU points, which have no address.
+    #[must_use]
+    pub const fn address(self) -> Option<Address> {
+        match self.kind {
+            PointKind::X => Some(Address::Input(self.board)),
+            PointKind::Y => Some(Address::Output(self.board)),
+            PointKind::M => Some(Address::M(self.board)),
+            PointKind::Eux | PointKind::Euy => None,
+        }
+    }
 }
 
 /// A name that is not a query address.

@@ -3,7 +3,6 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::address::Address;
 use crate::printable::printable;
 
 /// How many boards an address can name (`input-0` … `input-7`).
@@ -77,17 +76,6 @@ impl IoPoint {
             (PointKind::M, 0..=2) => Some((self.board + 4, self.point)),
             (PointKind::Euy, 0) => Some((7, self.point)),
             _ => None,
-        }
-    }
-
-    /// The query address of the word that contains this point. `None` for EU points, which have no address.
-    #[must_use]
-    pub const fn address(self) -> Option<Address> {
-        match self.kind {
-            PointKind::X => Some(Address::Input(self.board)),
-            PointKind::Y => Some(Address::Output(self.board)),
-            PointKind::M => Some(Address::M(self.board)),
-            PointKind::Eux | PointKind::Euy => None,
         }
     }
 }
@@ -193,6 +181,7 @@ impl PairMask {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::address::Address;
 
     fn name(kind: PointKind, point: u8) -> String {
         IoPoint { kind, board: 0, point }.to_string()
