@@ -4,7 +4,7 @@
 //!
 //! 1. [`port`] accepts the connection, if the policy allows its source (`core/raw/policy.rs`).
 //! 2. [`conversation`] moves bytes; `core/raw/session.rs` finds the requests, and brings the replies into
-//!   their order.
+//!    their order.
 //! 3. [`serve`] carries a request out: a query from fresh readings or by asking the robot, a stop at once, a
 //!    command with the implicit lease (`core/raw/lease.rs`), on the way of all commands
 //!    (`fleet/command.rs`).

@@ -3,7 +3,7 @@
 //! Everything here is a pure function of its arguments. There are no ticks: a planned [`Movement`] computes
 //! its state at any time directly, independent of earlier calls.
 //!
-//! Three parts are independent: [`path`] is geometry without time, [`profile`] is time along one number
+//! Three parts are independent: [`path`] is geometry without time, [`speed_profile`] is time along one number
 //! without geometry, [`kinematics`] converts axes to poses and back. [`movement`] combines them: a path with
 //! a profile.
 //!
