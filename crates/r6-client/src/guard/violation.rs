@@ -87,8 +87,8 @@ impl fmt::Display for Violation {
             }
             (Checked::AxisStep(axis, _), None) => write!(
                 f,
-                "how far {axis} goes cannot be told, because where it begins is not known: read the position first, or \
-                 begin a motion of its own here"
+                "how far {axis} goes is limited, and cannot be told: behind a move of the tool it is not known where the axis \
+                 begins. Begin a list of its own here, or leave out this limit (max_axis_step)"
             ),
             (Checked::Unit(axis, true), _) => {
                 write!(f, "{axis} is told in degrees, but slides: its limits are in mm")
@@ -104,8 +104,8 @@ impl fmt::Display for Violation {
                 write!(f, "the tool goes {value} mm in one step, more than {most} mm")
             }
             (Checked::Distance, None) => f.write_str(
-                "how far the tool goes cannot be told, because where it begins is not known: read the position first, \
-                 or begin a motion of its own here",
+                "how far the tool goes is limited, and cannot be told: behind an axis move it is not known where the tool \
+                 begins. Begin a list of its own here, or leave out this limit (max_distance)",
             ),
             (Checked::Arc, _) => f.write_str(
                 "the way of the curve cannot be told, because where it begins is not known: begin it with a linear move",

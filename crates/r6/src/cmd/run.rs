@@ -45,9 +45,9 @@ FILE.toml is written by people: one [[instruction]] table for each step, in orde
 
 The machine is looked at first, as for `r6 move`. A program that replaces the list and does not \
 repeat is streamed: in frames of at most 8 instructions and 2048 bytes, each sent once and never \
-again, as the controller has room, while the arm moves. With --wait that goes on until the end is \
-proved, and a motion in which nothing goes on for 5 s ends; without, until the last \
-frame was accepted, and the arm finishes what is then in its list. A list that repeats has to fit \
+again, as the controller has room, while the arm moves. With --wait, r6 waits until the end \
+is proved, and ends a motion in which nothing goes on for 5 s. Without --wait, it ends once the last \
+frame was accepted, and the arm finishes what is in its list. A list that repeats has to fit \
 as a whole, and so does what --append sends, all at once and without looking at what is left in \
 the list. A wait without a limit waits for ever.
 
@@ -75,9 +75,9 @@ FILE.toml of --guard has limits; what is left out is not limited:
   [axes]                  J1 = [-120, 120]               degrees; [axes_mm] for axes that slide
   [workspace]             x = [250, 700]                 y, z likewise, mm; for moves of the tool
 Axis limits are checked on axis moves, the workspace on moves of the tool. The distance of the first \
-move is measured from the present position (--dry-run does not check it). After an axis move the \
-place of the tool is unknown, and after a move of the tool the axes are: such a distance counts as \
-over the limit.
+move is measured from the present position (--dry-run does not check it). If a file \
+mixes axis moves and moves of the tool, leave out max_axis_step and max_distance: after an axis move \
+the place of the tool is unknown, and after a move of the tool the axes are, so the file is refused.
 
 --json prints a line for each list that was accepted (event \"accepted\"), at most two a second on \
 how many steps are done (\"progress\"), and one for the outcome: \"stands\" with --wait, \
