@@ -5,7 +5,9 @@
 use std::time::Duration;
 
 use r6_api::Code;
-use r6_api::gateway::{CommandDone, CommandOutcome, Deed, Happened, Lease, LeaseKey, RobotIdentity, Stopped};
+use r6_api::gateway::{
+    AuditRecord, CommandDone, CommandOutcome, Deed, Happened, Lease, LeaseKey, RobotIdentity, Stopped,
+};
 use r6_client::{Address, NotSent, OutcomeUnknown, RequestError, Robot};
 use r6_proto::{Command, Effect};
 use tokio::sync::Semaphore;
@@ -60,8 +62,12 @@ impl Station {
 
     async fn acquire_now(&self, by: &By, lasts: Duration) -> Result<Granted, Problem> {
         let ask = ask(by, lasts)?;
-        let granted = self.seat(|seat, now| seat.acquire(now, ask))?;
-        self.keep_granted(by, granted, None).await
+        let granted = self.seat_noting(|seat, now| {
+            let granted = seat.acquire(now, ask);
+            let record = granted.as_ref().ok().map(|granted| self.lease_began(by, granted, None));
+            (granted, record)
+        })?;
+        self.keep_granted(granted).await
     }
 
     /// Takes the lease from its holder: the robot is stopped first. The stop holds afterwards.
@@ -73,8 +79,12 @@ impl Station {
         self.seat(|seat, now| seat.begin_taking(now))?;
         // An unconfirmed stop holds all the same, so nothing moves before somebody has looked.
         let _ = self.stop(by).await;
-        let granted = self.seat(|seat, now| seat.end_taking(now, ask))?;
-        let granted = self.keep_granted(by, granted, Some(because)).await?;
+        let granted = self.seat_noting(|seat, now| {
+            let granted = seat.end_taking(now, ask);
+            let record = granted.as_ref().ok().map(|granted| self.lease_began(by, granted, Some(because)));
+            (granted, record)
+        })?;
+        let granted = self.keep_granted(granted).await?;
         Ok(self.given(granted))
     }
 
@@ -95,18 +105,16 @@ impl Station {
         Ok(self.seat(|seat, now| seat.release(now, key))?)
     }
 
-    /// A lease counts only after its number is on the disk: the number must not be given out again.
-    async fn keep_granted(
-        &self,
-        by: &By,
-        granted: Granted,
-        taken: Option<String>,
-    ) -> Result<Granted, Problem> {
-        let deed = Deed::LeaseBegan { lease: granted.key.number, taken_because: taken };
-        let record = self.record(by, deed);
+    fn lease_began(&self, by: &By, granted: &Granted, taken_because: Option<String>) -> AuditRecord {
+        self.record(by, Deed::LeaseBegan { lease: granted.key.number, taken_because })
+    }
+
+    /// A lease counts only after its number and its record are on the disk: the number must not be given out
+    /// again.
+    async fn keep_granted(&self, granted: Granted) -> Result<Granted, Problem> {
         let kept = async {
             self.save().await?;
-            self.append(record).await
+            self.write_pending().await
         };
         if let Err(error) = kept.await {
             let _ = self.release(granted.key);
@@ -236,7 +244,7 @@ impl Station {
 
     /// Sends one command that stops or pauses. It needs no lease, and holds as [`Self::stop`] does.
     ///
-    /// `written`: whether the audit log is told.
+    /// `written`: whether the audit log and the events tell it.
     ///
     /// # Errors
     /// `refused`, `not_ready`, `identity_changed`, `overloaded`, `outcome_unknown`.
@@ -269,18 +277,18 @@ impl Station {
     /// A stop holds before anything is sent. The audit log is told soon: a stop does not wait for the disk.
     fn begin_stop(&self, by: &By, request: &str, written: bool) {
         self.seat(|seat, _| seat.stop_begins());
-        self.publish(Happened::StopBegan { by: by.actor.clone() });
         if written {
+            self.publish(Happened::StopBegan { by: by.actor.clone() });
             self.note(by, Deed::StopBegan { request: request.to_owned() });
         }
     }
 
     fn end_stop(&self, by: &By, request: &str, (confirmed, detail): (bool, String), written: bool) {
         self.seat(|seat, _| seat.stop_ends());
-        tracing::warn!(robot = self.name(), request, confirmed, by = %by.actor, "a stop");
         self.counts.count_stop(confirmed);
-        self.publish(Happened::StopEnded { confirmed });
         if written {
+            tracing::warn!(robot = self.name(), request, confirmed, by = %by.actor, "a stop");
+            self.publish(Happened::StopEnded { confirmed });
             self.note(by, Deed::Stop { request: request.to_owned(), confirmed, detail });
         }
     }

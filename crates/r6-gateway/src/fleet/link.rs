@@ -8,6 +8,7 @@ use r6_client::{
     Address, Identity, NotSubscribed, OperationMode, OutcomeUnknown, Quality, Reading, RequestError, Robot,
     Snapshot, Subscription,
 };
+use r6_proto::time::Instant;
 use tokio::sync::watch;
 
 use super::clerk::ended;
@@ -91,9 +92,10 @@ async fn watch(station: &Station, robot: &Robot, mut values: Subscription, mut m
             known_on = introduce(station, robot, connection).await;
         }
         // The introduction takes its time: what was known before it is too old.
+        let now = clock::now();
         let (latest, mode) = (values.latest(), mode.as_ref().map(Subscription::latest));
         let known_on = known_on.filter(|known| *known == robot.connection());
-        take(station, &latest, mode.as_ref().unwrap_or(&latest), known_on);
+        take(station, now, &latest, mode.as_ref().unwrap_or(&latest), known_on);
     }
 }
 
@@ -133,8 +135,10 @@ async fn introduce(station: &Station, robot: &Robot, connection: u64) -> Option<
 }
 
 /// Takes in the values, and whether the robot can be used.
-fn take(station: &Station, values: &Snapshot, mode: &Snapshot, known_on: Option<u64>) {
-    let changed = station.board().take(clock::now(), values);
+///
+/// `now`: from before the values were taken, so that none seems younger than it is.
+fn take(station: &Station, now: Instant, values: &Snapshot, mode: &Snapshot, known_on: Option<u64>) {
+    let changed = station.board().take(now, values);
     if changed {
         station.shared.wake_readers();
     }
@@ -143,7 +147,7 @@ fn take(station: &Station, values: &Snapshot, mode: &Snapshot, known_on: Option<
         (Some(Reading::Integer(number)), Some(age)) => Some((OperationMode::of_number(*number), age)),
         _ => None,
     });
-    station.seat(|seat, now| match (known_on, fresh) {
+    station.seat(|seat, _| match (known_on, fresh) {
         (Some(connection), Some((mode, age))) => {
             seat.observed(clock::before(now, age), connection, mode == OperationMode::Manual);
         }

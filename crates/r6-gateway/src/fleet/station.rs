@@ -111,6 +111,9 @@ pub struct Station {
     pub(crate) asking: AsyncMutex<()>,
     /// Locked while the seat is saved, so that an older state never overwrites a newer one.
     saving: AsyncMutex<()>,
+    /// Locked while records are written, so that they stand in their order, and none counts as written that
+    /// is still on its way.
+    writing: AsyncMutex<()>,
 }
 
 #[derive(Debug)]
@@ -146,6 +149,7 @@ impl Station {
             fresh: Mutex::default(),
             asking: AsyncMutex::default(),
             saving: AsyncMutex::default(),
+            writing: AsyncMutex::default(),
         }
     }
 
@@ -171,11 +175,19 @@ impl Station {
     /// Uses the seat. If permits became void, the commands that have not left yet are taken back before this
     /// returns.
     pub(crate) fn seat<T>(&self, act: impl FnOnce(&mut Seat, Instant) -> T) -> T {
+        self.seat_noting(|seat, now| (act(seat, now), None))
+    }
+
+    /// The same, with a record that is noted before anybody else uses the seat.
+    pub(super) fn seat_noting<T>(
+        &self,
+        act: impl FnOnce(&mut Seat, Instant) -> (T, Option<AuditRecord>),
+    ) -> T {
         let mut held = self.held();
         let now = clock::now();
         let generation = held.seat.generation();
         held.seat.handle_timeout(now);
-        let result = act(&mut held.seat, now);
+        let (result, record) = act(&mut held.seat, now);
         if held.seat.generation() != generation {
             std::mem::take(&mut held.permission).withdraw();
         }
@@ -184,6 +196,10 @@ impl Station {
         let mut writes = held.seat.saved() != &held.stored;
         while let Some(noticed) = held.seat.poll_noticed() {
             writes |= self.tell(&mut held.pending, noticed);
+        }
+        if let Some(record) = record {
+            push(&mut held.pending, record);
+            writes = true;
         }
         drop(held);
         if writes {
@@ -207,9 +223,14 @@ impl Station {
     /// that does not tell the length of its list counts as one with an empty list.
     pub(crate) fn is_at_rest(&self) -> (bool, bool) {
         let now = clock::now();
-        let (moving, list) = {
+        let (moving, list, has_no_length) = {
             let board = self.board();
-            (board.signal(now, Address::IsMoving), board.signal(now, Address::RemoteCmdLen))
+            let read = |address| board.signal(now, address);
+            (
+                read(Address::IsMoving),
+                read(Address::RemoteCmdLen),
+                board.is_unsupported(Address::RemoteCmdLen),
+            )
         };
         let fresh = self.fresh();
         let shows =
@@ -219,7 +240,8 @@ impl Station {
         };
         let is_empty = |read: &(Signal, _)| match read.0.quality {
             SignalQuality::Fresh => read.0.value == Some(AddressValue::Integer(0)),
-            SignalQuality::None => true,
+            // It may have come and be unreadable.
+            SignalQuality::None => has_no_length,
             SignalQuality::Stale => false,
         };
         (
@@ -264,6 +286,7 @@ impl Station {
 
     /// Writes a record now, behind the records that wait. Returns its number.
     pub(super) async fn append(&self, record: AuditRecord) -> Result<u64, StoreError> {
+        let _turn = self.writing.lock().await;
         let waiting = self.take_pending();
         let records = waiting.iter().cloned().chain([record]).collect();
         let first = self.shared.keeper.append(records).await;
@@ -289,8 +312,9 @@ impl Station {
         Ok(())
     }
 
-    /// Writes the records that wait.
+    /// Writes the records that wait. When this returns, they are on the disk.
     pub(super) async fn write_pending(&self) -> Result<(), StoreError> {
+        let _turn = self.writing.lock().await;
         let pending = self.take_pending();
         if pending.is_empty() {
             return Ok(());

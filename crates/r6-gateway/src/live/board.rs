@@ -30,6 +30,8 @@ struct Row {
     address: Address,
     value: Option<AddressValue>,
     quality: SignalQuality,
+    /// Whether the controller does not have it.
+    is_unsupported: bool,
     asked_at: Option<Instant>,
     /// The number of its last change.
     changed: u64,
@@ -43,6 +45,7 @@ impl Board {
             address: *address,
             value: None,
             quality: SignalQuality::None,
+            is_unsupported: false,
             asked_at: None,
             changed: 0,
         };
@@ -62,6 +65,7 @@ impl Board {
         for row in &mut self.rows {
             let Some(read) = snapshot.value(row.address) else { continue };
             let value = read.reading.clone().map(AddressValue::from);
+            row.is_unsupported = read.quality == Quality::Unsupported;
             let quality = quality(&read.quality);
             row.asked_at = read.age.map(|age| clock::before(now, age));
             if row.value != value || row.quality != quality {
@@ -84,6 +88,11 @@ impl Board {
     pub fn signal(&self, now: Instant, address: Address) -> Option<(Signal, Option<Instant>)> {
         let row = self.rows.iter().find(|row| row.address == address)?;
         Some((row.signal(now), row.asked_at))
+    }
+
+    /// Whether the controller said that it does not have this address.
+    pub fn is_unsupported(&self, address: Address) -> bool {
+        self.rows.iter().any(|row| row.address == address && row.is_unsupported)
     }
 
     /// All values.

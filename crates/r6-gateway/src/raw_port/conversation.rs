@@ -17,6 +17,7 @@ use tokio::net::TcpStream;
 use super::port::Door;
 use super::serve;
 use crate::clock;
+use crate::core::raw::policy::RawAllow;
 use crate::core::raw::session::{Answer, Asked, Cause, HALF_FRAME, Session, Ticket};
 use crate::fleet::station::Station;
 
@@ -75,9 +76,11 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                 let now = clock::now();
                 let frames = session.handle_input(now, input.get(..count).unwrap_or_default());
                 if frames > 0 {
-                    door.lease().frame(now, source.ip());
-                    if door.policy.rule(source, &door.robot).is_none() {
+                    let Some(rule) = door.policy.rule(source, &door.robot) else {
                         return End::Closed(Cause::Denied);
+                    };
+                    if rule.allow == RawAllow::Command {
+                        door.lease().frame(now, &serve::holder(&rule, source));
                     }
                 }
             }
@@ -109,15 +112,16 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
 /// Begins a request. Stops and commands run to their end even if the client leaves.
 fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: Ticket, asked: Asked) -> Work {
     let (door, station) = (Arc::clone(door), Arc::clone(station));
+    let begun = tokio::time::Instant::now();
     match asked {
         Asked::Query(addresses) => Box::pin(async move {
-            let begun = tokio::time::Instant::now();
             let answer = serve::query(&station, &addresses).await;
             tokio::time::sleep_until(begun + door.pace()).await;
             (ticket, answer)
         }),
         Asked::Refused { request, reason } => Box::pin(async move {
             let answer = serve::refuse(&door, &station, source, &request, (Code::BadCommand, reason));
+            tokio::time::sleep_until(begun + door.pace()).await;
             (ticket, answer)
         }),
         Asked::Stop(command) => {
@@ -125,8 +129,13 @@ fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: T
             Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
         }
         Asked::Order(order) => {
+            let pace = door.pace();
             let work = tokio::spawn(async move { serve::order(&door, &station, source, order).await });
-            Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
+            Box::pin(async move {
+                let answer = work.await.unwrap_or(Answer::Silence);
+                tokio::time::sleep_until(begun + pace).await;
+                (ticket, answer)
+            })
         }
     }
 }

@@ -13,7 +13,7 @@ use crate::core::order::Order;
 use crate::core::raw::lease::Holder;
 use crate::core::raw::policy::{RawAllow, RawRule};
 use crate::core::raw::session::Answer;
-use crate::core::seat::{Key, USUAL_LEASE};
+use crate::core::seat::{Denied, Key, USUAL_LEASE};
 use crate::fleet::station::{By, Station};
 use crate::problem::Problem;
 
@@ -75,19 +75,19 @@ pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Or
     if let Some(reason) = rule.forbids(&order).or_else(|| beyond(&rule, &order)) {
         return refuse(door, station, source, word, (Code::NotAllowed, reason));
     }
-    if let Err(wait) = door.rate().request(clock::now()) {
-        let reason = format!("too many commands: wait {} ms", wait.as_millis());
-        return refuse(door, station, source, word, (Code::TooManyRequests, reason));
-    }
     let effect = order.effect();
     let holder = holder(&rule, source);
     // What is refused anyway does not take the lease from those who could use it.
-    let fit = station.seat(|seat, now| seat.check_before_lease(now, effect));
+    // While a stop holds, the lease is for the person who clears the stop.
+    let fit = station.seat(|seat, now| match seat.stops() {
+        (true, _) => Err(Denied::Stopped),
+        (false, _) => seat.check_before_lease(now, effect),
+    });
     let held = match fit {
         Ok(()) => acquire(door, station, &holder, source).await,
         Err(denied) => Err(denied.into()),
     };
-    let (key, is_new) = match held {
+    let (key, has_list) = match held {
         Ok(held) => held,
         Err(problem) => {
             if door.refusals().is_written(clock::now(), source.ip(), word) {
@@ -97,9 +97,22 @@ pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Or
         }
     };
     let used = Used { door, key };
-    // What is in the list under a lease that is held already is the source's own.
-    let run_leftover = !is_new && matches!(order, Order::List { .. });
-    let done = station.command(&by(&rule, source), key, order, run_leftover).await;
+    // Only the holder counts: others cannot use up what it may send.
+    if let Err(wait) = door.rate().request(clock::now()) {
+        let reason = format!("too many commands: wait {} ms", wait.as_millis());
+        return refuse(door, station, source, word, (Code::TooManyRequests, reason));
+    }
+    let is_list = matches!(order, Order::List { .. });
+    // Waiting for the lease took its time.
+    let still = door.policy.rule(source, &door.robot).is_some_and(|now| now == rule);
+    if !still {
+        let reason = "the rules have changed".to_owned();
+        return refuse(door, station, source, word, (Code::NotAllowed, reason));
+    }
+    let done = station.command(&by(&rule, source), key, order, is_list && has_list).await;
+    if is_list && done.is_ok() {
+        door.lease().has_list(key);
+    }
     drop(used);
     door_answer(station, done.map(drop))
 }
@@ -128,7 +141,8 @@ fn beyond(rule: &RawRule, order: &Order) -> Option<String> {
     envelope.check_motion(&motion).err().map(|violation| violation.to_string())
 }
 
-/// The lease of this holder, and whether it is new; acquired if it is free. It is in use afterwards.
+/// The lease of this holder, acquired if it is free, and whether what is in the list may be the holder's own.
+/// It is in use afterwards.
 async fn acquire(
     door: &Door,
     station: &Station,
@@ -138,16 +152,16 @@ async fn acquire(
     // Two clients of one computer are one holder: the second waits for the lease of the first.
     let _turn = door.acquiring.lock().await;
     let held = door.lease().begin_use(holder);
-    if let Some(key) = held {
+    if let Some((key, has_list)) = held {
         if station.seat(|seat, now| seat.renew(now, key, USUAL_LEASE)).is_ok() {
-            return Ok((key, false));
+            return Ok((key, has_list));
         }
         door.lease().lost(key);
     }
     let by = By { actor: holder.label(), source: Some(source.to_string()) };
     let key = station.acquire_key(&by, USUAL_LEASE).await?;
     door.lease().granted(clock::now(), holder.clone(), key);
-    Ok((key, true))
+    Ok((key, false))
 }
 
 /// Notes that a command does not use the lease any more, also if its task ends by itself.
@@ -194,7 +208,8 @@ fn door_answer(station: &Station, done: Result<(), Problem>) -> Answer {
     }
 }
 
-fn holder(rule: &RawRule, source: SocketAddr) -> Holder {
+/// Whom the implicit lease is for.
+pub fn holder(rule: &RawRule, source: SocketAddr) -> Holder {
     Holder { address: source.ip(), rule: rule.source.to_string() }
 }
 

@@ -169,23 +169,26 @@ fn tell_raw(gateway: &Gateway, rules: bool) {
     }
 }
 
-/// Reads the file again. A mistake changes nothing. Raw ports stay as they are until the next start; the
-/// rules change at once.
+/// Reads the file again. A mistake in it changes nothing. Raw ports stay as they are until the next start;
+/// the rules change at once.
 async fn reread(gateway: &Gateway, path: &Path, typed: &[String]) {
     let Config { robots, policy, .. } = match all(Some(path), typed) {
         Ok(config) => config,
         Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
     };
+    // Before the robots, which may take their time: a source that is denied now commands nothing more.
+    gateway.set_raw_policy(policy.unwrap_or_default());
     match gateway.reload(robots).await {
-        Ok(Changes { added, changed, removed }) => {
-            gateway.set_raw_policy(policy.unwrap_or_default());
-            output::line(format_args!(
-                "read {} again: {added} added, {changed} changed, {removed} removed, {} now",
-                path.display(),
-                output::counted(gateway.robots(), "robot")
-            ));
-        }
-        Err(problem) => output::note(format_args!("r6: {}: {}", path.display(), problem.message)),
+        Ok(Changes { added, changed, removed }) => output::line(format_args!(
+            "read {} again: {added} added, {changed} changed, {removed} removed, {} now",
+            path.display(),
+            output::counted(gateway.robots(), "robot")
+        )),
+        Err(problem) => output::note(format_args!(
+            "r6: {}: the robots stay as they were, and the rules of raw ports changed: {}",
+            path.display(),
+            problem.message
+        )),
     }
 }
 

@@ -65,19 +65,30 @@ struct Held {
     last_frame: Instant,
     /// How many commands are under way with it.
     in_use: u32,
+    /// Whether what is in the list may be its own.
+    has_list: bool,
 }
 
 impl ImplicitLease {
     /// The key of this holder, if it has the lease. The lease is in use until [`Self::used`].
-    pub fn begin_use(&mut self, holder: &Holder) -> Option<Key> {
+    ///
+    /// Also: whether what is in the list may be its own.
+    pub fn begin_use(&mut self, holder: &Holder) -> Option<(Key, bool)> {
         let held = self.held.as_mut().filter(|held| held.holder == *holder)?;
         held.in_use = held.in_use.saturating_add(1);
-        Some(held.key)
+        Some((held.key, held.has_list))
+    }
+
+    /// The controller accepted a list of the holder of this key.
+    pub fn has_list(&mut self, key: Key) {
+        if let Some(held) = self.held.as_mut().filter(|held| held.key.number == key.number) {
+            held.has_list = true;
+        }
     }
 
     /// The seat gave the lease to this holder. It is in use until [`Self::used`].
     pub fn granted(&mut self, now: Instant, holder: Holder, key: Key) {
-        self.held = Some(Held { holder, key, last_frame: now, in_use: 1 });
+        self.held = Some(Held { holder, key, last_frame: now, in_use: 1, has_list: false });
     }
 
     /// A command with this key came to its end.
@@ -92,9 +103,9 @@ impl ImplicitLease {
         self.held.take_if(|held| held.key.number == key.number);
     }
 
-    /// A frame came from this address.
-    pub fn frame(&mut self, now: Instant, address: IpAddr) {
-        if let Some(held) = self.held.as_mut().filter(|held| held.holder.address == address) {
+    /// A frame came from this holder.
+    pub fn frame(&mut self, now: Instant, holder: &Holder) {
+        if let Some(held) = self.held.as_mut().filter(|held| held.holder == *holder) {
             held.last_frame = held.last_frame.max(now);
         }
     }
@@ -102,8 +113,11 @@ impl ImplicitLease {
     /// What has to be done now. A stop that holds ends the lease as soon as the arm stands, because its
     /// holder cannot clear the stop, and the person who clears it needs the lease.
     #[must_use]
-    pub fn due(&self, now: Instant, rest: Rest) -> Due {
-        let Some(held) = &self.held else { return Due::Nothing };
+    pub fn due(&mut self, now: Instant, rest: Rest) -> Due {
+        let Some(held) = &mut self.held else { return Due::Nothing };
+        if rest.stands && rest.list_is_empty && held.in_use == 0 {
+            held.has_list = false;
+        }
         let is_gone = rest.list_is_empty && now.since(held.last_frame) >= KEPT_FOR;
         if held.in_use == 0 && rest.stands && (rest.stopped || is_gone) {
             Due::Release(held.key)
@@ -165,14 +179,14 @@ mod tests {
                 match step {
                     Step::Wait { ms } => now += Duration::from_millis(ms),
                     Step::Frame { who } => {
-                        lease.frame(now, holder(who).address);
+                        lease.frame(now, &holder(who));
                         if let Some((owner, _, at)) = &mut last && *owner == who {
                             *at = now;
                         }
                     }
                     Step::Use { who } => {
                         let had = lease.begin_use(&holder(who));
-                        if let Some(key) = had {
+                        if let Some((key, _)) = had {
                             prop_assert_eq!(last.map(|(owner, number, _)| (owner, number)), Some((who, key.number)));
                             uses.push(key);
                             if seat.renew(now, key, USUAL_LEASE).is_ok() {

@@ -58,6 +58,10 @@ impl RawSource {
             None => (text, None),
         };
         let address: IpAddr = address.parse().ok()?;
+        if matches!(address, IpAddr::V6(address) if address.to_ipv4_mapped().is_some()) {
+            // It would cover nobody: such a client counts as the IPv4 address that it is.
+            return None;
+        }
         let all = if address.is_ipv4() { 32 } else { 128 };
         let bits = match bits {
             Some(bits) if bits.is_empty() || !bits.bytes().all(|byte| byte.is_ascii_digit()) => return None,
@@ -225,9 +229,17 @@ mod tests {
             assert_eq!(RawSource::parse(text).unwrap().to_string(), text);
         }
         assert_eq!(RawSource::parse("10.0.0.1/32").unwrap().to_string(), "10.0.0.1");
-        for text in
-            ["", "press", "192.168.1.20/24", "10.0.0.0/33", "::/129", "10.0.0.0/", "10.0.0.0/+8", "10/8"]
-        {
+        for text in [
+            "",
+            "press",
+            "192.168.1.20/24",
+            "10.0.0.0/33",
+            "::/129",
+            "10.0.0.0/",
+            "10.0.0.0/+8",
+            "10/8",
+            "::ffff:10.0.0.5",
+        ] {
             assert_eq!(RawSource::parse(text), None, "{text}");
         }
     }

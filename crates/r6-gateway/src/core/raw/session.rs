@@ -8,14 +8,15 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
-use r6_proto::dialect::Dialect;
+use r6_proto::dialect::{Addressing, Dialect};
 use r6_proto::frame::{FrameBuffer, FrameFault, Limits};
 use r6_proto::message::{Action, AddRcc, Extra, ExtraKind, Header, Place};
 use r6_proto::reply::{ReplyWriter, Verdict};
 use r6_proto::time::Instant;
 use r6_proto::value::Values;
-use r6_proto::{Address, Body, Command, Decoder, Effect, Message, RequestType};
+use r6_proto::{Address, Body, Command, Decoder, Effect, Message, Request, RequestType};
 
+use super::meaning;
 use crate::core::order::Order;
 
 /// How many requests of one client may wait or be under way, and how many stops besides. Scripts send one at
@@ -24,6 +25,9 @@ pub const MAX_WAITING: usize = 8;
 
 /// How many bytes of replies may wait for a client that does not read. A reply is below 4 KiB.
 pub const MAX_OUTPUT: usize = 64 * 1024;
+
+/// How many addresses a query may have: more than any client asks for at once. A longer one gets no reply.
+pub const MAX_ADDRESSES: usize = 128;
 
 /// How long a frame may take from its first byte to its last.
 pub const HALF_FRAME: Duration = Duration::from_secs(10);
@@ -52,7 +56,7 @@ pub enum Cause {
     HalfFrame,
     /// A frame was too long.
     LongFrame,
-    /// Broken frame after broken frame came.
+    /// Broken frame after broken frame came, or something else before the first frame.
     Garbage,
 }
 
@@ -134,6 +138,8 @@ pub struct Session {
     /// Since when the present frame is incomplete.
     half_since: Option<Instant>,
     broken: u32,
+    /// Whether the first byte of a frame came.
+    has_begun: bool,
     next_ticket: u64,
     /// The requests whose replies have not left, oldest first.
     waiting: VecDeque<Waiting>,
@@ -176,6 +182,7 @@ impl Session {
             decoder: Decoder::new(),
             half_since: None,
             broken: 0,
+            has_begun: false,
             next_ticket: 0,
             waiting: VecDeque::new(),
             output: VecDeque::new(),
@@ -186,6 +193,17 @@ impl Session {
 
     /// Takes in bytes. Returns how many complete frames were among them.
     pub fn handle_input(&mut self, now: Instant, bytes: &[u8]) -> usize {
+        if !self.has_begun {
+            // A web page can make a browser send a frame in the body of a request. But no request begins as a
+            // frame does.
+            match bytes.iter().find(|byte| !byte.is_ascii_whitespace()) {
+                None => {}
+                Some(b'{') => self.has_begun = true,
+                Some(_) => {
+                    self.closed.get_or_insert(Cause::Garbage);
+                }
+            }
+        }
         let (mut rest, mut frames) = (bytes, 0);
         while self.closed.is_none() {
             let taken = self.frames.push(rest);
@@ -332,10 +350,15 @@ fn asked(message: &Message<'_>) -> Option<Asked> {
         |request: &str, reason: String| Some(Asked::Refused { request: request.to_owned(), reason });
     let asked = match &message.body {
         Body::Query(query) => {
-            Some(Asked::Query(query.resolved().filter_map(|(_, address)| address.ok()).collect()))
+            let known: Vec<_> = query.resolved().filter_map(|(_, address)| address.ok()).collect();
+            (known.len() <= MAX_ADDRESSES).then_some(Asked::Query(known))
         }
         Body::Command(words) => match words.read_owned() {
             Ok(command) if command.name().effect() == Effect::Stops => Some(Asked::Stop(command)),
+            // It is not known which of the two a controller reads.
+            Ok(command) if message.extras().any(|extra| extra.kind == ExtraKind::DuplicateKey) => {
+                refused(command.name().word(), "a key of the request stands twice".to_owned())
+            }
             Ok(command) => Some(Asked::Order(command.into())),
             Err(error) => refused(&excerpt(&words.word()), error.to_string()),
         },
@@ -389,7 +412,13 @@ fn list(message: &Message<'_>, rcc: &AddRcc<'_>) -> Result<Order, String> {
     if let Some(extra) = message.extras().find(is_doubtful) {
         return Err(format!("`{}` in {}: {}", excerpt(&extra.key.text()), extra.place, extra.kind));
     }
-    Ok(Order::List { replace, steps: rcc.instructions.to_vec() })
+    let request = Request::AddRcc { empty_list: replace, instructions: rcc.instructions };
+    let mut ours = Vec::new();
+    request.encode(&Addressing::default(), &mut ours).map_err(|error| error.to_string())?;
+    match meaning::change(message.frame(), &ours) {
+        Some(change) => Err(change),
+        None => Ok(Order::List { replace, steps: rcc.instructions.to_vec() }),
+    }
 }
 
 fn excerpt(word: &str) -> String {

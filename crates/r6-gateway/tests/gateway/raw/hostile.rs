@@ -30,6 +30,25 @@ fn closed(cause: &str, count: u32) -> String {
     format!("r6_gateway_raw_closed_total{{robot=\"press\",cause=\"{cause}\"}} {count}")
 }
 
+/// What a browser sends if a web page posts a frame to the raw port.
+#[tokio::test]
+async fn a_web_page_moves_and_stops_nothing() {
+    let raw =
+        Raw::start(VirtualController::start().await.unwrap(), &[("127.0.0.0/8", RawAllow::Command)]).await;
+    let body = r#"x{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"command","packID":"1","cmdData":["actionStop"]}"#;
+    for head in [
+        "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nsec-ch-ua: \"Chromium\";v=\"130\"\r\nContent-Length: 103\r\n\r\n",
+        "GET /{ HTTP/1.1\r\n\r\n",
+    ] {
+        let mut page = Script::from(2, raw.address()).await;
+        let _ = page.stream.write_all([head, body].concat().as_bytes()).await;
+        assert_eq!(page.reply().await, None);
+    }
+    until_counted(&raw, &closed("garbage", 2)).await;
+    assert!(raw.tap.frames("command").is_empty(), "{:?}", raw.tap.frames("command"));
+    assert_eq!(raw.hall.get(&raw.hall.viewer, "/v1/robots/press").await["stopped"], false);
+}
+
 #[tokio::test]
 async fn broken_clients_hurt_no_other() {
     let raw = Raw::start(VirtualController::start().await.unwrap(), READ).await;

@@ -32,6 +32,33 @@ const QUERY: &str = r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"quer
 const STOP: &str =
     r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"command","packID":"8","cmdData":["actionStop"]}"#;
 
+/// The body of a request of a browser is never taken for a frame.
+#[test]
+fn a_web_page_cannot_send_frames() {
+    for head in ["POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", "\r\nGET /x{ HTTP/1.1\r\n", "x", "\u{0}", "["]
+    {
+        let mut page = Session::new();
+        page.handle_input(at(0), head.as_bytes());
+        page.handle_input(at(1), [STOP, QUERY].concat().as_bytes());
+        assert_eq!((page.closed(), begun(&mut page)), (Some(Cause::Garbage), Vec::new()), "{head:?}");
+    }
+}
+
+#[test]
+fn a_query_has_a_limit() {
+    let query = |count: usize| {
+        format!(
+            r#"{{"reqType":"query","packID":"1","queryAddr":[{}]}}"#,
+            vec!["\"curMode\""; count].join(",")
+        )
+    };
+    let mut session = Session::new();
+    session.handle_input(at(0), query(MAX_ADDRESSES + 1).as_bytes());
+    assert!(begun(&mut session).is_empty());
+    session.handle_input(at(0), query(MAX_ADDRESSES).as_bytes());
+    assert!(matches!(&begun(&mut session)[..], [(_, Asked::Query(known))] if known.len() == MAX_ADDRESSES));
+}
+
 #[test]
 fn a_reply_repeats_what_the_client_sent_and_has_the_digits_of_the_robot() {
     let mut session = Session::new();
@@ -149,6 +176,11 @@ fn the_limits_close_a_client() {
     let mut garbage = Session::new();
     garbage.handle_input(at(0), "}x{]".repeat(200).as_bytes());
     assert_eq!(garbage.closed(), Some(Cause::Garbage));
+    let mut broken = Session::new();
+    broken.handle_input(at(0), "{x}".repeat(200).as_bytes());
+    assert_eq!(broken.closed(), Some(Cause::Garbage));
+    let mut blanks = Session::new();
+    assert_eq!(blanks.handle_input(at(0), [" \r\n", QUERY].concat().as_bytes()), 1);
     let mut some = Session::new();
     for _ in 0..100 {
         some.handle_input(at(0), [r#"{"a" 1}"#, QUERY].concat().as_bytes());
