@@ -267,7 +267,7 @@ enum Filler {
 type Connecting = std::pin::Pin<Box<dyn Future<Output = io::Result<TcpStream>> + Send>>;
 
 /// The address of a listener for this machine.
-fn reachable(address: SocketAddr) -> SocketAddr {
+pub(crate) fn reachable(address: SocketAddr) -> SocketAddr {
     let mut reachable = address;
     match address.ip() {
         IpAddr::V4(host) if host.is_unspecified() => reachable.set_ip(Ipv4Addr::LOCALHOST.into()),

@@ -132,6 +132,13 @@ impl ControllerHandle {
         self.shared.address
     }
 
+    /// The address at which programs of this machine reach it: [`Self::address`], and 127.0.0.1 or ::1 if it
+    /// listens on all addresses.
+    #[must_use]
+    pub fn local_address(&self) -> SocketAddr {
+        crate::door::reachable(self.shared.address)
+    }
+
     /// Connects to it without a network ([`crate::Simulation::start_in_memory`]). Door and link faults work
     /// as over TCP. While attempts to connect get no answer, this retries after 1 s, 2 s, 4 s, as a real
     /// system does.

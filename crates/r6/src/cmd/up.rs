@@ -101,7 +101,7 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let (place, usual_port) = (args.gateway, args.listen.port() == DEFAULT_LISTEN_PORT);
     let simulation = start(args).await?;
     let gateway = match simulation.controllers().first() {
-        Some(robot) => CellGateway::start(place, robot.address(), usual_port).await?,
+        Some(robot) => CellGateway::start(place, robot.local_address(), usual_port).await?,
         None => None,
     };
     let result = tokio::select! {

@@ -2,7 +2,7 @@
 
 use std::fs::OpenOptions;
 use std::io::{self, Write as _};
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
 use r6_api::gateway::Role;
@@ -125,8 +125,7 @@ fn settings(
     // The robot is virtual: programs of this machine may move it. Others cannot reach the raw port.
     let sources = ["127.0.0.0/8", "::1"].into_iter().filter_map(RawSource::parse);
     let rules = sources.map(|source| RawRule::new(source, RawAllow::Command)).collect();
-    let config =
-        RobotConfig { settings: robot::settings(), ..RobotConfig::new(name, reached(robot).to_string()) };
+    let config = RobotConfig { settings: robot::settings(), ..RobotConfig::new(name, robot.to_string()) };
     Ok(GatewaySettings {
         listen,
         data: data.to_owned(),
@@ -135,16 +134,6 @@ fn settings(
         raw: vec![port],
         raw_policy: RawPolicy::new(rules),
     })
-}
-
-/// Where a cell that listens here can be reached from this machine.
-fn reached(listen: SocketAddr) -> SocketAddr {
-    let ip = match listen.ip() {
-        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
-        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
-        ip => ip,
-    };
-    SocketAddr::new(ip, listen.port())
 }
 
 fn cannot(what: &str, path: &Path, error: &io::Error) -> Failure {
