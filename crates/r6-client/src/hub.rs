@@ -89,9 +89,7 @@ impl Known {
             self.raw.forget();
         }
     }
-}
 
-impl Known {
     /// Keeps the values of a reply as the controller wrote them, if each is known to belong to its address.
     pub fn keep_raw(
         &mut self,

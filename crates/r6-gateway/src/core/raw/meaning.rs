@@ -4,8 +4,8 @@ use serde_json::{Map, Value};
 
 /// What our encoding would change in a list, for people; `None` if nothing. Both are whole `AddRCC` frames.
 ///
-/// The instructions need the same keys, with the same texts or numbers: it is not known what a controller
-/// takes for a key that is missing, or does with one that we do not know.
+/// The instructions need the same keys, with the same texts or numbers. A controller may take any value for a
+/// key that is missing, and may know a key that we do not know.
 #[must_use]
 pub fn change(theirs: &[u8], ours: &[u8]) -> Option<String> {
     let (Some(theirs), Some(ours)) = (instructions(theirs), instructions(ours)) else {

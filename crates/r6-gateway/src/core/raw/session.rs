@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use r6_proto::dialect::{Addressing, Dialect};
 use r6_proto::frame::{FrameBuffer, FrameFault, Limits};
-use r6_proto::message::{Action, AddRcc, Extra, ExtraKind, Header, Place};
+use r6_proto::message::{Action, AddRcc, ExtraKind, Header};
 use r6_proto::reply::{ReplyWriter, Verdict};
 use r6_proto::time::Instant;
 use r6_proto::value::Values;
@@ -23,7 +23,7 @@ use crate::core::order::Order;
 /// a time.
 pub const MAX_WAITING: usize = 8;
 
-/// How many bytes of replies may wait for a client that does not read. A reply is below 4 KiB.
+/// How many bytes of replies may wait for a client that does not read. A usual reply is below 4 KiB.
 pub const MAX_OUTPUT: usize = 64 * 1024;
 
 /// How many addresses a query may have: more than any client asks for at once. A longer one gets no reply.
@@ -403,13 +403,8 @@ fn list(message: &Message<'_>, rcc: &AddRcc<'_>) -> Result<Order, String> {
             ));
         }
     }
-    // Unknown keys and keys without a meaning do nothing, in a controller either.
-    let is_doubtful = |extra: &Extra<'_>| match extra.kind {
-        ExtraKind::DuplicateKey => true,
-        ExtraKind::OtherSpelling => matches!(extra.place, Place::Instruction(_)),
-        ExtraKind::UnknownKey | ExtraKind::OutOfPlace => false,
-    };
-    if let Some(extra) = message.extras().find(is_doubtful) {
+    // The comparison below sees only one value of a key.
+    if let Some(extra) = message.extras().find(|extra| extra.kind == ExtraKind::DuplicateKey) {
         return Err(format!("`{}` in {}: {}", excerpt(&extra.key.text()), extra.place, extra.kind));
     }
     let request = Request::AddRcc { empty_list: replace, instructions: rcc.instructions };

@@ -161,6 +161,16 @@ mod tests {
         assert_eq!(of("10.0.0.1", "press-4"), None);
     }
 
+    /// Each part of a message stands at its line.
+    fn assert_told(text: &str, parts: &[(&str, &str)]) {
+        let mistakes = parse(text).unwrap_err();
+        let lines: Vec<_> = mistakes.lines("hall.toml").collect();
+        for (line, part) in parts {
+            let is_told = lines.iter().any(|told| told.starts_with(line) && told.contains(part));
+            assert!(is_told, "{part}: {lines:#?}");
+        }
+    }
+
     #[test]
     fn every_mistake_of_a_raw_port_or_a_rule_is_told() {
         let text = "[[raw]]\nrobot = \"a\"\nlisten = \"9760\"\n[[raw]]\nlisten = \"127.0.0.1:0\"\n\
@@ -168,39 +178,35 @@ mod tests {
                     [[raw_rule]]\nallow = \"read\"\nspeed = 3\n\
                     [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n\
                     [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n";
-        let mistakes = parse(text).unwrap_err();
-        let lines: Vec<_> = mistakes.lines("hall.toml").collect();
-        for (line, part) in [
-            ("hall.toml:3:", "`listen`"),
-            ("hall.toml:4:", "`robot` is missing"),
-            ("hall.toml:7:", "`source`"),
-            ("hall.toml:8:", "`allow`"),
-            ("hall.toml:9:", "`max_global_speed` is 101"),
-            ("hall.toml:10:", "`source` is missing"),
-            ("hall.toml:12:", "`speed`"),
-            ("hall.toml:17:", "two raw ports"),
-        ] {
-            let is_told = lines.iter().any(|told| told.starts_with(line) && told.contains(part));
-            assert!(is_told, "{part}: {lines:#?}");
-        }
+        assert_told(
+            text,
+            &[
+                ("hall.toml:3:", "`listen`"),
+                ("hall.toml:4:", "`robot` is missing"),
+                ("hall.toml:7:", "`source`"),
+                ("hall.toml:8:", "`allow`"),
+                ("hall.toml:9:", "`max_global_speed` is 101"),
+                ("hall.toml:10:", "`source` is missing"),
+                ("hall.toml:12:", "`speed`"),
+                ("hall.toml:17:", "two raw ports"),
+            ],
+        );
     }
 
     #[test]
     fn every_mistake_is_told_with_its_line() {
         let text = "[[robot]]\nname = \"Press 4\"\naddress = \"a:b:c\"\n[[robot]]\nname = \"saw\"\naddress = \"a\"\n\
                     period_ms = 1\nread = [\"axis-99\"]\nx = 1\n";
-        let mistakes = parse(text).unwrap_err();
-        let lines: Vec<_> = mistakes.lines("hall.toml").collect();
-        for (line, part) in [
-            ("hall.toml:2:", "`name` is the text \"Press 4\""),
-            ("hall.toml:3:", "`address`"),
-            ("hall.toml:7:", "`period_ms` is 1"),
-            ("hall.toml:8:", "`read`"),
-            ("hall.toml:9:", "`x`"),
-        ] {
-            let is_told = lines.iter().any(|told| told.starts_with(line) && told.contains(part));
-            assert!(is_told, "{part}: {lines:#?}");
-        }
+        assert_told(
+            text,
+            &[
+                ("hall.toml:2:", "`name` is the text \"Press 4\""),
+                ("hall.toml:3:", "`address`"),
+                ("hall.toml:7:", "`period_ms` is 1"),
+                ("hall.toml:8:", "`read`"),
+                ("hall.toml:9:", "`x`"),
+            ],
+        );
         let twice =
             "[[robot]]\nname = \"saw\"\naddress = \"a\"\n[[robot]]\nname = \"saw\"\naddress = \"b\"\n";
         assert!(parse(twice).unwrap_err().first().what.contains("two robots"));
