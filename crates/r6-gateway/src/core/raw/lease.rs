@@ -44,7 +44,7 @@ pub struct Rest {
 /// What has to be done with the lease.
 #[derive(Clone, Copy, Debug)]
 pub enum Due {
-    /// Nothing: there is none.
+    /// There is no lease.
     Nothing,
     /// Let it last longer.
     Renew(Key),
@@ -162,6 +162,29 @@ mod tests {
 
     fn holder(who: u8) -> Holder {
         Holder { address: IpAddr::from([10, 0, 0, who]), rule: "10.0.0.0/8".to_owned() }
+    }
+
+    #[test]
+    fn frames_under_another_rule_do_not_keep_it_and_a_list_counts_until_it_is_done() {
+        let begin = Instant::ORIGIN + Duration::from_secs(1);
+        let now = |seconds| begin + Duration::from_secs(seconds);
+        let rest = Rest { stands: true, list_is_empty: true, stopped: false };
+        let key = Key { number: 7, secret: Secret([0; 16]) };
+        let mut lease = ImplicitLease::default();
+        lease.granted(now(0), holder(1), key);
+        lease.has_list(key);
+        lease.used(key);
+        assert!(lease.begin_use(&holder(1)).unwrap().1);
+        assert!(matches!(lease.due(now(1), rest), Due::Renew(_)), "it is in use");
+        assert!(lease.begin_use(&holder(1)).unwrap().1, "a command is under way, so the list may be its own");
+        lease.used(key);
+        lease.used(key);
+        assert!(matches!(lease.due(now(2), rest), Due::Renew(_)));
+        assert!(!lease.begin_use(&holder(1)).unwrap().1, "the list was seen empty");
+        lease.used(key);
+        // Its rule was withdrawn; another one lets the address read.
+        lease.frame(now(9), &Holder { rule: "10.0.0.0/16".to_owned(), ..holder(1) });
+        assert!(matches!(lease.due(now(10), rest), Due::Release(_)));
     }
 
     proptest! {

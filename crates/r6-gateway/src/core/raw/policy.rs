@@ -85,7 +85,7 @@ impl RawSource {
             return None;
         }
         let behind = if address.is_ipv4() { 32 - self.bits } else { 128 - self.bits };
-        // With a length of 0 no bit counts, and a shift by all bits is none.
+        // If no bit counts, all bits would be shifted out, which `>>` does not do.
         Some(number(address).checked_shr(behind).map_or(0, |first| first << behind))
     }
 }

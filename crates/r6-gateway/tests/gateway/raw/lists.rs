@@ -81,6 +81,9 @@ async fn a_list_without_a_live_lease_never_reaches_the_controller() {
         let reply = script.ask(&list(replace, &[to("5", "10")])).await;
         assert!(verdict(&reply).starts_with("err the robot was stopped"), "{reply}");
     }
+    // Nor does it keep the lease from the person who clears the stop.
+    let said = script.command("modifyGSPD 500").await;
+    assert!(said.starts_with("err the robot was stopped"), "{said}");
     assert_eq!(raw.tap.frames("AddRCC").len(), 1);
 
     // Once the stop is cleared, what is left of the list is not run by what is appended to it.
