@@ -85,10 +85,11 @@ impl fmt::Display for Violation {
                 let unit = length(slides);
                 write!(f, "{axis} goes {value} {unit} in one step, more than {most} {unit}")
             }
-            (Checked::AxisStep(axis, _), None) => write!(
+            (Checked::AxisStep(axis, slides), None) => write!(
                 f,
-                "how far {axis} goes is limited, and cannot be told: behind a move of the tool it is not known where the axis \
-                 begins. Begin a list of its own here, or leave out this limit (max_axis_step)"
+                "how far {axis} goes is limited, and cannot be told: where it begins is not known, such as after a move of the \
+                 tool. Begin a list of its own here, or leave out the limit `{}`",
+                if slides { "max_distance" } else { "max_axis_step" }
             ),
             (Checked::Unit(axis, true), _) => {
                 write!(f, "{axis} is told in degrees, but slides: its limits are in mm")
@@ -104,8 +105,8 @@ impl fmt::Display for Violation {
                 write!(f, "the tool goes {value} mm in one step, more than {most} mm")
             }
             (Checked::Distance, None) => f.write_str(
-                "how far the tool goes is limited, and cannot be told: behind an axis move it is not known where the tool \
-                 begins. Begin a list of its own here, or leave out this limit (max_distance)",
+                "how far the tool goes is limited, and cannot be told: where it begins is not known, such as after an axis \
+                 move. Begin a list of its own here, or leave out the limit `max_distance`",
             ),
             (Checked::Arc, _) => f.write_str(
                 "the way of the curve cannot be told, because where it begins is not known: begin it with a linear move",

@@ -104,7 +104,7 @@ pub enum ListRefusal {
     UnknownAction(i64),
     /// This firmware does not know one of the actions.
     UnsupportedAction,
-    /// The instruction list has no room for so many instructions.
+    /// The list has more instructions than the instruction list can still take.
     NoRoom,
     /// It would have replaced the list while the arm moves: alarm 200.
     InMotion,
