@@ -227,6 +227,8 @@ class Peer:
 
     def close(self) -> None:
         self._ended.set()
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
 
 
@@ -275,10 +277,10 @@ def test_a_silent_gateway_is_given_up_in_time() -> None:
 
 
 def test_nothing_is_sent_if_nothing_listens() -> None:
-    peer = Peer(b"")
-    peer.close()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
     with pytest.raises(r6.NotSent) as lost:
-        r6.Gateway(peer.url, token="x").robots()
+        r6.Gateway(f"http://127.0.0.1:{port}", token="x").robots()
     assert (lost.value.reason, lost.value.may_send_again) == ("unreachable", True)
 
 
