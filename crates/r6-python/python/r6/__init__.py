@@ -1,9 +1,9 @@
 """Client and virtual controllers for Huacheng R6 / HC1 robot controllers (also sold as Borunte and others).
 
 ``Robot`` is the handle for ordinary code, ``AsyncRobot`` the same for asyncio. ``Simulator`` is a virtual
-controller to try them on. Values have units (``Degrees``, ``Millimetres``, ``Percent``, …): a wrong unit
-is a ``TypeError``, and an error of mypy. Errors are sorted by what to do next (``R6Error`` and its tree).
-Axes are counted from 0 (J1).
+controller to try them on. ``Gateway`` reads and commands the robots of a ``r6 gateway``. Values have units
+(``Degrees``, ``Millimetres``, ``Percent``, …): a wrong unit is a ``TypeError``, and an error of mypy. Errors are
+sorted by what to do next (``R6Error`` and its tree). Axes are counted from 0 (J1).
 
 >>> import r6
 >>> with r6.Simulator(clock="max") as controller, r6.Robot.connect(controller.address) as robot:
@@ -41,6 +41,15 @@ from ._errors import (
     StepError,
     UnknownAddress,
     WaitError,
+)
+from ._gateway import (
+    Gateway,
+    GatewayChange,
+    GatewayEvent,
+    GatewayLease,
+    GatewayRobot,
+    GatewaySignal,
+    GatewayState,
 )
 from ._motion import Following, MotionHandle, Step
 from ._r6 import (
@@ -134,6 +143,13 @@ __all__ = [
     "Followed",
     "Following",
     "Garbled",
+    "Gateway",
+    "GatewayChange",
+    "GatewayEvent",
+    "GatewayLease",
+    "GatewayRobot",
+    "GatewaySignal",
+    "GatewayState",
     "Identity",
     "InvalidRequest",
     "Latency",

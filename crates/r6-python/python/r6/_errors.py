@@ -55,7 +55,7 @@ class RequestError(R6Error):
     outcome, and for a request that cannot be sent as it is."""
     reason: str | None = None
     """A word for programs (``"unreachable"``, ``"timed_out"``, …); for ``Refused`` the controller's
-    reason."""
+    reason; over ``Gateway`` the code of its problem (``"leased"``, ``"stopped"``, …)."""
 
 
 class InvalidRequest(RequestError, ValueError):

@@ -1,0 +1,519 @@
+"""A hall's robots over the gateway (``r6 gateway``): ``Gateway``. It needs no connection to a robot."""
+
+from __future__ import annotations
+
+import http.client
+import ipaddress
+import json
+import ssl
+from collections.abc import Generator, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from types import TracebackType
+from typing import Any, Literal
+from urllib.parse import quote, urlencode, urlsplit
+
+from ._errors import InvalidRequest, NotSent, OutcomeUnknown, Refused, RequestError
+from ._r6 import Command
+
+DEFAULT_PORT = 9780
+
+_MOST_BYTES = 8 * 1024 * 1024
+"""The longest answer: a page of 1000 audit entries takes one. A longer one is not from a gateway."""
+
+_MOST_LINE_BYTES = 1024 * 1024
+"""The longest line of a stream: the snapshot of a robot with 1024 values takes a fifth of it."""
+
+_SILENCE = 40.0
+"""Seconds without a byte after which a stream counts as lost. The gateway sends something every 15 s."""
+
+_AGAIN = frozenset(
+    {"leased", "not_ready", "too_many_requests", "overloaded", "store_unavailable", "unreachable"}
+)
+"""Reasons of what was not sent that can pass by themselves."""
+
+Effect = Literal["reads", "changes", "moves", "stops"]
+
+
+@dataclass(frozen=True)
+class GatewaySignal:
+    """A value that the gateway reads again and again."""
+
+    address: str
+    """The query address, such as ``"axis-0"`` for J1."""
+    value: Any
+    """A text, a number, a flag, a list of texts or a ``dict``. ``None`` without a value."""
+    unit: str | None
+    """``"deg"``, ``"mm"``, ``"%"``, …; ``None`` if it has none or the protocol does not tell it."""
+    quality: str
+    """``"fresh"``; ``"stale"``: do not act on it; ``"none"``: there is no value."""
+    age: float | None
+    """Seconds since the value was asked for, when the gateway answered. ``None`` without a value."""
+
+    @classmethod
+    def _of(cls, data: Mapping[str, Any]) -> GatewaySignal:
+        age = data.get("age_ms")
+        age = None if age is None else age / 1000
+        return cls(data["address"], data.get("value"), data.get("unit"), data["quality"], age)
+
+
+@dataclass(frozen=True)
+class GatewayState:
+    """A robot as the gateway knows it."""
+
+    name: str
+    is_up: bool
+    """Whether it answers."""
+    is_stopped: bool
+    """Whether a stop holds: nothing moves until it is cleared."""
+    holder: str | None
+    """Who holds the lease; ``None`` if it is free."""
+    signals: Mapping[str, GatewaySignal]
+    """Its values by their addresses. Empty in ``Gateway.robots``."""
+    data: Mapping[str, Any] = field(repr=False)
+    """All that the gateway said, as in ``GET /v1/openapi.json``."""
+
+    def fresh(self, address: str) -> Any:
+        """The value of an address. ``LookupError`` unless it is fresh."""
+        signal = self.signals.get(address)
+        if signal is None:
+            raise LookupError(f"{self.name}: the gateway does not read {address}: name it in `read` of the robot")
+        if signal.quality != "fresh":
+            raise LookupError(f"{self.name}: {address} is {signal.quality}, not fresh")
+        return signal.value
+
+    @classmethod
+    def _of(cls, data: Mapping[str, Any]) -> GatewayState:
+        lease = data.get("lease")
+        signals = [GatewaySignal._of(signal) for signal in data.get("signals", [])]
+        return cls(
+            data["name"],
+            data["link"] == "up",
+            data["stopped"],
+            None if lease is None else lease["holder"],
+            {signal.address: signal for signal in signals},
+            data,
+        )
+
+
+@dataclass(frozen=True)
+class GatewayChange:
+    """Values of one robot in ``Gateway.live``."""
+
+    robot: str
+    kind: str
+    """``"snapshot"``: all values; ``"change"``: those that changed; ``"removed"``: the robot is gone."""
+    signals: Mapping[str, GatewaySignal]
+
+
+@dataclass(frozen=True)
+class GatewayEvent:
+    """Something that happened, in ``Gateway.events``."""
+
+    id: str
+    """Pass it as ``after`` to go on behind it. Empty for ``"reset"``."""
+    kind: str
+    """``"link_up"``, ``"lease_began"``, ``"stop_began"``, …; ``"reset"``: events before the next one are
+    lost."""
+    robot: str | None
+    time: str | None
+    """RFC 3339, UTC."""
+    data: Mapping[str, Any]
+    """All that the gateway said of it."""
+
+
+Changes = Generator[GatewayChange, None, None]
+Events = Generator[GatewayEvent, None, None]
+
+
+class Gateway:
+    """A gateway. It holds no connection: each call makes its own, so it can be used from several threads.
+
+    Errors are those of ``Robot``; ``reason`` is the code of the gateway's problem (``"leased"``,
+    ``"not_allowed"``, …). No request is sent twice.
+
+    >>> with r6.Gateway("http://127.0.0.1:9780", token_file="token") as hall:    # doctest: +SKIP
+    ...     press = hall.robot("press-4")
+    ...     print(press.state().fresh("axis-0"))
+    ...     with press.lease() as lease:
+    ...         lease.command("modifyGSPD", 5)
+    """
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        token: str | None = None,
+        token_file: str | Path | None = None,
+        ca_file: str | Path | None = None,
+        insecure_http: bool = False,
+        timeout: float = 30.0,
+    ) -> None:
+        """``url``: such as ``"http://127.0.0.1:9780"``; without a port, 9780. ``token``: what ``r6 gateway token``
+        prints; or ``token_file``, a file with it. ``ca_file``: the certificate of the gateway or of who issued
+        it, for ``https``. ``insecure_http``: send the token without TLS to another machine, where everyone
+        on the network can read it. ``timeout``: seconds for an answer; a stop takes up to 20.
+
+        ``ValueError`` if something of this is wrong. Nothing is sent yet.
+        """
+        parts = urlsplit(url)
+        wrong = parts.username or parts.password or parts.path not in ("", "/") or parts.query or parts.fragment
+        if parts.scheme not in ("http", "https") or not parts.hostname or wrong:
+            raise ValueError(f"{url!r} is not the URL of a gateway, such as http://127.0.0.1:9780")
+        if (token is None) == (token_file is None):
+            raise ValueError("give either token or token_file; `r6 gateway token` makes a token")
+        if token_file is not None:
+            token = Path(token_file).read_text(encoding="utf-8")
+        self._token = _plain_token(token or "")
+        self._host = parts.hostname
+        self._port = parts.port or DEFAULT_PORT
+        self._timeout = timeout
+        self._tls: ssl.SSLContext | None = None
+        if parts.scheme == "https":
+            self._tls = ssl.create_default_context(cafile=None if ca_file is None else str(ca_file))
+        elif not (insecure_http or _is_this_machine(self._host)):
+            raise ValueError(
+                f"{url}: everyone on the network could read the token: use https, or insecure_http=True"
+            )
+
+    def __enter__(self) -> Gateway:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def __repr__(self) -> str:
+        scheme = "http" if self._tls is None else "https"
+        return f"Gateway({scheme}://{self._host}:{self._port})"
+
+    def robots(self) -> list[GatewayState]:
+        """All robots that the token may see, without their values."""
+        return [GatewayState._of(data) for data in self._ask("GET", "/v1/robots")["robots"]]
+
+    def robot(self, name: str) -> GatewayRobot:
+        """The handle of a robot. Nothing is sent yet."""
+        return GatewayRobot(self, name)
+
+    def live(self, *, robot: str | None = None, signals: list[str] | None = None) -> Changes:
+        """Values as they change: of all robots or of one, all values or these addresses. A robot begins with
+        a snapshot. A slow reader gets the latest values and misses those in between. Leaving the loop ends the
+        stream.
+
+        Raises ``OutcomeUnknown`` when the stream is lost, and ``NotSent`` if it cannot be opened.
+        """
+        asked = {"robot": robot, "signal": None if signals is None else ",".join(signals)}
+        for _, kind, data in self._stream("/v1/live", asked, None):
+            signals_of = [GatewaySignal._of(signal) for signal in data.get("signals", [])]
+            name = data["name"] if kind == "snapshot" else data["robot"]
+            yield GatewayChange(name, kind, {signal.address: signal for signal in signals_of})
+
+    def events(self, *, robot: str | None = None, after: str | None = None) -> Events:
+        """What happens from now on, or behind the event with the id ``after``: links, leases, stops, commands.
+
+        Errors as for ``live``.
+        """
+        for number, kind, data in self._stream("/v1/events", {"robot": robot}, after):
+            happened = data.get("event", kind)
+            yield GatewayEvent(number, happened, data.get("robot"), data.get("time"), data)
+
+    def audit(self, *, after: int = 0, limit: int = 100) -> list[dict[str, Any]]:
+        """Entries of the audit log behind a number, oldest first, at most 1000. Engineers only."""
+        entries = self._ask("GET", f"/v1/audit?{urlencode({'after': after, 'limit': limit})}")["entries"]
+        return list(entries)
+
+    def _connection(self, timeout: float) -> http.client.HTTPConnection:
+        if self._tls is None:
+            return http.client.HTTPConnection(self._host, self._port, timeout=timeout)
+        return http.client.HTTPSConnection(self._host, self._port, timeout=timeout, context=self._tls)
+
+    def _send(
+        self,
+        connection: http.client.HTTPConnection,
+        method: str,
+        path: str,
+        body: Mapping[str, Any] | None,
+        effect: Effect,
+        headers: Mapping[str, str],
+    ) -> http.client.HTTPResponse:
+        """Sends a request once."""
+        try:
+            connection.connect()
+        except OSError as error:
+            raise _not_sent("unreachable", f"{self!r} cannot be reached: {error}") from error
+        headers = {"Authorization": f"Bearer {self._token}", "Connection": "close", **headers}
+        data = None if body is None else json.dumps(body, allow_nan=False)
+        if data is not None:
+            headers["Content-Type"] = "application/json"
+        try:
+            connection.request(method, path, body=data, headers=headers)
+            return connection.getresponse()
+        except (OSError, http.client.HTTPException) as error:
+            raise self._lost(method, path, effect, error) from error
+
+    def _lost(self, method: str, path: str, effect: Effect, error: Exception) -> OutcomeUnknown:
+        reason = "timed_out" if isinstance(error, TimeoutError) else "connection_lost"
+        problem = OutcomeUnknown(f"{self!r} gave no answer to {method} {path.split('?')[0]}: {error}")
+        problem.reason, problem.effect, problem.may_send_again = reason, effect, effect in ("reads", "stops")
+        return problem
+
+    def _ask(
+        self, method: str, path: str, body: Mapping[str, Any] | None = None, effect: Effect = "reads"
+    ) -> Any:
+        """Sends a request and returns the answer's JSON; ``None`` if it has none."""
+        connection = self._connection(self._timeout)
+        try:
+            with self._send(connection, method, path, body, effect, {}) as response:
+                text = response.read(_MOST_BYTES + 1)
+                if response.length and len(text) <= _MOST_BYTES:
+                    raise EOFError("the answer breaks off")
+        except (OSError, EOFError, http.client.HTTPException) as error:
+            raise self._lost(method, path, effect, error) from error
+        finally:
+            connection.close()
+        if response.status == 204:
+            return None
+        answer = _json(text)
+        if response.status // 100 == 2 and answer is not None:
+            return answer
+        raise self._problem(response.status, answer, method, path, effect)
+
+    def _problem(self, status: int, answer: Any, method: str, path: str, effect: Effect) -> RequestError:
+        """The error that a problem stands for. What is not a gateway's answer proves nothing."""
+        is_problem = isinstance(answer, dict) and isinstance(answer.get("code"), str)
+        if not is_problem or status < 400:
+            what = f"{method} {path.split('?')[0]}"
+            unclear = OutcomeUnknown(f"{self!r} answered {what} with status {status}, and not as a gateway does")
+            unclear.reason, unclear.effect = "unclear", effect
+            return unclear
+        code, text = answer["code"], str(answer.get("message", answer["code"]))
+        if code in ("outcome_unknown", "not_stopped"):
+            unknown = OutcomeUnknown(text)
+            unknown.reason, unknown.effect, unknown.may_send_again = code, effect, effect == "stops"
+            return unknown
+        if code == "refused":
+            refused = Refused(text)
+            refused.reason = code
+            return refused
+        if status in (400, 404, 405, 413, 415, 422):
+            invalid = InvalidRequest(text)
+            invalid.reason = code
+            return invalid
+        if status in (401, 403, 408, 409, 429, 503):
+            return _not_sent(code, text)
+        other = OutcomeUnknown(text)
+        other.reason, other.effect = code, effect
+        return other
+
+    def _stream(
+        self, path: str, asked: Mapping[str, str | None], after: str | None
+    ) -> Iterator[tuple[str, str, dict[str, Any]]]:
+        """The messages of a stream of server-sent events: id, kind, data."""
+        wanted = urlencode({name: value for name, value in asked.items() if value is not None})
+        path = f"{path}?{wanted}" if wanted else path
+        connection = self._connection(_SILENCE)
+        try:
+            headers = {} if after is None else {"Last-Event-ID": _header(after)}
+            with self._send(connection, "GET", path, None, "reads", headers) as response:
+                if response.status != 200:
+                    answer = _json(response.read(_MOST_BYTES))
+                    raise self._problem(response.status, answer, "GET", path, "reads")
+                yield from self._messages(response, path)
+        finally:
+            connection.close()
+
+    def _messages(self, response: http.client.HTTPResponse, path: str) -> Iterator[tuple[str, str, dict[str, Any]]]:
+        number, kind, data = "", "message", ""
+        while True:
+            try:
+                line = response.readline(_MOST_LINE_BYTES)
+            except (OSError, http.client.HTTPException, ValueError) as error:
+                raise self._lost("GET", path, "reads", error) from error
+            if not line.endswith(b"\n"):
+                cause = "the line is too long" if line else "the stream has ended"
+                raise self._lost("GET", path, "reads", EOFError(cause))
+            name, _, value = line.decode("utf-8", "replace").rstrip("\r\n").partition(":")
+            value = value.removeprefix(" ")
+            if name == "event":
+                kind = value
+            elif name == "id":
+                number = value
+            elif name == "data":
+                data += value
+                if len(data) > _MOST_BYTES:
+                    raise self._lost("GET", path, "reads", EOFError("the message is too long"))
+            elif not name and not value and data:
+                read = _json(data.encode())
+                if not isinstance(read, dict):
+                    raise self._lost("GET", path, "reads", EOFError("a message is no JSON object"))
+                yield number, kind, read
+                number, kind, data = "", "message", ""
+
+
+class GatewayRobot:
+    """The handle of one robot at a gateway, from ``Gateway.robot``."""
+
+    def __init__(self, gateway: Gateway, name: str) -> None:
+        self._gateway = gateway
+        self.name = name
+
+    def __repr__(self) -> str:
+        return f"GatewayRobot({self.name!r}, {self._gateway!r})"
+
+    def state(self) -> GatewayState:
+        """The robot with its values, each with unit, quality and age."""
+        return GatewayState._of(self._ask("GET", ""))
+
+    def stop(self) -> float:
+        """Stops the robot, and returns the seconds until it was proved that the arm stands. It needs no lease.
+        The stop holds until ``GatewayLease.clear_stopped``.
+
+        ``OutcomeUnknown`` with the reason ``not_stopped``: it is not proved. Use the emergency stop.
+        """
+        return float(self._ask("POST", "/stop", effect="stops")["took_ms"]) / 1000
+
+    def stop_command(self, word: Literal["actionStop", "actionPause", "stopButton"]) -> None:
+        """Sends one command that stops or pauses. It needs no lease and holds as ``stop`` does, but does not
+        prove that the arm stands."""
+        self._ask("POST", "/commands", {"command": word}, "stops")
+
+    def lease(self, duration: float = 10.0, *, take_because: str | None = None) -> GatewayLease:
+        """Acquires the command lease for 2 to 300 seconds. With ``take_because`` an admin takes it from its
+        holder; the robot is stopped first.
+
+        ``NotSent`` with the reason ``leased``: another holds it.
+        """
+        body: dict[str, Any] = {"duration_ms": round(duration * 1000)}
+        if take_because is not None:
+            body["take_because"] = take_because
+        asked = monotonic()
+        effect: Effect = "stops" if take_because is not None else "changes"
+        return GatewayLease(self, duration, asked, self._ask("POST", "/lease", body, effect))
+
+    def accept_identity(self) -> None:
+        """Accepts the robot that answers at this address now, after another one was exchanged for it. Look at
+        the robot first. Engineers only."""
+        change = self.state().data.get("identity_changed")
+        if change is None:
+            raise _not_sent("identity_changed", f"{self.name}: the robot that answers is the one that is known")
+        self._ask("POST", "/accept-identity", change["found"], "changes")
+
+    def _ask(
+        self, method: str, path: str, body: Mapping[str, Any] | None = None, effect: Effect = "reads"
+    ) -> Any:
+        return self._gateway._ask(method, f"/v1/robots/{quote(self.name, safe='')}{path}", body, effect)
+
+
+class GatewayLease:
+    """The command lease of one robot. It ends by itself unless it is renewed; ``with`` gives it back.
+
+    When a lease ends, a program of the controller that runs goes on.
+    """
+
+    def __init__(self, robot: GatewayRobot, duration: float, asked: float, given: Mapping[str, Any]) -> None:
+        self._robot = robot
+        self._duration = duration
+        self._key = given["lease"]
+        self._until: float = asked + given["expires_in_ms"] / 1000
+        self.is_stopped: bool = given["stopped"]
+        """Whether a stop held when the lease was acquired or renewed."""
+
+    def __enter__(self) -> GatewayLease:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.release()
+        except RequestError:
+            # It has ended already, or ends by itself soon. An error of the block is not hidden by this.
+            pass
+
+    def __repr__(self) -> str:
+        return f"GatewayLease({self._robot.name!r}, number {self.number}, {self.left:.1f} s left)"
+
+    @property
+    def number(self) -> int:
+        """Its number. A robot's next lease has a higher one."""
+        return int(self._key["number"])
+
+    @property
+    def left(self) -> float:
+        """The seconds for which it lasts at least; 0 if it may have ended."""
+        return max(0.0, self._until - monotonic())
+
+    def renew(self) -> None:
+        """Makes it last as long again. Call it from the code that watches the robot, not from a timer: a
+        program that hangs must lose its lease.
+
+        ``NotSent`` with the reason ``no_lease``: it has ended.
+        """
+        asked = monotonic()
+        body = {"renew": self._key, "duration_ms": round(self._duration * 1000)}
+        given = self._robot._ask("POST", "/lease", body, "changes")
+        self._until, self.is_stopped = asked + given["expires_in_ms"] / 1000, given["stopped"]
+
+    def release(self) -> None:
+        """Gives it back."""
+        self._robot._ask("DELETE", "/lease", {"lease": self._key}, "changes")
+
+    def command(self, word: str, *arguments: object, run_leftover: bool = False) -> float:
+        """Sends a command, in the words and units of ``r6 command``: ``lease.command("modifyGSPD", 20)``. Returns the
+        seconds until the controller accepted it. That does not mean that the arm moves.
+
+        ``run_leftover``: send a command that starts the machine even if instructions are left in its list.
+        ``ValueError`` says which word or argument is wrong; nothing is sent then. ``OutcomeUnknown``: look at
+        the robot before anything is sent again.
+        """
+        Command.typed(word, *arguments)
+        texts = [str(int(argument)) if isinstance(argument, bool) else str(argument) for argument in arguments]
+        body = {"command": word, "arguments": texts, "lease": self._key, "run_leftover": run_leftover}
+        return float(self._robot._ask("POST", "/commands", body, "moves")["after_ms"]) / 1000
+
+    def clear_stopped(self) -> None:
+        """Lets the robot move again after a stop. Look at the robot first."""
+        self._robot._ask("POST", "/clear-stopped", {"lease": self._key}, "changes")
+        self.is_stopped = False
+
+
+def _plain_token(text: str) -> str:
+    """The token, also from a file with the header for curl."""
+    token = text.strip()
+    header = "authorization: bearer "
+    if token.lower().startswith(header):
+        token = token[len(header) :].strip()
+    if not token or not all("!" <= letter <= "~" for letter in token):
+        raise ValueError("this is no token: `r6 gateway token` prints one, a line without blanks")
+    return token
+
+
+def _header(text: str) -> str:
+    if not all("!" <= letter <= "~" for letter in text):
+        raise ValueError(f"{text!r} is no id of an event")
+    return text
+
+
+def _is_this_machine(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _json(text: bytes) -> Any:
+    """The value of a JSON text; ``None`` if it is none."""
+    if len(text) > _MOST_BYTES:
+        return None
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _not_sent(code: str, text: str) -> NotSent:
+    problem = NotSent(text)
+    problem.reason, problem.may_send_again = code, code in _AGAIN
+    return problem

@@ -1,0 +1,304 @@
+"""``r6.Gateway`` against a gateway of this repository, and against peers that misbehave."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import socket
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+
+import r6
+
+WORKSPACE = Path(__file__).parents[3]
+
+
+@pytest.fixture(scope="module")
+def program() -> Path:
+    """The command `r6`, built once."""
+    if "R6_PROGRAM" in os.environ:
+        return Path(os.environ["R6_PROGRAM"])
+    command = ["cargo", "build", "--quiet", "--package", "r6", "--bin", "r6"]
+    subprocess.run(command, cwd=WORKSPACE, check=True, timeout=280)
+    return WORKSPACE / Path(os.environ.get("CARGO_TARGET_DIR", "target")) / "debug" / "r6"
+
+
+class Hall:
+    """A gateway with one virtual robot, ``arm``."""
+
+    def __init__(self, program: Path, folder: Path, controller: r6.Simulator) -> None:
+        self._program, self._folder = program, folder
+        command = [str(program), "gateway", "--listen", "127.0.0.1:0", "--data", str(folder)]
+        command += ["--robot", f"arm={controller.address}"]
+        self._popen = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        assert self._popen.stdout is not None
+        first = self._popen.stdout.readline()
+        found = re.search(r"http://[\d.]+:\d+", first)
+        assert found is not None, first
+        self.url = found[0]
+
+    def token(self, *arguments: str) -> str:
+        command = [str(self._program), "gateway", "token", "--data", str(self._folder), *arguments]
+        made = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
+        return made.stdout.strip()
+
+    def close(self) -> None:
+        self._popen.terminate()
+        self._popen.wait(60)
+        assert self._popen.stdout is not None
+        self._popen.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def controller() -> Iterator[r6.Simulator]:
+    with r6.Simulator() as controller:
+        yield controller
+
+
+@pytest.fixture(scope="module")
+def hall(program: Path, tmp_path_factory: pytest.TempPathFactory, controller: r6.Simulator) -> Iterator[Hall]:
+    hall = Hall(program, tmp_path_factory.mktemp("hall") / "data", controller)
+    yield hall
+    hall.close()
+
+
+@pytest.fixture(scope="module")
+def operator(hall: Hall) -> r6.Gateway:
+    """A client that may command, and the robot answers."""
+    gateway = r6.Gateway(hall.url, token=hall.token("--role", "operator"))
+    end = monotonic() + 30
+    while not gateway.robot("arm").state().is_up:
+        assert monotonic() < end, gateway.robots()
+        sleep(0.02)
+    return gateway
+
+
+def test_values_have_units_quality_and_age(operator: r6.Gateway) -> None:
+    assert [(robot.name, robot.is_up) for robot in operator.robots()] == [("arm", True)]
+    state = operator.robot("arm").state()
+    signal = state.signals["axis-0"]
+    # The wire does not tell whether an axis turns or slides.
+    assert (signal.unit, signal.quality, signal.value) == (None, "fresh", 0.0)
+    assert state.signals["world-0"].unit == "mm"
+    assert signal.age is not None and 0 <= signal.age < 5
+    assert state.fresh("axis-0") == 0.0
+    with pytest.raises(LookupError, match="does not read Addr-800"):
+        state.fresh("Addr-800")
+
+
+def test_a_command_needs_the_lease_and_arrives(operator: r6.Gateway, controller: r6.Simulator) -> None:
+    arm = operator.robot("arm")
+    with arm.lease(5) as lease:
+        assert 0 < lease.left <= 5 and not lease.is_stopped
+        assert lease.command("modifyOutput", 0, 3, True) >= 0
+        assert lease.number > 0 and arm.state().holder is not None
+        with pytest.raises(r6.NotSent, match="holds the lease") as held:
+            arm.lease()
+        assert (held.value.reason, held.value.may_send_again) == ("leased", True)
+        lease.renew()
+        with pytest.raises(ValueError, match="modifyGSPD"):
+            lease.command("modifyGSDP", 5)
+    assert arm.state().holder is None
+    with pytest.raises(r6.NotSent) as ended:
+        lease.command("modifyOutput", 0, 3, False)
+    assert (ended.value.reason, ended.value.may_send_again) == ("no_lease", False)
+    with r6.Robot.connect(controller.address) as robot:
+        assert robot.is_on("Y013")
+
+
+def test_a_stop_holds_until_it_is_cleared(operator: r6.Gateway) -> None:
+    arm = operator.robot("arm")
+    assert 0 <= arm.stop() < 20
+    assert arm.state().is_stopped
+    with arm.lease() as lease:
+        assert lease.is_stopped
+        with pytest.raises(r6.NotSent) as stopped:
+            lease.command("startButton")
+        assert (stopped.value.reason, stopped.value.may_send_again) == ("stopped", False)
+        lease.clear_stopped()
+        assert not arm.state().is_stopped
+
+
+def test_streams_tell_values_and_events(operator: r6.Gateway) -> None:
+    changes = operator.live(robot="arm", signals=["axis-0"])
+    first = next(changes)
+    assert (first.robot, first.kind, list(first.signals)) == ("arm", "snapshot", ["axis-0"])
+    events = operator.events(robot="arm")
+    found = threading.Event()
+    heard: list[r6.GatewayEvent] = []
+
+    def listen() -> None:
+        for event in events:
+            heard.append(event)
+            if event.kind == "lease_ended" and len(heard) > 1:
+                found.set()
+                return
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    end = monotonic() + 30
+    # The stream opens in the thread, so the first leases may be from before it.
+    while not found.is_set() and monotonic() < end:
+        operator.robot("arm").lease().release()
+        sleep(0.05)
+    listener.join(10)
+    kinds = [event.kind for event in heard]
+    assert "lease_ended" in kinds, kinds
+    again = next(operator.events(robot="arm", after=heard[0].id))
+    assert again.id != heard[0].id and again.robot == "arm"
+    changes.close()
+
+
+def test_roles_and_wrong_names_are_refused_with_their_code(hall: Hall, operator: r6.Gateway) -> None:
+    viewer = r6.Gateway(hall.url, token=hall.token("--role", "viewer"))
+    assert viewer.robot("arm").state().is_up
+    for call in (viewer.robot("arm").lease, viewer.robot("arm").stop, viewer.audit):
+        with pytest.raises(r6.NotSent) as refused:
+            call()
+        assert refused.value.reason == "not_allowed", call
+    with pytest.raises(r6.NotSent) as unknown:
+        r6.Gateway(hall.url, token="0" * 64).robots()
+    assert unknown.value.reason == "no_token"
+    with pytest.raises(r6.InvalidRequest, match="no robot `a/b c`") as nobody:
+        operator.robot("a/b c").state()
+    assert nobody.value.reason == "no_such_robot"
+
+
+def test_the_audit_log_is_for_engineers(hall: Hall, operator: r6.Gateway) -> None:
+    operator.robot("arm").lease().release()
+    engineer = r6.Gateway(hall.url, token=hall.token("--role", "engineer"))
+    entries = engineer.audit(limit=1000)
+    assert [entry["number"] for entry in entries] == list(range(1, len(entries) + 1))
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("127.0.0.1:9780", "not the URL"),
+        ("http://user:secret@localhost", "not the URL"),
+        ("http://localhost/v1", "not the URL"),
+        ("http://192.168.1.10:9780", "everyone on the network"),
+        ("ftp://localhost", "not the URL"),
+    ],
+)
+def test_a_wrong_url_is_told_at_once(url: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        r6.Gateway(url, token="x")
+
+
+def test_a_token_is_checked_and_never_shown(tmp_path: Path) -> None:
+    for wrong in ("", "two words", "bad\r\nX-Header: 1"):
+        with pytest.raises(ValueError, match="no token"):
+            r6.Gateway("http://localhost", token=wrong)
+    with pytest.raises(ValueError, match="either"):
+        r6.Gateway("http://localhost")
+    path = tmp_path / "token"
+    path.write_text("Authorization: Bearer marker-of-a-secret\n")
+    assert "marker" not in repr(r6.Gateway("http://localhost", token_file=path))
+
+
+class Peer:
+    """Something that is not a gateway. It counts what it is sent."""
+
+    def __init__(self, answer: bytes, *, silent: bool = False) -> None:
+        self._answer, self._silent = answer, silent
+        self.requests: list[bytes] = []
+        self._ended = threading.Event()
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self._listener.getsockname()[1]}"
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with suppress(OSError):
+            while True:
+                stream, _ = self._listener.accept()
+                with stream, suppress(OSError):
+                    self.requests.append(stream.recv(65536))
+                    stream.sendall(self._answer)
+                    if self._silent:
+                        self._ended.wait(30)
+
+    def close(self) -> None:
+        self._ended.set()
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+
+def answer(status: str, body: bytes) -> bytes:
+    head = f"HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {len(body)}\r\n\r\n"
+    return head.encode() + body
+
+
+LEASE = {"lease": {"number": 1, "secret": "00"}, "expires_in_ms": 10_000, "stopped": False}
+
+
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        (b"", "connection_lost"),
+        (b"HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\n{", "connection_lost"),
+        (b"SSH-2.0-OpenSSH\r\n", "connection_lost"),
+        (answer("200 OK", b"<html>"), "unclear"),
+        (answer("302 Found", b"{}"), "unclear"),
+        (answer("500 Internal Server Error", b'{"code": "broken", "message": "m"}'), "broken"),
+        (answer("200 OK", b"[" * 100_000), "unclear"),
+        (answer("504 Gateway Timeout", b'{"code": "outcome_unknown", "message": "m"}'), "outcome_unknown"),
+    ],
+)
+def test_a_command_without_a_clear_answer_is_unknown_and_sent_once(said: bytes, reason: str) -> None:
+    peer = Peer(said)
+    arm = r6.Gateway(peer.url, token="x", timeout=5).robot("arm")
+    lease = _lease_of(arm)
+    with pytest.raises(r6.OutcomeUnknown) as unknown:
+        lease.command("modifyGSPD", 5)
+    assert (unknown.value.reason, unknown.value.may_send_again) == (reason, False)
+    assert len(peer.requests) == 1
+    peer.close()
+
+
+def test_a_silent_gateway_is_given_up_in_time() -> None:
+    peer = Peer(b"", silent=True)
+    arm = r6.Gateway(peer.url, token="x", timeout=0.3).robot("arm")
+    begun = monotonic()
+    with pytest.raises(r6.OutcomeUnknown) as unknown:
+        arm.stop()
+    assert unknown.value.reason == "timed_out" and monotonic() - begun < 10
+    # A stop does no harm twice.
+    assert unknown.value.may_send_again and unknown.value.effect == "stops"
+    peer.close()
+
+
+def test_nothing_is_sent_if_nothing_listens() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    with pytest.raises(r6.NotSent) as lost:
+        r6.Gateway(f"http://127.0.0.1:{port}", token="x").robots()
+    assert (lost.value.reason, lost.value.may_send_again) == ("unreachable", True)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [b"data: {}", b"data: [1]\n\n", b"event: change\ndata: {\n\n", b"data: " + b"1" * 2_000_000, b""],
+)
+def test_a_stream_that_breaks_is_lost_and_not_silent(said: bytes) -> None:
+    peer = Peer(b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n\r\n" + said)
+    with pytest.raises(r6.OutcomeUnknown) as lost:
+        list(r6.Gateway(peer.url, token="x").events())
+    assert lost.value.reason == "connection_lost" and lost.value.may_send_again
+    peer.close()
+
+
+def _lease_of(arm: r6.GatewayRobot) -> r6.GatewayLease:
+    peer = Peer(answer("200 OK", json.dumps(LEASE).encode()))
+    lease = r6.Gateway(peer.url, token="x").robot("arm").lease()
+    peer.close()
+    lease._robot = arm
+    return lease
