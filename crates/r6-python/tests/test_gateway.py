@@ -22,14 +22,10 @@ WORKSPACE = Path(__file__).parents[3]
 
 @pytest.fixture(scope="module")
 def program() -> Path:
-    """The command `r6`: the one in `R6_PROGRAM`, or the one that `make test` has built for the Rust tests. It
-    is built only if it is not there, because with the features of this package alone that takes minutes."""
-    if "R6_PROGRAM" in os.environ:
-        return Path(os.environ["R6_PROGRAM"])
-    path = WORKSPACE / Path(os.environ.get("CARGO_TARGET_DIR", "target")) / "debug" / "r6"
-    if not path.exists():
-        command = ["cargo", "build", "--quiet", "--package", "r6", "--bin", "r6"]
-        subprocess.run(command, cwd=WORKSPACE, check=True, timeout=280)
+    """The command `r6`: ``R6_PROGRAM``, or what `tools/python/run` or the Rust tests have built."""
+    built = WORKSPACE / Path(os.environ.get("CARGO_TARGET_DIR", "target")) / "debug" / "r6"
+    path = Path(os.environ.get("R6_PROGRAM", built))
+    assert path.exists(), f"{path} is missing: `cargo build --package r6` builds it"
     return path
 
 
@@ -92,7 +88,7 @@ def test_values_have_units_quality_and_age(operator: r6.Gateway) -> None:
     assert state.signals["world-0"].unit == "mm"
     assert signal.age is not None and 0 <= signal.age < 5
     assert state.fresh("axis-0") == 0.0
-    with pytest.raises(LookupError, match="does not read Addr-800"):
+    with pytest.raises(r6.NoReading, match="does not read Addr-800"):
         state.fresh("Addr-800")
 
 
@@ -129,10 +125,15 @@ def test_a_stop_holds_until_it_is_cleared(operator: r6.Gateway) -> None:
         assert not arm.state().is_stopped
 
 
-def test_streams_tell_values_and_events(operator: r6.Gateway) -> None:
-    changes = operator.live(robot="arm", signals=["axis-0"])
+def test_streams_tell_values_and_events(operator: r6.Gateway, controller: r6.Simulator) -> None:
+    changes = operator.live(robot="arm", signals=["curAlarm"])
     first = next(changes)
-    assert (first.robot, first.kind, list(first.signals)) == ("arm", "snapshot", ["axis-0"])
+    assert (first.robot, first.kind, list(first.signals)) == ("arm", "snapshot", ["curAlarm"])
+    controller.raise_alarm(850)
+    change = next(changes)
+    assert (change.robot, change.kind, change.signals["curAlarm"].value) == ("arm", "change", 850)
+    controller.clear_alarm()
+    changes.close()
     events = operator.events(robot="arm")
     found = threading.Event()
     heard: list[r6.GatewayEvent] = []
@@ -154,9 +155,10 @@ def test_streams_tell_values_and_events(operator: r6.Gateway) -> None:
     listener.join(10)
     kinds = [event.kind for event in heard]
     assert "lease_ended" in kinds, kinds
+    with pytest.raises(ValueError, match="no id"):
+        next(operator.events(after="1\r\nX: y"))
     again = next(operator.events(robot="arm", after=heard[0].id))
     assert again.id != heard[0].id and again.robot == "arm"
-    changes.close()
 
 
 def test_roles_and_wrong_names_are_refused_with_their_code(hall: Hall, operator: r6.Gateway) -> None:
@@ -172,6 +174,13 @@ def test_roles_and_wrong_names_are_refused_with_their_code(hall: Hall, operator:
     with pytest.raises(r6.InvalidRequest, match="no robot `a/b c`") as nobody:
         operator.robot("a/b c").state()
     assert nobody.value.reason == "no_such_robot"
+
+
+def test_only_the_robot_that_a_person_looked_at_is_accepted(hall: Hall) -> None:
+    engineer = r6.Gateway(hall.url, token=hall.token("--role", "engineer"))
+    with pytest.raises(r6.NotSent) as another:
+        engineer.robot("arm").accept_identity({"firmware": "x", "machine_name": "y", "axis_count": 6})
+    assert (another.value.reason, another.value.may_send_again) == ("identity_changed", False)
 
 
 def test_the_audit_log_is_for_engineers(hall: Hall, operator: r6.Gateway) -> None:
@@ -210,8 +219,8 @@ def test_a_token_is_checked_and_never_shown(tmp_path: Path) -> None:
 class Peer:
     """Something that is not a gateway. It counts what it is sent."""
 
-    def __init__(self, answer: bytes, *, silent: bool = False) -> None:
-        self._answer, self._silent = answer, silent
+    def __init__(self, answer: bytes, *, silent: bool = False, pause: float = 0) -> None:
+        self._answer, self._silent, self._pause = answer, silent, pause
         self.requests: list[bytes] = []
         self._ended = threading.Event()
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -224,7 +233,12 @@ class Peer:
                 stream, _ = self._listener.accept()
                 with stream, suppress(OSError):
                     self.requests.append(stream.recv(65536))
-                    stream.sendall(self._answer)
+                    if self._pause:
+                        for at in range(len(self._answer)):
+                            stream.sendall(self._answer[at : at + 1])
+                            self._ended.wait(self._pause)
+                    else:
+                        stream.sendall(self._answer)
                     if self._silent:
                         self._ended.wait(30)
 
@@ -250,6 +264,10 @@ LEASE = {"lease": {"number": 1, "secret": "00"}, "expires_in_ms": 10_000, "stopp
         (b"HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\n{", "connection_lost"),
         (b"SSH-2.0-OpenSSH\r\n", "connection_lost"),
         (answer("200 OK", b"<html>"), "unclear"),
+        (answer("200 OK", b"{}"), "unclear"),
+        (answer("200 OK", b'{"after_ms": "soon"}'), "unclear"),
+        (answer("200 OK", b'[{"after_ms": 1}]'), "unclear"),
+        (b"HTTP/1.1 204 No Content\r\n\r\n", "unclear"),
         (answer("302 Found", b"{}"), "unclear"),
         (answer("500 Internal Server Error", b'{"code": "broken", "message": "m"}'), "broken"),
         (answer("200 OK", b"[" * 100_000), "unclear"),
@@ -276,6 +294,45 @@ def test_a_silent_gateway_is_given_up_in_time() -> None:
     assert unknown.value.reason == "timed_out" and monotonic() - begun < 10
     # A stop does no harm twice.
     assert unknown.value.may_send_again and unknown.value.effect == "stops"
+    peer.close()
+
+
+@pytest.mark.parametrize(
+    "said", [b"{}", b'{"took_ms": 1}', b'{"confirmed": false, "took_ms": 1}', b'{"confirmed": 1, "took_ms": 1}']
+)
+def test_only_a_stop_that_the_gateway_confirms_is_a_stop(said: bytes) -> None:
+    peer = Peer(answer("200 OK", said))
+    with pytest.raises(r6.OutcomeUnknown) as unknown:
+        r6.Gateway(peer.url, token="x").robot("arm").stop()
+    assert unknown.value.reason == "unclear"
+    peer.close()
+
+
+def test_an_answer_that_comes_too_slowly_is_given_up_in_time() -> None:
+    """Each byte comes within the time-out of the socket, and the whole answer does not."""
+    peer = Peer(answer("200 OK", b'{"confirmed": true, "took_ms": 1}'), pause=0.1)
+    begun = monotonic()
+    with pytest.raises(r6.OutcomeUnknown) as unknown:
+        r6.Gateway(peer.url, token="x", timeout=0.5).robot("arm").stop()
+    assert unknown.value.reason == "timed_out" and monotonic() - begun < 5
+    peer.close()
+
+
+@pytest.mark.parametrize("said", [b"{}", b'{"robots": [{}]}', b'{"robots": 1}', b'{"robots": [1]}'])
+def test_values_of_another_shape_are_an_error_of_the_package(said: bytes) -> None:
+    peer = Peer(answer("200 OK", said))
+    with pytest.raises(r6.OutcomeUnknown) as unknown:
+        r6.Gateway(peer.url, token="x").robots()
+    assert unknown.value.reason == "unclear"
+    peer.close()
+
+
+def test_a_change_of_another_shape_is_an_error_of_the_package() -> None:
+    message = b'event: change\ndata: {"robot": "arm", "signals": [{}]}\n\n'
+    peer = Peer(b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n\r\n" + message)
+    with pytest.raises(r6.OutcomeUnknown) as unknown:
+        next(r6.Gateway(peer.url, token="x").live())
+    assert unknown.value.reason == "unclear"
     peer.close()
 
 

@@ -13,7 +13,7 @@ const RIDDLES: [&str; 5] = ["whoever", "is none", "one that", "as told", "nobody
 const PLAIN_IN_ITS_PLACE: usize = 50;
 
 /// Folders that hold what was built or fetched.
-const NOT_OURS: [&str; 4] = ["target", ".git", "node_modules", "mutants.out"];
+const NOT_OURS: [&str; 5] = ["target", ".git", ".venv", "node_modules", "mutants.out"];
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()

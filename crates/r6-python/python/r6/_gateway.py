@@ -5,25 +5,28 @@ from __future__ import annotations
 import http.client
 import ipaddress
 import json
+import socket
 import ssl
-from collections.abc import Generator, Iterator, Mapping
+import threading
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 from urllib.parse import quote, urlencode, urlsplit
 
-from ._errors import InvalidRequest, NotSent, OutcomeUnknown, Refused, RequestError
+from ._errors import InvalidRequest, NoReading, NotSent, OutcomeUnknown, Refused, RequestError
 from ._r6 import Command
 
 DEFAULT_PORT = 9780
 
 _MOST_BYTES = 8 * 1024 * 1024
-"""The longest answer: a page of 1000 audit entries takes one. A longer one is not from a gateway."""
+"""The longest answer: twice a page of 1000 audit entries of 4 KiB. A longer one is not from a gateway."""
 
 _MOST_LINE_BYTES = 1024 * 1024
-"""The longest line of a stream: the snapshot of a robot with 1024 values takes a fifth of it."""
+"""The longest line of a stream. A robot has some 220 values at most, each of some hundred bytes."""
 
 _SILENCE = 40.0
 """Seconds without a byte after which a stream counts as lost. The gateway sends something every 15 s."""
@@ -33,7 +36,12 @@ _AGAIN = frozenset(
 )
 """Reasons of what was not sent that can pass by themselves."""
 
+_UNREADABLE = (KeyError, TypeError, ValueError, AttributeError)
+"""What reading an answer raises if it has another shape than a gateway's."""
+
 Effect = Literal["reads", "changes", "moves", "stops"]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -75,26 +83,19 @@ class GatewayState:
     """All that the gateway said, as in ``GET /v1/openapi.json``."""
 
     def fresh(self, address: str) -> Any:
-        """The value of an address. ``LookupError`` unless it is fresh."""
+        """The value of an address. ``NoReading`` unless it is fresh."""
         signal = self.signals.get(address)
         if signal is None:
-            raise LookupError(f"{self.name}: the gateway does not read {address}: name it in `read` of the robot")
+            raise NoReading(f"{self.name}: the gateway does not read {address}: name it in `read` of the robot")
         if signal.quality != "fresh":
-            raise LookupError(f"{self.name}: {address} is {signal.quality}, not fresh")
+            raise NoReading(f"{self.name}: {address} is {signal.quality}, not fresh")
         return signal.value
 
     @classmethod
     def _of(cls, data: Mapping[str, Any]) -> GatewayState:
         lease = data.get("lease")
-        signals = [GatewaySignal._of(signal) for signal in data.get("signals", [])]
-        return cls(
-            data["name"],
-            data["link"] == "up",
-            data["stopped"],
-            None if lease is None else lease["holder"],
-            {signal.address: signal for signal in signals},
-            data,
-        )
+        holder = None if lease is None else lease["holder"]
+        return cls(data["name"], data["link"] == "up", data["stopped"], holder, _signals(data), data)
 
 
 @dataclass(frozen=True)
@@ -133,11 +134,11 @@ class Gateway:
     Errors are those of ``Robot``; ``reason`` is the code of the gateway's problem (``"leased"``,
     ``"not_allowed"``, …). No request is sent twice.
 
-    >>> with r6.Gateway("http://127.0.0.1:9780", token_file="token") as hall:    # doctest: +SKIP
-    ...     press = hall.robot("press-4")
-    ...     print(press.state().fresh("axis-0"))
-    ...     with press.lease() as lease:
-    ...         lease.command("modifyGSPD", 5)
+    >>> press = r6.Gateway("http://127.0.0.1:9780", token_file="token").robot("press-4")    # doctest: +SKIP
+    >>> press.state().fresh("axis-0")    # doctest: +SKIP
+    0.0
+    >>> with press.lease() as lease:    # doctest: +SKIP
+    ...     accepted_after = lease.command("modifyGSPD", 5)
     """
 
     def __init__(
@@ -177,19 +178,13 @@ class Gateway:
                 f"{url}: everyone on the network could read the token: use https, or insecure_http=True"
             )
 
-    def __enter__(self) -> Gateway:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
     def __repr__(self) -> str:
         scheme = "http" if self._tls is None else "https"
         return f"Gateway({scheme}://{self._host}:{self._port})"
 
     def robots(self) -> list[GatewayState]:
         """All robots that the token may see, without their values."""
-        return [GatewayState._of(data) for data in self._ask("GET", "/v1/robots")["robots"]]
+        return self._ask("GET", "/v1/robots", lambda answer: [GatewayState._of(data) for data in answer["robots"]])
 
     def robot(self, name: str) -> GatewayRobot:
         """The handle of a robot. Nothing is sent yet."""
@@ -204,9 +199,11 @@ class Gateway:
         """
         asked = {"robot": robot, "signal": None if signals is None else ",".join(signals)}
         for _, kind, data in self._stream("/v1/live", asked, None):
-            signals_of = [GatewaySignal._of(signal) for signal in data.get("signals", [])]
-            name = data["name"] if kind == "snapshot" else data["robot"]
-            yield GatewayChange(name, kind, {signal.address: signal for signal in signals_of})
+            try:
+                change = GatewayChange(data["name" if kind == "snapshot" else "robot"], kind, _signals(data))
+            except _UNREADABLE as error:
+                raise self._unclear("GET", "/v1/live", "reads", f"a {kind} that cannot be read") from error
+            yield change
 
     def events(self, *, robot: str | None = None, after: str | None = None) -> Events:
         """What happens from now on, or behind the event with the id ``after``: links, leases, stops, commands.
@@ -219,37 +216,36 @@ class Gateway:
 
     def audit(self, *, after: int = 0, limit: int = 100) -> list[dict[str, Any]]:
         """Entries of the audit log behind a number, oldest first, at most 1000. Engineers only."""
-        entries = self._ask("GET", f"/v1/audit?{urlencode({'after': after, 'limit': limit})}")["entries"]
-        return list(entries)
+        path = f"/v1/audit?{urlencode({'after': after, 'limit': limit})}"
+        return self._ask("GET", path, lambda answer: list(answer["entries"]))
 
-    def _connection(self, timeout: float) -> http.client.HTTPConnection:
+    def _connect(self, timeout: float) -> http.client.HTTPConnection:
+        """Makes a connection. Nothing is sent over it yet."""
+        connection: http.client.HTTPConnection
         if self._tls is None:
-            return http.client.HTTPConnection(self._host, self._port, timeout=timeout)
-        return http.client.HTTPSConnection(self._host, self._port, timeout=timeout, context=self._tls)
+            connection = http.client.HTTPConnection(self._host, self._port, timeout=timeout)
+        else:
+            connection = http.client.HTTPSConnection(self._host, self._port, timeout=timeout, context=self._tls)
+        try:
+            connection.connect()
+        except OSError as error:
+            raise _not_sent("unreachable", f"{self!r} cannot be reached: {error}") from error
+        return connection
 
     def _send(
         self,
         connection: http.client.HTTPConnection,
         method: str,
         path: str,
-        body: Mapping[str, Any] | None,
-        effect: Effect,
-        headers: Mapping[str, str],
+        body: str | None = None,
+        headers: Mapping[str, str] | None = None,
     ) -> http.client.HTTPResponse:
         """Sends a request once."""
-        try:
-            connection.connect()
-        except OSError as error:
-            raise _not_sent("unreachable", f"{self!r} cannot be reached: {error}") from error
-        headers = {"Authorization": f"Bearer {self._token}", "Connection": "close", **headers}
-        data = None if body is None else json.dumps(body, allow_nan=False)
-        if data is not None:
-            headers["Content-Type"] = "application/json"
-        try:
-            connection.request(method, path, body=data, headers=headers)
-            return connection.getresponse()
-        except (OSError, http.client.HTTPException) as error:
-            raise self._lost(method, path, effect, error) from error
+        named = {"Authorization": f"Bearer {self._token}", "Connection": "close", **(headers or {})}
+        if body is not None:
+            named["Content-Type"] = "application/json"
+        connection.request(method, path, body=body, headers=named)
+        return connection.getresponse()
 
     def _lost(self, method: str, path: str, effect: Effect, error: Exception) -> OutcomeUnknown:
         reason = "timed_out" if isinstance(error, TimeoutError) else "connection_lost"
@@ -257,35 +253,52 @@ class Gateway:
         problem.reason, problem.effect, problem.may_send_again = reason, effect, effect in ("reads", "stops")
         return problem
 
+    def _unclear(self, method: str, path: str, effect: Effect, what: str) -> OutcomeUnknown:
+        """Something answered, and not as a gateway does."""
+        problem = OutcomeUnknown(f"{self!r} answered {method} {path.split('?')[0]} with {what}")
+        problem.reason, problem.effect, problem.may_send_again = "unclear", effect, effect in ("reads", "stops")
+        return problem
+
     def _ask(
-        self, method: str, path: str, body: Mapping[str, Any] | None = None, effect: Effect = "reads"
-    ) -> Any:
-        """Sends a request and returns the answer's JSON; ``None`` if it has none."""
-        connection = self._connection(self._timeout)
+        self,
+        method: str,
+        path: str,
+        read: Callable[[Any], T],
+        body: Mapping[str, Any] | None = None,
+        effect: Effect = "reads",
+    ) -> T:
+        """Sends a request, and reads the JSON of its answer: ``None`` for an answer without any."""
+        data = None if body is None else json.dumps(body, allow_nan=False)
+        connection, end = self._connect(self._timeout), monotonic() + self._timeout
+        # The time-out of a socket begins anew with each byte.
+        cut = threading.Timer(self._timeout, _cut, (connection.sock,))
+        cut.daemon = True
+        cut.start()
         try:
-            with self._send(connection, method, path, body, effect, {}) as response:
+            with self._send(connection, method, path, data) as response:
                 text = response.read(_MOST_BYTES + 1)
                 if response.length and len(text) <= _MOST_BYTES:
                     raise EOFError("the answer breaks off")
         except (OSError, EOFError, http.client.HTTPException) as error:
-            raise self._lost(method, path, effect, error) from error
+            late = TimeoutError(f"not within {self._timeout:g} s") if monotonic() >= end else error
+            raise self._lost(method, path, effect, late) from error
         finally:
+            cut.cancel()
             connection.close()
-        if response.status == 204:
-            return None
-        answer = _json(text)
-        if response.status // 100 == 2 and answer is not None:
-            return answer
-        raise self._problem(response.status, answer, method, path, effect)
+        answer = None if response.status == 204 else _json(text)
+        if response.status // 100 != 2:
+            raise self._problem(response.status, answer, method, path, effect)
+        try:
+            return read(answer)
+        except _UNREADABLE as error:
+            what = f"status {response.status}, and something that cannot be read"
+            raise self._unclear(method, path, effect, what) from error
 
     def _problem(self, status: int, answer: Any, method: str, path: str, effect: Effect) -> RequestError:
         """The error that a problem stands for. What is not a gateway's answer proves nothing."""
         is_problem = isinstance(answer, dict) and isinstance(answer.get("code"), str)
         if not is_problem or status < 400:
-            what = f"{method} {path.split('?')[0]}"
-            unclear = OutcomeUnknown(f"{self!r} answered {what} with status {status}, and not as a gateway does")
-            unclear.reason, unclear.effect = "unclear", effect
-            return unclear
+            return self._unclear(method, path, effect, f"status {status}, and not as a gateway does")
         code, text = answer["code"], str(answer.get("message", answer["code"]))
         if code in ("outcome_unknown", "not_stopped"):
             unknown = OutcomeUnknown(text)
@@ -311,10 +324,14 @@ class Gateway:
         """The messages of a stream of server-sent events: id, kind, data."""
         wanted = urlencode({name: value for name, value in asked.items() if value is not None})
         path = f"{path}?{wanted}" if wanted else path
-        connection = self._connection(_SILENCE)
+        headers = {} if after is None else {"Last-Event-ID": _header(after)}
+        connection = self._connect(_SILENCE)
         try:
-            headers = {} if after is None else {"Last-Event-ID": _header(after)}
-            with self._send(connection, "GET", path, None, "reads", headers) as response:
+            try:
+                response = self._send(connection, "GET", path, headers=headers)
+            except (OSError, http.client.HTTPException) as error:
+                raise self._lost("GET", path, "reads", error) from error
+            with response:
                 if response.status != 200:
                     answer = _json(response.read(_MOST_BYTES))
                     raise self._problem(response.status, answer, "GET", path, "reads")
@@ -362,7 +379,7 @@ class GatewayRobot:
 
     def state(self) -> GatewayState:
         """The robot with its values, each with unit, quality and age."""
-        return GatewayState._of(self._ask("GET", ""))
+        return self._ask("GET", "", GatewayState._of)
 
     def stop(self) -> float:
         """Stops the robot, and returns the seconds until it was proved that the arm stands. It needs no lease.
@@ -370,12 +387,12 @@ class GatewayRobot:
 
         ``OutcomeUnknown`` with the reason ``not_stopped``: it is not proved. Use the emergency stop.
         """
-        return float(self._ask("POST", "/stop", effect="stops")["took_ms"]) / 1000
+        return self._ask("POST", "/stop", _took, effect="stops")
 
     def stop_command(self, word: Literal["actionStop", "actionPause", "stopButton"]) -> None:
         """Sends one command that stops or pauses. It needs no lease and holds as ``stop`` does, but does not
         prove that the arm stands."""
-        self._ask("POST", "/commands", {"command": word}, "stops")
+        self._ask("POST", "/commands", _after, {"command": word}, "stops")
 
     def lease(self, duration: float = 10.0, *, take_because: str | None = None) -> GatewayLease:
         """Acquires the command lease for 2 to 300 seconds. With ``take_because`` an admin takes it from its
@@ -388,20 +405,25 @@ class GatewayRobot:
             body["take_because"] = take_because
         asked = monotonic()
         effect: Effect = "stops" if take_because is not None else "changes"
-        return GatewayLease(self, duration, asked, self._ask("POST", "/lease", body, effect))
+        return self._ask("POST", "/lease", lambda given: GatewayLease(self, duration, asked, given), body, effect)
 
-    def accept_identity(self) -> None:
-        """Accepts the robot that answers at this address now, after another one was exchanged for it. Look at
-        the robot first. Engineers only."""
-        change = self.state().data.get("identity_changed")
-        if change is None:
-            raise _not_sent("identity_changed", f"{self.name}: the robot that answers is the one that is known")
-        self._ask("POST", "/accept-identity", change["found"], "changes")
+    def accept_identity(self, found: Mapping[str, Any]) -> None:
+        """Accepts the robot that answers at this address after another one was exchanged for it. ``found`` is
+        ``state().data["identity_changed"]["found"]``, read before a person looked at the robot. Engineers only.
+
+        ``NotSent`` with the reason ``identity_changed``: by now another one answers.
+        """
+        self._ask("POST", "/accept-identity", _nothing, found, "changes")
 
     def _ask(
-        self, method: str, path: str, body: Mapping[str, Any] | None = None, effect: Effect = "reads"
-    ) -> Any:
-        return self._gateway._ask(method, f"/v1/robots/{quote(self.name, safe='')}{path}", body, effect)
+        self,
+        method: str,
+        path: str,
+        read: Callable[[Any], T],
+        body: Mapping[str, Any] | None = None,
+        effect: Effect = "reads",
+    ) -> T:
+        return self._gateway._ask(method, f"/v1/robots/{quote(self.name, safe='')}{path}", read, body, effect)
 
 
 class GatewayLease:
@@ -413,7 +435,7 @@ class GatewayLease:
     def __init__(self, robot: GatewayRobot, duration: float, asked: float, given: Mapping[str, Any]) -> None:
         self._robot = robot
         self._duration = duration
-        self._key = given["lease"]
+        self._key = {"number": int(given["lease"]["number"]), "secret": given["lease"]["secret"]}
         self._until: float = asked + given["expires_in_ms"] / 1000
         self.is_stopped: bool = given["stopped"]
         """Whether a stop held when the lease was acquired or renewed."""
@@ -451,12 +473,18 @@ class GatewayLease:
         """
         asked = monotonic()
         body = {"renew": self._key, "duration_ms": round(self._duration * 1000)}
-        given = self._robot._ask("POST", "/lease", body, "changes")
-        self._until, self.is_stopped = asked + given["expires_in_ms"] / 1000, given["stopped"]
+        renewed = self._robot._ask(
+            "POST",
+            "/lease",
+            lambda given: GatewayLease(self._robot, self._duration, asked, given),
+            body,
+            "changes",
+        )
+        self._until, self.is_stopped = renewed._until, renewed.is_stopped
 
     def release(self) -> None:
         """Gives it back."""
-        self._robot._ask("DELETE", "/lease", {"lease": self._key}, "changes")
+        self._robot._ask("DELETE", "/lease", _nothing, {"lease": self._key}, "changes")
 
     def command(self, word: str, *arguments: object, run_leftover: bool = False) -> float:
         """Sends a command, in the words and units of ``r6 command``: ``lease.command("modifyGSPD", 20)``. Returns the
@@ -469,11 +497,11 @@ class GatewayLease:
         Command.typed(word, *arguments)
         texts = [str(int(argument)) if isinstance(argument, bool) else str(argument) for argument in arguments]
         body = {"command": word, "arguments": texts, "lease": self._key, "run_leftover": run_leftover}
-        return float(self._robot._ask("POST", "/commands", body, "moves")["after_ms"]) / 1000
+        return self._robot._ask("POST", "/commands", _after, body, "moves")
 
     def clear_stopped(self) -> None:
         """Lets the robot move again after a stop. Look at the robot first."""
-        self._robot._ask("POST", "/clear-stopped", {"lease": self._key}, "changes")
+        self._robot._ask("POST", "/clear-stopped", _nothing, {"lease": self._key}, "changes")
         self.is_stopped = False
 
 
@@ -503,8 +531,37 @@ def _is_this_machine(host: str) -> bool:
         return False
 
 
+def _signals(data: Mapping[str, Any]) -> dict[str, GatewaySignal]:
+    signals = [GatewaySignal._of(signal) for signal in data.get("signals", [])]
+    return {signal.address: signal for signal in signals}
+
+
+def _took(answer: Any) -> float:
+    """The seconds of a stop that is proved."""
+    if answer["confirmed"] is not True:
+        raise ValueError("the stop is not confirmed")
+    return float(answer["took_ms"]) / 1000
+
+
+def _after(answer: Any) -> float:
+    """The seconds until the controller accepted a command."""
+    return float(answer["after_ms"]) / 1000
+
+
+def _nothing(answer: Any) -> None:
+    """Nothing: the answer has no body."""
+    if answer is not None:
+        raise ValueError("an answer with a body where none was expected")
+
+
+def _cut(stream: socket.socket) -> None:
+    """Ends a connection, also while another thread reads from it."""
+    with suppress(OSError):
+        socket.socket.shutdown(stream, socket.SHUT_RDWR)
+
+
 def _json(text: bytes) -> Any:
-    """The value of a JSON text; ``None`` if it is none."""
+    """The value of a JSON text; ``None`` if the text is not JSON."""
     if len(text) > _MOST_BYTES:
         return None
     try:
