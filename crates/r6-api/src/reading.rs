@@ -28,7 +28,6 @@ pub struct Sample {
 
 /// The value of an address: a text, a number, a flag, a list of texts or an object.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(untagged)]
 pub enum AddressValue {
     /// Text: versions, names.
@@ -55,6 +54,45 @@ pub enum AddressValue {
         #[serde(skip_serializing_if = "Option::is_none")]
         name: Option<String>,
     },
+}
+
+/// Its schema has one form of number: JSON does not tell a whole number, a decimal one and a word of
+/// points apart, so that `oneOf` would match twice.
+#[cfg(feature = "openapi")]
+mod schema {
+    use utoipa::openapi::schema::{AnyOfBuilder, ArrayBuilder, ObjectBuilder, Type};
+    use utoipa::openapi::{RefOr, Schema};
+
+    use super::AddressValue;
+
+    impl utoipa::PartialSchema for AddressValue {
+        fn schema() -> RefOr<Schema> {
+            let of = |kind: Type, what: &str| ObjectBuilder::new().schema_type(kind).description(Some(what));
+            let counter = of(Type::Object, "A counter.")
+                .property("id", of(Type::Integer, "Its id."))
+                .property("target", of(Type::Integer, "The target count."))
+                .property("current", of(Type::Integer, "The current count."))
+                .property("name", of(Type::String, "Its name; absent if the firmware sends none."))
+                .required("id")
+                .required("target")
+                .required("current");
+            AnyOfBuilder::new()
+                .description(Some(
+                    "The value of an address: a text, a number, a flag, a list of texts or an object.",
+                ))
+                .item(of(Type::String, "Text: versions, names."))
+                .item(of(
+                    Type::Number,
+                    "A number in the unit of its address, or a word of 32 points (bit 0 is the first).",
+                ))
+                .item(of(Type::Boolean, "A flag."))
+                .item(ArrayBuilder::new().items(of(Type::String, "")).description(Some("A list of texts.")))
+                .item(counter)
+                .into()
+        }
+    }
+
+    impl utoipa::ToSchema for AddressValue {}
 }
 
 impl From<Reading> for AddressValue {
