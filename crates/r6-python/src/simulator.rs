@@ -98,10 +98,12 @@ impl Source {
         let mut text = String::new();
         // Reading one byte more than allowed shows that the file is too long.
         let most = u64::try_from(MAX_FILE_BYTES).unwrap_or(u64::MAX).saturating_add(1);
-        // The number makes it the right class of exception, such as FileNotFoundError.
+        // A whole path shows in which folder a relative one was looked for. The number makes it the right
+        // class of exception, such as FileNotFoundError.
+        let whole = std::path::absolute(&path).unwrap_or_else(|_| path.clone()).display().to_string();
         let unreadable = |error: std::io::Error| match error.raw_os_error() {
-            Some(number) => PyOSError::new_err((number, error.to_string(), path.clone())),
-            None => PyOSError::new_err(format!("{}: {error}", path.display())),
+            Some(number) => PyOSError::new_err((number, error.to_string(), whole.clone())),
+            None => PyOSError::new_err(format!("{whole}: {error}")),
         };
         let mut file = std::fs::File::open(&path).map_err(unreadable)?.take(most);
         file.read_to_string(&mut text).map_err(unreadable)?;

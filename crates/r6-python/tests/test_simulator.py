@@ -1,6 +1,8 @@
 """The virtual controller, and the fixtures."""
 
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -120,6 +122,9 @@ def test_a_word_that_is_no_program_is_told_with_the_nearest(tmp_path: Path) -> N
     with pytest.raises(FileNotFoundError) as caught:
         r6.Simulator(program=str(missing))
     assert str(missing) in str(caught.value)
+    with pytest.raises(FileNotFoundError) as caught:
+        r6.Simulator(program="in-no-folder.toml")
+    assert str(Path.cwd() / "in-no-folder.toml") in str(caught.value)
 
 
 @pytest.mark.virtual_controller(profile="legacy", start="manual")
@@ -143,3 +148,21 @@ def test_every_mistake_of_a_file_is_told_with_its_place(tmp_path: Path) -> None:
     assert places == [(1, 8), (3, 8), (4, 6), (6, 8), (7, 8)]
     assert [line for line in str(caught.value).splitlines() if line.startswith(f"{file}:4:6: ")]
     assert caught.value.mistakes[2].advice == 'nearest: "photo"' and caught.value.more == 0
+
+
+def test_a_mark_with_a_misspelt_argument_is_told_the_nearest(tmp_path: Path) -> None:
+    file = tmp_path / "test_misspelt.py"
+    file.write_text(
+        "import pytest\n\n"
+        "@pytest.mark.virtual_controller(profle='legacy')\n"
+        "def test_it(virtual_controller): ...\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", str(tmp_path), str(file)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert run.returncode == 1, run.stdout + run.stderr
+    assert "the mark virtual_controller has no argument `profle`; nearest: `profile`" in run.stdout

@@ -271,7 +271,12 @@ class Accepted:
 
 @dataclass(frozen=True)
 class StopReport:
-    """The result of a stop. As text it says the result."""
+    """The result of a stop. As text it says the result.
+
+    Look at ``confirmed`` first: only if it is true, the arm is proved to stand. If not, use the emergency stop.
+    ``mode``, ``alarm``, ``moving`` and ``list_length`` are what was read last, and ``None`` if it could not be
+    read; ``took`` is in seconds.
+    """
 
     confirmed: bool
     """Whether it is proved that the arm stands. If not, use the emergency stop."""

@@ -16,6 +16,8 @@ The arguments of the mark are those of ``r6.Simulator``.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from difflib import get_close_matches
+from inspect import signature
 from typing import TYPE_CHECKING
 
 import pytest
@@ -38,7 +40,14 @@ def virtual_controller(request: pytest.FixtureRequest) -> Iterator[Simulator]:
     from . import Simulator
 
     mark = request.node.get_closest_marker("virtual_controller")
-    with Simulator(**(mark.kwargs if mark else {})) as controller:
+    arguments = mark.kwargs if mark else {}
+    known = list(signature(Simulator).parameters)
+    for word in arguments:
+        if word not in known:
+            near = get_close_matches(word, known, n=1)
+            there = f"nearest: `{near[0]}`" if near else f"there are: {', '.join(known)}"
+            pytest.fail(f"the mark virtual_controller has no argument `{word}`; {there}", pytrace=False)
+    with Simulator(**arguments) as controller:
         yield controller
 
 

@@ -71,7 +71,7 @@ fn camera_points(state: &Snapshot) -> String {
         .iter()
         .map(|waiting| format!("camera {}: {}", waiting.camera, waiting.points))
         .collect();
-    if counts.is_empty() { "none wait".to_owned() } else { counts.join(", ") }
+    if counts.is_empty() { "none waiting".to_owned() } else { counts.join(", ") }
 }
 
 fn points(names: &[String]) -> String {

@@ -95,7 +95,7 @@ fn inputs_alarms_and_programs_show_in_the_status() {
         "340",
         "NOT READY: alarm 135",
         "1 of 4 in register-move: wait until M011 goes on",
-        "camera points   none wait",
+        "camera points   none waiting",
     ] {
         assert!(text.contains(part), "{part} in\n{text}");
     }
