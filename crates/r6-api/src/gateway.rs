@@ -5,15 +5,20 @@
 
 mod audit;
 mod command;
+mod live;
 mod robot;
 
 use serde::{Deserialize, Serialize};
 
 pub use audit::{Audit, AuditEntry, AuditRecord, CommandOutcome, Deed, Event, Happened, LeaseEnd};
 pub use command::{CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease};
+pub use live::{
+    LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveRequest, LiveReset, LiveResume, LiveSent,
+    LiveSubscribe, LiveSubscribed,
+};
 pub use robot::{
-    IdentityChange, LeaseHolder, LiveChange, LiveRemoved, ManagedBy, RobotIdentity, RobotLink, RobotState,
-    RobotSummary, RobotWanted, Robots, Signal, SignalQuality,
+    IdentityChange, LeaseHolder, ManagedBy, RobotIdentity, RobotLink, RobotState, RobotSummary, RobotWanted,
+    Robots, Signal, SignalQuality,
 };
 
 /// What a token allows. Each role allows everything that the roles before it allow.

@@ -7,9 +7,11 @@
 //! - [`name`]: names of robots.
 //! - [`order`]: what the holder of a lease sends.
 //! - [`rate`]: how many requests a token may make.
+//! - [`live`]: what readers of values get, and where they go on.
 //! - [`raw`]: the raw port.
 
 pub mod chain;
+pub mod live;
 pub mod name;
 pub mod order;
 pub mod rate;

@@ -25,6 +25,7 @@ use r6_api::gateway::LeaseEnd;
 use tokio::sync::{Mutex as AsyncMutex, watch};
 use tokio::task::JoinHandle;
 
+use crate::core::live::follower::Top;
 use crate::core::name::RobotName;
 use crate::core::seat::Saved;
 use crate::fleet::config::RobotConfig;
@@ -114,6 +115,13 @@ impl Fleet {
     /// All robots, in the order of their names.
     pub fn stations(&self) -> Vec<Arc<Station>> {
         self.read().values().map(|post| Arc::clone(&post.station)).collect()
+    }
+
+    /// All robots, in the order of their names, and how far the numbers have come, of the same moment.
+    pub fn stations_now(&self) -> (Top, Vec<Arc<Station>>) {
+        let posts = self.read();
+        let stations = posts.values().map(|post| Arc::clone(&post.station)).collect();
+        (self.shared.top(), stations)
     }
 
     /// Ends all robots at the gateway. Arms go on with what they do.

@@ -123,7 +123,7 @@ impl Gateway {
         let saved = robots.into_iter().map(|robot| Ok((store.seat(&robot.name)?, robot)));
         let saved = saved.collect::<Result<Vec<_>, StoreError>>()?;
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
-        let shared = Arc::new(Shared::new(keeper));
+        let shared = Arc::new(Shared::new(keeper, epoch()));
         let tokens = Tokens::read(shared.keeper.clone()).await?;
 
         let fleet = Arc::new(Fleet::start(saved, Arc::clone(&shared)));
@@ -135,10 +135,8 @@ impl Gateway {
                 return Err(error);
             }
         };
-        let epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let epoch = u64::try_from(epoch.as_micros()).unwrap_or(u64::MAX);
         let state =
-            State { fleet, tokens: Arc::new(tokens), shared, robot_settings: settings.robot_settings, epoch };
+            State { fleet, tokens: Arc::new(tokens), shared, robot_settings: settings.robot_settings };
         let mut server = JoinSet::new();
         server.spawn(r6_http::serve(listener, http::router(state.clone(), address)));
         server.spawn(refresh(Arc::clone(&state.tokens)));
@@ -244,6 +242,12 @@ fn open(
         Ok((RawPort { listen, ..port }, door, listener))
     });
     opened.collect()
+}
+
+/// The time of the start, in microseconds since 1970.
+fn epoch() -> u64 {
+    let epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(epoch.as_micros()).unwrap_or(u64::MAX)
 }
 
 /// Reads the tokens again and again.

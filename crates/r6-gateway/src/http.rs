@@ -49,8 +49,6 @@ pub struct State {
     pub shared: Arc<Shared>,
     /// How to communicate with robots that are added.
     pub robot_settings: RobotSettings,
-    /// When this gateway started: numbers of events count from then.
-    pub epoch: u64,
 }
 
 #[derive(OpenApi)]
@@ -62,6 +60,7 @@ pub struct State {
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0")
     ),
     security(("token" = [])),
+    components(schemas(r6_api::gateway::LiveRequest, r6_api::gateway::LiveMessage)),
     modifiers(&Bearer)
 )]
 struct Api;

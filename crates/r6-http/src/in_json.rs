@@ -6,35 +6,58 @@
 use std::io;
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
+use std::time::Duration;
 
 use axum::http::StatusCode;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::time::Sleep;
 
 use r6_api::{Code, Problem};
 
 use crate::server::MAX_HEAD_BYTES;
 
+/// How long a peer has to close its half after we have closed ours behind a refusal.
+const HANG_UP_TIME: Duration = Duration::from_secs(2);
+
 /// A stream that adds a body to bare refusals.
+///
+/// Behind such a refusal it reads what the peer still sends before it is closed; otherwise the peer would
+/// lose the refusal. `r6-sim` does the same for the robots' own protocol; neither crate uses the other's
+/// sockets.
 #[derive(Debug)]
 pub(super) struct InJson<S> {
     stream: S,
     /// A refusal, and how much of it has been written.
     refusal: Vec<u8>,
     written: usize,
+    /// How long to wait for the peer, once our half is closed.
+    hangs_up: Option<Pin<Box<Sleep>>>,
 }
 
-impl<S: AsyncWrite + Unpin> InJson<S> {
+impl<S: AsyncRead + AsyncWrite + Unpin> InJson<S> {
     pub fn new(stream: S) -> Self {
-        Self { stream, refusal: Vec::new(), written: 0 }
+        Self { stream, refusal: Vec::new(), written: 0, hangs_up: None }
     }
 
     /// Whether a refusal got a body. Nothing else is sent on this connection then.
-    pub fn has_refused(&self) -> bool {
+    fn has_refused(&self) -> bool {
         !self.refusal.is_empty()
     }
 
-    pub fn into_inner(self) -> S {
-        self.stream
+    /// Reads until the peer has closed its half, or too much time has passed.
+    fn poll_end(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        let Some(time) = &mut self.hangs_up else { return Poll::Ready(Ok(())) };
+        loop {
+            if time.as_mut().poll(cx).is_ready() {
+                return Poll::Ready(Ok(()));
+            }
+            let mut read = [0; 1024];
+            let mut buf = ReadBuf::new(&mut read);
+            let result = ready!(Pin::new(&mut self.stream).poll_read(cx, &mut buf));
+            if result.is_err() || buf.filled().is_empty() {
+                return Poll::Ready(Ok(()));
+            }
+        }
     }
 
     fn poll_refusal(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
@@ -59,7 +82,7 @@ impl<S: AsyncRead + Unpin> AsyncRead for InJson<S> {
     }
 }
 
-impl<S: AsyncWrite + Unpin> AsyncWrite for InJson<S> {
+impl<S: AsyncRead + AsyncWrite + Unpin> AsyncWrite for InJson<S> {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
         if !self.has_refused()
             && let Some(refusal) = with_body(buf)
@@ -78,7 +101,14 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for InJson<S> {
 
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         ready!(self.poll_refusal(cx))?;
-        Pin::new(&mut self.stream).poll_shutdown(cx)
+        if self.hangs_up.is_none() {
+            ready!(Pin::new(&mut self.stream).poll_shutdown(cx))?;
+            if !self.has_refused() {
+                return Poll::Ready(Ok(()));
+            }
+            self.hangs_up = Some(Box::pin(tokio::time::sleep(HANG_UP_TIME)));
+        }
+        self.poll_end(cx)
     }
 }
 

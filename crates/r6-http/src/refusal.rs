@@ -17,6 +17,12 @@ pub struct Refusal {
 }
 
 impl Refusal {
+    /// The problem without its status, for a protocol that has none.
+    #[must_use]
+    pub fn into_problem(self) -> Problem {
+        self.problem
+    }
+
     /// A refusal with this problem.
     pub fn new(status: StatusCode, code: Code, message: impl Into<String>) -> Self {
         Self { status, problem: Problem { code, message: message.into() }, retry_after: None }

@@ -1,9 +1,8 @@
 //! A listener and its connections.
 
-use std::io;
 use std::net::{IpAddr, SocketAddr};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use axum::Router;
@@ -11,11 +10,13 @@ use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use socket2::SockRef;
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::{AbortHandle, JoinSet};
 use tracing::{debug, warn};
 
+use crate::afterwards::Afterwards;
 use crate::in_json::InJson;
 
 /// How many connections are open at once. A person and a few scripts need one each.
@@ -32,6 +33,10 @@ const HEAD_TIME: Duration = Duration::from_secs(2);
 /// The longest head of a request, and the most that is read at once.
 pub(crate) const MAX_HEAD_BYTES: usize = 16 * 1024;
 
+/// How much of an answer or a stream waits in the system for a peer that reads slowly. A longer queue would
+/// hold megabytes for each such peer, and values that are old when they are read.
+const SEND_BUFFER: usize = 256 * 1024;
+
 /// The address that a request came from: an extension of each request.
 #[derive(Clone, Copy, Debug)]
 pub struct Peer(pub SocketAddr);
@@ -41,7 +46,13 @@ pub async fn serve(listener: TcpListener, router: Router) {
     let mut guests = Guests::default();
     loop {
         match listener.accept().await {
-            Ok((stream, peer)) => guests.admit(peer, stream, router.clone()),
+            Ok((stream, peer)) => {
+                // Small messages of a stream must not wait for the acknowledgement of those before. If the
+                // socket is dead already, its task will notice.
+                let _ = stream.set_nodelay(true);
+                let _ = SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
+                guests.admit(peer, stream, router.clone());
+            }
             Err(error) => {
                 // Most likely too many open files: give the connections a moment to end.
                 let server = listener.local_addr().ok();
@@ -99,44 +110,41 @@ impl Guests {
     }
 }
 
-async fn converse(stream: TcpStream, peer: Peer, router: Router, answers: Arc<AtomicBool>) {
+async fn converse<S>(stream: S, peer: Peer, router: Router, answers: Arc<AtomicBool>)
+where
+    S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
+{
     let router = TowerToHyperService::new(router);
-    let service = service_fn(|mut request: hyper::Request<hyper::body::Incoming>| {
+    // What an answer with 101 leaves to do.
+    let afterwards = Arc::new(Mutex::new(None));
+    let left = Arc::clone(&afterwards);
+    let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
         answers.store(true, Ordering::Relaxed);
         request.extensions_mut().insert(peer);
         let answer = router.call(request);
-        let answers = &answers;
+        let (answers, left) = (Arc::clone(&answers), Arc::clone(&left));
         async move {
-            let answer = answer.await;
+            let mut answer = answer.await;
             answers.store(false, Ordering::Relaxed);
+            let work = answer.as_mut().ok().and_then(|answer| answer.extensions_mut().remove::<Afterwards>());
+            if work.is_some() {
+                *left.lock().unwrap_or_else(PoisonError::into_inner) = work;
+            }
             answer
         }
     });
-    let mut stream = InJson::new(stream);
     let served = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIME)
         .max_buf_size(MAX_HEAD_BYTES)
-        .serve_connection(TokioIo::new(&mut stream), service)
+        .serve_connection(TokioIo::new(InJson::new(stream)), service)
+        .with_upgrades()
         .await;
     if let Err(error) = served {
         debug!(%error, "an HTTP connection was lost");
-        if stream.has_refused() {
-            // Read what the peer still sends; otherwise it would lose the answer.
-            hang_up(stream.into_inner()).await;
-        }
     }
-}
-
-/// Closes our half and waits a little for the peer to close its own. `r6-sim` does the same for the robots'
-/// own protocol; neither crate uses the other's sockets.
-async fn hang_up(mut stream: TcpStream) {
-    /// How long a peer has to close its half after we have closed ours.
-    const HANG_UP_TIME: Duration = Duration::from_secs(2);
-    let end = async {
-        stream.shutdown().await?;
-        while stream.read(&mut [0; 1024]).await? > 0 {}
-        io::Result::Ok(())
-    };
-    let _ = tokio::time::timeout(HANG_UP_TIME, end).await;
+    let work = afterwards.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let Some(work) = work {
+        work.run().await;
+    }
 }

@@ -132,7 +132,9 @@ pub struct RobotState {
     pub summary: RobotSummary,
     /// How often the values are read.
     pub period_ms: u64,
-    /// The number of the last change of a value, as in `GET /v1/live`.
+    /// When this gateway started: numbers count from then.
+    pub epoch: u64,
+    /// The number of the last change of a value. All robots share one count of changes.
     pub number: u64,
     /// The values, in the order in which they are read.
     pub signals: Vec<Signal>,
@@ -169,25 +171,4 @@ pub enum SignalQuality {
     Stale,
     /// There is no value: it was not read yet, the controller does not have it, or it cannot be parsed.
     None,
-}
-
-/// A message in the stream of `GET /v1/live`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct LiveChange {
-    /// The robot.
-    pub robot: String,
-    /// The number of the robot's last change in this message. A slow reader gets the latest values, and
-    /// numbers in between are left out.
-    pub number: u64,
-    /// The values that changed.
-    pub signals: Vec<Signal>,
-}
-
-/// The last message about a robot in the stream of `GET /v1/live`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
-pub struct LiveRemoved {
-    /// The robot, which was removed from the gateway.
-    pub robot: String,
 }

@@ -138,7 +138,7 @@ async fn introduce(station: &Station, robot: &Robot, connection: u64) -> Option<
 ///
 /// `now`: from before the values were taken, so that none seems younger than it is.
 fn take(station: &Station, now: Instant, values: &Snapshot, mode: &Snapshot, known_on: Option<u64>) {
-    let changed = station.board().take(now, values);
+    let changed = station.board().take(now, values, || station.shared.draw());
     if changed {
         station.shared.wake_readers();
     }

@@ -164,7 +164,11 @@ impl Fleet {
         let saved = self.shared.keeper.seat(name.clone()).await?;
         let post = Post::start(robot, saved, &self.shared);
         post.station.publish(Happened::RobotAdded {});
-        self.write().insert(name, post);
+        {
+            let mut posts = self.write();
+            post.station.appear();
+            posts.insert(name, post);
+        }
         self.shared.wake_readers();
         Ok(())
     }
@@ -187,7 +191,14 @@ impl Fleet {
     }
 
     async fn take_out(&self, name: &RobotName) {
-        let post = self.write().remove(name);
+        let post = {
+            let mut posts = self.write();
+            let post = posts.remove(name);
+            if post.is_some() {
+                self.shared.note_removal();
+            }
+            post
+        };
         if let Some(post) = post {
             let station = Arc::clone(&post.station);
             post.end(LeaseEnd::Removed).await;

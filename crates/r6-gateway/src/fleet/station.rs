@@ -15,12 +15,14 @@ use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
 
 use crate::clock;
+use crate::core::live::follower::{Step, Top};
+use crate::core::live::numbers::Span;
 use crate::core::name::RobotName;
 use crate::core::raw::fresh::Freshness;
 use crate::core::seat::{Noticed, Saved, Seat};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
-use crate::live::board::{Board, Place};
+use crate::live::board::Board;
 use crate::live::news::News;
 use crate::store::{Keeper, StoreError};
 
@@ -52,16 +54,38 @@ pub struct Shared {
     pub news: News,
     /// Counts changes of values, so that readers can wait for the next one.
     pub pulse: watch::Sender<u64>,
-    /// Counts boards, so that readers notice a new one.
-    pub boards: AtomicU64,
+    /// When this gateway started: numbers of events and of changes count from then.
+    pub epoch: u64,
+    /// The last number of a change of any robot, of a robot that came or of one that went.
+    numbers: AtomicU64,
+    /// The number of the last robot that went.
+    removed: AtomicU64,
 }
 
 impl Shared {
     /// What robots share that none has used yet.
     #[must_use]
-    pub fn new(keeper: Keeper) -> Self {
+    pub fn new(keeper: Keeper, epoch: u64) -> Self {
         let (news, pulse) = (News::default(), watch::Sender::new(0));
-        Self { keeper, news, pulse, boards: AtomicU64::new(0) }
+        Self { keeper, news, pulse, epoch, numbers: AtomicU64::new(0), removed: AtomicU64::new(0) }
+    }
+
+    /// How far the numbers have come. What has one of these numbers can be seen by whoever looks after this:
+    /// numbers are drawn under the lock of what they are about.
+    pub fn top(&self) -> Top {
+        // In this order: the number of the last removal is never above the other.
+        let removed = self.removed.load(Ordering::SeqCst);
+        Top { number: self.numbers.load(Ordering::SeqCst), removed }
+    }
+
+    /// The next number. To be called under the lock of what it is about.
+    pub(super) fn draw(&self) -> u64 {
+        self.numbers.fetch_add(1, Ordering::SeqCst) + 1
+    }
+
+    /// Notes that a robot goes. To be called under the lock of the list of robots.
+    pub(super) fn note_removal(&self) {
+        self.removed.store(self.draw(), Ordering::SeqCst);
     }
 
     /// Wakes the readers of values.
@@ -70,7 +94,7 @@ impl Shared {
     }
 
     fn new_board(&self, config: &RobotConfig) -> Board {
-        Board::new(self.boards.fetch_add(1, Ordering::Relaxed), &config.all_addresses())
+        Board::new(self.draw(), &config.all_addresses())
     }
 }
 
@@ -167,7 +191,11 @@ impl Station {
 
     /// Configures it anew. The caller has ended the task that keeps the connection, and starts another one.
     pub(super) fn configure(&self, config: RobotConfig) {
-        *self.board() = self.shared.new_board(&config);
+        {
+            // Its number is drawn under the lock.
+            let mut board = self.board();
+            *board = self.shared.new_board(&config);
+        }
         *self.config.lock().unwrap_or_else(PoisonError::into_inner) = config;
         self.shared.wake_readers();
     }
@@ -421,23 +449,36 @@ impl Station {
 
     /// The robot with its values.
     pub fn state(&self) -> RobotState {
-        self.snapshot().1
+        let (span, signals) = {
+            let board = self.board();
+            (board.span(), board.all(clock::now()))
+        };
+        self.state_with(span.number, signals)
     }
 
-    /// The robot with its values, and the place of the last change among them.
-    pub fn snapshot(&self) -> (Place, RobotState) {
-        let summary = self.summary();
+    /// The robot with these values.
+    pub fn state_with(&self, number: u64, signals: Vec<Signal>) -> RobotState {
         let period_ms = millis(self.config().period);
-        let board = self.board();
-        let (place, signals) = (board.place(), board.all(clock::now()));
-        (place, RobotState { summary, period_ms, number: place.number, signals })
+        RobotState { summary: self.summary(), period_ms, epoch: self.shared.epoch, number, signals }
     }
 
-    /// What changed after this place; `None` if the place is of an earlier board: begin with a snapshot.
-    pub fn changes_since(&self, place: Place) -> Option<(Place, Vec<Signal>)> {
+    /// What a reader gets, and the values for it: all for a snapshot, and those that changed for changes.
+    pub fn tell_reader(&self, step: impl FnOnce(Span) -> Step) -> (Span, Step, Vec<Signal>) {
         let board = self.board();
-        let now = board.place();
-        (now.board == place.board).then(|| (now, board.since(clock::now(), place.number)))
+        let span = board.span();
+        let step = step(span);
+        let signals = match step {
+            Step::Nothing => Vec::new(),
+            Step::Snapshot { .. } => board.all(clock::now()),
+            Step::Changes { after } => board.since(clock::now(), after),
+        };
+        (span, step, signals)
+    }
+
+    /// Notes that the robot can be seen from now on. To be called under the lock of the list of robots.
+    pub(super) fn appear(&self) {
+        let mut board = self.board();
+        board.bear(self.shared.draw());
     }
 }
 

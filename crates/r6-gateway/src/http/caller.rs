@@ -56,6 +56,11 @@ impl Caller {
         state.tokens.request(self.token.number).map_err(Refusal::too_many)
     }
 
+    /// Whether the caller could come again now: streams end within a second when it could not.
+    pub fn is_still_valid(&self, state: &State) -> bool {
+        state.tokens.is_valid(self.token.number)
+    }
+
     /// The caller with a valid token, whose request is not counted.
     async fn known(parts: &Parts, state: &State) -> Result<Self, Refusal> {
         let mut headers = parts.headers.get_all(AUTHORIZATION).iter();

@@ -1,57 +1,39 @@
-//! Streams of server-sent events: values that change, and what happens.
+//! Streams: values that change, and what happens.
+//!
+//! [`feed`] makes the messages, one at a time, as its reader takes them. Server-sent events (here) and
+//! WebSockets ([`socket`]) carry them. [`subscription`] reads what a reader asks for.
 
-use std::collections::{BTreeMap, VecDeque};
+mod feed;
+mod socket;
+mod subscription;
+
 use std::convert::Infallible;
-use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::rejection::QueryRejection;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::{Query, State as Of};
+use axum::http::header::UPGRADE;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
 use futures_util::stream::{Stream, unfold};
-use r6_api::gateway::{LiveChange, LiveRemoved, Signal};
+use r6_api::gateway::{LiveMessage, LiveSent};
 use r6_api::{Code, Problem};
-use r6_client::Address;
 use r6_http::Refusal;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use tokio::sync::watch;
-use utoipa::IntoParams;
 
 use super::State;
 use super::caller::Caller;
 use super::described::OfRight;
-use crate::core::role::Right;
-use crate::fleet::station::Station;
-use crate::live::board::Place;
+use crate::http::streams::feed::Feed;
+use crate::http::streams::subscription::{Followed, Subscription, Which, bad_value, only};
+use crate::live::news::{Reading, Told};
 
-/// How often a stream looks whether its token is still valid.
-const LOOK: Duration = Duration::from_millis(500);
-
-/// The shortest time between two looks for changes: 50 messages a second and robot are more than a screen
-/// shows.
-const PACE: Duration = Duration::from_millis(20);
-
-/// Which robot.
-#[derive(Debug, Deserialize, IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct Which {
-    /// Only this robot; all that the token may see if it is missing.
-    robot: Option<String>,
-}
-
-/// Which robot, and which of its values.
-#[derive(Debug, Deserialize, IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct Followed {
-    /// Only this robot; all that the token may see if it is missing.
-    robot: Option<String>,
-    /// Only these values: query addresses with commas between them, such as `axis-0,isMoving`. All if it is
-    /// missing.
-    signal: Option<String>,
-}
+/// How often a stream looks whether its caller is still valid.
+const LOOK: Duration = Duration::from_millis(250);
 
 /// What happens, from now on, as server-sent events: `event` with an event as JSON. With `Last-Event-ID` it
 /// goes on behind that event. If events in between are lost, `reset` comes first.
@@ -68,25 +50,28 @@ pub async fn events(
     headers: HeaderMap,
 ) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Refusal> {
     let Which { robot } = read(which)?;
-    let only = only(&caller, &state, robot)?;
-    let last = state.shared.news.watch();
-    let now = *last.borrow();
-    let asked = headers.get("last-event-id").and_then(|id| id.to_str().ok());
-    let (at, is_lost) = match asked.map(|id| resume(id, state.epoch)) {
-        None => (now, false),
-        Some(Some(id)) if id <= now => (id, false),
-        // Of an earlier start of the gateway, or from the future: tell all that is kept.
-        Some(_) => (0, true),
+    let only = robot.map(|robot| only(&caller, &state, robot)).transpose()?;
+    let news = &state.shared.news;
+    let reading = match last_event_id(&headers) {
+        None => Reading::from_now(news),
+        Some(id) => Reading::after(news, resume(id, state.shared.epoch)),
     };
-    let stream = EventStream { state, caller, only, at, is_lost, last };
+    let last = news.watch();
+    let stream = EventStream { state, caller, only, reading, last };
     Ok(Sse::new(unfold(stream, EventStream::next)).keep_alive(KeepAlive::default()))
 }
 
-/// The values of the robots as server-sent events: a `snapshot` of each robot, then a `change` with the
-/// values that changed. Numbers grow by robot. A slow reader gets the latest values, and misses those in
-/// between. A robot that is added or configured anew begins with a `snapshot`, and `removed` ends one.
+/// The values of the robots: a `snapshot` of each robot, then a `change` with the values that changed. A slow
+/// reader gets the latest values, and misses those in between. `removed` ends a robot. With `?resume=` or
+/// `Last-Event-ID` the stream goes on at that place. `reset` says that something was missed.
+///
+/// With `Upgrade: websocket` it is a WebSocket: each message is a `LiveSent` as JSON, and the reader may send
+/// `LiveRequest`. Otherwise it is server-sent events: the type of the message is the `event`, the rest the
+/// `data`, and the place to resume at the `id`.
 #[utoipa::path(get, path = "/v1/live", params(Followed), responses(
-    (status = 200, description = "The stream", content_type = "text/event-stream", body = LiveChange),
+    (status = 101, description = "The WebSocket", body = LiveSent),
+    (status = 200, description = "The stream", content_type = "text/event-stream", body = LiveMessage),
+    (status = 400, description = "`bad_request`: the handshake of the WebSocket is wrong", body = Problem),
     (status = 404, description = "`no_such_robot`", body = Problem),
     (status = 422, description = "`bad_value`", body = Problem),
     OfRight,
@@ -95,63 +80,33 @@ pub async fn live(
     caller: Caller,
     Of(state): Of<State>,
     followed: Result<Query<Followed>, QueryRejection>,
-) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Refusal> {
-    let Followed { robot, signal } = read(followed)?;
-    let only = only(&caller, &state, robot)?;
-    let signals = signal.map(|words| signals(&words)).transpose()?;
-    if let Some(signal) =
-        signals.iter().flatten().find(|signal| !is_read(&caller, &state, only.as_deref(), signal))
-    {
-        let advice = "name it in `read` of the robot";
-        return Err(bad_value(format!("signal: `{signal}` is not read from any robot: {advice}")));
+    headers: HeaderMap,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Result<Response, Refusal> {
+    let followed = read(followed)?;
+    let begins_later = followed.begins_later();
+    let subscription = Subscription::of_query(&caller, &state, followed, last_event_id(&headers))?;
+    let feed = Feed::new(caller, state, subscription);
+    if headers.contains_key(UPGRADE) {
+        let upgrade = upgrade.map_err(|error| {
+            let message = format!("this is no handshake of a WebSocket: {}", error.body_text());
+            Refusal::new(StatusCode::BAD_REQUEST, Code::BadRequest, message)
+        })?;
+        return Ok(socket::open(upgrade, feed, begins_later));
     }
-    let pulse = state.shared.pulse.subscribe();
-    let stream = LiveStream {
-        state,
-        caller,
-        only,
-        signals,
-        looked: false,
-        sent: BTreeMap::new(),
-        ready: VecDeque::new(),
-        pulse,
-    };
-    Ok(Sse::new(unfold(stream, LiveStream::next)).keep_alive(KeepAlive::default()))
+    if begins_later {
+        return Err(bad_value("subscribe=later is for WebSockets: this stream takes no messages".to_owned()));
+    }
+    Ok(Sse::new(unfold(feed, next)).keep_alive(KeepAlive::default()).into_response())
 }
 
 fn read<T>(query: Result<Query<T>, QueryRejection>) -> Result<T, Refusal> {
     query.map(|Query(read)| read).map_err(|error| bad_value(error.body_text()))
 }
 
-fn bad_value(message: String) -> Refusal {
-    Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadValue, message)
-}
-
-/// The query addresses in a text with commas between them, as the values are named.
-fn signals(words: &str) -> Result<Vec<String>, Refusal> {
-    let named = |word| Address::parse(word).map(|address| address.to_string());
-    words
-        .split(',')
-        .map(named)
-        .collect::<Result<_, _>>()
-        .map_err(|error| bad_value(format!("signal: {error}")))
-}
-
-/// Whether a robot that the caller follows has this value among those that are read.
-fn is_read(caller: &Caller, state: &State, only: Option<&str>, signal: &str) -> bool {
-    let stations = state.fleet.stations();
-    let mut seen = stations.iter().filter(|station| sees(caller, only, station.name()));
-    seen.any(|station| station.config().all_addresses().iter().any(|address| address.to_string() == signal))
-}
-
-/// The robot that the caller wants to see, if it may.
-fn only(caller: &Caller, state: &State, robot: Option<String>) -> Result<Option<String>, Refusal> {
-    let Some(robot) = robot else { return Ok(None) };
-    caller.must(Right::Read, &robot)?;
-    match state.fleet.station(&robot) {
-        Some(_) => Ok(Some(robot)),
-        None => Err(Refusal::not_found(Code::NoSuchRobot, "there is no robot with this name")),
-    }
+fn last_event_id(headers: &HeaderMap) -> Option<&str> {
+    // An id that is no text was not given out by this gateway.
+    headers.get("last-event-id").map(|id| id.to_str().unwrap_or_default())
 }
 
 /// The number of an event of this start of the gateway.
@@ -160,124 +115,70 @@ fn resume(id: &str, epoch: u64) -> Option<u64> {
     (of.parse() == Ok(epoch)).then(|| number.parse().ok()).flatten()
 }
 
+/// The next server-sent event of a feed.
+async fn next(mut feed: Feed) -> Option<(Result<Event, Infallible>, Feed)> {
+    loop {
+        if !feed.is_allowed() {
+            return None;
+        }
+        // The time is up: look at the caller again.
+        let Ok(LiveSent { message, resume }) = tokio::time::timeout(LOOK, feed.next()).await else {
+            continue;
+        };
+        let event = match &message {
+            LiveMessage::Reset(data) => of("reset", data),
+            LiveMessage::Snapshot(data) => of("snapshot", data),
+            LiveMessage::Change(data) => of("change", data),
+            LiveMessage::Removed(data) => of("removed", data),
+            LiveMessage::Event(data) => of("event", data),
+            LiveMessage::EventsLost(data) => of("events_lost", data),
+            // These two answer messages, which this stream does not take.
+            LiveMessage::Subscribed(data) => of("subscribed", data),
+            LiveMessage::Problem(data) => of("problem", data),
+        };
+        let event = match resume {
+            Some(resume) => event.id(resume),
+            None => event,
+        };
+        return Some((Ok(event), feed));
+    }
+}
+
+fn of(kind: &str, data: &impl Serialize) -> Event {
+    // Our own types always become JSON.
+    Event::default().event(kind).json_data(data).unwrap_or_default()
+}
+
 struct EventStream {
     state: State,
     caller: Caller,
     only: Option<String>,
-    /// The number of the last event that was looked at.
-    at: u64,
-    is_lost: bool,
+    reading: Reading,
     last: watch::Receiver<u64>,
 }
 
 impl EventStream {
     async fn next(mut self) -> Option<(Result<Event, Infallible>, Self)> {
         loop {
-            if !self.state.tokens.is_valid(self.caller.token.number) {
+            if !self.caller.is_still_valid(&self.state) {
                 return None;
             }
-            if std::mem::take(&mut self.is_lost) {
-                return Some((Ok(Event::default().event("reset").data("{}")), self));
-            }
-            match self.state.shared.news.after(self.at) {
-                Err(oldest) => (self.at, self.is_lost) = (oldest - 1, true),
-                Ok(Some(event)) => {
-                    self.at = event.id;
-                    if sees(&self.caller, self.only.as_deref(), &event.robot) {
-                        let id = format!("{}-{}", self.state.epoch, event.id);
-                        return Some((Ok(message("event", &event).id(id)), self));
+            match self.reading.next(&self.state.shared.news) {
+                Some(Told::Lost) => return Some((Ok(Event::default().event("reset").data("{}")), self)),
+                Some(Told::Event(event)) => {
+                    let covered = self.caller.token.grant.covers(&event.robot);
+                    if covered && self.only.as_ref().is_none_or(|only| *only == event.robot) {
+                        let id = format!("{}-{}", self.state.shared.epoch, event.id);
+                        return Some((Ok(of("event", &event).id(id)), self));
                     }
                 }
-                Ok(None) => {
-                    let at = self.at;
+                None => {
+                    let at = self.reading.at();
                     let more = async { drop(self.last.wait_for(|last| *last > at).await) };
-                    // The time is up: look at the token again.
+                    // The time is up: look at the caller again.
                     let _ = tokio::time::timeout(LOOK, more).await;
                 }
             }
         }
     }
-}
-
-struct LiveStream {
-    state: State,
-    caller: Caller,
-    only: Option<String>,
-    /// The values that are sent. `None` for all.
-    signals: Option<Vec<String>>,
-    /// Whether the snapshots were made.
-    looked: bool,
-    /// How far each robot was sent.
-    sent: BTreeMap<String, Place>,
-    /// Messages of the last look, at most one for each robot.
-    ready: VecDeque<Event>,
-    pulse: watch::Receiver<u64>,
-}
-
-impl LiveStream {
-    async fn next(mut self) -> Option<(Result<Event, Infallible>, Self)> {
-        loop {
-            if let Some(event) = self.ready.pop_front() {
-                return Some((Ok(event), self));
-            }
-            if !self.state.tokens.is_valid(self.caller.token.number) {
-                return None;
-            }
-            if self.looked {
-                tokio::time::sleep(PACE).await;
-                let _ = tokio::time::timeout(LOOK, self.pulse.changed()).await;
-            }
-            self.look();
-        }
-    }
-
-    fn look(&mut self) {
-        self.looked = true;
-        let stations = self.state.fleet.stations();
-        let gone = |robot: &String| stations.iter().all(|station| station.name() != robot);
-        let gone: Vec<_> = self.sent.keys().filter(|robot| gone(robot)).cloned().collect();
-        for robot in gone {
-            self.sent.remove(&robot);
-            self.ready.push_back(message("removed", &LiveRemoved { robot }));
-        }
-        let seen = |station: &&Arc<Station>| sees(&self.caller, self.only.as_deref(), station.name());
-        for station in stations.iter().filter(seen) {
-            let robot = station.name().to_owned();
-            let sent = self.sent.get(&robot).copied();
-            match sent.and_then(|sent| station.changes_since(sent)) {
-                None => {
-                    let (place, mut state) = station.snapshot();
-                    keep(self.signals.as_deref(), &mut state.signals);
-                    self.sent.insert(robot, place);
-                    self.ready.push_back(message("snapshot", &state));
-                }
-                Some((place, _)) if sent == Some(place) => {}
-                Some((place, mut signals)) => {
-                    self.sent.insert(robot.clone(), place);
-                    keep(self.signals.as_deref(), &mut signals);
-                    if signals.is_empty() {
-                        continue;
-                    }
-                    let number = place.number;
-                    self.ready.push_back(message("change", &LiveChange { robot, number, signals }));
-                }
-            }
-        }
-    }
-}
-
-/// Keeps the values that are followed.
-fn keep(followed: Option<&[String]>, signals: &mut Vec<Signal>) {
-    if let Some(followed) = followed {
-        signals.retain(|signal| followed.contains(&signal.address));
-    }
-}
-
-fn sees(caller: &Caller, only: Option<&str>, robot: &str) -> bool {
-    caller.token.grant.covers(robot) && only.is_none_or(|only| only == robot)
-}
-
-fn message(kind: &str, data: &impl Serialize) -> Event {
-    // Our own types always become JSON.
-    Event::default().event(kind).json_data(data).unwrap_or_default()
 }

@@ -6,23 +6,13 @@ use r6_client::{Address, Quality, Snapshot};
 use r6_proto::time::Instant;
 
 use crate::clock;
+use crate::core::live::numbers::{Numbers, Span};
 
 /// The values of one robot.
 #[derive(Debug)]
 pub struct Board {
-    /// No other board of the gateway has this one.
-    board: u64,
-    number: u64,
+    numbers: Numbers,
     rows: Vec<Row>,
-}
-
-/// How far a reader has read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
-    /// The board: a robot that is configured anew gets another one.
-    pub board: u64,
-    /// The number of the last change.
-    pub number: u64,
 }
 
 #[derive(Debug)]
@@ -33,55 +23,60 @@ struct Row {
     /// Whether the controller does not have it.
     is_unsupported: bool,
     asked_at: Option<Instant>,
-    /// The number of its last change.
-    changed: u64,
 }
 
 impl Board {
-    /// No value yet of these addresses.
+    /// No value yet of these addresses. `born`: larger than all numbers before.
     #[must_use]
-    pub fn new(board: u64, addresses: &[Address]) -> Self {
+    pub fn new(born: u64, addresses: &[Address]) -> Self {
         let row = |address: &Address| Row {
             address: *address,
             value: None,
             quality: SignalQuality::None,
             is_unsupported: false,
             asked_at: None,
-            changed: 0,
         };
-        Self { board, number: 0, rows: addresses.iter().map(row).collect() }
+        let numbers = Numbers::new(born, addresses.len());
+        Self { numbers, rows: addresses.iter().map(row).collect() }
     }
 
-    /// The place of the last change.
+    /// The numbers between which a reader can go on.
     #[must_use]
-    pub fn place(&self) -> Place {
-        Place { board: self.board, number: self.number }
+    pub fn span(&self) -> Span {
+        self.numbers.span()
     }
 
-    /// Takes in what was read. Returns whether a value or its quality changed.
-    pub fn take(&mut self, now: Instant, snapshot: &Snapshot) -> bool {
-        let next = self.number + 1;
-        let mut any = false;
-        for row in &mut self.rows {
+    /// Makes every reader begin anew with these values.
+    pub fn bear(&mut self, born: u64) {
+        self.numbers.bear(born);
+    }
+
+    /// Takes in what was read. Returns whether a value or its quality changed; only then `next` draws the
+    /// number of the change, which is larger than all numbers before.
+    pub fn take(&mut self, now: Instant, snapshot: &Snapshot, next: impl FnOnce() -> u64) -> bool {
+        let mut changed = Vec::new();
+        for (place, row) in self.rows.iter_mut().enumerate() {
             let Some(read) = snapshot.value(row.address) else { continue };
             let value = read.reading.clone().map(AddressValue::from);
             row.is_unsupported = read.quality == Quality::Unsupported;
             let quality = quality(&read.quality);
             row.asked_at = read.age.map(|age| clock::before(now, age));
             if row.value != value || row.quality != quality {
-                (row.value, row.quality, row.changed) = (value, quality, next);
-                any = true;
+                (row.value, row.quality) = (value, quality);
+                changed.push(place);
             }
         }
-        if any {
-            self.number = next;
+        if changed.is_empty() {
+            return false;
         }
-        any
+        self.numbers.change(&changed, next());
+        true
     }
 
-    /// The values that changed after this number; with 0, all that were read.
+    /// The values that changed after this number.
     pub fn since(&self, now: Instant, number: u64) -> Vec<Signal> {
-        self.rows.iter().filter(|row| row.changed > number).map(|row| row.signal(now)).collect()
+        let rows = self.numbers.since(number).filter_map(|place| self.rows.get(place));
+        rows.map(|row| row.signal(now)).collect()
     }
 
     /// The value of an address, if it is read, and when it was asked for.

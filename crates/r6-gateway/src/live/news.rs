@@ -54,8 +54,65 @@ impl News {
     }
 }
 
+/// What a reader of events gets next.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Told {
+    /// Events were missed. Those that are kept follow.
+    Lost,
+    /// The next event.
+    Event(Event),
+}
+
+/// How far a reader of events has read.
+#[derive(Clone, Copy, Debug)]
+pub struct Reading {
+    at: u64,
+    is_lost: bool,
+}
+
+impl Reading {
+    /// A reader of what happens from now on.
+    pub fn from_now(news: &News) -> Self {
+        Self { at: *news.last.borrow(), is_lost: false }
+    }
+
+    /// A reader that has everything up to this event. `None`: it has events of another start of the gateway.
+    pub fn after(news: &News, id: Option<u64>) -> Self {
+        match id {
+            Some(at) if at <= *news.last.borrow() => Self { at, is_lost: false },
+            // Of an earlier start of the gateway, or from the future: tell all that is kept.
+            _ => Self { at: 0, is_lost: true },
+        }
+    }
+
+    /// The last event that the reader got.
+    pub fn at(&self) -> u64 {
+        self.at
+    }
+
+    /// What comes next; `None` if nothing has happened since.
+    pub fn next(&mut self, news: &News) -> Option<Told> {
+        if std::mem::take(&mut self.is_lost) {
+            return Some(Told::Lost);
+        }
+        match news.after(self.at) {
+            Err(oldest) => {
+                self.at = oldest.saturating_sub(1);
+                Some(Told::Lost)
+            }
+            Ok(event) => {
+                let event = event?;
+                self.at = event.id;
+                Some(Told::Event(event))
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
@@ -70,5 +127,50 @@ mod tests {
         assert_eq!(news.after(KEPT as u64).unwrap().unwrap().id, KEPT as u64 + 1);
         assert_eq!(news.after(KEPT as u64 + 1), Ok(None));
         assert_eq!(*news.watch().borrow(), KEPT as u64 + 1);
+    }
+
+    proptest! {
+        /// A reader that is slow, or that comes back with the id of any event, gets every event once and in
+        /// order, or is told that some are missing.
+        #[test]
+        fn no_event_is_missed_without_a_word(
+            acts in prop::collection::vec((0..5_u8, 0..700_u64), 1..40),
+        ) {
+            let news = News::default();
+            let mut reading = Reading::from_now(&news);
+            let (mut mine, mut added) = (0, 0);
+            for (act, many) in acts {
+                match act {
+                    0 | 1 => for _ in 0..many {
+                        news.add(String::new(), "press", Happened::LinkUp {});
+                        added += 1;
+                    },
+                    2 => {
+                        // It comes back with an id that may be of the future.
+                        let id = (mine + many).saturating_sub(300);
+                        reading = Reading::after(&news, Some(id));
+                        if id > added {
+                            prop_assert_eq!(reading.next(&news), Some(Told::Lost));
+                            mine = reading.next(&news).map_or(0, |told| match told {
+                                Told::Event(event) => event.id,
+                                Told::Lost => reading.at(),
+                            });
+                        } else {
+                            mine = id;
+                        }
+                    }
+                    _ => for _ in 0..many {
+                        match reading.next(&news) {
+                            None => prop_assert_eq!(mine, added),
+                            Some(Told::Lost) => mine = reading.at(),
+                            Some(Told::Event(event)) => {
+                                prop_assert_eq!(event.id, mine + 1);
+                                mine = event.id;
+                            }
+                        }
+                    },
+                }
+            }
+        }
     }
 }

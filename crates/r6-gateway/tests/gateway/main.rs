@@ -7,6 +7,7 @@ mod leases;
 mod openapi;
 mod raw;
 mod roster;
+mod sockets;
 mod stops;
 mod streams;
 mod support;

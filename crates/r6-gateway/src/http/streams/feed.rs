@@ -1,0 +1,253 @@
+//! The messages of one reader, made one at a time as the reader takes them.
+//!
+//! Nothing waits for a slow reader: a value is read when its message is made, so each value waits once at
+//! most, and the reader costs no memory but the message that is made ahead.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+use std::vec;
+
+use r6_api::gateway::{LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveReset, LiveSent, Signal};
+use tokio::sync::watch;
+use tokio::time::Instant;
+
+use super::super::State;
+use super::super::caller::Caller;
+use super::subscription::{BeginEvents, Subscription};
+use crate::core::live::follower::{Begin, Follower, Step};
+use crate::core::live::point::Point;
+use crate::fleet::station::Station;
+use crate::live::news::{Reading, Told};
+
+/// The shortest time between two looks for changes: 50 messages a second and robot are more than a screen
+/// shows.
+const PACE: Duration = Duration::from_millis(20);
+
+/// The messages of one reader.
+pub struct Feed {
+    caller: Caller,
+    state: State,
+    subscription: Subscription,
+    follower: Follower,
+    pass: Option<Pass>,
+    /// The message before the next one. If it is the last one of its pass, it tells the place to resume at.
+    held: Option<LiveMessage>,
+    /// The number of the last pass that was sent to its end.
+    passed: Option<u64>,
+    /// Whether to look for changes, if the last look was long enough ago.
+    due: bool,
+    looked_at: Option<Instant>,
+    pulse: watch::Receiver<u64>,
+    events: Option<Events>,
+}
+
+struct Events {
+    reading: Reading,
+    last: watch::Receiver<u64>,
+}
+
+/// A way through all robots.
+struct Pass {
+    number: u64,
+    /// Messages to make before those of the next robot: two for a robot that begins anew, and at the begin of
+    /// the pass one for each robot that is gone.
+    ready: VecDeque<LiveMessage>,
+    stations: vec::IntoIter<Arc<Station>>,
+}
+
+impl Feed {
+    /// The messages for this subscription.
+    pub fn new(caller: Caller, state: State, subscription: Subscription) -> Self {
+        let pulse = state.shared.pulse.subscribe();
+        let mut feed = Self {
+            caller,
+            state,
+            follower: Follower::new(Begin::New),
+            subscription: subscription.clone(),
+            pass: None,
+            held: None,
+            passed: None,
+            due: true,
+            looked_at: None,
+            pulse,
+            events: None,
+        };
+        feed.subscribe(subscription);
+        feed
+    }
+
+    /// Begins with this subscription in place of the one before. What was not taken yet of that is lost.
+    pub fn subscribe(&mut self, subscription: Subscription) {
+        let news = &self.state.shared.news;
+        self.events = subscription.events.map(|begin| Events {
+            reading: match begin {
+                BeginEvents::Now => Reading::from_now(news),
+                BeginEvents::After(id) => Reading::after(news, id),
+            },
+            last: news.watch(),
+        });
+        self.follower = Follower::new(subscription.begin.clone());
+        (self.pass, self.held, self.passed, self.due) = (None, None, None, true);
+        self.subscription = subscription;
+    }
+
+    /// Who reads.
+    pub fn caller(&self) -> &Caller {
+        &self.caller
+    }
+
+    /// What it reads of.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Whether the reader may still read.
+    pub fn is_allowed(&self) -> bool {
+        self.caller.is_still_valid(&self.state)
+    }
+
+    /// The next message, once there is one. Nothing is lost if this is dropped before it returns.
+    pub async fn next(&mut self) -> LiveSent {
+        loop {
+            if let Some(sent) = self.make() {
+                return sent;
+            }
+            self.wait().await;
+        }
+    }
+
+    /// Waits until there may be something to tell.
+    async fn wait(&mut self) {
+        let Self { events, pulse, due, looked_at, .. } = self;
+        let event = async {
+            if let Some(Events { reading, last }) = events {
+                let at = reading.at();
+                if last.wait_for(|last| *last > at).await.is_ok() {
+                    return;
+                }
+            }
+            std::future::pending().await
+        };
+        if *due {
+            let next = looked_at.map(|looked_at| looked_at + PACE);
+            let paced = async {
+                if let Some(next) = next {
+                    tokio::time::sleep_until(next).await;
+                }
+            };
+            tokio::select! { () = event => {}, () = paced => {} }
+        } else {
+            let changed = async {
+                if pulse.changed().await.is_err() {
+                    std::future::pending().await
+                }
+            };
+            tokio::select! { () = event => {}, () = changed => *due = true }
+        }
+    }
+
+    fn make(&mut self) -> Option<LiveSent> {
+        if let Some(message) = self.event() {
+            return Some(LiveSent { message, resume: self.point() });
+        }
+        loop {
+            if self.pass.is_none() && !self.begin_pass() {
+                return None;
+            }
+            match self.of_pass() {
+                Some(message) => {
+                    if let Some(message) = self.held.replace(message) {
+                        return Some(LiveSent { message, resume: None });
+                    }
+                }
+                None => {
+                    self.follower.end_pass();
+                    self.passed = self.pass.take().map(|pass| pass.number);
+                    if let Some(message) = self.held.take() {
+                        return Some(LiveSent { message, resume: self.point() });
+                    }
+                }
+            }
+        }
+    }
+
+    /// The place up to which everything was sent, unless the first pass is not over.
+    fn point(&self) -> Option<String> {
+        let event = self.events.as_ref().map(|events| events.reading.at());
+        let point = |number| Point { epoch: self.state.shared.epoch, number, event };
+        self.passed.map(|number| point(number).to_string())
+    }
+
+    fn event(&mut self) -> Option<LiveMessage> {
+        let Events { reading, .. } = self.events.as_mut()?;
+        loop {
+            match reading.next(&self.state.shared.news)? {
+                Told::Lost => return Some(LiveMessage::EventsLost(LiveNothing {})),
+                Told::Event(event) if self.subscription.covers(&self.caller, &event.robot) => {
+                    return Some(LiveMessage::Event(event));
+                }
+                Told::Event(_) => {}
+            }
+        }
+    }
+
+    /// Begins a pass if it is due, and the last one is long enough ago.
+    fn begin_pass(&mut self) -> bool {
+        let now = Instant::now();
+        if !self.due || self.looked_at.is_some_and(|looked_at| now < looked_at + PACE) {
+            return false;
+        }
+        (self.due, self.looked_at) = (false, Some(now));
+        // What changes from here on is a reason to look again.
+        self.pulse.mark_unchanged();
+        let (top, mut stations) = self.state.fleet.stations_now();
+        stations.retain(|station| self.subscription.covers(&self.caller, station.name()));
+        // Both are in the order of the names.
+        let is_there = |robot: &str| stations.binary_search_by(|station| station.name().cmp(robot)).is_ok();
+        let (reset, gone) = self.follower.begin_pass(top, is_there);
+        let reset = reset.then_some(LiveMessage::Reset(LiveReset { robot: None }));
+        let gone = gone.into_iter().map(|robot| LiveMessage::Removed(LiveRemoved { robot }));
+        let ready = reset.into_iter().chain(gone).collect();
+        self.pass = Some(Pass { number: top.number, ready, stations: stations.into_iter() });
+        true
+    }
+
+    /// The next message of the pass; `None` at its end.
+    fn of_pass(&mut self) -> Option<LiveMessage> {
+        let pass = self.pass.as_mut()?;
+        loop {
+            if let Some(message) = pass.ready.pop_front() {
+                return Some(message);
+            }
+            let station = pass.stations.next()?;
+            let robot = station.name().to_owned();
+            let (span, step, mut signals) = station.tell_reader(|at| self.follower.step(&robot, at));
+            keep(&self.subscription, &mut signals);
+            let message = match step {
+                Step::Nothing => None,
+                Step::Snapshot { reset } => {
+                    if reset {
+                        let reset = LiveReset { robot: Some(robot.clone()) };
+                        pass.ready.push_back(LiveMessage::Reset(reset));
+                    }
+                    Some(LiveMessage::Snapshot(Box::new(station.state_with(span.number, signals))))
+                }
+                Step::Changes { .. } if signals.is_empty() => None,
+                Step::Changes { after } => {
+                    let robot = robot.clone();
+                    Some(LiveMessage::Change(LiveChange { robot, after, number: span.number, signals }))
+                }
+            };
+            self.follower.done(&robot, span, step, message.is_some());
+            pass.ready.extend(message);
+        }
+    }
+}
+
+/// Keeps the values that are followed.
+fn keep(subscription: &Subscription, signals: &mut Vec<Signal>) {
+    if let Some(followed) = &subscription.signals {
+        signals.retain(|signal| followed.contains(&signal.address));
+    }
+}
