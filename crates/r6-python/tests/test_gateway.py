@@ -132,8 +132,17 @@ def test_streams_tell_values_and_events(operator: r6.Gateway, controller: r6.Sim
     controller.raise_alarm(850)
     change = next(changes)
     assert (change.robot, change.kind, change.signals["curAlarm"].value) == ("arm", "change", 850)
-    controller.clear_alarm()
     changes.close()
+    controller.clear_alarm()
+    resumed = operator.live(robot="arm", signals=["curAlarm"], after=change.id)
+    missed = next(resumed)
+    assert (missed.kind, missed.signals["curAlarm"].value) == ("change", 0)
+    resumed.close()
+    anew = operator.live(robot="arm", signals=["curAlarm"], after="1-1")
+    reset, snapshot = next(anew), next(anew)
+    assert (reset.kind, reset.robot, snapshot.kind, snapshot.robot) == ("reset", None, "snapshot", "arm")
+    assert reset.id == "" and snapshot.id.count("-") == 1
+    anew.close()
     events = operator.events(robot="arm")
     found = threading.Event()
     heard: list[r6.GatewayEvent] = []

@@ -56,7 +56,7 @@ pub struct Shared {
     pub pulse: watch::Sender<u64>,
     /// When this gateway started: numbers of events and of changes count from then.
     pub epoch: u64,
-    /// The last number of a change of any robot, of a robot that came or of one that went.
+    /// The last number of a change of any robot, of a robot that came or went.
     numbers: AtomicU64,
     /// The number of the last robot that went.
     removed: AtomicU64,
@@ -70,8 +70,8 @@ impl Shared {
         Self { keeper, news, pulse, epoch, numbers: AtomicU64::new(0), removed: AtomicU64::new(0) }
     }
 
-    /// How far the numbers have come. What has one of these numbers can be seen by whoever looks after this:
-    /// numbers are drawn under the lock of what they are about.
+    /// How far the numbers have come. A reader that looks after this sees all that has one of these numbers,
+    /// because each is drawn under the lock of what it is about.
     pub fn top(&self) -> Top {
         // In this order: the number of the last removal is never above the other.
         let removed = self.removed.load(Ordering::SeqCst);

@@ -239,7 +239,7 @@ async fn a_robot_that_was_configured_anew_meanwhile_is_reset() {
     let reset = socket.next().await;
     assert_eq!((&reset["type"], &reset["robot"]), (&json!("reset"), &json!("saw")));
     assert_eq!(socket.next().await["period_ms"], 30);
-    // It goes: the reader that stays is told, and so is one that comes back.
+    // It goes: the reader that stays is told, and a reader that comes back too.
     assert_eq!(hall.call(&hall.admin, "DELETE", "/v1/robots/saw", None).await.0, 204);
     assert_eq!(socket.next_of("removed").await["robot"], "saw");
     let mut socket = Socket::open(&hall, &hall.viewer, &format!("?resume={place}")).await;
@@ -290,7 +290,7 @@ async fn a_subscription_is_changed_and_a_wrong_one_changes_nothing() {
     assert_eq!(socket.next().await["name"], "press");
     for (wrong, code) in [
         (json!({ "type": "subscribe", "robots": ["saw"] }), "not_allowed"),
-        (json!({ "type": "subscribe", "robots": ["nobody"] }), "not_allowed"),
+        (json!({ "type": "subscribe", "robots": ["unknown"] }), "not_allowed"),
         (json!({ "type": "subscribe", "signals": ["axis-99"] }), "bad_value"),
         (json!({ "type": "subscribe", "signals": ["Addr-800"] }), "bad_value"),
         (json!({ "type": "subscribe", "signals": vec!["axis-0"; 1001] }), "bad_value"),
@@ -358,7 +358,7 @@ async fn a_message_that_is_too_long_and_bytes_that_are_no_frame_end_the_socket()
     socket.0.get_mut().write_all(&[0x81, 0x02, b'h', b'i']).await.unwrap();
     let (code, reason) = socket.end().await.unwrap();
     assert_eq!((code, reason.starts_with("bad_request: ")), (1002, true), "{reason}");
-    // One that says goodbye gets an answer, and no more.
+    // A socket that says goodbye gets an answer, and no more.
     let mut socket = Socket::open(&hall, &hall.viewer, "?signal=curMode").await;
     socket.0.close(None).await.unwrap();
     socket.end().await;

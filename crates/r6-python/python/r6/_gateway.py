@@ -102,10 +102,15 @@ class GatewayState:
 class GatewayChange:
     """Values of one robot in ``Gateway.live``."""
 
-    robot: str
+    robot: str | None
+    """``None`` only for the ``"reset"`` of all robots."""
     kind: str
-    """``"snapshot"``: all values; ``"change"``: those that changed; ``"removed"``: the robot is gone."""
+    """``"snapshot"``: all values; ``"change"``: those that changed; ``"removed"``: the robot is gone;
+    ``"reset"``: something was missed, so forget the values of the robot: a snapshot follows."""
     signals: Mapping[str, GatewaySignal]
+    id: str = ""
+    """Pass it as ``after`` to go on there. Empty while messages of the same moment follow: keep the last one
+    that is not empty."""
 
 
 @dataclass(frozen=True)
@@ -190,17 +195,23 @@ class Gateway:
         """The handle of a robot. Nothing is sent yet."""
         return GatewayRobot(self, name)
 
-    def live(self, *, robot: str | None = None, signals: list[str] | None = None) -> Changes:
+    def live(
+        self, *, robot: str | None = None, signals: list[str] | None = None, after: str | None = None
+    ) -> Changes:
         """Values as they change: of all robots or of one, all values or these addresses. A robot begins with
         a snapshot. A slow reader gets the latest values and misses those in between. Leaving the loop ends the
         stream.
 
+        ``after``: go on at the ``id`` of a change, when the stream was lost. Then only what changed meanwhile
+        comes, or a ``"reset"`` and snapshots if the gateway does not know that any more.
+
         Raises ``OutcomeUnknown`` when the stream is lost, and ``NotSent`` if it cannot be opened.
         """
         asked = {"robot": robot, "signal": None if signals is None else ",".join(signals)}
-        for _, kind, data in self._stream("/v1/live", asked, None):
+        for number, kind, data in self._stream("/v1/live", asked, after):
             try:
-                change = GatewayChange(data["name" if kind == "snapshot" else "robot"], kind, _signals(data))
+                name = data["name" if kind == "snapshot" else "robot"]
+                change = GatewayChange(name, kind, _signals(data), number)
             except _UNREADABLE as error:
                 raise self._unclear("GET", "/v1/live", "reads", f"a {kind} that cannot be read") from error
             yield change

@@ -1,8 +1,6 @@
 //! A hall in a few numbers, and a reader that loses its connection wherever it hurts.
 
-use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
 use proptest::prelude::*;
 
@@ -19,15 +17,15 @@ struct Robot {
     values: [u64; VALUES],
 }
 
-/// A reader holds the robots of its pass, also those that are removed meanwhile.
-type Shared = Rc<RefCell<Robot>>;
-
 #[derive(Debug, Default)]
 struct Hall {
     epoch: u64,
     number: u64,
     removed: u64,
-    robots: BTreeMap<&'static str, Shared>,
+    /// All robots that ever were: a reader goes on with those of its pass, even if they are removed.
+    all: Vec<Robot>,
+    /// The place in `all` of each robot that is there.
+    robots: BTreeMap<&'static str, usize>,
     /// Never used twice, so that an old value never looks like a new one.
     value: u64,
 }
@@ -44,8 +42,11 @@ impl Hall {
         let values = [0; VALUES].map(|_| self.draw());
         let anew = Robot { numbers: Numbers::new(born, VALUES), values };
         match self.robots.get(robot) {
-            Some(known) => *known.borrow_mut() = anew,
-            None => drop(self.robots.insert(robot, Rc::new(RefCell::new(anew)))),
+            Some(place) => self.all[*place] = anew,
+            None => {
+                self.robots.insert(robot, self.all.len());
+                self.all.push(anew);
+            }
         }
     }
 
@@ -59,7 +60,7 @@ impl Hall {
             return;
         }
         let (number, value) = (self.next(), self.draw());
-        let mut robot = self.robots[robot].borrow_mut();
+        let robot = &mut self.all[self.robots[robot]];
         robot.values[place] = value;
         robot.numbers.change(&[place], number);
     }
@@ -89,7 +90,7 @@ enum Message {
 struct Connection {
     follower: Follower,
     /// Robots that the pass has not come to yet, and what is still to be said of those before.
-    pass: Option<(u64, Vec<(&'static str, Shared)>)>,
+    pass: Option<(u64, Vec<(&'static str, usize)>)>,
     waiting: Vec<Message>,
     followed: Vec<usize>,
 }
@@ -106,7 +107,7 @@ impl Connection {
             return (Some(self.waiting.remove(0)), None);
         }
         let Some((number, robots)) = &mut self.pass else {
-            let there = hall.robots.iter().map(|(name, robot)| (*name, Rc::clone(robot))).collect();
+            let there = hall.robots.iter().map(|(name, place)| (*name, *place)).collect();
             let (reset, gone) = self.follower.begin_pass(hall.top(), |robot| hall.robots.contains_key(robot));
             self.waiting.extend(reset.then_some(Message::Reset(None)));
             self.waiting.extend(gone.into_iter().map(Message::Removed));
@@ -119,8 +120,8 @@ impl Connection {
             self.follower.end_pass();
             return (None, Some(number));
         }
-        let (name, robot) = robots.remove(0);
-        let robot = robot.borrow();
+        let (name, place) = robots.remove(0);
+        let robot = &hall.all[place];
         let at = robot.numbers.span();
         let step = self.follower.step(name, at);
         let own = name.to_owned();
@@ -305,9 +306,9 @@ fn run(acts: Vec<Act>, followed: &[usize]) {
     let mine: Vec<_> = client.robots.keys().map(String::as_str).collect();
     let there: Vec<_> = hall.robots.keys().copied().collect();
     assert_eq!(mine, there);
-    for (name, robot) in &hall.robots {
+    for (name, at) in &hall.robots {
         for place in followed {
-            assert_eq!(client.robots[*name].1[*place], robot.borrow().values[*place], "{name} {place}");
+            assert_eq!(client.robots[*name].1[*place], hall.all[*at].values[*place], "{name} {place}");
         }
     }
 }
@@ -322,7 +323,7 @@ proptest! {
         run(acts, &[0, 1, 2]);
     }
 
-    /// The same for one that follows some values.
+    /// The same for a reader that follows some values.
     #[test]
     fn so_has_one_that_follows_some_values(acts in prop::collection::vec(act(), 0..80)) {
         run(acts, &[1]);
