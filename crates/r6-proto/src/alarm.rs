@@ -51,6 +51,7 @@ struct Row {
 const SERVICE: &str = "call the machine's service with this number";
 const RESTART: &str = "switch the cabinet off and on; if it comes again, call the machine's service";
 const WIRING: &str = "check the cable and the power of that part, then clear the alarm";
+const POINTS: &str = "if a camera sends the points, look at the camera and the part; otherwise correct the program at the pendant; then clear the alarm";
 const PROGRAM: &str = "correct the program at the pendant, then clear the alarm";
 const SETTINGS: &str = "check the machine settings at the pendant, then clear the alarm";
 const SOFT_LIMIT: &str = "the target, or the way to it, lies beyond the soft limit: correct it, move the axis back by hand if it stands there, then clear the alarm";
@@ -108,7 +109,7 @@ const TABLE: &[Row] = &[
     row(180, Span::Axes, "negative limit switch", "move the axis off the switch by hand, then clear the alarm"),
     row(190, Span::Axes, "origin not set", "home the machine at the pendant"),
     live(200, Span::One, "route action failed", "the path cannot be driven (out of reach, singular, or the list was replaced in mid-motion): correct the target or wait for rest, then clear the alarm"),
-    row(201, Span::To(218), "points of the route are not set", PROGRAM),
+    row(201, Span::To(218), "points of the route are not set", POINTS),
     live(219, Span::One, "setting the route speed failed", "give a speed above 0; a path speed (action 51) is a whole number of mm/s"),
     row(220, Span::One, "route planning failed (acceleration)", SLOWER),
     row(221, Span::One, "route cannot be planned anew", SLOWER),

@@ -295,7 +295,7 @@ impl fmt::Display for DoubtAfterStop {
         }
         write!(
             f,
-            "a frame that can move the arm had no answer yet; once it could no longer be carried out, {}",
+            "one frame that can move the arm had no answer, so the stop waited until the controller could no longer carry it out; then {}",
             self.cleared
         )
     }

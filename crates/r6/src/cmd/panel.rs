@@ -147,6 +147,12 @@ enum Level {
     Off,
 }
 
+impl Level {
+    fn word(self) -> &'static str {
+        if self == Self::On { "on" } else { "off" }
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ButtonWord {
     /// The program runs
@@ -176,6 +182,10 @@ pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
     let panel = Panel::at(args.panel.as_deref().unwrap_or(DEFAULT_PANEL))?;
     let starts = args.what.starts();
     let looks = matches!(args.what, What::Status);
+    let input = match &args.what {
+        What::Input { point, level } => Some(format!("{point} is {}; ", level.word())),
+        _ => None,
+    };
     if args.panel.is_none() && !looks {
         is_of_the_named_robot(&panel, args.controller).await?;
     }
@@ -201,7 +211,7 @@ pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
     } else if looks {
         output::line(panel::text(&state));
     } else {
-        output::line(panel::summary(&state));
+        output::line(format!("{}{}", input.unwrap_or_default(), panel::summary(&state)));
     }
     alarmed.map_or(Ok(Exit::Done), Err)
 }

@@ -65,7 +65,7 @@ last line tells how much that is; with --stop-on-interrupt the arm is stopped in
 streamed motion fails (alarm, stop, refusal, unknown outcome, nothing goes on), the arm is stopped \
 and its list cleared, and the last line tells what became of the steps and of the arm. The exit \
 code is 1 where the arm was then seen to stand. It is 4 where it was not, or was left to finish its \
-list. It is 4 although the arm stands where it is not known which steps were carried out: the list \
+list. It is 4, even if the arm stands, where it is not known which steps were carried out: the list \
 is gone and nothing proves that all of it was carried out, the outcome of a frame is unknown, or \
 the controller was lost or refused after it had taken a part.
 

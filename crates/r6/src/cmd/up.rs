@@ -166,12 +166,14 @@ fn hints(controller: &ControllerHandle, doors: Doors<'_>) -> Vec<String> {
         crate::hint::DEFAULT_PANEL => "r6 panel status".to_owned(),
         _ => format!("r6 panel --panel {address} status"),
     });
-    let commands =
-        [format!("r6{robot} status"), format!("r6{robot} move axes 10 0 0 0 30 0 --speed 50 --wait")];
+    // A program that takes no motions from a PC would refuse it, and be stopped.
+    let motion = (controller.snapshot().program == "remote")
+        .then(|| format!("r6{robot} move axes 10 0 0 0 30 0 --speed 50 --wait"));
+    let commands = [Some(format!("r6{robot} status")), motion].into_iter().flatten();
     // A low screen leaves the last one out.
     let watch = format!("r6{robot} watch axis-0 axis-4 isMoving --every 100ms");
     let gateway = doors.gateway.map(CellGateway::hint);
-    commands.into_iter().chain(panel).chain(gateway).chain([watch]).collect()
+    commands.chain(panel).chain(gateway).chain([watch]).collect()
 }
 
 async fn show_lines(controller: &ControllerHandle, doors: Doors<'_>, lang: LangArg) -> Result<(), Failure> {

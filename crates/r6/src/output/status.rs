@@ -110,7 +110,7 @@ fn what_to_look_at(unproved: Unproved, status: &Status, remote_program: Option<&
             };
             format!(
                 "{named}mode 7 says that a program runs, not at which step: look at the pendant. If it is at another step, do not use \
-                 `r6 run`: the controller refuses the list, and `r6 run` then stops the machine, its production program too"
+                 `r6 move` or `r6 run`: the controller refuses the list, and `r6` then stops the machine, its production program too"
             )
         }
         Unproved::ListLength => format!(

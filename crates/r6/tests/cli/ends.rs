@@ -204,7 +204,7 @@ fn a_list_that_somebody_else_cleared_is_code_4_and_a_stop_that_was_made_is_not_a
         std::fs::read_to_string(crate::support::root().join("docs/COMMAND_LINE.md")).unwrap(),
     ] {
         let page = page.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(page.contains("4 although the arm stands"), "{page}");
+        assert!(page.contains("4, even if the arm stands"), "{page}");
     }
 }
 

@@ -77,7 +77,8 @@ fn an_emergency_stop_ends_what_runs_until_everything_is_undone() {
 #[test]
 fn inputs_alarms_and_programs_show_in_the_status() {
     let cell = Cell::start(&["--profile", "r6-pendant"]);
-    cell.done(&["input", "x1.011", "on"]);
+    let said = cell.done(&["input", "x1.011", "on"]).out;
+    assert!(said.starts_with("X1.011 is on; controller 1 "), "{said}");
     cell.done(&["input", "EUX010", "on"]);
     cell.done(&["alarm", "135"]);
     cell.done(&["program", "register-move"]);
@@ -267,8 +268,18 @@ fn a_panel_for_other_machines_has_to_be_wanted() {
 fn up_has_a_panel_unless_told() {
     let mut up = Running::start(&["up", "--listen", "127.0.0.1:0"]);
     let lines = [up.line(), up.line(), up.line()];
+    while !up.line().contains(" move axes ") {}
     let panel = lines[2].strip_prefix("panel on http://").unwrap_or_else(|| panic!("{lines:?}"));
     assert_eq!(r6(&["panel", "--panel", panel, "key", "stop"]).code, 0);
+    // A program that takes no motion from a PC would refuse the one to try, and be stopped.
+    let mut pick = Running::start(&["up", "--listen", "127.0.0.1:0", "--program", "pick-and-place"]);
+    loop {
+        let line = pick.line();
+        assert!(!line.contains(" move axes "), "{line}");
+        if line.contains(" watch ") {
+            break;
+        }
+    }
     let mut without =
         Running::start(&["up", "--listen", "127.0.0.1:0", "--panel", "off", "--gateway", "off"]);
     for _ in 0..2 {

@@ -32,7 +32,8 @@ fn a_list_that_a_production_program_refuses_stops_the_machine() {
     let status = robot.r6(&["status"]);
     assert_eq!(status.code, 0, "{status:?}");
     assert!(
-        status.out.contains("`r6 run` then stops the machine, its production program too"),
+        status.out.contains("do not use `r6 move` or `r6 run`: the controller refuses the list, and `r6` then stops the machine, its production \
+             program too"),
         "{}",
         status.out
     );
@@ -41,6 +42,7 @@ fn a_list_that_a_production_program_refuses_stops_the_machine() {
     assert!(outcome.err.contains("refused the instruction list"), "{}", outcome.err);
     assert!(outcome.err.contains("stopped: the arm stands"), "{}", outcome.err);
     assert!(outcome.err.contains("start the program again before the next motion"), "{}", outcome.err);
+    assert!(outcome.err.contains("choose a program that does: at the pendant, or"), "{}", outcome.err);
     assert_ne!(robot.value("curMode"), 7);
     let page = std::fs::read_to_string(crate::support::root().join("docs/QUICKSTART.md")).unwrap();
     assert!(page.contains("`r6 run` stops production"), "{page}");

@@ -283,7 +283,7 @@ fn a_list_that_nobody_answers_is_not_sent_again() {
     // The controller carried the list out once. It did not answer the stop either, but the state proves that
     // the arm stands.
     assert!(text(&failed, "message").contains("stopped: the arm stands"), "{failed}");
-    assert!(text(&failed, "message").contains("a frame that can move the arm had no answer"), "{failed}");
+    assert!(text(&failed, "message").contains("one frame that can move the arm had no answer"), "{failed}");
     assert_eq!(cell.taken() % 8, 0, "one list, and empty ones");
     assert_eq!(count(&failed, "sent"), 8);
 }

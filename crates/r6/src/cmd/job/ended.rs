@@ -13,6 +13,10 @@ use crate::output::alarm;
 use crate::output::problem::Code;
 use crate::robot;
 
+/// What else to do if the controller refused the motion: the same program would refuse it again.
+const ANOTHER_PROGRAM: &str = "If it does not wait for remote commands, choose a program that does: at the \
+    pendant, or on a virtual controller with `r6 panel program remote`";
+
 /// Advice for the case that the arm stands elsewhere.
 fn elsewhere() -> String {
     let status = hint::r6("status");
@@ -65,7 +69,11 @@ impl Ended {
                 (failure.lead(first).with_exit(Exit::Unknown).with_code(code), None)
             }
         };
+        let was_refused = failure.code() == Code::Refused;
         let failure = match stop.as_ref().and_then(start_again) {
+            Some(advice) if failure.advice().is_none() && was_refused => {
+                failure.advise(format!("{advice}. {ANOTHER_PROGRAM}"))
+            }
             Some(advice) if failure.advice().is_none() => failure.advise(advice),
             Some(_) | None => failure,
         };
