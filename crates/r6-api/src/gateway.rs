@@ -5,6 +5,7 @@
 
 mod audit;
 mod command;
+mod history;
 mod live;
 mod robot;
 
@@ -12,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 pub use audit::{Audit, AuditEntry, AuditRecord, CommandOutcome, Deed, Event, Happened, LeaseEnd};
 pub use command::{CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease};
+pub use history::{Gap, History, HistoryBucket, HistorySample, HistoryState};
 pub use live::{
     LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveRequest, LiveReset, LiveResume, LiveSent,
     LiveSubscribe, LiveSubscribed,
@@ -68,4 +70,6 @@ pub struct Ready {
     pub robots: usize,
     /// How many of them are up.
     pub robots_up: usize,
+    /// Whether the values of robots are kept. Commands and stops do not depend on it.
+    pub history: HistoryState,
 }

@@ -15,6 +15,7 @@ use crate::error::{NotSent, OutcomeUnknown, RequestError};
 use crate::poll_plan::{Next, PollPlan, next_due, slack};
 use crate::query::result::{AskedAt, NoReading, QueryResult};
 use crate::subscription::limits::{MAX_ADDRESSES, MAX_POLLED, MAX_SUBSCRIPTIONS, NotSubscribed};
+use crate::tap::{MAX_RECORDINGS, Tap};
 use crate::time::Time;
 
 /// The last value of an address.
@@ -44,6 +45,7 @@ struct Shared {
     values: BTreeMap<Address, Last>,
     failure: Option<RequestError>,
     poller: Option<AbortHandle>,
+    taps: Vec<Tap>,
     /// How many connections were lost.
     losses: u64,
     closed: bool,
@@ -190,6 +192,16 @@ impl Board {
         Seen { rows: addresses.iter().map(row).collect(), failure: shared.failure.clone() }
     }
 
+    /// Adds a recording. `false` if the handle is closed, or if there are too many.
+    pub fn tap(&self, tap: Tap) -> bool {
+        let mut shared = self.shared();
+        let takes = !shared.closed && shared.taps.len() < MAX_RECORDINGS;
+        if takes {
+            shared.taps.push(tap);
+        }
+        takes
+    }
+
     /// The connection is lost: notifies all subscriptions; everything is read again on the next connection.
     pub fn connection_lost(&self) {
         let mut shared = self.shared();
@@ -205,6 +217,7 @@ impl Board {
         let mut shared = self.shared();
         shared.closed = true;
         shared.wishes.clear();
+        shared.taps.clear();
         shared.plan.replace(BTreeMap::new(), self.time.now());
         drop(shared);
         self.changed.notify_one();
@@ -235,6 +248,7 @@ impl Board {
     pub fn answered(&self, poll: &Poll, result: &QueryResult, asked_at: &AskedAt) {
         let now = self.time.now();
         let mut shared = self.shared();
+        shared.taps.retain(|tap| tap.take(result, asked_at));
         for (position, (address, value)) in result.rows().iter().enumerate() {
             if let Some(at) = asked_at.of(position)
                 && shared.plan.every(*address).is_some()
@@ -374,6 +388,24 @@ mod tests {
             quick.mark_unchanged();
         }
         assert_eq!((told_slow, told_quick), (1, 100));
+    }
+
+    #[test]
+    fn a_recording_has_every_poll_and_a_late_reader_is_told_what_it_lost() {
+        let watched = watched();
+        let (tap, mut polls, lost) = Tap::new();
+        assert!(watched.board.tap(tap));
+        let poll = watched.due().unwrap().unwrap();
+        for _ in 0..1030 {
+            watched.answer(&poll);
+        }
+        let got = std::iter::from_fn(|| polls.try_recv().ok()).count();
+        assert_eq!((got, lost.load(std::sync::atomic::Ordering::Relaxed)), (1024, 6));
+        drop(polls);
+        watched.answer(&poll);
+        assert!(watched.board.shared().taps.is_empty(), "its recording was dropped");
+        watched.board.close();
+        assert!(!watched.board.tap(Tap::new().0));
     }
 
     #[test]

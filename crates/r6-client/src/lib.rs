@@ -57,6 +57,7 @@ mod progress;
 mod pushed;
 mod query;
 mod raw;
+mod recording;
 mod registers;
 mod reply;
 mod robot;
@@ -67,6 +68,7 @@ mod status;
 mod stop;
 mod stream;
 mod subscription;
+mod tap;
 mod time;
 pub mod units;
 
@@ -99,6 +101,7 @@ pub use r6_proto::message::instruction::{
 pub use r6_proto::message::{PhotoAnswer, Point, Reading};
 pub use r6_proto::{Address, AxisIndex, AxisMask, Command, OperationMode, RegisterIndex};
 pub use raw::{RawReply, RawValue};
+pub use recording::{Recorded, Recording};
 pub use registers::{Keep, RegisterError, from_thousandths, to_thousandths};
 pub use robot::{Accepted, Closed, Robot};
 pub use settings::{Heartbeat, Liveness, Reconnect, RobotSettings};

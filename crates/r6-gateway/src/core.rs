@@ -4,6 +4,7 @@
 //!   It alone makes a [`seat::Permit`], without which no command leaves.
 //! - [`role`]: which role may do what.
 //! - [`chain`]: the hash chain of the audit log.
+//! - [`history`]: which values are kept, and how.
 //! - [`name`]: names of robots.
 //! - [`order`]: what the holder of a lease sends.
 //! - [`rate`]: how many requests a token may make.
@@ -11,6 +12,7 @@
 //! - [`raw`]: the raw port.
 
 pub mod chain;
+pub mod history;
 pub mod live;
 pub mod name;
 pub mod order;

@@ -4,6 +4,7 @@
 //! - [`config`]: how one robot is looked after.
 //! - [`roster`]: adds, changes and removes robots while the others go on.
 //! - [`link`]: the task that keeps the connection and reads the values.
+//! - [`record`]: the task that keeps the values.
 //! - [`command`]: leases, commands, stops and the acceptance of another robot.
 //! - [`counts`]: what happened, counted.
 //! - [`clerk`]: the task that ends leases in time, and writes down what need not be written first.
@@ -13,6 +14,7 @@ pub mod command;
 pub mod config;
 pub mod counts;
 pub mod link;
+mod record;
 pub mod roster;
 mod send;
 pub mod station;

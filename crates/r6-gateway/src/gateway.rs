@@ -6,7 +6,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use r6_api::gateway::{AuditRecord, CommandOutcome, Deed};
 use r6_client::RobotSettings;
@@ -19,11 +19,18 @@ use crate::fleet::Fleet;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roster::{self, Changes};
 use crate::fleet::station::Shared;
+use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, State};
 use crate::problem::Problem;
 use crate::raw_port::{self, Door, RawPort, SharedPolicy};
 use crate::store::{Keeper, Sqlite, Store, StoreError};
 use crate::tokens::{REFRESH, Tokens};
+
+/// The folder of the history, in that of the store.
+const HISTORY: &str = "history";
+
+/// How long the last samples may take at the end.
+const LAST_SAMPLES: Duration = Duration::from_secs(5);
 
 /// What a gateway needs.
 #[derive(Clone, Debug)]
@@ -40,6 +47,8 @@ pub struct GatewaySettings {
     pub raw: Vec<RawPort>,
     /// Who may do what on them.
     pub raw_policy: RawPolicy,
+    /// What is kept of values.
+    pub history: HistorySettings,
 }
 
 /// Why a gateway could not be started. Nothing is left running.
@@ -123,7 +132,10 @@ impl Gateway {
         let saved = robots.into_iter().map(|robot| Ok((store.seat(&robot.name)?, robot)));
         let saved = saved.collect::<Result<Vec<_>, StoreError>>()?;
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
-        let shared = Arc::new(Shared::new(keeper, epoch()));
+        let history = settings.history;
+        let history =
+            history.on.then(|| Recorder::start(&settings.data.join(HISTORY), history)).transpose()?;
+        let shared = Arc::new(Shared::new(keeper, history, epoch()));
         let tokens = Tokens::read(shared.keeper.clone()).await?;
 
         let fleet = Arc::new(Fleet::start(saved, Arc::clone(&shared)));
@@ -188,7 +200,14 @@ impl Gateway {
     pub async fn shutdown(mut self) -> Result<(), StoreError> {
         self.server.shutdown().await;
         self.state.fleet.end().await;
-        self.state.shared.keeper.append(vec![record(None, Deed::GatewayEnded {})]).await.map(drop)
+        let shared = &self.state.shared;
+        let ended = shared.keeper.append(vec![record(None, Deed::GatewayEnded {})]).await.map(drop);
+        if let Some(history) = &shared.history
+            && !matches!(tokio::time::timeout(LAST_SAMPLES, history.end()).await, Ok(Ok(())))
+        {
+            tracing::error!("the last samples of the history were not written");
+        }
+        ended
     }
 }
 

@@ -9,6 +9,7 @@ mod caller;
 mod commands;
 mod described;
 mod health;
+mod history;
 mod leases;
 mod metrics;
 mod refusal;
@@ -88,6 +89,7 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(streams::events))
         .routes(routes!(streams::live))
         .routes(routes!(audit::page))
+        .routes(routes!(history::show))
         .routes(routes!(describe))
         .routes(routes!(health::healthz))
         .routes(routes!(health::readyz))

@@ -26,6 +26,7 @@
 //! - `core`: the decisions, pure: who may send what now, which role may do what, the chain of the audit log.
 //! - `fleet`: a task and a connection for each robot, through `r6-client`.
 //! - `live`: values that change, and events.
+//! - `history`: values that are kept, by a thread and in files of their own.
 //! - `store`: tokens, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
 //! - `raw_port`: the robots' own protocol, for old scripts.
@@ -38,6 +39,7 @@ mod clock;
 mod core;
 mod fleet;
 mod gateway;
+mod history;
 mod http;
 mod live;
 mod problem;
@@ -52,6 +54,7 @@ pub use crate::core::role::Grant;
 pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
 pub use crate::fleet::roster::Changes;
 pub use crate::gateway::{Gateway, GatewayError, GatewaySettings};
+pub use crate::history::{HistorySettings, LEAST_MAX_BYTES};
 pub use crate::http::openapi;
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;

@@ -6,6 +6,7 @@
 
 #[cfg(test)]
 mod contract;
+pub mod history;
 mod keeper;
 #[cfg(test)]
 mod memory;

@@ -58,6 +58,8 @@ ELSEWHERE = {
     "Reconnect": "RobotSettings",
     "RegisterError": "NotTaken",
     "Restart": "MotionError.cause",
+    "Recorded": " only the gateway keeps every poll",
+    "Recording": " only the gateway keeps every poll",
     "RawReply": " only the gateway hands values on as they were written",
     "RawValue": " only the gateway hands values on as they were written",
     "RegisterIndex": " a number from 800 to 900",

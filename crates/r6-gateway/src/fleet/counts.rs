@@ -1,10 +1,12 @@
 //! What happened at one robot, counted for `/metrics`.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use r6_api::gateway::CommandOutcome;
 
 use crate::core::raw::session::Cause;
+use crate::history::RobotCounts;
 
 /// The counts of one robot, since it was added or the gateway started.
 #[derive(Debug, Default)]
@@ -17,6 +19,8 @@ pub struct Counts {
     not_confirmed: AtomicU64,
     /// The clients of the raw port.
     pub raw: RawCounts,
+    /// The samples of its values.
+    pub history: Arc<RobotCounts>,
 }
 
 /// The counts of the clients of one robot's raw port.

@@ -13,6 +13,7 @@ use tokio::sync::watch;
 
 use super::clerk::ended;
 use super::config::RobotConfig;
+use super::record::record;
 use super::station::{MODE_PERIOD, Station};
 use crate::clock;
 
@@ -49,7 +50,10 @@ async fn run(station: &Station) {
     let robot = connect(station, &config).await;
     station.robot.send_replace(Some(robot.clone()));
     match subscribe(&robot, &config) {
-        Ok((values, mode)) => watch(station, &robot, values, mode).await,
+        Ok((values, mode)) => tokio::select! {
+            () = watch(station, &robot, values, mode) => {}
+            () = record(station, &robot, &config) => {}
+        },
         // The configuration was checked, so this is a fault of ours.
         Err(error) => tracing::error!(robot = station.name(), %error, "the values cannot be read"),
     }

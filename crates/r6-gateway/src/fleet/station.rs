@@ -22,6 +22,7 @@ use crate::core::raw::fresh::Freshness;
 use crate::core::seat::{Noticed, Saved, Seat};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
+use crate::history::Recorder;
 use crate::live::board::Board;
 use crate::live::news::News;
 use crate::store::{Keeper, StoreError};
@@ -50,6 +51,8 @@ const FRESH_FOR: Duration = Duration::from_millis(1500);
 pub struct Shared {
     /// The store.
     pub keeper: Keeper,
+    /// The history; `None` if none is kept.
+    pub history: Option<Recorder>,
     /// What happened.
     pub news: News,
     /// Counts changes of values, so that readers can wait for the next one.
@@ -65,9 +68,9 @@ pub struct Shared {
 impl Shared {
     /// What robots share that none has used yet.
     #[must_use]
-    pub fn new(keeper: Keeper, epoch: u64) -> Self {
+    pub fn new(keeper: Keeper, history: Option<Recorder>, epoch: u64) -> Self {
         let (news, pulse) = (News::default(), watch::Sender::new(0));
-        Self { keeper, news, pulse, epoch, numbers: AtomicU64::new(0), removed: AtomicU64::new(0) }
+        Self { keeper, history, news, pulse, epoch, numbers: AtomicU64::new(0), removed: AtomicU64::new(0) }
     }
 
     /// How far the numbers have come. A reader that looks after this sees all that has one of these numbers,

@@ -1,10 +1,12 @@
 //! Whether the gateway works.
 
+use std::sync::atomic::Ordering;
+
 use axum::Json;
 use axum::extract::State as Of;
 use axum::http::StatusCode;
 use r6_api::Problem;
-use r6_api::gateway::{Ready, RobotLink};
+use r6_api::gateway::{HistoryState, Ready, RobotLink};
 
 use super::State;
 use super::caller::Caller;
@@ -19,7 +21,8 @@ pub async fn healthz() -> StatusCode {
     StatusCode::NO_CONTENT
 }
 
-/// Whether the gateway can be used: the store answers. Robots that are down do not count.
+/// Whether the gateway can be used: the store answers. Robots that are down do not count, nor a history that
+/// pauses.
 #[utoipa::path(get, path = "/readyz", responses(
     (status = 200, description = "It is ready", body = Ready),
     (status = 503, description = "The store does not answer", body = Ready),
@@ -32,5 +35,10 @@ pub async fn readyz(_caller: Caller, Of(state): Of<State>) -> (StatusCode, Json<
     let (robots, robots_up) =
         links.fold((0, 0), |(all, up), link| (all + 1, up + usize::from(link == RobotLink::Up)));
     let status = if store { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
-    (status, Json(Ready { store, robots, robots_up }))
+    let history = match &state.shared.history {
+        None => HistoryState::Off,
+        Some(history) if history.counts().paused.load(Ordering::Relaxed) => HistoryState::Paused,
+        Some(_) => HistoryState::Kept,
+    };
+    (status, Json(Ready { store, robots, robots_up, history }))
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use axum::extract::State as Of;
 use axum::http::header::CONTENT_TYPE;
@@ -12,6 +13,7 @@ use super::State;
 use super::caller::Caller;
 use super::described::OfToken;
 use crate::fleet::station::Station;
+use crate::history::HistoryCounts;
 
 /// The text format of Prometheus.
 const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
@@ -70,6 +72,12 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
         sample(&mut text, "r6_gateway_records_waiting", station.name(), "", count);
     }
     raw(&mut text, &seen);
+    if let Some(recorder) = &state.shared.history {
+        history(&mut text, &seen);
+        if caller.token.grant.only.is_none() {
+            files(&mut text, recorder.counts());
+        }
+    }
     ([(CONTENT_TYPE, FORMAT)], text)
 }
 
@@ -91,6 +99,71 @@ fn raw(text: &mut String, seen: &[&Arc<Station>]) {
             let label = format!(",cause=\"{cause}\"");
             sample(text, "r6_gateway_raw_closed_total", station.name(), &label, count);
         }
+    }
+}
+
+/// The samples of each robot.
+fn history(text: &mut String, seen: &[&Arc<Station>]) {
+    let kept = "Samples of values that were kept, since the robot was added or the gateway started.";
+    family(text, "r6_gateway_history_samples_total", "counter", kept);
+    for station in seen {
+        let kept = station.counts.history.now().0;
+        sample(text, "r6_gateway_history_samples_total", station.name(), "", kept);
+    }
+    let lost = "Samples of values that could not be kept: the disk or the gateway was too slow.";
+    family(text, "r6_gateway_history_lost_total", "counter", lost);
+    for station in seen {
+        sample(text, "r6_gateway_history_lost_total", station.name(), "", station.counts.history.now().1);
+    }
+    let lag = "How much of what was read is not on the disk yet, in ms. It grows while the disk fails.";
+    family(text, "r6_gateway_history_lag_ms", "gauge", lag);
+    for station in seen {
+        let lag = u64::try_from(station.counts.history.lag() / 1000).unwrap_or(0);
+        sample(text, "r6_gateway_history_lag_ms", station.name(), "", lag);
+    }
+}
+
+/// The files of the history, of all robots.
+fn files(text: &mut String, counts: &HistoryCounts) {
+    let oldest = counts.oldest_day.load(Ordering::Relaxed).saturating_mul(86_400);
+    let rows = [
+        (
+            "paused",
+            "gauge",
+            "Whether the disk does not take samples.",
+            u64::from(counts.paused.load(Ordering::Relaxed)),
+        ),
+        ("bytes", "gauge", "What all files of the history take.", counts.bytes.load(Ordering::Relaxed)),
+        (
+            "oldest_timestamp_seconds",
+            "gauge",
+            "The begin of the oldest day that is kept; 0 without a day.",
+            u64::try_from(oldest).unwrap_or(0),
+        ),
+        (
+            "files_removed_total",
+            "counter",
+            "Files removed for their age or the size of all.",
+            counts.removed.load(Ordering::Relaxed),
+        ),
+        (
+            "clock_steps_total",
+            "counter",
+            "How often the clock of the system was set.",
+            counts.clock_steps.load(Ordering::Relaxed),
+        ),
+        (
+            "unreadable_total",
+            "counter",
+            "Rows that could not be read after a start.",
+            counts.unreadable.load(Ordering::Relaxed),
+        ),
+    ];
+    for (name, kind, help, value) in rows {
+        let name = format!("r6_gateway_history_{name}");
+        family(text, &name, kind, help);
+        // To write to a text cannot fail.
+        let _ = writeln!(text, "{name} {value}");
     }
 }
 

@@ -3,6 +3,7 @@
 mod access;
 mod commands;
 mod fleet;
+mod history;
 mod leases;
 mod openapi;
 mod raw;

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use r6_api::gateway::Role;
 use r6_client::RobotSettings;
 use r6_controller::{Event, LogEntry, Program, StartState};
-use r6_gateway::{Gateway, GatewaySettings, RawPolicy, RawPort, RobotConfig, RobotName};
+use r6_gateway::{Gateway, GatewaySettings, HistorySettings, RawPolicy, RawPort, RobotConfig, RobotName};
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -195,6 +195,7 @@ pub fn settings(data: &Path, robots: Vec<RobotConfig>) -> GatewaySettings {
         robot_settings: RobotSettings::default(),
         raw: Vec::new(),
         raw_policy: RawPolicy::default(),
+        history: HistorySettings::default(),
     }
 }
 

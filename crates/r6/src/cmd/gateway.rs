@@ -45,6 +45,11 @@ In hall.toml, for each robot:
   period_ms = 100                      how often its values are read
   read = [\"Addr-800\", \"counter-1\"]     values to read besides the usual ones
 
+What is kept of values, and for how long; it holds from the next start:
+  [history]
+  keep_days = 30                       today included
+  max_mb = 10240                       all files together; the oldest values go first
+
 A raw port speaks the robots' own protocol, for old scripts. Without a rule, programs of this machine may \
 read and stop over raw ports, and others nothing. In hall.toml, for each source; the first that fits decides:
   [[raw_rule]]
@@ -72,7 +77,7 @@ struct ServeArgs {
     /// Where to listen; port 0 takes any free port. There is no TLS yet: other machines see the tokens
     #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_LISTEN, value_parser = units::listen_address)]
     listen: SocketAddr,
-    /// Folder for tokens, leases and the audit log
+    /// Folder for tokens, leases, the audit log and the history
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
     /// A file with robots, TOML; SIGHUP makes the gateway read it again
@@ -102,7 +107,7 @@ pub fn run(args: GatewayArgs, robot_typed: bool) -> Result<Exit, Failure> {
 
 async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let typed = if robot_typed { args.robots.as_slice() } else { &[] };
-    let Config { robots, mut raw, policy } = all(args.config.as_deref(), typed)?;
+    let Config { robots, mut raw, policy, history } = all(args.config.as_deref(), typed)?;
     for text in &args.raw {
         raw.push(raw_port(text)?);
     }
@@ -116,7 +121,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let (listen, data) = (args.listen, args.data.clone());
     let raw_policy = policy.unwrap_or_default();
     let robot_settings = robot::settings();
-    let settings = GatewaySettings { listen, data, robots, robot_settings, raw, raw_policy };
+    let settings = GatewaySettings { listen, data, robots, robot_settings, raw, raw_policy, history };
     let gateway = Gateway::start(settings).await.map_err(Failure::usage)?;
     tell_start(&gateway, &args.data);
     tell_raw(&gateway, rules);

@@ -1,4 +1,6 @@
-//! The file of a gateway: robots, raw ports, and who may use these.
+//! The file of a gateway: robots, raw ports, who may use these, and the history.
+
+mod history;
 
 use std::path::Path;
 use std::time::Duration;
@@ -6,7 +8,8 @@ use std::time::Duration;
 use r6_client::Address;
 use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_gateway::{
-    MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotConfig, RobotName,
+    HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotConfig,
+    RobotName,
 };
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Node, Wrong};
@@ -28,6 +31,8 @@ pub struct Config {
     pub raw: Vec<RawPort>,
     /// `[[raw_rule]]`, if there is any.
     pub policy: Option<RawPolicy>,
+    /// `[history]`.
+    pub history: HistorySettings,
 }
 
 /// Reads the file.
@@ -70,7 +75,9 @@ fn parse(text: &str) -> Result<Config, Mistakes> {
         rules.extend(inner.finish(read, &mut found));
     }
     let policy = (!rules.is_empty()).then(|| RawPolicy::new(rules));
-    let config = fields.finish(Ok(Config { robots, raw, policy }), &mut found);
+    let history = fields.optional("history", "a table: [history]", |value| value.table());
+    let history = history.and_then(|table| history::read(table, &mut found)).unwrap_or_default();
+    let config = fields.finish(Ok(Config { robots, raw, policy, history }), &mut found);
     found.finish(config)
 }
 
@@ -133,12 +140,42 @@ mod tests {
         let text = "[[robot]]\nname = \"press-4\"\naddress = \"192.168.1.10\"\nperiod_ms = 50\n\
                     read = [\"Addr-800\", \"counter-1\"]\n\
                     [[robot]]\nname = \"saw\"\naddress = \"saw.hall:9761\"\n";
-        let Config { robots, raw, policy } = parse(text).unwrap();
+        let Config { robots, raw, policy, history } = parse(text).unwrap();
+        assert_eq!(history, HistorySettings::default());
         assert!(raw.is_empty() && policy.is_none());
         let [press, saw] = &robots[..] else { panic!("{robots:?}") };
         assert_eq!((press.name.as_str(), press.period), ("press-4", Duration::from_millis(50)));
         assert_eq!(press.addresses.len(), 2);
         assert_eq!((saw.address.as_str(), saw.period), ("saw.hall:9761", r6_gateway::USUAL_PERIOD));
+    }
+
+    #[test]
+    fn a_file_says_what_is_kept() {
+        let text = "[history]\nkeep_days = 7\nmax_mb = 512\n\
+                    [[history.deadband]]\naddress = \"axis-0\"\nby = 0.05\n";
+        let Config { history, .. } = parse(text).unwrap();
+        assert_eq!((history.on, history.keep_days, history.max_bytes), (true, 7, 512 << 20));
+        assert_eq!(history.deadband(Address::parse("axis-0").unwrap()), 0.05);
+        assert_eq!(history.deadband(Address::parse("axis-1").unwrap()), 0.001);
+        assert!(!parse("[history]\nkeep = false\n").unwrap().history.on);
+    }
+
+    #[test]
+    fn every_mistake_of_the_history_is_told() {
+        let text = "[history]\nkeep = 1\nkeep_days = 0\nmax_mb = 63\nmax_days = 1\n\
+                    [[history.deadband]]\naddress = \"axis-99\"\nby = -1\n";
+        assert_told(
+            text,
+            &[
+                ("hall.toml:2:", "`keep`"),
+                ("hall.toml:3:", "`keep_days`"),
+                ("hall.toml:4:", "`max_mb`"),
+                ("hall.toml:5:", "`max_days`"),
+                ("hall.toml:7:", "`address`"),
+                ("hall.toml:8:", "`by`"),
+            ],
+        );
+        assert_told("history = 3\n", &[("hall.toml:1:", "`history`")]);
     }
 
     #[test]

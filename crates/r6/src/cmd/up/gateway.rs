@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use r6_api::gateway::Role;
 use r6_gateway::{
-    DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, RawAllow, RawPolicy, RawPort, RawRule, RawSource,
-    RobotConfig, RobotName,
+    DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, HistorySettings, RawAllow, RawPolicy, RawPort,
+    RawRule, RawSource, RobotConfig, RobotName,
 };
 use r6_proto::Language;
 use tempfile::TempDir;
@@ -133,6 +133,8 @@ fn settings(
         robot_settings: robot::settings(),
         raw: vec![port],
         raw_policy: RawPolicy::new(rules),
+        // It goes with the folder.
+        history: HistorySettings { max_bytes: 256 * 1024 * 1024, ..HistorySettings::default() },
     })
 }
 

@@ -1,0 +1,62 @@
+//! Everything that the poller reads, for a program that must not miss a value.
+//!
+//! A subscription has the latest values. A recording has the values of each poll, in their order.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use r6_proto::Reading;
+use r6_proto::address::Address;
+use tokio::sync::mpsc;
+
+use crate::robot::Robot;
+use crate::tap::{Polled, Tap};
+
+/// The values of each poll: [`Robot::record`]. Dropping it ends that.
+#[derive(Debug)]
+pub struct Recording {
+    robot: Robot,
+    polls: mpsc::Receiver<Vec<Polled>>,
+    lost: Arc<AtomicU64>,
+}
+
+/// A value that a poll has read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// The address.
+    pub address: Address,
+    /// The value; `None` if the controller does not have it, or sent something that cannot be read.
+    pub reading: Option<Reading>,
+    /// The time since it was asked for; the value is no older.
+    pub age: Duration,
+}
+
+impl Robot {
+    /// Records all values that subscriptions of this robot and its clones read from now on. It asks for
+    /// nothing itself. `None` if the handle is closed, or if there are eight recordings already.
+    #[must_use]
+    pub fn record(&self) -> Option<Recording> {
+        let (tap, polls, lost) = Tap::new();
+        self.hub().board.tap(tap).then(|| Recording { robot: self.clone(), polls, lost })
+    }
+}
+
+impl Recording {
+    /// Waits for the values of the next poll; `None` once the handle is closed. Dropping the future loses
+    /// nothing.
+    ///
+    /// 1024 polls wait for a late reader. Then values are lost and counted: [`Self::lost`].
+    pub async fn next(&mut self) -> Option<Vec<Recorded>> {
+        let values = self.polls.recv().await?;
+        let now = self.robot.now();
+        let recorded = |Polled { address, reading, at }| Recorded { address, reading, age: now.since(at) };
+        Some(values.into_iter().map(recorded).collect())
+    }
+
+    /// How many values were lost because the reader was late.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,22 @@
+//! The history of values, without I/O.
+//!
+//! - [`sample`]: a value of a signal at a time, or why it has no value.
+//! - [`change`]: which readings are kept: changes, and a sample now and then that says that nothing changed.
+//! - [`block`]: the samples of a signal that are not in a chunk yet.
+//! - [`codec`]: the bytes of a chunk: at most 512 samples of one signal.
+//! - [`tail`]: the bytes that keep the open blocks of a robot.
+//! - [`merge`]: chunks that overlap, as one series in the order of time.
+//! - [`buckets`]: averages weighted by time.
+//! - [`wall`]: the time of day, carried by a clock that does not jump.
+
+pub mod block;
+pub mod buckets;
+mod bytes;
+pub mod change;
+pub mod codec;
+mod crc;
+pub mod merge;
+mod packed;
+pub mod sample;
+pub mod tail;
+pub mod wall;

@@ -1,0 +1,198 @@
+//! Keeps the values of one robot: every poll, of which the history keeps the changes.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use r6_api::gateway::Gap;
+use r6_client::{Address, Recorded, Robot};
+use r6_proto::time::Instant;
+
+use super::config::RobotConfig;
+use super::station::Station;
+use crate::clock;
+use crate::core::history::change::ChangeOnly;
+use crate::core::history::sample::{Interval, Micros, Sample, State};
+use crate::core::name::RobotName;
+use crate::history::{Batch, Recorder, RobotCounts};
+
+/// How often to look whether values are overdue, and to say that everything until now was read.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// How long after its time a value is missing, if none comes: as for live values, which are stale then.
+const OVERDUE: Duration = Duration::from_millis(1500);
+
+/// Keeps what is read of the robot, until the handle is closed or this is dropped.
+pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfig) {
+    let Some(recorder) = station.shared.history.clone() else { return std::future::pending().await };
+    let Some(mut polls) = robot.record() else { return std::future::pending().await };
+    let mut feed = Feed::new(recorder, config, Arc::clone(&station.counts.history));
+    let mut lost = 0;
+    loop {
+        tokio::select! {
+            values = polls.next() => match values {
+                Some(values) => feed.take(clock::now(), values),
+                None => return,
+            },
+            () = tokio::time::sleep(LOOK) => {}
+        }
+        feed.look(clock::now());
+        if polls.lost() != lost {
+            feed.lose(polls.lost() - lost, clock::now());
+            lost = polls.lost();
+        }
+    }
+}
+
+/// What is kept of one robot.
+struct Feed {
+    recorder: Recorder,
+    robot: RobotName,
+    period: Duration,
+    interval: Interval,
+    signals: BTreeMap<Address, Signal>,
+    counts: Arc<RobotCounts>,
+    /// What goes to the recorder next.
+    samples: Vec<(Address, Sample)>,
+    /// Since when samples are lost that the recorder was not told of.
+    lost_from: Option<Micros>,
+    /// The losses and the steps of the clock that this has seen.
+    seen: (u64, u64),
+    /// When something was handed over last.
+    told: Instant,
+    /// When the last value was asked for.
+    until: Micros,
+}
+
+struct Signal {
+    filter: ChangeOnly,
+    /// When it was asked for last.
+    asked_at: Option<Instant>,
+}
+
+impl Feed {
+    fn new(recorder: Recorder, config: &RobotConfig, counts: Arc<RobotCounts>) -> Self {
+        let interval = Interval::of_period(config.period);
+        let signal = |address: Address| {
+            let filter = ChangeOnly::new(interval, recorder.settings().deadband(address));
+            (address, Signal { filter, asked_at: None })
+        };
+        let signals = config.all_addresses().into_iter().map(signal).collect();
+        let seen = (counts.now().1, recorder.counts().clock_steps.load(Ordering::Relaxed));
+        Self {
+            recorder,
+            robot: config.name.clone(),
+            period: config.period,
+            interval,
+            signals,
+            counts,
+            samples: Vec::new(),
+            lost_from: None,
+            seen,
+            told: clock::now(),
+            until: Micros::default(),
+        }
+    }
+
+    /// Takes in the values of a poll.
+    fn take(&mut self, now: Instant, values: Vec<Recorded>) {
+        self.notice(now);
+        for Recorded { address, reading, age } in values {
+            // The poller also reads for others.
+            let Some(signal) = self.signals.get_mut(&address) else { continue };
+            let asked_at = clock::before(now, age);
+            let time = self.recorder.time(asked_at);
+            signal.asked_at = Some(asked_at);
+            // A clock that was set back begins anew.
+            self.until = time;
+            self.counts.read(time);
+            let state = reading.as_ref().map_or(State::Gap(Gap::None), State::of);
+            let kept = signal.filter.take(time, state);
+            self.samples.extend(kept.map(|sample| (address, sample)));
+        }
+        self.hand_over(now);
+    }
+
+    /// Looks whether values are overdue.
+    fn look(&mut self, now: Instant) {
+        self.notice(now);
+        for (address, signal) in &mut self.signals {
+            let Some(asked_at) = signal.asked_at else { continue };
+            let until = asked_at + self.period + OVERDUE;
+            if until < now {
+                let gap = signal.filter.gap(self.recorder.time(until), Gap::Stale);
+                self.samples.extend(gap.map(|sample| (*address, sample)));
+            }
+        }
+        self.hand_over(now);
+    }
+
+    /// Notices what the recorder lost, and that the clock of the system was set.
+    fn notice(&mut self, now: Instant) {
+        let steps = self.recorder.counts().clock_steps.load(Ordering::Relaxed);
+        let seen = (self.counts.now().1, steps);
+        let (lost, stepped) = (seen.0 != self.seen.0, seen.1 != self.seen.1);
+        self.seen = seen;
+        if stepped {
+            let time = self.recorder.time(now);
+            for (address, signal) in &mut self.signals {
+                // On the new scale the last sample may be in the future.
+                let was_known = signal.filter.gap(time, Gap::ClockStepped).is_some();
+                signal.filter.forget();
+                let gap = Sample { time, state: State::Gap(Gap::ClockStepped) };
+                self.samples.extend(was_known.then_some((*address, gap)));
+            }
+        }
+        if lost {
+            self.signals.values_mut().for_each(|signal| signal.filter.forget());
+        }
+    }
+
+    /// Values were lost before they came here.
+    fn lose(&mut self, count: u64, now: Instant) {
+        self.counts.lose(count);
+        self.lost_from.get_or_insert(self.recorder.time(now));
+        self.notice(now);
+    }
+
+    fn hand_over(&mut self, now: Instant) {
+        if self.samples.is_empty() && now.since(self.told) < LOOK {
+            return;
+        }
+        self.told = now;
+        let mut samples = std::mem::take(&mut self.samples);
+        if let Some(since) = self.lost_from {
+            let gap = |address: &Address| (*address, Sample { time: since, state: State::Gap(Gap::Lost) });
+            drop(samples.splice(0..0, self.signals.keys().map(gap)));
+        }
+        let (count, first) = (samples.len() as u64, samples.iter().map(|(_, sample)| sample.time).min());
+        let batch = Batch {
+            robot: self.robot.clone(),
+            time: self.until,
+            interval: self.interval,
+            samples,
+            counts: Arc::clone(&self.counts),
+        };
+        if self.recorder.keep(batch) {
+            self.lost_from = None;
+        } else if let Some(first) = first {
+            self.lost_from.get_or_insert(first);
+            self.counts.lose(count);
+            self.notice(now);
+        }
+    }
+}
+
+impl Drop for Feed {
+    /// From now on nothing is read.
+    fn drop(&mut self) {
+        let now = clock::now();
+        let time = self.recorder.time(now);
+        for (address, signal) in &mut self.signals {
+            let gap = signal.filter.gap(time, Gap::Ended);
+            self.samples.extend(gap.map(|sample| (*address, sample)));
+        }
+        self.hand_over(now);
+    }
+}

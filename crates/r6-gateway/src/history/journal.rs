@@ -1,0 +1,265 @@
+//! The open blocks of all robots, and their way to the disk.
+//!
+//! It knows no clock and no thread: the recorder calls it.
+
+mod retention;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use r6_api::gateway::Gap;
+use r6_proto::Address;
+use r6_proto::time::Instant;
+
+use super::HistorySettings;
+use super::counts::{HistoryCounts, RobotCounts};
+use super::recorder::Batch;
+use crate::core::history::block::{OpenBlocks, Write};
+use crate::core::history::sample::{Interval, Micros, Sample, State};
+use crate::core::history::tail;
+use crate::core::name::RobotName;
+use crate::store::StoreError;
+use crate::store::history::{HistoryStore, Part};
+
+/// How much is written in one transaction, in bytes, so that the write-ahead log stays small.
+const MAX_TOGETHER: usize = 1024 * 1024;
+
+/// One robot. It is forgotten when all of its samples are in chunks on the disk.
+#[derive(Debug)]
+struct Robot {
+    blocks: OpenBlocks,
+    counts: Arc<RobotCounts>,
+    /// The time of the last poll that was taken in.
+    time: Micros,
+    /// Since when samples of a signal are lost.
+    lost: BTreeMap<Address, Micros>,
+}
+
+/// The open blocks of all robots.
+#[derive(Debug)]
+pub(super) struct Journal<S> {
+    store: S,
+    settings: HistorySettings,
+    counts: Arc<HistoryCounts>,
+    robots: BTreeMap<RobotName, Robot>,
+    /// The memory of all blocks, in bytes.
+    size: usize,
+    /// Whether the tails of an earlier process were made to chunks.
+    is_recovered: bool,
+    /// How much was written since the size of the files was looked at.
+    written: u64,
+    /// Whether the disk had too little room when it was looked at last.
+    has_no_room: bool,
+}
+
+impl<S: HistoryStore> Journal<S> {
+    /// Nothing is open.
+    pub fn new(store: S, settings: HistorySettings, counts: Arc<HistoryCounts>) -> Self {
+        let robots = BTreeMap::new();
+        Self {
+            store,
+            settings,
+            counts,
+            robots,
+            size: 0,
+            is_recovered: false,
+            // The limits are looked at before the first write.
+            written: u64::MAX,
+            has_no_room: false,
+        }
+    }
+
+    /// Takes in what was read of a robot.
+    pub fn take(&mut self, now: Instant, batch: Batch) {
+        let Batch { robot, time, interval, samples, counts } = batch;
+        let is_full = self.size >= self.settings.memory && self.counts.paused.load(Ordering::Relaxed);
+        let entry = self.robots.entry(robot);
+        let robot = entry.or_insert_with(|| Robot {
+            blocks: OpenBlocks::default(),
+            counts: Arc::clone(&counts),
+            time,
+            lost: BTreeMap::new(),
+        });
+        robot.counts = counts;
+        if is_full {
+            robot.counts.lose(samples.len() as u64);
+            for (address, sample) in samples {
+                robot.lost.entry(address).or_insert(sample.time);
+            }
+            return;
+        }
+        let before = robot.blocks.size();
+        robot.time = time;
+        robot.counts.keep(samples.len());
+        for (address, sample) in samples {
+            if let Some(since) = robot.lost.remove(&address) {
+                let gap = Sample { time: since.min(sample.time), state: State::Gap(Gap::Lost) };
+                robot.blocks.push(now, address, interval, gap);
+            }
+            robot.blocks.push(now, address, interval, sample);
+        }
+        self.size = (self.size + robot.blocks.size()).saturating_sub(before);
+        if self.size >= self.settings.memory {
+            self.seal_largest();
+        }
+    }
+
+    /// Seals the robots that take the most memory, until a quarter of it is free or nothing is left to seal.
+    fn seal_largest(&mut self) {
+        let mut sizes: Vec<_> = self.robots.iter_mut().map(|(_, robot)| &mut robot.blocks).collect();
+        sizes.sort_by_key(|blocks| std::cmp::Reverse(blocks.size()));
+        for blocks in sizes {
+            if self.size < self.settings.memory / 4 * 3 {
+                break;
+            }
+            let before = blocks.size();
+            blocks.seal_all();
+            self.size = (self.size + blocks.size()).saturating_sub(before);
+        }
+    }
+
+    /// Seals all blocks: what comes next does not fit to them.
+    pub fn seal_all(&mut self) {
+        self.robots.values_mut().for_each(|robot| robot.blocks.seal_all());
+        self.size = self.robots.values().map(|robot| robot.blocks.size()).sum();
+    }
+
+    /// Writes everything that is not on the disk yet, and keeps the limits.
+    ///
+    /// # Errors
+    /// [`StoreError`]: what was not written stays in memory, and the next call tries again.
+    pub fn flush(&mut self, now: Instant, time: Micros) -> Result<(), StoreError> {
+        let flushed = self.try_flush(now, time);
+        self.counts.paused.store(flushed.is_err(), Ordering::Relaxed);
+        self.size = self.robots.values().map(|robot| robot.blocks.size()).sum();
+        flushed
+    }
+
+    fn try_flush(&mut self, now: Instant, time: Micros) -> Result<(), StoreError> {
+        if !self.is_recovered {
+            self.recover(now, time)?;
+            self.is_recovered = true;
+        }
+        self.keep_limits(time)?;
+        self.robots.values_mut().for_each(|robot| robot.blocks.seal_old(now));
+        let names: Vec<_> = self.robots.keys().cloned().collect();
+        let mut names = names.into_iter().peekable();
+        while names.peek().is_some() {
+            self.write_some(&mut names, time)?;
+        }
+        self.robots.retain(|_, robot| !robot.blocks.is_empty() || !robot.lost.is_empty());
+        Ok(())
+    }
+
+    /// Writes the robots that fit into one transaction.
+    fn write_some(
+        &mut self,
+        names: &mut impl Iterator<Item = RobotName>,
+        time: Micros,
+    ) -> Result<(), StoreError> {
+        self.keep_limits(time)?;
+        let mut days = BTreeMap::<i64, Vec<(RobotName, Write)>>::new();
+        let (mut size, mut together) = (0, Vec::new());
+        while size < MAX_TOGETHER
+            && let Some(name) = names.next()
+        {
+            let Some(robot) = self.robots.get(&name) else { continue };
+            for (day, write) in robot.blocks.writes() {
+                size += write.tail.as_ref().map_or(0, Vec::len);
+                size += write.chunks.iter().map(|(_, chunk)| chunk.bytes.len()).sum::<usize>();
+                days.entry(day).or_default().push((name.clone(), write));
+            }
+            together.push(name);
+        }
+        self.written = self.written.saturating_add(size as u64);
+        let written = days.into_iter().try_for_each(|(day, writes)| self.store.write(day, &writes));
+        for name in &together {
+            let Some(robot) = self.robots.get_mut(name) else { continue };
+            match written {
+                Ok(()) => {
+                    robot.blocks.written();
+                    robot.counts.keep_until(robot.time);
+                }
+                Err(_) => robot.blocks.failed(),
+            }
+        }
+        written
+    }
+
+    /// Makes chunks of the tails that an earlier process left.
+    fn recover(&mut self, now: Instant, time: Micros) -> Result<(), StoreError> {
+        for (part, _) in self.store.parts()? {
+            let tails = match self.store.tails(part) {
+                Ok(tails) => tails,
+                Err(error @ StoreError::Unreadable(_)) => {
+                    tracing::error!(%error, ?part, "a file of the history cannot be read: it is left alone");
+                    if part.day == time.day() {
+                        self.store.begin_part(part.day)?;
+                    }
+                    continue;
+                }
+                Err(error) => return Err(error),
+            };
+            for found in tails {
+                let samples = self.read_tail(part, &found.robot, &found.rows);
+                let mut blocks = OpenBlocks::default();
+                for (address, interval, sample) in samples {
+                    blocks.push(now, address, interval, sample);
+                }
+                blocks.seal_all();
+                let chunks = blocks.writes().into_values().flat_map(|write| write.chunks).collect();
+                let write = Write { chunks, replace_tail: true, tail: None };
+                self.store.write_part(part, &[(found.robot, write)])?;
+            }
+        }
+        Ok(())
+    }
+
+    fn read_tail(&self, part: Part, robot: &RobotName, rows: &[Vec<u8>]) -> Vec<(Address, Interval, Sample)> {
+        let mut all = Vec::new();
+        for row in rows {
+            match tail::decode(row) {
+                Ok(signals) => {
+                    for (address, decoded) in signals {
+                        let samples = decoded.samples.into_iter();
+                        all.extend(samples.map(|sample| (address, decoded.interval, sample)));
+                    }
+                }
+                Err(error) => {
+                    self.counts.unreadable.fetch_add(1, Ordering::Relaxed);
+                    tracing::error!(%robot, ?part, %error, "samples that were not in a chunk yet are lost");
+                }
+            }
+        }
+        all
+    }
+
+    /// The samples of a signal that are not in a chunk on the disk.
+    pub fn open(&self, robot: &RobotName, address: Address) -> Vec<(Interval, Vec<Sample>)> {
+        let open = self.robots.get(robot).map(|robot| robot.blocks.samples(address));
+        // Only a fault of the codec could make bytes that it cannot read.
+        open.and_then(Result::ok).unwrap_or_default()
+    }
+
+    /// Writes everything as chunks, so that no tail is left: a day is about to begin a new part.
+    fn seal_for_part(&mut self) -> Result<(), StoreError> {
+        self.seal_all();
+        let names: BTreeSet<_> = self.robots.keys().cloned().collect();
+        for name in names {
+            let Some(robot) = self.robots.get_mut(&name) else { continue };
+            for (day, write) in robot.blocks.writes() {
+                if let Err(error) = self.store.write(day, &[(name.clone(), write)]) {
+                    robot.blocks.failed();
+                    return Err(error);
+                }
+            }
+            robot.blocks.written();
+            robot.counts.keep_until(robot.time);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

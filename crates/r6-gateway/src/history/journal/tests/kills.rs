@@ -1,0 +1,88 @@
+//! A process that acknowledges samples is killed at random moments. `R6_KILLS` says how often.
+
+use std::io::{BufRead, BufReader, Write as _};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use super::*;
+use crate::store::history::Days;
+
+const SIGNALS: [Address; 3] = [Address::CurMode, Address::IsMoving, Address::Origin];
+
+/// How often it is killed, if nothing else is said.
+const KILLS: u32 = 20;
+
+/// The sample of a number: about every fifth one of a signal that changes seldom.
+fn samples(number: i64) -> Vec<(Address, Sample)> {
+    let sample = |(at, address): (usize, Address)| {
+        let is_due = [true, number % 5 == 0, number % 97 == 0].get(at).copied().unwrap_or(false);
+        is_due.then(|| (address, whole(BASE + number * 20_000, number.wrapping_mul(0x9E37_79B9) % 1_000_003)))
+    };
+    SIGNALS.into_iter().enumerate().filter_map(sample).collect()
+}
+
+/// The process that is killed. It does nothing unless the test below starts it.
+#[test]
+fn child() {
+    let (Ok(folder), Ok(first)) = (std::env::var("R6_HISTORY_OF_CHILD"), std::env::var("R6_HISTORY_FROM"))
+    else {
+        return;
+    };
+    let mut number: i64 = first.parse().unwrap();
+    let counts = Arc::<RobotCounts>::default();
+    let mut running = journal(Days::to_write(folder.as_ref(), 1 << 30), settings());
+    let mut out = std::io::stdout();
+    // It ends by itself if it is not killed.
+    for round in 0..20_000_u64 {
+        for _ in 0..(round * 7 % 40) {
+            running.take(Instant::ORIGIN, batch(samples(number), &counts));
+            number += 1;
+        }
+        running.flush(Instant::ORIGIN, Micros(BASE)).unwrap();
+        writeln!(out, "kept {number}").unwrap();
+    }
+}
+
+#[test]
+fn no_acknowledged_sample_is_lost_when_the_process_is_killed() {
+    let kills = std::env::var("R6_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(KILLS);
+    let folder = tempfile::tempdir().unwrap();
+    let (mut expected, mut seed): (Vec<Vec<Sample>>, u64) = (vec![Vec::new(); 3], 0x2545_F491);
+    let mut first = 0_i64;
+    for kill in 0..kills {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "history::journal::tests::kills::child", "--nocapture"])
+            .env("R6_HISTORY_OF_CHILD", folder.path())
+            .env("R6_HISTORY_FROM", first.to_string())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let kept = |line: String| line.strip_prefix("kept ").and_then(|number| number.parse::<i64>().ok());
+        // It works, and is killed some time within the next 60 ms.
+        let mut acknowledged = lines.by_ref().find_map(|line| kept(line.unwrap())).unwrap();
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        std::thread::sleep(Duration::from_micros((seed >> 33) % 60_000));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        for line in lines {
+            acknowledged = kept(line.unwrap_or_default()).unwrap_or(acknowledged);
+        }
+        let mut again = journal(Days::to_write(folder.path(), 1 << 30), settings());
+        again.flush(Instant::ORIGIN, Micros(BASE)).unwrap();
+        let seen = SIGNALS.map(|address| all(&mut again.store, address, Vec::new()));
+        // A number that was not acknowledged may be there as well, but only whole.
+        let last = seen[0].last().map_or(first, |sample| (sample.time.0 - BASE) / 20_000 + 1);
+        assert!(last >= acknowledged, "kill {kill}: {last} of {acknowledged}");
+        for (address, sample) in (first..last).flat_map(samples) {
+            let at = SIGNALS.iter().position(|signal| *signal == address).unwrap();
+            expected[at].push(sample);
+        }
+        for (seen, expected) in seen.iter().zip(&expected) {
+            assert_eq!(seen.len(), expected.len(), "kill {kill}");
+            assert!(seen == expected, "kill {kill}");
+        }
+        first = last;
+    }
+    assert!(first > i64::from(kills) * 10, "{first}: it got somewhere before it was killed");
+}

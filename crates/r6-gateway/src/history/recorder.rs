@@ -1,0 +1,220 @@
+//! The thread of the history.
+
+use std::path::Path;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant as Monotonic, SystemTime, UNIX_EPOCH};
+
+use r6_proto::Address;
+use r6_proto::time::Instant;
+use tokio::sync::oneshot;
+
+use super::counts::{HistoryCounts, RobotCounts};
+use super::journal::Journal;
+use super::{HistorySettings, query};
+use crate::clock;
+use crate::core::history::sample::{Interval, Micros, Sample};
+use crate::core::history::wall::WallClock;
+use crate::core::name::RobotName;
+use crate::store::StoreError;
+use crate::store::history::{Days, HistoryStore};
+
+/// How often what came is written: what is younger is lost with the process.
+const EVERY: Duration = Duration::from_millis(250);
+
+/// How long a disk that failed is left alone before the next attempt.
+const AFTER_FAILURE: Duration = Duration::from_secs(1);
+
+/// How often the limits are looked at, even if little is written: a day ends.
+const LIMITS_EVERY: Duration = Duration::from_secs(10);
+
+/// How many batches wait: 0.4 s of a thousand robots that are read ten times a second. A batch has some
+/// kilobytes at most, so this is some megabytes.
+const MAX_WAITING: usize = 4096;
+
+/// What was read of a robot and is to be kept.
+#[derive(Debug)]
+pub struct Batch {
+    /// The robot.
+    pub robot: RobotName,
+    /// Everything of this robot that was read until this time is in this batch or in one before.
+    pub time: Micros,
+    /// The interval of all its signals.
+    pub interval: Interval,
+    /// The samples.
+    pub samples: Vec<(Address, Sample)>,
+    /// Its counts.
+    pub counts: Arc<RobotCounts>,
+}
+
+/// The samples of a signal that are not in a chunk on the disk, by block.
+pub type Open = Vec<(Interval, Vec<Sample>)>;
+
+enum Job {
+    Keep(Batch),
+    Open(RobotName, Address, oneshot::Sender<Open>),
+    End(oneshot::Sender<Result<(), StoreError>>),
+}
+
+/// A handle on the thread of the history. The thread ends with the last handle, after all that was asked for.
+#[derive(Clone, Debug)]
+pub struct Recorder {
+    jobs: SyncSender<Job>,
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    settings: HistorySettings,
+    counts: Arc<HistoryCounts>,
+    clock: Mutex<WallClock>,
+    reader: query::Reader,
+}
+
+impl Recorder {
+    /// Starts the thread for the history in this folder.
+    ///
+    /// # Errors
+    /// [`StoreError`]: the system gives no thread.
+    pub fn start(folder: &Path, settings: HistorySettings) -> Result<Self, StoreError> {
+        let store = Days::to_write(folder, settings.max_bytes);
+        let reader = query::Reader::new(folder.to_owned());
+        let counts = Arc::<HistoryCounts>::default();
+        let clock = Mutex::new(WallClock::new(clock::now(), system()));
+        let shared = Shared { settings: settings.clone(), counts: Arc::clone(&counts), clock, reader };
+        let shared = Arc::new(shared);
+        let (jobs, waiting) = sync_channel(MAX_WAITING);
+        let journal = Journal::new(store, settings, counts);
+        let of_thread = Arc::clone(&shared);
+        thread::Builder::new()
+            .name("history".to_owned())
+            .spawn(move || work(journal, &of_thread, &waiting))
+            .map_err(|error| StoreError::Unavailable(format!("the system gives no thread: {error}")))?;
+        Ok(Self { jobs, shared })
+    }
+
+    /// Hands over what is to be kept; never waits. `false` if too much waits already: it is lost.
+    #[must_use]
+    pub fn keep(&self, batch: Batch) -> bool {
+        self.jobs.try_send(Job::Keep(batch)).is_ok()
+    }
+
+    /// The samples of a signal that are not in a chunk on the disk yet.
+    ///
+    /// # Errors
+    /// [`StoreError`]: too much waits, or the thread has ended.
+    pub async fn open(&self, robot: RobotName, address: Address) -> Result<Open, StoreError> {
+        let (answer, answered) = oneshot::channel();
+        self.jobs.try_send(Job::Open(robot, address, answer)).map_err(|error| match error {
+            TrySendError::Full(_) => StoreError::Unavailable("too many samples wait for the disk".to_owned()),
+            TrySendError::Disconnected(_) => StoreError::Closed,
+        })?;
+        answered.await.map_err(|_| StoreError::Closed)
+    }
+
+    /// Writes what is left, and ends the thread.
+    ///
+    /// # Errors
+    /// [`StoreError`]: not everything was written.
+    pub async fn end(&self) -> Result<(), StoreError> {
+        let (answer, answered) = oneshot::channel();
+        let jobs = self.jobs.clone();
+        // There may be no room for the moment. A thread that waits for it holds up no task.
+        let sent = tokio::task::spawn_blocking(move || jobs.send(Job::End(answer)).is_ok()).await;
+        if !sent.unwrap_or(false) {
+            return Err(StoreError::Closed);
+        }
+        answered.await.unwrap_or(Err(StoreError::Closed))
+    }
+
+    /// What is kept.
+    pub fn settings(&self) -> &HistorySettings {
+        &self.shared.settings
+    }
+
+    /// The counts of all robots.
+    pub fn counts(&self) -> &HistoryCounts {
+        &self.shared.counts
+    }
+
+    /// The time of day at a moment, as it is kept.
+    pub fn time(&self, at: Instant) -> Micros {
+        self.shared.clock().time(at).kept()
+    }
+
+    /// What reads the history.
+    pub fn reader(&self) -> &query::Reader {
+        &self.shared.reader
+    }
+}
+
+impl Shared {
+    fn clock(&self) -> MutexGuard<'_, WallClock> {
+        self.clock.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The time of day of the system.
+fn system() -> Micros {
+    let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Micros(i64::try_from(time.as_micros()).unwrap_or(i64::MAX))
+}
+
+fn work<S: HistoryStore>(mut journal: Journal<S>, shared: &Shared, jobs: &Receiver<Job>) {
+    let mut next_flush = Monotonic::now();
+    let mut next_limits = next_flush + LIMITS_EVERY;
+    let mut failed = false;
+    loop {
+        let wait = next_flush.saturating_duration_since(Monotonic::now());
+        match jobs.recv_timeout(wait) {
+            Ok(Job::Keep(batch)) => journal.take(clock::now(), batch),
+            // A caller that has gone needs no answer.
+            Ok(Job::Open(robot, address, answer)) => drop(answer.send(journal.open(&robot, address))),
+            Ok(Job::End(answer)) => {
+                let time = shared.clock().time(clock::now());
+                return drop(answer.send(journal.flush(clock::now(), time)));
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                let time = shared.clock().time(clock::now());
+                return drop(journal.flush(clock::now(), time));
+            }
+        }
+        if Monotonic::now() < next_flush {
+            continue;
+        }
+        look_at_clock(&mut journal, shared);
+        let (now, time) = (clock::now(), shared.clock().time(clock::now()));
+        let looked = if Monotonic::now() >= next_limits {
+            next_limits = Monotonic::now() + LIMITS_EVERY;
+            journal.look_at_limits(time)
+        } else {
+            Ok(())
+        };
+        let flushed = journal.flush(now, time);
+        match looked.and(flushed) {
+            Err(error) if !failed => {
+                tracing::error!(%error, "the history pauses: samples wait in memory, and are lost once it is full");
+                failed = true;
+            }
+            Ok(()) if failed => {
+                tracing::info!("the history goes on");
+                failed = false;
+            }
+            Ok(()) | Err(_) => {}
+        }
+        next_flush = Monotonic::now() + if failed { AFTER_FAILURE } else { EVERY };
+    }
+}
+
+/// Notices that somebody set the clock of the system.
+fn look_at_clock<S: HistoryStore>(journal: &mut Journal<S>, shared: &Shared) {
+    let stepped = shared.clock().look(clock::now(), system());
+    if let Some(by_us) = stepped {
+        tracing::warn!(by_us, "the clock of the system was set: times in the history step too");
+        shared.counts.clock_steps.fetch_add(1, Ordering::Relaxed);
+        journal.seal_all();
+    }
+}

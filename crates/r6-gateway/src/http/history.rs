@@ -1,0 +1,231 @@
+//! The history of a robot's values.
+
+mod csv;
+
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use axum::Json;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State as Of};
+use axum::http::header::{ACCEPT, CONTENT_TYPE};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
+use r6_api::gateway::{History, HistoryBucket, HistorySample};
+use r6_api::{Code, Problem, Unit};
+use r6_client::Address;
+use r6_http::Refusal;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+use super::State;
+use super::caller::{Read, Robot};
+use super::described::OfRight;
+use super::refusal;
+use crate::clock;
+use crate::core::history::buckets::Bucket;
+use crate::core::history::sample::{Micros, Sample};
+use crate::fleet::station::Station;
+use crate::history::Recorder;
+use crate::history::query::{Answer, Question};
+
+/// The most samples or buckets of one answer: a megabyte of JSON.
+const MAX_LIMIT: usize = 10_000;
+
+/// The range if no begin is given.
+const USUAL_RANGE: Duration = Duration::from_secs(3600);
+
+/// The longest range: ten years.
+const LONGEST_RANGE: Duration = Duration::from_secs(10 * 366 * 86_400);
+
+/// The narrowest bucket: robots are read every 20 ms at most.
+const NARROWEST_BUCKET: Duration = Duration::from_millis(1);
+
+/// Names the place where a table of CSV goes on.
+const NEXT_CURSOR: HeaderName = HeaderName::from_static("r6-next-cursor");
+
+/// Which samples.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Range {
+    /// The query address, one of those that are read.
+    #[param(example = "axis-0")]
+    signal: String,
+    /// The begin, RFC 3339 in UTC; an hour before the end if it is missing.
+    #[param(example = "2026-11-25T06:00:00Z")]
+    from: Option<String>,
+    /// The end, which does not belong to the range, RFC 3339 in UTC; now if it is missing or later.
+    #[param(example = "2026-11-25T07:00:00Z")]
+    to: Option<String>,
+    /// The width of the buckets, such as `500ms`, `10s`, `1m` or `1h`; samples if it is missing.
+    #[param(example = "1m")]
+    bucket: Option<String>,
+    /// The largest number of samples or buckets, 1 to 10000.
+    #[serde(default = "usual_limit")]
+    #[param(minimum = 1, maximum = 10_000, default = 1000)]
+    limit: usize,
+    /// Where to read on: `next_cursor` of the last answer.
+    cursor: Option<String>,
+}
+
+fn usual_limit() -> usize {
+    1000
+}
+
+/// The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table; the
+/// header `r6-next-cursor` says where it goes on.
+#[utoipa::path(
+    get,
+    path = "/v1/robots/{name}/history",
+    params(("name" = String, Path, description = "The name of the robot"), Range),
+    responses(
+        (
+            status = 200,
+            description = "The samples or buckets",
+            content((History = "application/json"), (String = "text/csv")),
+        ),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (
+            status = 422,
+            description = "`bad_value`: a parameter is wrong, the history is off, or a bucket has too many samples",
+            body = Problem
+        ),
+        (
+            status = 503,
+            description = "`store_unavailable`; `overloaded`: other queries are under way",
+            body = Problem
+        ),
+        OfRight,
+    )
+)]
+pub async fn show(
+    robot: Robot<Read>,
+    Of(state): Of<State>,
+    headers: HeaderMap,
+    range: Result<Query<Range>, QueryRejection>,
+) -> Result<Response, Refusal> {
+    let Query(range) = range.map_err(|error| bad_value(error.body_text()))?;
+    let recorder = state
+        .shared
+        .history
+        .as_ref()
+        .ok_or_else(|| bad_value("the file of this gateway says that no history is kept".to_owned()))?;
+    let question = question(range, &robot.station, recorder)?;
+    let (name, address) = (question.robot.clone(), question.address);
+    let open = recorder.open(name, address).await.map_err(|error| refusal::of(error.into()))?;
+    let answer = recorder.reader().answer(question.clone(), open).await.ok_or_else(|| {
+        let message = "other queries are under way: ask again";
+        Refusal::new(StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded, message)
+    })?;
+    let answer = answer.map_err(|error| refusal::of(error.into()))?;
+    if answer.is_too_wide {
+        return Err(bad_value(
+            "a bucket of this width has too many samples: ask for a narrower one".to_owned(),
+        ));
+    }
+    let page = page(&robot.station, &question, answer);
+    if !wants_csv(&headers) {
+        return Ok(Json(page).into_response());
+    }
+    let table = csv::table(&page);
+    let mut response = ([(CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], table).into_response();
+    let next = page.next_cursor.and_then(|cursor| HeaderValue::from_str(&cursor).ok());
+    response.headers_mut().extend(next.map(|next| (NEXT_CURSOR, next)));
+    Ok(response)
+}
+
+fn bad_value(message: String) -> Refusal {
+    Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadValue, message)
+}
+
+/// Whether the caller wants a table. Without a wish it is JSON.
+fn wants_csv(headers: &HeaderMap) -> bool {
+    let accept = headers.get(ACCEPT).and_then(|accept| accept.to_str().ok()).unwrap_or_default();
+    let kinds = accept.split(',').filter_map(|kind| kind.split(';').next());
+    let mut kinds = kinds.map(|kind| kind.trim().to_ascii_lowercase());
+    kinds.find(|kind| matches!(kind.as_str(), "text/csv" | "application/json" | "*/*"))
+        == Some("text/csv".to_owned())
+}
+
+fn question(range: Range, station: &Station, recorder: &Recorder) -> Result<Question, Refusal> {
+    let shown = |text: &str| text.chars().take(48).collect::<String>();
+    let address = Address::parse(&range.signal)
+        .map_err(|_| bad_value(format!("`{}` is no query address", shown(&range.signal))))?;
+    let now = recorder.time(clock::now());
+    let time = |name: &str, text: &Option<String>| {
+        text.as_ref().map(|text| {
+            instant(text).ok_or_else(|| {
+                let shown = shown(text);
+                bad_value(format!("{name}: `{shown}` is not a time such as 2026-11-25T06:00:00Z"))
+            })
+        })
+    };
+    let to = time("to", &range.to).transpose()?.unwrap_or(now);
+    let from = time("from", &range.from).transpose()?.unwrap_or_else(|| to.min(now).before(USUAL_RANGE));
+    let wanted = to;
+    // There is nothing behind now.
+    let to = to.min(now).max(from);
+    if from > wanted || to.before(LONGEST_RANGE) > from {
+        return Err(bad_value("from is a time before to, and at most ten years before".to_owned()));
+    }
+    let bucket = range.bucket.as_ref().map(|text| {
+        let width = humantime::parse_duration(text).ok().filter(|width| *width >= NARROWEST_BUCKET);
+        let width = width.and_then(|width| i64::try_from(width.as_micros()).ok());
+        width.ok_or_else(|| bad_value(format!("bucket: `{}` is not a width such as 10s or 1m", shown(text))))
+    });
+    if !(1..=MAX_LIMIT).contains(&range.limit) {
+        return Err(bad_value(format!("limit is from 1 to {MAX_LIMIT}")));
+    }
+    let cursor = range.cursor.as_ref().map(|text| {
+        let place = text.strip_prefix('t').and_then(|text| text.parse().ok()).map(Micros);
+        let place = place.filter(|place| (from..=to).contains(place));
+        place.ok_or_else(|| bad_value(format!("`{}` is no cursor of this range", shown(text))))
+    });
+    let (bucket, cursor) = (bucket.transpose()?, cursor.transpose()?);
+    let robot = station.config().name;
+    Ok(Question { robot, address, from, to, bucket, limit: range.limit, cursor })
+}
+
+fn page(station: &Station, question: &Question, answer: Answer) -> History {
+    let Question { address, from, to, bucket, .. } = question;
+    let kind = address.info().value;
+    let sample = |sample: Sample| HistorySample {
+        time: text(sample.time),
+        value: sample.state.value(kind),
+        gap: sample.state.gap(),
+    };
+    let of = |bucket: Bucket| HistoryBucket {
+        time: text(bucket.start),
+        mean: bucket.mean,
+        min: bucket.range.map(|range| range.0),
+        max: bucket.range.map(|range| range.1),
+        last: bucket.last.and_then(|last| last.value(kind)),
+        good_ms: clock::milliseconds(Duration::from_micros(u64::try_from(bucket.good).unwrap_or(0))),
+        samples: bucket.samples,
+    };
+    History {
+        robot: question.robot.to_string(),
+        signal: address.to_string(),
+        unit: Unit::word_of(*address).map(str::to_owned),
+        from: text(*from),
+        to: text(*to),
+        bucket_ms: bucket.map(|width| u64::try_from(width / 1000).unwrap_or(0)),
+        samples: bucket.is_none().then(|| answer.samples.into_iter().map(sample).collect()),
+        buckets: bucket.is_some().then(|| answer.buckets.into_iter().map(of).collect()),
+        kept_until: station.counts.history.kept_until().map(text),
+        unreadable_chunks: answer.unreadable,
+        next_cursor: answer.next.map(|next| format!("t{}", next.0)),
+    }
+}
+
+/// A time as text: RFC 3339, UTC, microseconds. Times before 1970 are not kept.
+fn text(time: Micros) -> String {
+    let since = Duration::from_micros(u64::try_from(time.0).unwrap_or(0));
+    humantime::format_rfc3339_micros(UNIX_EPOCH.checked_add(since).unwrap_or(SystemTime::UNIX_EPOCH))
+        .to_string()
+}
+
+fn instant(text: &str) -> Option<Micros> {
+    let time = humantime::parse_rfc3339(text).ok()?.duration_since(UNIX_EPOCH).ok()?;
+    i64::try_from(time.as_micros()).ok().map(Micros)
+}

@@ -1,0 +1,121 @@
+//! The history as a table for spreadsheets.
+
+use r6_api::AddressValue;
+use r6_api::gateway::{History, HistoryBucket, HistorySample};
+
+/// The table: a line of names, then a line for each sample or bucket. Lines end as RFC 4180 says.
+pub(super) fn table(history: &History) -> String {
+    let mut table = String::new();
+    match &history.buckets {
+        Some(buckets) => {
+            line(&mut table, ["time", "mean", "min", "max", "last", "good_ms", "samples"].map(str::to_owned));
+            for bucket in buckets {
+                let HistoryBucket { time, mean, min, max, last, good_ms, samples } = bucket;
+                let [mean, min, max] = [mean, min, max].map(|number| number.map_or(String::new(), decimal));
+                let last = last.as_ref().map_or(String::new(), value);
+                line(
+                    &mut table,
+                    [time.clone(), mean, min, max, last, decimal(*good_ms), samples.to_string()],
+                );
+            }
+        }
+        None => {
+            line(&mut table, ["time", "value", "gap"].map(str::to_owned));
+            for HistorySample { time, value: of, gap } in history.samples.iter().flatten() {
+                let of = of.as_ref().map_or(String::new(), value);
+                let gap = gap.map_or(String::new(), |gap| gap.word().to_owned());
+                line(&mut table, [time.clone(), of, gap]);
+            }
+        }
+    }
+    table
+}
+
+fn line<const N: usize>(table: &mut String, cells: [String; N]) {
+    table.push_str(&cells.join(","));
+    table.push_str("\r\n");
+}
+
+fn decimal(number: f64) -> String {
+    number.to_string()
+}
+
+fn value(value: &AddressValue) -> String {
+    match value {
+        AddressValue::Decimal(number) => decimal(*number),
+        AddressValue::Integer(number) => number.to_string(),
+        AddressValue::Word(word) => word.to_string(),
+        AddressValue::Flag(flag) => flag.to_string(),
+        AddressValue::Text(text) => quoted(text),
+        AddressValue::Texts(_) | AddressValue::Counter { .. } => {
+            quoted(&serde_json::to_string(value).unwrap_or_default())
+        }
+    }
+}
+
+/// A text as a cell. A spreadsheet takes a text that begins with `=` and the like as a formula and runs it:
+/// an apostrophe before it says that it is text.
+fn quoted(text: &str) -> String {
+    let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r', '\n']);
+    let mark = if is_formula { "'" } else { "" };
+    format!("\"{mark}{}\"", text.replace('"', "\"\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use r6_api::gateway::Gap;
+
+    fn history(samples: Option<Vec<HistorySample>>, buckets: Option<Vec<HistoryBucket>>) -> History {
+        History {
+            robot: "press".to_owned(),
+            signal: "curMold".to_owned(),
+            unit: None,
+            from: String::new(),
+            to: String::new(),
+            bucket_ms: None,
+            samples,
+            buckets,
+            kept_until: None,
+            unreadable_chunks: 0,
+            next_cursor: None,
+        }
+    }
+
+    #[test]
+    fn no_cell_is_a_formula_or_breaks_the_table() {
+        let texts = ["=1+1", "@a", "-1", "+1", "\t=1", "a \"b\", c\r\nd", "plain"];
+        let sample = |text: &&str| HistorySample {
+            time: "2026-11-25T06:00:00.000000Z".to_owned(),
+            value: Some(AddressValue::Text((*text).to_owned())),
+            gap: None,
+        };
+        let table = table(&history(Some(texts.iter().map(sample).collect()), None));
+        let time = "2026-11-25T06:00:00.000000Z";
+        let cells = ["'=1+1", "'@a", "'-1", "'+1", "'\t=1", "a \"\"b\"\", c\r\nd", "plain"];
+        let lines = cells.map(|cell| format!("{time},\"{cell}\",\r\n"));
+        assert_eq!(table, format!("time,value,gap\r\n{}", lines.concat()));
+    }
+
+    #[test]
+    fn numbers_and_gaps_have_their_columns() {
+        let time = || "T".to_owned();
+        let samples = vec![
+            HistorySample { time: time(), value: Some(AddressValue::Decimal(-1.25)), gap: None },
+            HistorySample { time: time(), value: None, gap: Some(Gap::NoData) },
+        ];
+        let shown = table(&history(Some(samples), None));
+        assert_eq!(shown, "time,value,gap\r\nT,-1.25,\r\nT,,no_data\r\n");
+        let bucket = HistoryBucket {
+            time: time(),
+            mean: Some(0.5),
+            min: Some(0.0),
+            max: None,
+            last: Some(AddressValue::Flag(true)),
+            good_ms: 10.5,
+            samples: 3,
+        };
+        let shown = table(&history(None, Some(vec![bucket])));
+        assert_eq!(shown, "time,mean,min,max,last,good_ms,samples\r\nT,0.5,0,,true,10.5,3\r\n");
+    }
+}

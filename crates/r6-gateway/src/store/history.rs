@@ -1,0 +1,127 @@
+//! The store of the history: chunks and tails, in a file or more for each day.
+//!
+//! [`HistoryStore`] is the contract; every implementation passes the same tests (`history/contract.rs`). The
+//! history has files of its own, so that nothing that is written for a command waits behind samples.
+
+#[cfg(test)]
+mod contract;
+mod days;
+#[cfg(test)]
+mod memory;
+mod table;
+
+use r6_proto::Address;
+
+use super::StoreError;
+use crate::core::history::block::{Summary, Write};
+use crate::core::history::sample::Micros;
+use crate::core::name::RobotName;
+
+pub use days::Days;
+#[cfg(test)]
+pub use memory::MemoryDays;
+
+/// One file: a part of a day.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Part {
+    /// The day: days since 1970, UTC.
+    pub day: i64,
+    /// The number of the part, from 1.
+    pub number: u32,
+}
+
+/// A chunk in the store, without its bytes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// Its file.
+    pub part: Part,
+    /// Its row there.
+    pub row: i64,
+    /// What is in it.
+    pub summary: Summary,
+}
+
+/// The tail of a robot in a file: what was in its open blocks when the process ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tail {
+    /// The file.
+    pub part: Part,
+    /// The robot.
+    pub robot: RobotName,
+    /// Its rows, oldest first.
+    pub rows: Vec<Vec<u8>>,
+}
+
+/// Chunks of one signal.
+#[derive(Clone, Copy, Debug)]
+pub struct Ask<'a> {
+    /// The robot.
+    pub robot: &'a RobotName,
+    /// The signal.
+    pub address: Address,
+    /// Only chunks that begin at this time or later,
+    pub from: Micros,
+    /// and before this one.
+    pub to: Micros,
+}
+
+/// A place for chunks and tails. What a method wrote survives the end of the process when it returns; whether
+/// it survives a power cut, too, is not promised.
+pub trait HistoryStore: Send {
+    /// Writes into the newest part of a day, all or nothing. A chunk that is there already stays once.
+    ///
+    /// # Errors
+    /// [`StoreError`]: nothing was written, or that is unknown.
+    fn write(&mut self, day: i64, writes: &[(RobotName, Write)]) -> Result<(), StoreError>;
+
+    /// The same, into a part that has a tail of the robot: makes chunks of the tail.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn write_part(&mut self, part: Part, writes: &[(RobotName, Write)]) -> Result<(), StoreError>;
+
+    /// Lets the next write of this day begin a new part. All tails of the day have to be gone.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn begin_part(&mut self, day: i64) -> Result<(), StoreError>;
+
+    /// All tails of a part.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn tails(&mut self, part: Part) -> Result<Vec<Tail>, StoreError>;
+
+    /// The chunks of a signal in a part, in the order of their begins, at most so many.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn entries(&mut self, part: Part, ask: Ask<'_>, most: usize) -> Result<Vec<Entry>, StoreError>;
+
+    /// The chunk of a signal that ends last, of those that begin in this range.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn last_entry(&mut self, part: Part, ask: Ask<'_>) -> Result<Option<Entry>, StoreError>;
+
+    /// The bytes of chunks of one part; `None` for a chunk that is not there any more.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn bytes(&mut self, part: Part, rows: &[i64]) -> Result<Vec<Option<Vec<u8>>>, StoreError>;
+
+    /// All parts, oldest first, with their size on the disk in bytes, files beside them included.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn parts(&mut self) -> Result<Vec<(Part, u64)>, StoreError>;
+
+    /// How much room its disk has; `None` if that is not known.
+    fn free_bytes(&mut self) -> Option<u64>;
+
+    /// Removes a part with all that is in it.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn remove(&mut self, part: Part) -> Result<(), StoreError>;
+}

@@ -1,0 +1,174 @@
+//! What every store of the history does: one suite for all.
+
+use r6_proto::Address;
+
+use super::{Ask, Days, HistoryStore, MemoryDays, Part};
+use crate::core::history::block::{Chunk, Write, chunks};
+use crate::core::history::sample::{Interval, Micros, Sample, State};
+use crate::core::name::RobotName;
+
+const DAY: i64 = 86_400_000_000;
+const MODE: Address = Address::CurMode;
+
+fn on_each(test: impl Fn(&mut dyn HistoryStore)) {
+    test(&mut MemoryDays::default());
+    let folder = tempfile::tempdir().unwrap();
+    test(&mut Days::to_write(&folder.path().join("history"), 1 << 30));
+}
+
+fn press() -> RobotName {
+    RobotName::new("press").unwrap()
+}
+
+fn chunk(first: i64, count: i64) -> Chunk {
+    let samples: Vec<_> =
+        (0..count).map(|at| Sample { time: Micros(first + at), state: State::Integer(at) }).collect();
+    chunks(Interval::USUAL, &samples).remove(0)
+}
+
+fn with(chunks: &[Chunk], replace_tail: bool, tail: Option<&[u8]>) -> Vec<(RobotName, Write)> {
+    let chunks = chunks.iter().map(|chunk| (MODE, chunk.clone())).collect();
+    vec![(press(), Write { chunks, replace_tail, tail: tail.map(<[u8]>::to_vec) })]
+}
+
+fn part(day: i64, number: u32) -> Part {
+    Part { day, number }
+}
+
+fn firsts(store: &mut dyn HistoryStore, part: Part, from: i64, to: i64, most: usize) -> Vec<i64> {
+    let robot = press();
+    let ask = Ask { robot: &robot, address: MODE, from: Micros(from), to: Micros(to) };
+    let entries = store.entries(part, ask, most).unwrap();
+    entries.into_iter().map(|entry| entry.summary.first.0).collect()
+}
+
+#[test]
+fn chunks_are_found_by_signal_and_begin() {
+    on_each(|store| {
+        assert_eq!(store.parts(), Ok(vec![]));
+        let all = [chunk(50, 3), chunk(10, 5), chunk(30, 1)];
+        store.write(0, &with(&all, false, None)).unwrap();
+        let day = part(0, 1);
+        assert_eq!(firsts(store, day, 0, 100, 10), [10, 30, 50]);
+        assert_eq!(firsts(store, day, 10, 50, 10), [10, 30]);
+        assert_eq!(firsts(store, day, 0, 100, 2), [10, 30]);
+        let (robot, other) = (press(), RobotName::new("saw").unwrap());
+        let ask = |robot, address| Ask { robot, address, from: Micros(0), to: Micros(50) };
+        assert_eq!(store.entries(day, ask(&other, MODE), 9), Ok(vec![]));
+        assert_eq!(store.entries(day, ask(&robot, Address::Origin), 9), Ok(vec![]));
+        let last = store.last_entry(day, ask(&robot, MODE)).unwrap().unwrap();
+        assert_eq!(last.summary, all[2].summary);
+        let entries = store.entries(day, ask(&robot, MODE), 9).unwrap();
+        let bytes = store.bytes(day, &[last.row, 99, entries[0].row]).unwrap();
+        assert_eq!(bytes, [Some(all[2].bytes.clone()), None, Some(all[1].bytes.clone())]);
+    });
+}
+
+#[test]
+fn a_chunk_that_is_written_again_stays_once() {
+    on_each(|store| {
+        store.write(0, &with(&[chunk(1, 3)], false, None)).unwrap();
+        store.write(0, &with(&[chunk(1, 3), chunk(1, 4)], false, None)).unwrap();
+        assert_eq!(firsts(store, part(0, 1), 0, 9, 9), [1, 1]);
+    });
+}
+
+#[test]
+fn tails_grow_and_are_replaced() {
+    on_each(|store| {
+        let day = part(3, 1);
+        store.write(3, &with(&[], false, Some(b"one"))).unwrap();
+        store.write(3, &with(&[], false, Some(b"two"))).unwrap();
+        let tails = store.tails(day).unwrap();
+        assert_eq!((tails.len(), &tails[0].rows), (1, &vec![b"one".to_vec(), b"two".to_vec()]));
+        store.write_part(day, &with(&[chunk(3 * DAY, 1)], true, Some(b"three"))).unwrap();
+        assert_eq!(store.tails(day).unwrap()[0].rows, [b"three".to_vec()]);
+        store.write_part(day, &with(&[], true, None)).unwrap();
+        assert_eq!(store.tails(day), Ok(vec![]));
+        assert_eq!(firsts(store, day, 0, i64::MAX, 9), [3 * DAY]);
+    });
+}
+
+#[test]
+fn days_have_files_and_large_ones_have_parts() {
+    on_each(|store| {
+        store.write(5, &with(&[chunk(5 * DAY, 1)], false, None)).unwrap();
+        store.write(4, &with(&[chunk(4 * DAY, 1)], false, None)).unwrap();
+        store.begin_part(5).unwrap();
+        store.write(5, &with(&[chunk(5 * DAY + 9, 1)], false, None)).unwrap();
+        store.write(4, &with(&[chunk(4 * DAY + 9, 1)], false, None)).unwrap();
+        let parts = store.parts().unwrap();
+        assert_eq!(
+            parts.iter().map(|(part, _)| *part).collect::<Vec<_>>(),
+            [part(4, 1), part(5, 1), part(5, 2)]
+        );
+        assert!(parts.iter().all(|(_, size)| *size > 0));
+        assert_eq!(firsts(store, part(5, 2), 0, i64::MAX, 9), [5 * DAY + 9]);
+        assert_eq!(firsts(store, part(4, 1), 0, i64::MAX, 9).len(), 2);
+        store.remove(part(5, 1)).unwrap();
+        store.remove(part(5, 1)).unwrap();
+        store.write(5, &with(&[chunk(5 * DAY + 10, 1)], false, None)).unwrap();
+        let parts = store.parts().unwrap();
+        assert_eq!(parts.iter().map(|(part, _)| *part).collect::<Vec<_>>(), [part(4, 1), part(5, 2)]);
+        assert_eq!(firsts(store, part(5, 2), 0, i64::MAX, 9).len(), 2);
+    });
+}
+
+#[test]
+fn a_reader_sees_what_was_written_and_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut reader = Days::to_read(folder.path());
+    assert_eq!(reader.parts(), Ok(vec![]));
+    let mut store = Days::to_write(folder.path(), 1 << 30);
+    for at in 0..20 {
+        store.write(0, &with(&[chunk(at, 1)], false, None)).unwrap();
+        assert_eq!(firsts(&mut reader, part(0, 1), 0, 100, 99).len() as i64, at + 1);
+    }
+    assert!(reader.write(0, &with(&[chunk(100, 1)], false, None)).is_err());
+    // The file goes away under the reader, and comes again.
+    store.remove(part(0, 1)).unwrap();
+    store.write(0, &with(&[chunk(7, 1)], false, None)).unwrap();
+    let mut reader = Days::to_read(folder.path());
+    assert_eq!(firsts(&mut reader, part(0, 1), 0, 100, 99), [7]);
+    #[cfg(unix)]
+    for entry in std::fs::read_dir(folder.path()).unwrap() {
+        use std::os::unix::fs::PermissionsExt;
+        let entry = entry.unwrap();
+        let mode = entry.metadata().unwrap().permissions().mode();
+        assert_eq!(mode & 0o077, 0, "{:?} is for its owner alone", entry.path());
+    }
+}
+
+#[test]
+fn files_of_a_removed_part_are_not_taken_for_those_of_a_new_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = Days::to_write(folder.path(), 1 << 30);
+    store.write(0, &with(&[chunk(1, 3)], false, None)).unwrap();
+    let log = folder.path().join("1970-01-01.db-wal");
+    let kept = std::fs::read(&log).unwrap();
+    assert!(!kept.is_empty());
+    store.remove(part(0, 1)).unwrap();
+    // As if the process had ended before it removed the log.
+    std::fs::write(&log, kept).unwrap();
+    let mut store = Days::to_write(folder.path(), 1 << 30);
+    store.write(0, &with(&[chunk(2, 3)], false, None)).unwrap();
+    assert_eq!(firsts(&mut store, part(0, 1), 0, 100, 9), [2]);
+}
+
+#[test]
+fn many_days_are_open_one_after_the_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = Days::to_write(folder.path(), 1 << 30);
+    for _ in 0..2 {
+        for day in 0..5 {
+            store.write(day, &with(&[chunk(day * DAY, 1)], true, Some(b"tail"))).unwrap();
+        }
+    }
+    for day in 0..5 {
+        assert_eq!(firsts(&mut store, part(day, 1), 0, i64::MAX, 9), [day * DAY]);
+    }
+    let logs = std::fs::read_dir(folder.path())
+        .unwrap()
+        .filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().ends_with("-wal"));
+    assert!(logs.count() <= 2, "days that are over have no log");
+}
