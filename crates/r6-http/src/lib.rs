@@ -1,7 +1,8 @@
 //! The common parts of every HTTP server of r6: the panel of virtual controllers, the gateway.
 //!
 //! - [`serve`] accepts connections, and keeps room for new ones ([`server`]).
-//! - [`Afterwards`] is what goes on over a connection that is not HTTP any more.
+//! - [`Afterwards`] is what goes on over a connection that is not HTTP any more. [`EndsWith`] ends a
+//!   connection whose answer goes on.
 //! - [`access`] lets programs of this machine through, but no web pages from elsewhere.
 //! - [`Refusal`] is a problem of the contract with its status; [`body`] reads bodies within limits of length
 //!   and time.
@@ -13,10 +14,13 @@
 pub mod access;
 mod afterwards;
 pub mod body;
+mod ends_with;
 mod in_json;
 mod refusal;
 pub mod server;
+mod slowed;
 
 pub use afterwards::Afterwards;
+pub use ends_with::EndsWith;
 pub use refusal::Refusal;
 pub use server::{Peer, serve};

@@ -13,11 +13,14 @@ use hyper_util::service::TowerToHyperService;
 use socket2::SockRef;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::watch;
 use tokio::task::{AbortHandle, JoinSet};
 use tracing::{debug, warn};
 
 use crate::afterwards::Afterwards;
+use crate::ends_with::EndsWith;
 use crate::in_json::InJson;
+use crate::slowed::Slowed;
 
 /// How many connections are open at once. A person and a few scripts need one each.
 const MAX_CONNECTIONS: usize = 64;
@@ -34,8 +37,8 @@ const HEAD_TIME: Duration = Duration::from_secs(2);
 pub(crate) const MAX_HEAD_BYTES: usize = 16 * 1024;
 
 /// How much of an answer or a stream waits in the system for a peer that reads slowly. A longer queue would
-/// hold megabytes for each such peer, and values that are old when they are read.
-const SEND_BUFFER: usize = 256 * 1024;
+/// hold more memory for each such peer, and values that are old when they are read.
+const SEND_BUFFER: usize = 64 * 1024;
 
 /// The address that a request came from: an extension of each request.
 #[derive(Clone, Copy, Debug)]
@@ -100,13 +103,33 @@ impl Guests {
         let crowd = if of(peer) >= MAX_OF_ONE_PEER {
             peer
         } else if self.open.len() >= MAX_CONNECTIONS {
-            self.open.iter().map(|guest| guest.peer).max_by_key(|peer| of(*peer))?
+            // Of addresses with as many, the one of the oldest connection.
+            self.open.iter().rev().map(|guest| guest.peer).max_by_key(|peer| of(*peer))?
         } else {
             return None;
         };
         let of_crowd = || self.open.iter().enumerate().filter(|(_, guest)| guest.peer == crowd);
         let idle = of_crowd().find(|(_, guest)| !guest.answers.load(Ordering::Relaxed));
         idle.or_else(|| of_crowd().next()).map(|(at, _)| at)
+    }
+}
+
+/// Waits for the end that the last answer has asked for.
+async fn ended(end: &mut watch::Receiver<Option<EndsWith>>) {
+    loop {
+        let now = end.borrow_and_update().clone();
+        let wait = async {
+            match now {
+                Some(now) => now.wait().await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            () = wait => return,
+            changed = end.changed() => if changed.is_err() {
+                std::future::pending().await
+            },
+        }
     }
 }
 
@@ -118,14 +141,18 @@ where
     // What an answer with 101 leaves to do.
     let afterwards = Arc::new(Mutex::new(None));
     let left = Arc::clone(&afterwards);
+    let (ends, mut end) = watch::channel(None::<EndsWith>);
+    let ends = Arc::new(ends);
     let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
         answers.store(true, Ordering::Relaxed);
         request.extensions_mut().insert(peer);
         let answer = router.call(request);
-        let (answers, left) = (Arc::clone(&answers), Arc::clone(&left));
+        let (answers, left, ends) = (Arc::clone(&answers), Arc::clone(&left), Arc::clone(&ends));
         async move {
             let mut answer = answer.await;
             answers.store(false, Ordering::Relaxed);
+            let with = answer.as_mut().ok().and_then(|answer| answer.extensions_mut().remove::<EndsWith>());
+            ends.send_replace(with);
             let work = answer.as_mut().ok().and_then(|answer| answer.extensions_mut().remove::<Afterwards>());
             if work.is_some() {
                 *left.lock().unwrap_or_else(PoisonError::into_inner) = work;
@@ -133,15 +160,19 @@ where
             answer
         }
     });
-    let served = http1::Builder::new()
+    let serving = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIME)
         .max_buf_size(MAX_HEAD_BYTES)
-        .serve_connection(TokioIo::new(InJson::new(stream)), service)
-        .with_upgrades()
-        .await;
-    if let Err(error) = served {
-        debug!(%error, "an HTTP connection was lost");
+        .serve_connection(TokioIo::new(InJson::new(Slowed::new(stream))), service)
+        .with_upgrades();
+    tokio::select! {
+        served = serving => {
+            if let Err(error) = served {
+                debug!(%error, "an HTTP connection was lost");
+            }
+        }
+        () = ended(&mut end) => debug!("an HTTP connection ends with its answer"),
     }
     let work = afterwards.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let Some(work) = work {

@@ -8,7 +8,8 @@ mod socket;
 mod subscription;
 
 use std::convert::Infallible;
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use axum::extract::rejection::QueryRejection;
 use axum::extract::ws::WebSocketUpgrade;
@@ -21,7 +22,7 @@ use axum::response::{IntoResponse, Response};
 use futures_util::stream::{Stream, unfold};
 use r6_api::gateway::{LiveMessage, LiveSent};
 use r6_api::{Code, Problem};
-use r6_http::Refusal;
+use r6_http::{EndsWith, Refusal};
 use serde::Serialize;
 use tokio::sync::watch;
 
@@ -34,6 +35,12 @@ use crate::live::news::{Reading, Told};
 
 /// How often a stream looks whether its caller is still valid.
 const LOOK: Duration = Duration::from_millis(250);
+
+/// How long after that a stream that does not end itself is closed: its peer does not read.
+const GRACE: Duration = Duration::from_millis(500);
+
+/// How long a peer may read nothing while something waits for it.
+const READ_TIME: Duration = Duration::from_secs(5);
 
 /// What happens, from now on, as server-sent events: `event` with an event as JSON. With `Last-Event-ID` it
 /// goes on behind that event. If events in between are lost, `reset` comes first.
@@ -48,7 +55,7 @@ pub async fn events(
     Of(state): Of<State>,
     which: Result<Query<Which>, QueryRejection>,
     headers: HeaderMap,
-) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, Refusal> {
+) -> Result<Response, Refusal> {
     let Which { robot } = read(which)?;
     let only = robot.map(|robot| only(&caller, &state, robot)).transpose()?;
     let news = &state.shared.news;
@@ -57,8 +64,10 @@ pub async fn events(
         Some(id) => Reading::after(news, resume(id, state.shared.epoch)),
     };
     let last = news.watch();
-    let stream = EventStream { state, caller, only, reading, last };
-    Ok(Sse::new(unfold(stream, EventStream::next)).keep_alive(KeepAlive::default()))
+    let watched = Watched::new();
+    let end = watched.clone().end(caller.clone(), state.clone());
+    let stream = EventStream { state, caller, only, reading, last, watched };
+    Ok(with_end(unfold(stream, EventStream::next), end))
 }
 
 /// The values of the robots: a `snapshot` of each robot, then a `change` with the values that changed. A slow
@@ -87,7 +96,7 @@ pub async fn live(
     let begins_later = followed.begins_later();
     let subscription = Subscription::of_query(&caller, &state, followed, last_event_id(&headers))?;
     let feed = Feed::new(caller, state, subscription);
-    if headers.contains_key(UPGRADE) {
+    if is_for_websocket(&headers) {
         let upgrade = upgrade.map_err(|error| {
             let message = format!("this is no handshake of a WebSocket: {}", error.body_text());
             Refusal::new(StatusCode::BAD_REQUEST, Code::BadRequest, message)
@@ -97,7 +106,49 @@ pub async fn live(
     if begins_later {
         return Err(bad_value("subscribe=later is for WebSockets: this stream takes no messages".to_owned()));
     }
-    Ok(Sse::new(unfold(feed, next)).keep_alive(KeepAlive::default()).into_response())
+    let watched = Watched::new();
+    let end = watched.clone().end(feed.caller().clone(), feed.state().clone());
+    Ok(with_end(unfold((feed, watched), next), end))
+}
+
+/// A stream of server-sent events whose connection ends with `end`.
+fn with_end(
+    stream: impl Stream<Item = Result<Event, Infallible>> + Send + 'static,
+    end: impl Future<Output = ()> + Send + 'static,
+) -> Response {
+    let mut response = Sse::new(stream).keep_alive(KeepAlive::default()).into_response();
+    response.extensions_mut().insert(EndsWith::new(end));
+    response
+}
+
+/// Other protocols than WebSocket are not for this server: it answers as if they were not named.
+fn is_for_websocket(headers: &HeaderMap) -> bool {
+    let mut words = headers.get_all(UPGRADE).iter().filter_map(|value| value.to_str().ok());
+    words.any(|value| value.split(',').any(|word| word.trim().eq_ignore_ascii_case("websocket")))
+}
+
+/// When a stream was taken from last. It is asked again and again, unless its peer does not read.
+#[derive(Clone, Debug)]
+struct Watched(Arc<Mutex<Instant>>);
+
+impl Watched {
+    fn new() -> Self {
+        Self(Arc::new(Mutex::new(Instant::now())))
+    }
+
+    fn taken(&self) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
+    }
+
+    /// Waits until the caller may not read any more, or does not read.
+    async fn end(self, caller: Caller, state: State) {
+        let is_read = || self.0.lock().unwrap_or_else(PoisonError::into_inner).elapsed() < READ_TIME;
+        while caller.is_still_valid(&state) && is_read() {
+            tokio::time::sleep(LOOK).await;
+        }
+        tokio::time::sleep(GRACE).await;
+        tracing::debug!(by = caller.by().actor, "a stream ends");
+    }
 }
 
 fn read<T>(query: Result<Query<T>, QueryRejection>) -> Result<T, Refusal> {
@@ -116,8 +167,9 @@ fn resume(id: &str, epoch: u64) -> Option<u64> {
 }
 
 /// The next server-sent event of a feed.
-async fn next(mut feed: Feed) -> Option<(Result<Event, Infallible>, Feed)> {
+async fn next((mut feed, watched): (Feed, Watched)) -> Option<(Result<Event, Infallible>, (Feed, Watched))> {
     loop {
+        watched.taken();
         if !feed.is_allowed() {
             return None;
         }
@@ -140,7 +192,7 @@ async fn next(mut feed: Feed) -> Option<(Result<Event, Infallible>, Feed)> {
             Some(resume) => event.id(resume),
             None => event,
         };
-        return Some((Ok(event), feed));
+        return Some((Ok(event), (feed, watched)));
     }
 }
 
@@ -155,11 +207,13 @@ struct EventStream {
     only: Option<String>,
     reading: Reading,
     last: watch::Receiver<u64>,
+    watched: Watched,
 }
 
 impl EventStream {
     async fn next(mut self) -> Option<(Result<Event, Infallible>, Self)> {
         loop {
+            self.watched.taken();
             if !self.caller.is_still_valid(&self.state) {
                 return None;
             }

@@ -12,3 +12,4 @@ mod sockets;
 mod stops;
 mod streams;
 mod support;
+mod unread;

@@ -201,6 +201,21 @@ async fn what_cannot_be_resumed_is_reset_and_never_silent() {
         assert_eq!(stream.next().await.unwrap().kind, "reset", "{id}");
         assert_eq!(stream.next().await.unwrap().kind, "snapshot", "{id}");
     }
+    // What a reader followed may be gone when it comes back.
+    let place = format!("{epoch}-0");
+    for (gone, status) in [("robot=gone", 404), ("robot=gone,press", 404), ("signal=Addr-899", 422)] {
+        let fresh = Socket::try_open(&hall, &hall.viewer, &format!("?{gone}"), None).await;
+        assert_eq!(fresh.err().map(|(status, _)| status), Some(status), "{gone}");
+        let mut socket = Socket::open(&hall, &hall.viewer, &format!("?{gone}&resume={place}")).await;
+        if gone == "robot=gone" {
+            let next = tokio::time::timeout(Duration::from_millis(300), socket.0.next()).await;
+            assert!(next.is_err(), "there is nothing to tell: {next:?}");
+        } else {
+            let reset = socket.next().await;
+            assert_eq!((&reset["type"], &reset["robot"]), (&json!("reset"), &json!("press")), "{gone}");
+            assert_eq!(socket.next().await["type"], "snapshot", "{gone}");
+        }
+    }
     let number = snapshot["number"].as_u64().unwrap();
     let resumes = [(epoch - 1, number, json!(null)), (epoch, number + 1_000_000, json!("press"))];
     for (epoch, number, robot) in resumes {

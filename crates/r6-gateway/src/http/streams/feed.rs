@@ -40,6 +40,8 @@ pub struct Feed {
     looked_at: Option<Instant>,
     pulse: watch::Receiver<u64>,
     events: Option<Events>,
+    /// An event that waits for the messages that were made before it.
+    event: Option<LiveMessage>,
 }
 
 struct Events {
@@ -72,6 +74,7 @@ impl Feed {
             looked_at: None,
             pulse,
             events: None,
+            event: None,
         };
         feed.subscribe(subscription);
         feed
@@ -88,7 +91,7 @@ impl Feed {
             last: news.watch(),
         });
         self.follower = Follower::new(subscription.begin.clone());
-        (self.pass, self.held, self.passed, self.due) = (None, None, None, true);
+        (self.pass, self.held, self.event, self.passed, self.due) = (None, None, None, None, true);
         self.subscription = subscription;
     }
 
@@ -148,8 +151,16 @@ impl Feed {
     }
 
     fn make(&mut self) -> Option<LiveSent> {
-        if let Some(message) = self.event() {
-            return Some(LiveSent { message, resume: self.point() });
+        if self.event.is_none() {
+            self.event = self.next_event();
+        }
+        if self.event.is_some() {
+            // What was made before the event may be older than it.
+            let made = self.held.take().or_else(|| self.pass.as_mut()?.ready.pop_front());
+            return match made {
+                Some(message) => Some(LiveSent { message, resume: None }),
+                None => self.event.take().map(|message| LiveSent { message, resume: self.point() }),
+            };
         }
         loop {
             if self.pass.is_none() && !self.begin_pass() {
@@ -179,7 +190,7 @@ impl Feed {
         self.passed.map(|number| point(number).to_string())
     }
 
-    fn event(&mut self) -> Option<LiveMessage> {
+    fn next_event(&mut self) -> Option<LiveMessage> {
         let Events { reading, .. } = self.events.as_mut()?;
         loop {
             match reading.next(&self.state.shared.news)? {

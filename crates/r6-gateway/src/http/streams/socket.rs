@@ -77,6 +77,8 @@ enum End {
     Silent,
     /// A message of the peer is too long.
     TooLong,
+    /// The peer sends a text that is no UTF-8.
+    NotText,
     /// The peer sends something else.
     NotWebSocket,
 }
@@ -90,6 +92,7 @@ impl End {
             Self::TooSlow => Some((1013, Code::TooSlow, "a message was not read within 5 s")),
             Self::Silent => Some((1013, Code::TooSlow, "no answer to a ping within 30 s")),
             Self::TooLong => Some((1009, Code::TooLong, "a message has 128 KiB at most")),
+            Self::NotText => Some((1007, Code::BadRequest, "a text has to be UTF-8")),
             Self::NotWebSocket => Some((1002, Code::BadRequest, "this is no frame of a WebSocket")),
         }
     }
@@ -177,7 +180,11 @@ async fn read(
         let Ok(next) = timeout(SILENCE, stream.next()).await else { return End::Silent };
         let order = match next {
             None | Some(Ok(Message::Close(_))) => return End::Closed,
-            Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
+            Some(Ok(Message::Ping(_) | Message::Pong(_))) => {
+                // Many of them may have come at once: others have their turn in between.
+                tokio::task::yield_now().await;
+                continue;
+            }
             Some(Ok(Message::Text(text))) => order(text.as_str(), caller, state),
             Some(Ok(Message::Binary(_))) => Err(bad_value("send text, not bytes".to_owned())),
             Some(Err(error)) => return broken(&error),
@@ -208,9 +215,9 @@ fn broken(error: &axum::Error) -> End {
     let error = error.to_string();
     if error.starts_with("Space limit exceeded") {
         End::TooLong
-    } else if error.starts_with("WebSocket protocol error") && !error.contains("closing handshake")
-        || error.starts_with("UTF-8")
-    {
+    } else if error.starts_with("UTF-8") {
+        End::NotText
+    } else if error.starts_with("WebSocket protocol error") && !error.contains("closing handshake") {
         End::NotWebSocket
     } else {
         End::Closed

@@ -154,14 +154,20 @@ impl Subscription {
         if signals.as_ref().is_some_and(|signals| signals.len() > MAX_SIGNALS) {
             return Err(bad_value(format!("signal: more than {MAX_SIGNALS}")));
         }
-        let one = |robot| only(caller, state, robot);
+        // Where a reader goes on, a robot may be gone meanwhile: the stream tells it.
+        let is_new = matches!(begin, Begin::New);
+        let one = |robot: String| {
+            if is_new { only(caller, state, robot) } else { caller.must(Right::Read, &robot).map(|()| robot) }
+        };
         let robots = robots.map(|robots| robots.into_iter().map(one).collect::<Result<_, _>>());
         let mut subscription = Self { robots: robots.transpose()?, signals: None, begin, events };
         let Some(signals) = signals else { return Ok(subscription) };
         let read = |word: &String| Address::parse(word);
         let wanted = signals.iter().map(read).collect::<Result<BTreeSet<_>, _>>();
         let wanted = wanted.map_err(|error| bad_value(format!("signal: {error}")))?;
-        subscription.must_be_read(caller, state, wanted.clone())?;
+        if is_new {
+            subscription.must_be_read(caller, state, wanted.clone())?;
+        }
         // As the values are named.
         subscription.signals = Some(wanted.iter().map(ToString::to_string).collect());
         Ok(subscription)

@@ -1,0 +1,35 @@
+//! When a connection ends although its answer goes on.
+
+use std::fmt;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Ends the connection with this future: an extension of an answer that goes on, such as a stream.
+///
+/// An answer notices nothing while its peer does not read, so it cannot end itself.
+#[derive(Clone)]
+pub struct EndsWith(Arc<Mutex<Option<End>>>);
+
+type End = Pin<Box<dyn Future<Output = ()> + Send>>;
+
+impl EndsWith {
+    /// The connection is closed when this is done. What waits to be sent is lost.
+    pub fn new(end: impl Future<Output = ()> + Send + 'static) -> Self {
+        Self(Arc::new(Mutex::new(Some(Box::pin(end)))))
+    }
+
+    /// Waits for the end.
+    pub(crate) async fn wait(self) {
+        let end = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match end {
+            Some(end) => end.await,
+            None => std::future::pending().await,
+        }
+    }
+}
+
+impl fmt::Debug for EndsWith {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("EndsWith")
+    }
+}
