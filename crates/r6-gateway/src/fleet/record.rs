@@ -177,6 +177,9 @@ impl Feed {
         if self.recorder.keep(batch) {
             self.lost_from = None;
         } else if let Some(first) = first {
+            if self.lost_from.is_none() {
+                tracing::warn!(robot = %self.robot, "the history takes no more samples: they are lost from here on");
+            }
             self.lost_from.get_or_insert(first);
             self.counts.lose(count);
             self.notice(now);

@@ -184,6 +184,11 @@ impl<S: HistoryStore> Journal<S> {
                 Err(_) => robot.blocks.failed(),
             }
         }
+        if let Err(StoreError::Unreadable(_)) = &written {
+            // The file of the day is broken: the next attempt writes all that is in memory into another one.
+            self.seal_all();
+            self.store.begin_part(time.day())?;
+        }
         written
     }
 

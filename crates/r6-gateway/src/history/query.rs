@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::Address;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::recorder::Open;
 use crate::core::history::block::MAX_SPAN;
@@ -86,17 +86,25 @@ impl Reader {
         Self { folder, permits: Arc::new(Semaphore::new(MAX_QUERIES)) }
     }
 
+    /// Leave to ask; `None` if too many queries are under way.
+    pub fn permit(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.permits).try_acquire_owned().ok()
+    }
+
     /// Answers in a thread of its own. `open` are the samples that are not in the files; they are asked for
-    /// first, so that none is missed that goes to the disk meanwhile. `None` if too many queries are under
-    /// way.
-    pub async fn answer(&self, question: Question, open: Open) -> Option<Result<Answer, StoreError>> {
-        let permit = Arc::clone(&self.permits).try_acquire_owned().ok()?;
+    /// first, so that none is missed that goes to the disk meanwhile.
+    pub async fn answer(
+        &self,
+        permit: OwnedSemaphorePermit,
+        question: Question,
+        open: Open,
+    ) -> Result<Answer, StoreError> {
         let mut store = Days::to_read(&self.folder);
         let work = tokio::task::spawn_blocking(move || {
             let _permit = permit;
             answer(&mut store, &question, open)
         });
-        Some(work.await.unwrap_or(Err(StoreError::Closed)))
+        work.await.unwrap_or(Err(StoreError::Closed))
     }
 }
 

@@ -30,6 +30,12 @@ const AFTER_FAILURE: Duration = Duration::from_secs(1);
 /// How often the limits are looked at, even if little is written: a day ends.
 const LIMITS_EVERY: Duration = Duration::from_secs(10);
 
+/// How long the thread may take for one turn before the history counts as paused: a write hangs.
+const HANGS: Duration = Duration::from_secs(2);
+
+/// How long a query waits for the thread.
+const ANSWER_TIME: Duration = Duration::from_secs(2);
+
 /// How many batches wait: 0.4 s of a thousand robots that are read ten times a second. A batch has some
 /// kilobytes at most, so this is some megabytes.
 const MAX_WAITING: usize = 4096;
@@ -71,6 +77,8 @@ struct Shared {
     counts: Arc<HistoryCounts>,
     clock: Mutex<WallClock>,
     reader: query::Reader,
+    /// When the thread began its last turn.
+    turn: Mutex<Monotonic>,
 }
 
 impl Recorder {
@@ -83,7 +91,13 @@ impl Recorder {
         let reader = query::Reader::new(folder.to_owned());
         let counts = Arc::<HistoryCounts>::default();
         let clock = Mutex::new(WallClock::new(clock::now(), system()));
-        let shared = Shared { settings: settings.clone(), counts: Arc::clone(&counts), clock, reader };
+        let shared = Shared {
+            settings: settings.clone(),
+            counts: Arc::clone(&counts),
+            clock,
+            reader,
+            turn: Mutex::new(Monotonic::now()),
+        };
         let shared = Arc::new(shared);
         let (jobs, waiting) = sync_channel(MAX_WAITING);
         let journal = Journal::new(store, settings, counts);
@@ -111,7 +125,16 @@ impl Recorder {
             TrySendError::Full(_) => StoreError::Unavailable("too many samples wait for the disk".to_owned()),
             TrySendError::Disconnected(_) => StoreError::Closed,
         })?;
-        answered.await.map_err(|_| StoreError::Closed)
+        match tokio::time::timeout(ANSWER_TIME, answered).await {
+            Ok(answered) => answered.map_err(|_| StoreError::Closed),
+            Err(_) => Err(StoreError::Unavailable("the disk of the history does not answer".to_owned())),
+        }
+    }
+
+    /// Whether the disk does not take samples: it refuses them, or a write hangs.
+    pub fn is_paused(&self) -> bool {
+        let turn = *self.shared.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        self.shared.counts.paused.load(Ordering::Relaxed) || turn.elapsed() > HANGS
     }
 
     /// Writes what is left, and ends the thread.
@@ -167,6 +190,7 @@ fn work<S: HistoryStore>(mut journal: Journal<S>, shared: &Shared, jobs: &Receiv
     let mut next_limits = next_flush + LIMITS_EVERY;
     let mut failed = false;
     loop {
+        *shared.turn.lock().unwrap_or_else(PoisonError::into_inner) = Monotonic::now();
         let wait = next_flush.saturating_duration_since(Monotonic::now());
         match jobs.recv_timeout(wait) {
             Ok(Job::Keep(batch)) => journal.take(clock::now(), batch),

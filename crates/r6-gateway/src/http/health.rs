@@ -1,7 +1,5 @@
 //! Whether the gateway works.
 
-use std::sync::atomic::Ordering;
-
 use axum::Json;
 use axum::extract::State as Of;
 use axum::http::StatusCode;
@@ -37,7 +35,7 @@ pub async fn readyz(_caller: Caller, Of(state): Of<State>) -> (StatusCode, Json<
     let status = if store { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
     let history = match &state.shared.history {
         None => HistoryState::Off,
-        Some(history) if history.counts().paused.load(Ordering::Relaxed) => HistoryState::Paused,
+        Some(history) if history.is_paused() => HistoryState::Paused,
         Some(_) => HistoryState::Kept,
     };
     (status, Json(Ready { store, robots, robots_up, history }))

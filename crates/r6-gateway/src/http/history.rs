@@ -112,11 +112,12 @@ pub async fn show(
         .ok_or_else(|| bad_value("the file of this gateway says that no history is kept".to_owned()))?;
     let question = question(range, &robot.station, recorder)?;
     let (name, address) = (question.robot.clone(), question.address);
-    let open = recorder.open(name, address).await.map_err(|error| refusal::of(error.into()))?;
-    let answer = recorder.reader().answer(question.clone(), open).await.ok_or_else(|| {
+    let permit = recorder.reader().permit().ok_or_else(|| {
         let message = "other queries are under way: ask again";
         Refusal::new(StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded, message)
     })?;
+    let open = recorder.open(name, address).await.map_err(|error| refusal::of(error.into()))?;
+    let answer = recorder.reader().answer(permit, question.clone(), open).await;
     let answer = answer.map_err(|error| refusal::of(error.into()))?;
     if answer.is_too_wide {
         return Err(bad_value(
@@ -141,7 +142,9 @@ fn bad_value(message: String) -> Refusal {
 /// Whether the caller wants a table. Without a wish it is JSON.
 fn wants_csv(headers: &HeaderMap) -> bool {
     let accept = headers.get(ACCEPT).and_then(|accept| accept.to_str().ok()).unwrap_or_default();
-    let kinds = accept.split(',').filter_map(|kind| kind.split(';').next());
+    let is_wanted =
+        |kind: &&str| kind.split(';').all(|part| part.trim().trim_end_matches(['0', '.']) != "q=");
+    let kinds = accept.split(',').filter(is_wanted).filter_map(|kind| kind.split(';').next());
     let mut kinds = kinds.map(|kind| kind.trim().to_ascii_lowercase());
     kinds.find(|kind| matches!(kind.as_str(), "text/csv" | "application/json" | "*/*"))
         == Some("text/csv".to_owned())
@@ -162,6 +165,11 @@ fn question(range: Range, station: &Station, recorder: &Recorder) -> Result<Ques
     };
     let to = time("to", &range.to).transpose()?.unwrap_or(now);
     let from = time("from", &range.from).transpose()?.unwrap_or_else(|| to.min(now).before(USUAL_RANGE));
+    // Without `from` the range moves on with the time, and the place to read on at may be left of it by now.
+    let place = range.cursor.as_ref().and_then(|text| text.strip_prefix('t')?.parse().ok()).map(Micros);
+    let from = place
+        .filter(|place| range.from.is_none() && to.before(LONGEST_RANGE) < *place)
+        .map_or(from, |place| from.min(place));
     let wanted = to;
     // There is nothing behind now.
     let to = to.min(now).max(from);
@@ -169,7 +177,9 @@ fn question(range: Range, station: &Station, recorder: &Recorder) -> Result<Ques
         return Err(bad_value("from is a time before to, and at most ten years before".to_owned()));
     }
     let bucket = range.bucket.as_ref().map(|text| {
-        let width = humantime::parse_duration(text).ok().filter(|width| *width >= NARROWEST_BUCKET);
+        let width = humantime::parse_duration(text)
+            .ok()
+            .filter(|width| *width >= NARROWEST_BUCKET && width.subsec_nanos().is_multiple_of(1_000_000));
         let width = width.and_then(|width| i64::try_from(width.as_micros()).ok());
         width.ok_or_else(|| bad_value(format!("bucket: `{}` is not a width such as 10s or 1m", shown(text))))
     });

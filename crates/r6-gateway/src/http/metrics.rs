@@ -75,7 +75,7 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
     if let Some(recorder) = &state.shared.history {
         history(&mut text, &seen);
         if caller.token.grant.only.is_none() {
-            files(&mut text, recorder.counts());
+            files(&mut text, recorder.counts(), recorder.is_paused());
         }
     }
     ([(CONTENT_TYPE, FORMAT)], text)
@@ -124,15 +124,10 @@ fn history(text: &mut String, seen: &[&Arc<Station>]) {
 }
 
 /// The files of the history, of all robots.
-fn files(text: &mut String, counts: &HistoryCounts) {
+fn files(text: &mut String, counts: &HistoryCounts, is_paused: bool) {
     let oldest = counts.oldest_day.load(Ordering::Relaxed).saturating_mul(86_400);
     let rows = [
-        (
-            "paused",
-            "gauge",
-            "Whether the disk does not take samples.",
-            u64::from(counts.paused.load(Ordering::Relaxed)),
-        ),
+        ("paused", "gauge", "Whether the disk does not take samples.", u64::from(is_paused)),
         ("bytes", "gauge", "What all files of the history take.", counts.bytes.load(Ordering::Relaxed)),
         (
             "oldest_timestamp_seconds",

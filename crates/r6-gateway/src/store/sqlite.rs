@@ -300,9 +300,13 @@ impl Store for Sqlite {
 
 impl From<rusqlite::Error> for StoreError {
     fn from(error: rusqlite::Error) -> Self {
-        use rusqlite::ErrorCode::{DatabaseCorrupt, NotADatabase};
+        use rusqlite::ErrorCode::{DatabaseCorrupt, NotADatabase, Unknown};
         match error.sqlite_error_code() {
             Some(DatabaseCorrupt | NotADatabase) => Self::Unreadable(error.to_string()),
+            // Another program's tables.
+            Some(Unknown) if error.to_string().contains("no such table") => {
+                Self::Unreadable(error.to_string())
+            }
             _ => Self::Unavailable(error.to_string()),
         }
     }

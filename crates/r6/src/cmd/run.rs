@@ -63,11 +63,14 @@ the arm stands, or an input may have cut it short, nothing proves that it was ca
 Ctrl-C and --timeout end the streaming: nothing more is sent, the arm finishes its list, and the \
 last line tells how much that is; with --stop-on-interrupt the arm is stopped instead. When a \
 streamed motion fails (alarm, stop, refusal, unknown outcome, nothing goes on), the arm is stopped \
-and its list cleared, and the last line tells what became of the steps and of the arm. The exit \
-code is 1 where the arm was then seen to stand. It is 4 where it was not, or was left to finish its \
-list. It is 4, even if the arm stands, where it is not known which steps were carried out: the list \
-is gone and nothing proves that all of it was carried out, the outcome of a frame is unknown, or \
-the controller was lost or refused after it had taken a part.
+and its list cleared, and the last line tells what became of the steps and of the arm.
+
+The exit code of a motion that failed is 1 if the arm was then seen to stand. It is 4 if the arm was \
+not seen to stand, or was left to finish its list. It is 4, even if the arm stands, if it is not \
+known which steps were carried out:
+  - The list is gone, and nothing proves that all of it was carried out.
+  - The outcome of a frame is unknown.
+  - The controller was lost, or refused, after it had taken a part.
 
 FILE.toml of --guard has limits; what is left out is not limited:
   max_speed = 50          percent, of each move          max_path_speed = 500    mm/s

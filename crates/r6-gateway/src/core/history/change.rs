@@ -42,7 +42,11 @@ impl ChangeOnly {
             return None;
         }
         let sample = Sample { time, state };
-        self.last = Some(sample.clone());
+        // A late reply is older than the gap that was told meanwhile, so the gap stands behind it: the next
+        // reading ends the gap, whatever it is.
+        let is_before_gap =
+            self.last.as_ref().is_some_and(|last| last.state.gap().is_some() && time <= last.time);
+        self.last = (!is_before_gap).then(|| sample.clone());
         Some(sample)
     }
 
@@ -135,6 +139,11 @@ mod tests {
         let gap = filter.gap(Micros(1), Gap::Stale).unwrap();
         assert_eq!(gap, Sample { time: Micros(2), state: State::Gap(Gap::Stale) }, "time does not go back");
         assert_eq!(filter.gap(Micros(4), Gap::Stale), None);
+        let late = filter.take(Micros(1), State::Integer(1));
+        assert!(late.is_some(), "a late reply");
+        assert!(filter.take(Micros(3), State::Integer(1)).is_some(), "the gap is behind the late reply");
+        assert_eq!(filter.take(Micros(4), State::Integer(1)), None);
+        assert!(filter.gap(Micros(4), Gap::Stale).is_some());
         assert!(filter.take(Micros(5), State::Integer(1)).is_some(), "the same value after a gap");
         filter.forget();
         assert!(filter.take(Micros(6), State::Integer(1)).is_some());

@@ -31,7 +31,7 @@ impl<S: HistoryStore> Journal<S> {
         let most = self.settings.max_bytes;
         let today = time.day();
         let mut parts = self.store.parts()?;
-        let newest = parts.last().copied();
+        let newest = parts.iter().rfind(|(part, _)| part.day == today).copied();
         if let Some((part, size)) = newest
             && size >= most / PART_SHARE
             && self.is_recovered
@@ -44,9 +44,13 @@ impl<S: HistoryStore> Journal<S> {
         let mut size: u64 = parts.iter().map(|(_, size)| size).sum();
         // An eighth is left for what is written before the next look.
         let bound = most - most / PART_SHARE;
+        // Days that are not yet come of a wrong clock: they go first.
+        parts.sort_by_key(|(part, _)| (part.day <= today + 1, *part));
+        let newest = parts.iter().map(|(part, _)| *part).rfind(|part| part.day == today);
         let mut left = parts.into_iter().peekable();
         while let Some((part, bytes)) = left.peek().copied() {
-            if part.day >= oldest_kept && size <= bound {
+            // The newest part of today has what is being written.
+            if (part.day >= oldest_kept && size <= bound) || Some(part) == newest {
                 break;
             }
             tracing::info!(?part, bytes, "the oldest file of the history is removed");

@@ -3,6 +3,8 @@
 mod kills;
 mod limits;
 mod model;
+#[cfg(unix)]
+mod odd_files;
 mod size;
 
 use super::*;

@@ -89,8 +89,10 @@ impl Days {
         if let Some(begun) = self.begun.get(&day) {
             return Ok(*begun);
         }
-        let parts = names(&self.folder)?;
-        Ok(parts.into_iter().filter(|part| part.day == day).map(|part| part.number).max().unwrap_or(1))
+        let parts = names(&self.folder)?.into_iter().filter(|(part, _)| part.day == day);
+        // What has the name of a part and is no file is left alone.
+        let next = |(part, is_file): (Part, bool)| if is_file { part.number } else { part.number + 1 };
+        Ok(parts.map(next).max().unwrap_or(1))
     }
 
     /// The connection to a part. Others are closed if there are too many.
@@ -203,7 +205,7 @@ impl HistoryStore for Days {
             make_folder(&self.folder).map_err(|error| failed(&self.folder, &error))?;
         }
         let size = |path: &Path| fs::metadata(path).map_or(0, |file| file.len());
-        let parts = names(&self.folder)?.into_iter().map(|part| {
+        let parts = names(&self.folder)?.into_iter().filter(|(_, is_file)| *is_file).map(|(part, _)| {
             let beside = BESIDE.iter().map(|end| size(&self.folder.join(file_name(part) + end)));
             (part, size(&self.path(part)) + beside.sum::<u64>())
         });
@@ -244,16 +246,20 @@ fn failed(path: &Path, error: &std::io::Error) -> StoreError {
 }
 
 fn too_new(path: &Path, version: i64) -> StoreError {
-    StoreError::Unavailable(format!("{} has tables {version}, which this r6 does not know", path.display()))
+    StoreError::Unreadable(format!("{} has tables {version}, which this r6 does not know", path.display()))
 }
 
-/// The parts of which there are files, oldest first.
-fn names(folder: &Path) -> Result<Vec<Part>, StoreError> {
+/// The parts of which there are names, oldest first, and whether each is a file. Opening something else, such
+/// as a pipe, could wait for ever.
+fn names(folder: &Path) -> Result<Vec<(Part, bool)>, StoreError> {
     let entries = match fs::read_dir(folder) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.map_err(|error| failed(folder, &error))?,
     };
-    let names = entries.filter_map(|entry| part_of(entry.ok()?.file_name().to_str()?));
+    let names = entries.filter_map(|entry| {
+        let entry = entry.ok()?;
+        Some((part_of(entry.file_name().to_str()?)?, entry.file_type().is_ok_and(|kind| kind.is_file())))
+    });
     let mut parts: Vec<_> = names.collect();
     parts.sort_unstable();
     Ok(parts)
