@@ -140,7 +140,9 @@ fn only_level_0_stops_at_each_point() {
     let lax = 4.0 * STILL;
     let (shortest, longest) = shortest_and_longest_stop(0, lax);
     let most = (1..=9).map(|blend| shortest_and_longest_stop(blend, lax).1).fold(0.0, f64::max);
-    page_says(&format!("With {lax}° they would be {shortest:.2}–{longest:.2} s and at most {most:.2} s"));
+    page_says(&format!(
+        "with {lax}° they are {shortest:.2}–{longest:.2} s (level 0) and at most {most:.2} s (levels 1–9)"
+    ));
     assert!(most < shortest);
 }
 
