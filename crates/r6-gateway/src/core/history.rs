@@ -14,7 +14,6 @@ pub mod buckets;
 mod bytes;
 pub mod change;
 pub mod codec;
-mod crc;
 pub mod merge;
 mod packed;
 pub mod sample;

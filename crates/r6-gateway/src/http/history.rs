@@ -239,3 +239,25 @@ fn instant(text: &str) -> Option<Micros> {
     let time = humantime::parse_rfc3339(text).ok()?.duration_since(UNIX_EPOCH).ok()?;
     i64::try_from(time.as_micros()).ok().map(Micros)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_is_given_to_those_who_want_it() {
+        for (accept, is_wanted) in [
+            ("text/csv", true),
+            ("text/html, Text/CSV;q=0.9, */*;q=0.1", true),
+            ("text/csv;q=0", false),
+            ("text/csv; q=0.00, application/json", false),
+            ("text/csv;q=0.01", true),
+            ("application/json, text/csv", false),
+            ("*/*", false),
+        ] {
+            let headers = HeaderMap::from_iter([(ACCEPT, HeaderValue::from_static(accept))]);
+            assert_eq!(wants_csv(&headers), is_wanted, "{accept}");
+        }
+        assert!(!wants_csv(&HeaderMap::new()));
+    }
+}

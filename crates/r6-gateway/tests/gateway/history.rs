@@ -122,6 +122,13 @@ async fn pages_are_read_one_after_the_other() {
     // What was read within the last moments of the range came later.
     assert_eq!(pages[..whole.len()], whole[..]);
     assert!(pages.len() < whole.len() + 10);
+
+    // Without a begin the range moves on with the time. A page goes on where the last one ended all the same.
+    let first = hall.history("signal=axis-0&limit=9").await;
+    let cursor = first["next_cursor"].as_str().unwrap();
+    let second = hall.history(&format!("signal=axis-0&limit=9&cursor={cursor}")).await;
+    let read: Vec<_> = samples(&first).iter().chain(samples(&second)).cloned().collect();
+    assert_eq!(read[..], whole[..read.len()], "{read:?}");
 }
 
 #[tokio::test]
@@ -149,6 +156,7 @@ async fn every_mistake_of_a_query_is_told() {
         ("signal=axis-0&from=1970-01-01T00:00:00Z", "ten years"),
         ("signal=axis-0&bucket=0s", "bucket: `0s`"),
         ("signal=axis-0&bucket=1x", "bucket: `1x`"),
+        ("signal=axis-0&bucket=1500us", "bucket: `1500us`"),
         ("signal=axis-0&limit=0", "limit is from 1 to 10000"),
         ("signal=axis-0&limit=10001", "limit is from 1 to 10000"),
         ("signal=axis-0&cursor=t5", "no cursor of this range"),

@@ -1,7 +1,11 @@
 //! Numbers as bytes: seven bits a byte, the lowest first. Small numbers take one byte.
 
+use crc::{CRC_32_ISCSI, Crc, Table};
+
 use super::codec::BadChunk;
-use super::crc::crc32c;
+
+/// CRC-32C: the checksum of a chunk.
+const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISCSI);
 
 /// Appends an unsigned number.
 pub(super) fn put(out: &mut Vec<u8>, mut number: u64) {
@@ -39,7 +43,7 @@ fn low_byte(number: u64) -> u8 {
 
 /// Appends the checksum of all bytes so far.
 pub(super) fn seal(out: &mut Vec<u8>) {
-    let crc = crc32c(out);
+    let crc = CRC.checksum(out);
     out.extend_from_slice(&crc.to_le_bytes());
 }
 
@@ -59,7 +63,7 @@ impl<'b> Reader<'b> {
     /// Reads bytes that end with their checksum.
     pub fn of_sealed(bytes: &'b [u8]) -> Result<Self, BadChunk> {
         let (rest, crc) = bytes.split_last_chunk::<4>().ok_or(BadChunk::Short)?;
-        if crc32c(rest) != u32::from_le_bytes(*crc) {
+        if CRC.checksum(rest) != u32::from_le_bytes(*crc) {
             return Err(BadChunk::Checksum);
         }
         Ok(Self { rest })
@@ -135,5 +139,15 @@ mod tests {
         assert_eq!(Reader::new(&[0xFF; 9]).number(), Err(BadChunk::Short));
         assert_eq!(Reader::new(&[0xFF; 11]).number(), Err(BadChunk::Number));
         assert_eq!(Reader::new(&[5]).up_to(4), Err(BadChunk::Number));
+    }
+
+    #[test]
+    fn the_checksum_is_crc_32c() {
+        let mut bytes = b"123456789".to_vec();
+        seal(&mut bytes);
+        assert_eq!(bytes.last_chunk::<4>(), Some(&0xE306_9283_u32.to_le_bytes()));
+        let mut zeros = vec![0; 32];
+        seal(&mut zeros);
+        assert_eq!(zeros.last_chunk::<4>(), Some(&0x8A91_36AA_u32.to_le_bytes()), "RFC 3720, B.4");
     }
 }
