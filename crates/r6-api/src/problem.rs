@@ -124,6 +124,8 @@ codes! {
     // Requests over HTTP.
     /// The bytes are not a readable HTTP request.
     BadRequest "bad_request",
+    /// The server speaks TLS, and the request came without.
+    NeedsTls "needs_tls",
     /// The body is not JSON.
     BadJson "bad_json",
     /// The body could not be read.

@@ -10,9 +10,11 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use r6_api::gateway::{AuditRecord, CommandOutcome, Deed};
 use r6_client::RobotSettings;
+use r6_http::access::Site;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 
+use crate::certificate::{Certificate, CertificateError, TlsSettings};
 use crate::clock;
 use crate::core::raw::policy::RawPolicy;
 use crate::fleet::Fleet;
@@ -49,6 +51,10 @@ pub struct GatewaySettings {
     pub raw_policy: RawPolicy,
     /// What is kept of values.
     pub history: HistorySettings,
+    /// Host names by which clients reach the gateway, besides the addresses of this machine.
+    pub names: Vec<String>,
+    /// The certificate for HTTP. The raw ports have no TLS.
+    pub tls: TlsSettings,
 }
 
 /// Why a gateway could not be started. Nothing is left running.
@@ -62,6 +68,8 @@ pub enum GatewayError {
     Robots(Problem),
     /// A raw port is wrong.
     Raw(String),
+    /// The certificate cannot be used.
+    Certificate(CertificateError),
     /// The system did not allow listening there.
     Listen {
         /// The option that says where to listen.
@@ -82,6 +90,7 @@ impl fmt::Display for GatewayError {
             Self::Store(error) => error.fmt(f),
             Self::Robots(problem) => f.write_str(&problem.message),
             Self::Raw(wrong) => f.write_str(wrong),
+            Self::Certificate(error) => write!(f, "TLS: {error}"),
             Self::Listen { option, address, error } if error.kind() == io::ErrorKind::AddrInUse => {
                 write!(f, "{address} is taken by another program: choose another address with {option}")
             }
@@ -92,6 +101,12 @@ impl fmt::Display for GatewayError {
 }
 
 impl std::error::Error for GatewayError {}
+
+impl From<CertificateError> for GatewayError {
+    fn from(error: CertificateError) -> Self {
+        Self::Certificate(error)
+    }
+}
 
 impl From<StoreError> for GatewayError {
     fn from(error: StoreError) -> Self {
@@ -106,6 +121,7 @@ pub struct Gateway {
     state: State,
     raw_policy: SharedPolicy,
     raw_ports: Vec<RawPort>,
+    certificate: Option<Certificate>,
     server: JoinSet<()>,
     /// Locked as long as the gateway runs.
     _lock: File,
@@ -122,6 +138,8 @@ impl Gateway {
         let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
         check_raw(&settings.raw, &robots)?;
         let listen = settings.listen;
+        let (tls, names) = (&settings.tls, &settings.names);
+        let certificate = Certificate::open(tls, &settings.data, listen.ip(), names)?;
         let failed = |error| GatewayError::Listen { option: "--listen", address: listen, error };
         let listener = TcpListener::bind(listen).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
@@ -150,20 +168,29 @@ impl Gateway {
         let state =
             State { fleet, tokens: Arc::new(tokens), shared, robot_settings: settings.robot_settings };
         let mut server = JoinSet::new();
-        server.spawn(r6_http::serve(listener, http::router(state.clone(), address)));
+        let site = Site::new(address).with_names(settings.names).with_tls(certificate.is_some());
+        let tls = certificate.as_ref().map(Certificate::tls);
+        server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
+        server.spawn(follow(certificate.clone()));
         server.spawn(refresh(Arc::clone(&state.tokens)));
         let mut raw_ports = Vec::new();
         for (port, door, listener) in doors {
             raw_ports.push(port);
             server.spawn(raw_port::attend(door, listener));
         }
-        Ok(Self { address, state, raw_policy, raw_ports, server, _lock: lock })
+        Ok(Self { address, state, raw_policy, raw_ports, certificate, server, _lock: lock })
     }
 
     /// The address that it listens on.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// The certificate, if the gateway speaks TLS.
+    #[must_use]
+    pub fn certificate(&self) -> Option<&Certificate> {
+        self.certificate.as_ref()
     }
 
     /// The raw ports, with the addresses that they listen on.
@@ -229,6 +256,13 @@ fn all_robots(
     }
     roster::check(&robots).map_err(GatewayError::Robots)?;
     Ok(robots)
+}
+
+/// Uses another certificate when its files change.
+async fn follow(certificate: Option<Certificate>) {
+    if let Some(certificate) = certificate {
+        certificate.follow().await;
+    }
 }
 
 /// Refuses raw ports of robots that are not there, and two of one robot.

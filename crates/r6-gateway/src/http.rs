@@ -16,7 +16,6 @@ mod refusal;
 mod robots;
 mod streams;
 
-use std::net::SocketAddr;
 use std::sync::Arc;
 
 use axum::extract::DefaultBodyLimit;
@@ -27,7 +26,7 @@ use axum::{Router, middleware};
 use r6_api::Code;
 use r6_client::RobotSettings;
 use r6_http::Refusal;
-use r6_http::access::guard;
+use r6_http::access::{Site, guard};
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
 use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
@@ -96,14 +95,14 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(metrics::metrics))
 }
 
-/// The API of a gateway that listens at this address.
-pub fn router(state: State, address: SocketAddr) -> Router {
+/// The API of a gateway that is reached like this.
+pub fn router(state: State, site: Site) -> Router {
     let (router, _) = routes().split_for_parts();
     router
         .fallback(no_such_path)
         .method_not_allowed_fallback(no_such_method)
         .layer(DefaultBodyLimit::max(body::MAX_BYTES))
-        .layer(middleware::from_fn_with_state(address, guard))
+        .layer(middleware::from_fn_with_state(site, guard))
         .with_state(state)
 }
 

@@ -35,8 +35,10 @@
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
 )]
 
+mod certificate;
 mod clock;
 mod core;
+mod files;
 mod fleet;
 mod gateway;
 mod history;
@@ -48,6 +50,7 @@ mod shell;
 mod store;
 mod tokens;
 
+pub use crate::certificate::{Certificate, CertificateError, TlsSettings};
 pub use crate::core::name::RobotName;
 pub use crate::core::raw::policy::{RawAllow, RawPolicy, RawRule, RawSource};
 pub use crate::core::role::Grant;

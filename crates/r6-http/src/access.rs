@@ -4,6 +4,7 @@
 //! foreign `Origin`, or names a host of the attacker that resolves to 127.0.0.1. Both are refused.
 
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
 
 use axum::extract::{Request, State};
 use axum::http::header::{HOST, ORIGIN};
@@ -16,16 +17,65 @@ use r6_api::Code;
 
 use crate::refusal::Refusal;
 
-/// Lets a request through, or refuses it with 403: a layer for `axum::middleware::from_fn_with_state`. Its
-/// state is the address that the server listens on.
-pub async fn guard(State(address): State<SocketAddr>, request: Request, next: Next) -> Response {
-    match check(address.ip(), request.uri(), request.headers()) {
+/// How a server is reached.
+#[derive(Clone, Debug)]
+pub struct Site {
+    listens: IpAddr,
+    names: Arc<[String]>,
+    is_secure: bool,
+}
+
+impl Site {
+    /// A server that listens at this address. It is reached by the addresses of this machine, or by
+    /// `localhost`, without TLS.
+    #[must_use]
+    pub fn new(address: SocketAddr) -> Self {
+        Self { listens: address.ip(), names: Arc::default(), is_secure: false }
+    }
+
+    /// It is reached by these host names, too. A web page from elsewhere cannot choose them: the names lead to
+    /// the machine that they belong to.
+    #[must_use]
+    pub fn with_names(self, names: impl IntoIterator<Item = String>) -> Self {
+        Self { names: names.into_iter().collect(), ..self }
+    }
+
+    /// It is reached with TLS, or without.
+    #[must_use]
+    pub fn with_tls(self, is_secure: bool) -> Self {
+        Self { is_secure, ..self }
+    }
+
+    /// Whether it is reached with TLS.
+    #[must_use]
+    pub fn is_secure(&self) -> bool {
+        self.is_secure
+    }
+
+    /// Whether a host is this server. A page can choose any name for itself, but no address and no name that
+    /// belongs to another machine.
+    fn is_own(&self, told: &Authority) -> bool {
+        let host = told.host();
+        let plain = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
+        let ip = plain.parse::<IpAddr>().ok().map(|ip| ip.to_canonical());
+        !told.as_str().contains('@')
+            && (host.eq_ignore_ascii_case("localhost")
+                || self.names.iter().any(|name| host.eq_ignore_ascii_case(name))
+                || ip.is_some_and(|ip| {
+                    ip.is_loopback() || ip == self.listens.to_canonical() || self.listens.is_unspecified()
+                }))
+    }
+}
+
+/// Lets a request through, or refuses it with 403: a layer for `axum::middleware::from_fn_with_state`.
+pub async fn guard(State(site): State<Site>, request: Request, next: Next) -> Response {
+    match check(&site, request.uri(), request.headers()) {
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),
     }
 }
 
-fn check(listens: IpAddr, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal> {
+fn check(site: &Site, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal> {
     let mut hosts = headers.get_all(HOST).iter();
     let host = match (hosts.next().and_then(|host| host.to_str().ok()), hosts.next()) {
         (Some(host), None) => host,
@@ -34,18 +84,19 @@ fn check(listens: IpAddr, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal>
         }
     };
     let told = host.parse::<Authority>().ok();
-    if !told.is_some_and(|told| is_own(listens, &told))
-        || uri.authority().is_some_and(|told| !is_own(listens, told))
+    if !told.is_some_and(|told| site.is_own(&told)) || uri.authority().is_some_and(|told| !site.is_own(told))
     {
+        let named: String = site.names.iter().map(|name| format!("{name}, ")).collect();
         return Err(Refusal::foreign(
             Code::ForeignHost,
             format!(
-                "`{host}` is not this server: use localhost, 127.0.0.1, or the address that it listens on"
+                "`{host}` is not this server: use {named}localhost, 127.0.0.1, or the address that it listens on"
             ),
         ));
     }
     // Programs send neither header; a browser cannot leave them out.
-    let own = format!("http://{host}");
+    let scheme = if site.is_secure { "https" } else { "http" };
+    let own = format!("{scheme}://{host}");
     let same_origin = |origin: &[u8]| origin.eq_ignore_ascii_case(own.as_bytes());
     let same_site = |site: &[u8]| matches!(site, b"same-origin" | b"none");
     if headers.get_all(ORIGIN).iter().any(|origin| !same_origin(origin.as_bytes()))
@@ -54,18 +105,6 @@ fn check(listens: IpAddr, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal>
         return Err(Refusal::foreign(Code::ForeignOrigin, "pages of a browser cannot use this server"));
     }
     Ok(())
-}
-
-/// Whether a host is this machine. A page can choose any name for itself, but no address.
-fn is_own(listens: IpAddr, told: &Authority) -> bool {
-    let host = told.host();
-    let plain = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
-    let ip = plain.parse::<IpAddr>().ok().map(|ip| ip.to_canonical());
-    !told.as_str().contains('@')
-        && (host.eq_ignore_ascii_case("localhost")
-            || ip.is_some_and(|ip| {
-                ip.is_loopback() || ip == listens.to_canonical() || listens.is_unspecified()
-            }))
 }
 
 #[cfg(test)]
@@ -83,7 +122,7 @@ mod tests {
         for (name, value) in headers {
             map.append::<axum::http::HeaderName>(name, value);
         }
-        check(listens, &uri.parse().unwrap(), &map).is_ok()
+        check(&Site::new(SocketAddr::new(listens, 9770)), &uri.parse().unwrap(), &map).is_ok()
     }
 
     #[test]
@@ -143,5 +182,22 @@ mod tests {
         }
         let two = [host, ("origin", "http://localhost:9770"), ("origin", "http://evil.example")];
         assert!(!passes(LOOPBACK, "/", &two));
+    }
+
+    #[test]
+    fn a_server_goes_by_the_names_that_it_was_given_and_by_its_scheme() {
+        let site = Site::new(SocketAddr::new(CELL, 9780)).with_names(["hall.example".to_owned()]);
+        let passes = |site: &Site, headers: &[(&'static str, &str)]| {
+            let headers = headers.iter().map(|(name, value)| (name.parse().unwrap(), value.parse().unwrap()));
+            check(site, &"/".parse().unwrap(), &headers.collect()).is_ok()
+        };
+        assert!(passes(&site, &[("host", "Hall.example:9780")]));
+        assert!(passes(&site, &[("host", "hall.example"), ("origin", "http://hall.example")]));
+        assert!(!passes(&site, &[("host", "hall.example"), ("origin", "https://hall.example")]));
+        let secure = site.with_tls(true);
+        assert!(passes(&secure, &[("host", "hall.example"), ("origin", "https://hall.example")]));
+        assert!(!passes(&secure, &[("host", "hall.example"), ("origin", "http://hall.example")]));
+        assert!(!passes(&secure, &[("host", "other.example")]));
+        assert!(!passes(&secure, &[("host", "x.hall.example")]));
     }
 }

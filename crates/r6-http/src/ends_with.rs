@@ -1,27 +1,24 @@
 //! When a connection ends although its answer goes on.
 
 use std::fmt;
-use std::pin::Pin;
-use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::work::Work;
 
 /// Ends the connection with this future: an extension of an answer that goes on, such as a stream.
 ///
 /// An answer notices nothing while its peer does not read, so it cannot end itself.
 #[derive(Clone)]
-pub struct EndsWith(Arc<Mutex<Option<End>>>);
-
-type End = Pin<Box<dyn Future<Output = ()> + Send>>;
+pub struct EndsWith(Work);
 
 impl EndsWith {
     /// The connection is closed when this is done. What waits to be sent is lost.
     pub fn new(end: impl Future<Output = ()> + Send + 'static) -> Self {
-        Self(Arc::new(Mutex::new(Some(Box::pin(end)))))
+        Self(Work::new(end))
     }
 
     /// Waits for the end.
     pub(crate) async fn wait(self) {
-        let end = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
-        match end {
+        match self.0.take() {
             Some(end) => end.await,
             None => std::future::pending().await,
         }

@@ -126,7 +126,12 @@ fn with_body(written: &[u8]) -> Option<Vec<u8>> {
         }
         _ => (Code::BadRequest, "this is no HTTP request that can be read".to_owned()),
     };
-    let body = serde_json::to_string(&Problem { code, message }).ok()?;
+    bare_answer(status, &Problem { code, message })
+}
+
+/// The bytes of an answer with a problem, behind which the connection is closed.
+pub(crate) fn bare_answer(status: StatusCode, problem: &Problem) -> Option<Vec<u8>> {
+    let body = serde_json::to_string(problem).ok()?;
     let length = body.len();
     Some(
         format!(

@@ -3,6 +3,7 @@
 //! - [`serve`] accepts connections, and keeps room for new ones ([`server`]).
 //! - [`Afterwards`] is what goes on over a connection that is not HTTP any more. [`EndsWith`] ends a
 //!   connection whose answer goes on.
+//! - [`Tls`] is a certificate, with which [`serve`] speaks TLS.
 //! - [`access`] lets programs of this machine through, but no web pages from elsewhere.
 //! - [`Refusal`] is a problem of the contract with its status; [`body`] reads bodies within limits of length
 //!   and time.
@@ -19,8 +20,11 @@ mod in_json;
 mod refusal;
 pub mod server;
 mod slowed;
+mod tls;
+mod work;
 
 pub use afterwards::Afterwards;
 pub use ends_with::EndsWith;
 pub use refusal::Refusal;
 pub use server::{Peer, serve};
+pub use tls::{BadCertificate, Tls, first_der, is_for};

@@ -21,6 +21,7 @@ use crate::afterwards::Afterwards;
 use crate::ends_with::EndsWith;
 use crate::in_json::InJson;
 use crate::slowed::Slowed;
+use crate::tls::Tls;
 
 /// How many connections are open at once. A person and a few scripts need one each.
 const MAX_CONNECTIONS: usize = 64;
@@ -44,8 +45,8 @@ const SEND_BUFFER: usize = 64 * 1024;
 #[derive(Clone, Copy, Debug)]
 pub struct Peer(pub SocketAddr);
 
-/// Accepts and serves connections for as long as it is polled.
-pub async fn serve(listener: TcpListener, router: Router) {
+/// Accepts and serves connections for as long as it is polled, with TLS if there is a certificate.
+pub async fn serve(listener: TcpListener, router: Router, tls: Option<Tls>) {
     let mut guests = Guests::default();
     loop {
         match listener.accept().await {
@@ -54,7 +55,7 @@ pub async fn serve(listener: TcpListener, router: Router) {
                 // socket is dead already, its task will notice.
                 let _ = stream.set_nodelay(true);
                 let _ = SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-                guests.admit(peer, stream, router.clone());
+                guests.admit(peer, stream, router.clone(), tls.clone());
             }
             Err(error) => {
                 // Most likely too many open files: give the connections a moment to end.
@@ -85,7 +86,7 @@ struct Guest {
 }
 
 impl Guests {
-    fn admit(&mut self, from: SocketAddr, stream: TcpStream, router: Router) {
+    fn admit(&mut self, from: SocketAddr, stream: TcpStream, router: Router, tls: Option<Tls>) {
         let peer = from.ip();
         while self.tasks.try_join_next().is_some() {}
         self.open.retain(|guest| !guest.task.is_finished());
@@ -93,7 +94,16 @@ impl Guests {
             self.open.remove(at).task.abort();
         }
         let answers = Arc::new(AtomicBool::new(false));
-        let task = self.tasks.spawn(converse(stream, Peer(from), router, Arc::clone(&answers)));
+        let (peer_of, busy) = (Peer(from), Arc::clone(&answers));
+        let task = self.tasks.spawn(async move {
+            let Some(tls) = tls else {
+                return converse(Slowed::new(stream), peer_of, router, busy).await;
+            };
+            match tls.accept(stream).await {
+                Ok(stream) => converse(stream, peer_of, router, busy).await,
+                Err(error) => debug!(peer = %from, %error, "a connection got no TLS"),
+            }
+        });
         self.open.push(Guest { peer, answers, task });
     }
 
@@ -164,7 +174,7 @@ where
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIME)
         .max_buf_size(MAX_HEAD_BYTES)
-        .serve_connection(TokioIo::new(InJson::new(Slowed::new(stream))), service)
+        .serve_connection(TokioIo::new(InJson::new(stream)), service)
         .with_upgrades();
     tokio::select! {
         served = serving => {

@@ -58,7 +58,11 @@ impl Simulation {
         }
         if let Some((address, listener)) = panel {
             simulation.panel = Some(address);
-            simulation.tasks.spawn(r6_http::serve(listener, panel::router(&simulation.controllers, address)));
+            simulation.tasks.spawn(r6_http::serve(
+                listener,
+                panel::router(&simulation.controllers, address),
+                None,
+            ));
         }
         Ok(simulation)
     }

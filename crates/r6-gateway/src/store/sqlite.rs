@@ -14,6 +14,7 @@ use crate::core::chain::{Broken, Hash, link};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
+use crate::files;
 
 /// The name of the file in the folder.
 const FILE: &str = "control.db";
@@ -74,9 +75,9 @@ impl Sqlite {
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let failed =
             |error: std::io::Error| StoreError::Unavailable(format!("{}: {error}", folder.display()));
-        make_folder(folder).map_err(failed)?;
+        files::make_folder(folder).map_err(failed)?;
         let path = folder.join(FILE);
-        make_file(&path).map_err(failed)?;
+        files::make_file(&path).map_err(failed)?;
         Self::at(&path)
     }
 
@@ -310,25 +311,4 @@ impl From<rusqlite::Error> for StoreError {
             _ => Self::Unavailable(error.to_string()),
         }
     }
-}
-
-#[cfg(unix)]
-pub(super) fn make_folder(folder: &Path) -> std::io::Result<()> {
-    use std::os::unix::fs::DirBuilderExt;
-    std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder)
-}
-
-#[cfg(not(unix))]
-pub(super) fn make_folder(folder: &Path) -> std::io::Result<()> {
-    std::fs::create_dir_all(folder)
-}
-
-/// Makes the file before SQLite does, because SQLite lets the group read it. Its other files get the same
-/// mode.
-pub(super) fn make_file(path: &Path) -> std::io::Result<()> {
-    let mut options = std::fs::OpenOptions::new();
-    options.create(true).append(true);
-    #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-    options.open(path).map(drop)
 }

@@ -12,4 +12,5 @@ mod sockets;
 mod stops;
 mod streams;
 mod support;
+mod tls;
 mod unread;

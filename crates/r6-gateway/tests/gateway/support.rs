@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 use r6_api::gateway::Role;
 use r6_client::RobotSettings;
 use r6_controller::{Event, LogEntry, Program, StartState};
-use r6_gateway::{Gateway, GatewaySettings, HistorySettings, RawPolicy, RawPort, RobotConfig, RobotName};
+use r6_gateway::{
+    Gateway, GatewaySettings, HistorySettings, RawPolicy, RawPort, RobotConfig, RobotName, TlsSettings,
+};
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -196,6 +198,8 @@ pub fn settings(data: &Path, robots: Vec<RobotConfig>) -> GatewaySettings {
         raw: Vec::new(),
         raw_policy: RawPolicy::default(),
         history: HistorySettings::default(),
+        names: Vec::new(),
+        tls: TlsSettings::Off,
     }
 }
 

@@ -16,7 +16,7 @@ use r6_api::{Code, Problem, Status};
 use r6_controller::program::MAX_TEXT_BYTES;
 use r6_controller::{PanelAction, Refused};
 use r6_http::Refusal;
-use r6_http::access::guard;
+use r6_http::access::{Site, guard};
 use r6_http::body::{in_time, require_json, whole};
 use utoipa::OpenApi;
 use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouterExt};
@@ -60,7 +60,7 @@ pub(super) fn router(controllers: Handles, address: SocketAddr) -> Router {
         .method_not_allowed_fallback(no_such_method)
         .layer(DefaultBodyLimit::max(MAX_BODY_BYTES))
         .layer(middleware::from_fn(in_time))
-        .layer(middleware::from_fn_with_state(address, guard))
+        .layer(middleware::from_fn_with_state(Site::new(address), guard))
         .with_state(controllers)
 }
 

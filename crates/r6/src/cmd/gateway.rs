@@ -9,7 +9,9 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use r6_gateway::{Changes, Gateway, GatewaySettings, RawPort, RobotConfig, RobotName};
+use r6_gateway::{
+    Certificate, Changes, Gateway, GatewaySettings, RawPort, RobotConfig, RobotName, TlsSettings,
+};
 
 use crate::cmd::gateway::config::Config;
 use crate::exit::{Exit, Failure};
@@ -37,6 +39,7 @@ Examples:
   r6 gateway --config hall.toml --data /var/lib/r6-gateway
   r6 gateway --robot virtual=127.0.0.1:9760 --listen 127.0.0.1:0
   r6 gateway --robot press-4=192.168.1.10 --raw press-4=127.0.0.1:9761
+  r6 gateway --robot press-4=192.168.1.10 --listen 0.0.0.0:9780 --tls --host-name hall-pc.local
 
 In hall.toml, for each robot:
   [[robot]]
@@ -49,6 +52,11 @@ What is kept of values, and for how long; it holds from the next start:
   [history]
   keep_days = 30                       today included
   max_mb = 10240                       all files together; the oldest values go first
+
+How clients reach the gateway, as with --tls, --tls-cert and --host-name; it holds from the next start:
+  [http]
+  host_names = [\"hall-pc.local\"]
+  tls = true                           or certificate = \"FILE\" and key = \"FILE\"
 
 A raw port speaks the robots' own protocol, for old scripts. Without a rule, programs of this machine may \
 read and stop over raw ports, and others nothing. In hall.toml, for each source; the first that fits decides:
@@ -74,7 +82,7 @@ enum Folder {
 
 #[derive(Debug, Args)]
 struct ServeArgs {
-    /// Where to listen; port 0 takes any free port. There is no TLS yet: other machines see the tokens
+    /// Where to listen; port 0 takes any free port. Without --tls, other machines can see the tokens
     #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_LISTEN, value_parser = units::listen_address)]
     listen: SocketAddr,
     /// Folder for tokens, leases, the audit log and the history
@@ -87,6 +95,19 @@ struct ServeArgs {
     // The id is that of the global option, so that this one stands in its place.
     #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME=HOST[:PORT]")]
     robots: Vec<String>,
+    /// Speak TLS, with a certificate that the gateway makes at its first start in DIR/tls
+    #[arg(long)]
+    tls: bool,
+    /// Speak TLS with this certificate, PEM, and its issuers behind it; if the file changes, it is used
+    #[arg(long, value_name = "FILE", requires = "tls_key", conflicts_with = "tls")]
+    tls_cert: Option<PathBuf>,
+    /// The private key of --tls-cert, PEM
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    tls_key: Option<PathBuf>,
+    /// A name by which clients reach this machine, besides localhost and its addresses; may be given several
+    /// times
+    #[arg(id = "host_name", long = "host-name", value_name = "NAME", value_parser = host_name)]
+    host_names: Vec<String>,
     /// Let old scripts speak the robots' own protocol to this robot here; may be given several times. It has
     /// no login: see [[raw_rule]] below
     #[arg(long, value_name = "NAME=ADDR:PORT")]
@@ -107,7 +128,13 @@ pub fn run(args: GatewayArgs, robot_typed: bool) -> Result<Exit, Failure> {
 
 async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let typed = if robot_typed { args.robots.as_slice() } else { &[] };
-    let Config { robots, mut raw, policy, history } = all(args.config.as_deref(), typed)?;
+    let Config { robots, mut raw, policy, history, http } = all(args.config.as_deref(), typed)?;
+    let tls = match (args.tls_cert, args.tls_key) {
+        (Some(certificate), Some(key)) => TlsSettings::Files { certificate, key },
+        _ if args.tls => TlsSettings::Made,
+        _ => http.tls,
+    };
+    let names = if args.host_names.is_empty() { http.host_names } else { args.host_names };
     for text in &args.raw {
         raw.push(raw_port(text)?);
     }
@@ -121,7 +148,8 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let (listen, data) = (args.listen, args.data.clone());
     let raw_policy = policy.unwrap_or_default();
     let robot_settings = robot::settings();
-    let settings = GatewaySettings { listen, data, robots, robot_settings, raw, raw_policy, history };
+    let settings =
+        GatewaySettings { listen, data, robots, robot_settings, raw, raw_policy, history, names, tls };
     let gateway = Gateway::start(settings).await.map_err(Failure::usage)?;
     tell_start(&gateway, &args.data);
     tell_raw(&gateway, rules);
@@ -146,9 +174,16 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
 
 fn tell_start(gateway: &Gateway, data: &Path) {
     let (url, robots) = (gateway.address(), output::counted(gateway.robots(), "robot"));
-    output::line(format_args!("gateway on http://{url}, {robots}, data in {}", data.display()));
-    if !gateway.address().ip().is_loopback() {
-        output::note("r6: there is no TLS yet: everyone on the network can read the tokens");
+    let scheme = if gateway.certificate().is_some() { "https" } else { "http" };
+    output::line(format_args!("gateway on {scheme}://{url}, {robots}, data in {}", data.display()));
+    match gateway.certificate() {
+        Some(certificate) => tell_certificate(certificate),
+        None if !gateway.address().ip().is_loopback() => {
+            output::note(
+                "r6: there is no TLS: everyone on the network can read the tokens; --tls speaks TLS",
+            );
+        }
+        None => {}
     }
     if gateway.robots() == 0 {
         output::note(
@@ -159,6 +194,22 @@ fn tell_start(gateway: &Gateway, data: &Path) {
         output::note(format_args!(
             "r6: it cannot be used yet: `r6 gateway token --data {} --role operator` makes a token",
             data.display()
+        ));
+    }
+}
+
+fn tell_certificate(certificate: &Certificate) {
+    output::line(format_args!(
+        "certificate in {}, SHA-256 {}",
+        certificate.path().display(),
+        certificate.fingerprint()
+    ));
+    let missing = certificate.missing_names();
+    if !missing.is_empty() {
+        output::note(format_args!(
+            "r6: the certificate is not for {}: clients refuse it under this name. If the gateway made it, remove \
+             the folder of the certificate and start anew; then clients have to trust the new one",
+            missing.join(", ")
         ));
     }
 }
@@ -212,6 +263,11 @@ fn all(config: Option<&Path>, typed: &[String]) -> Result<Config, Failure> {
         robots.push(robot);
     }
     Ok(config)
+}
+
+/// A host name of the command line.
+fn host_name(text: &str) -> Result<String, String> {
+    config::host_name(text).ok_or_else(|| format!("it has to be {}", config::HOST_NAME))
 }
 
 /// A raw port of the command line.

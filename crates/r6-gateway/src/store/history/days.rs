@@ -14,8 +14,8 @@ use super::table::{self, TABLES, VERSION};
 use super::{Ask, Entry, HistoryStore, Part, Tail};
 use crate::core::history::block::Write;
 use crate::core::name::RobotName;
+use crate::files::{make_file, make_folder};
 use crate::store::StoreError;
-use crate::store::sqlite::{make_file, make_folder};
 
 /// The files that are open at once: today, and a day to which something comes late.
 const MAX_OPEN: usize = 2;

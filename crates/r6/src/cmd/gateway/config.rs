@@ -1,6 +1,7 @@
-//! The file of a gateway: robots, raw ports, who may use these, and the history.
+//! The file of a gateway: robots, raw ports, who may use these, HTTP, and the history.
 
 mod history;
+mod http;
 
 use std::path::Path;
 use std::time::Duration;
@@ -14,6 +15,8 @@ use r6_gateway::{
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Node, Wrong};
 use r6_proto::message::instruction::PathSpeed;
+
+pub use http::{HOST_NAME, HttpSettings, host_name};
 
 use crate::exit::Failure;
 use crate::robot;
@@ -33,6 +36,8 @@ pub struct Config {
     pub policy: Option<RawPolicy>,
     /// `[history]`.
     pub history: HistorySettings,
+    /// `[http]`.
+    pub http: HttpSettings,
 }
 
 /// Reads the file.
@@ -77,7 +82,9 @@ fn parse(text: &str) -> Result<Config, Mistakes> {
     let policy = (!rules.is_empty()).then(|| RawPolicy::new(rules));
     let history = fields.optional("history", "a table: [history]", |value| value.table());
     let history = history.and_then(|table| history::read(table, &mut found)).unwrap_or_default();
-    let config = fields.finish(Ok(Config { robots, raw, policy, history }), &mut found);
+    let http = fields.optional("http", "a table: [http]", |value| value.table());
+    let http = http.and_then(|table| http::read(table, &mut found)).unwrap_or_default();
+    let config = fields.finish(Ok(Config { robots, raw, policy, history, http }), &mut found);
     found.finish(config)
 }
 
@@ -140,8 +147,8 @@ mod tests {
         let text = "[[robot]]\nname = \"press-4\"\naddress = \"192.168.1.10\"\nperiod_ms = 50\n\
                     read = [\"Addr-800\", \"counter-1\"]\n\
                     [[robot]]\nname = \"saw\"\naddress = \"saw.hall:9761\"\n";
-        let Config { robots, raw, policy, history } = parse(text).unwrap();
-        assert_eq!(history, HistorySettings::default());
+        let Config { robots, raw, policy, history, http } = parse(text).unwrap();
+        assert_eq!((history, http), (HistorySettings::default(), HttpSettings::default()));
         assert!(raw.is_empty() && policy.is_none());
         let [press, saw] = &robots[..] else { panic!("{robots:?}") };
         assert_eq!((press.name.as_str(), press.period), ("press-4", Duration::from_millis(50)));

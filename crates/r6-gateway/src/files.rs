@@ -1,0 +1,61 @@
+//! Folders and files that only the user of the gateway can read.
+
+use std::fs::{DirBuilder, File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::path::Path;
+
+/// Makes a folder and those above it.
+///
+/// # Errors
+/// What the system says.
+pub fn make_folder(folder: &Path) -> io::Result<()> {
+    let mut builder = DirBuilder::new();
+    builder.recursive(true);
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.create(folder)
+}
+
+/// Makes an empty file, if it is not there. SQLite would let the group read a file that it makes; the files
+/// that it puts beside ours get the mode of ours.
+///
+/// # Errors
+/// What the system says.
+pub fn make_file(path: &Path) -> io::Result<()> {
+    private(OpenOptions::new().create(true).append(true)).open(path).map(drop)
+}
+
+/// Writes a file that was not there. It is there with all of these bytes, or not at all.
+///
+/// # Errors
+/// What the system says, also if it is there.
+pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let part = path.with_extension("part");
+    let mut file = private(OpenOptions::new().create(true).write(true).truncate(true)).open(&part)?;
+    file.write_all(bytes)?;
+    file.sync_all()?;
+    // A link, because renaming would replace what is there.
+    let made = std::fs::hard_link(&part, path);
+    std::fs::remove_file(&part)?;
+    made
+}
+
+/// Reads a file that is not longer than so many bytes.
+///
+/// # Errors
+/// What the system says, or that it is longer.
+pub fn read(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(longest + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > longest {
+        return Err(io::Error::other(format!("it is longer than {longest} bytes")));
+    }
+    Ok(bytes)
+}
+
+/// Only its owner may read and write a file that this makes.
+fn private(options: &mut OpenOptions) -> &mut OpenOptions {
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(options, 0o600);
+    options
+}
