@@ -211,8 +211,8 @@ fn made(folder: &Path, names: &[String]) -> Result<CertificateFiles, Certificate
     };
     let (certificate, key) = make(names, SystemTime::now()).map_err(CertificateError::Make)?;
     files::make_folder(folder).map_err(failed(folder))?;
-    files::write_new(&files.key, key.as_bytes()).map_err(failed(&files.key))?;
-    files::write_new(&files.certificate, certificate.as_bytes()).map_err(failed(&files.certificate))?;
+    files::write(&files.key, key.as_bytes()).map_err(failed(&files.key))?;
+    files::write(&files.certificate, certificate.as_bytes()).map_err(failed(&files.certificate))?;
     Ok(files)
 }
 

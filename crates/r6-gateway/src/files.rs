@@ -25,19 +25,16 @@ pub fn make_file(path: &Path) -> io::Result<()> {
     private(OpenOptions::new().create(true).append(true)).open(path).map(drop)
 }
 
-/// Writes a file that was not there. It is there with all of these bytes, or not at all.
+/// Writes a file. It is there with all of these bytes, or as before.
 ///
 /// # Errors
-/// What the system says, also if it is there.
-pub fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// What the system says.
+pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let part = path.with_extension("part");
     let mut file = private(OpenOptions::new().create(true).write(true).truncate(true)).open(&part)?;
     file.write_all(bytes)?;
     file.sync_all()?;
-    // A link, because renaming would replace what is there.
-    let made = std::fs::hard_link(&part, path);
-    std::fs::remove_file(&part)?;
-    made
+    std::fs::rename(&part, path)
 }
 
 /// Reads a file that is not longer than so many bytes.

@@ -32,14 +32,14 @@ def program() -> Path:
 class Hall:
     """A gateway with one virtual robot, ``arm``."""
 
-    def __init__(self, program: Path, folder: Path, controller: r6.Simulator) -> None:
+    def __init__(self, program: Path, folder: Path, controller: r6.Simulator, *options: str) -> None:
         self._program, self._folder = program, folder
         command = [str(program), "gateway", "--listen", "127.0.0.1:0", "--data", str(folder)]
-        command += ["--robot", f"arm={controller.address}"]
+        command += ["--robot", f"arm={controller.address}", *options]
         self._popen = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         assert self._popen.stdout is not None
         first = self._popen.stdout.readline()
-        found = re.search(r"http://[\d.]+:\d+", first)
+        found = re.search(r"https?://[\d.]+:\d+", first)
         assert found is not None, first
         self.url = found[0]
 
@@ -77,6 +77,24 @@ def operator(hall: Hall) -> r6.Gateway:
         assert monotonic() < end, gateway.robots()
         sleep(0.02)
     return gateway
+
+
+def test_a_gateway_with_tls_is_asked_only_if_its_certificate_is_trusted(
+    program: Path, tmp_path: Path, controller: r6.Simulator
+) -> None:
+    hall = Hall(program, tmp_path / "data", controller, "--tls")
+    try:
+        token = hall.token("--role", "viewer")
+        trusted = r6.Gateway(hall.url, token=token, ca_file=tmp_path / "data" / "tls" / "certificate.pem")
+        assert [robot.name for robot in trusted.robots()] == ["arm"]
+        assert next(trusted.live()).kind == "snapshot"
+        with pytest.raises(r6.NotSent, match="is not trusted.*ca_file") as untrusted:
+            r6.Gateway(hall.url, token=token).robots()
+        assert untrusted.value.reason == "unreachable"
+        with pytest.raises(r6.R6Error, match="begin the URL with https"):
+            r6.Gateway(hall.url.replace("https", "http"), token=token).robots()
+    finally:
+        hall.close()
 
 
 def test_values_have_units_quality_and_age(operator: r6.Gateway) -> None:

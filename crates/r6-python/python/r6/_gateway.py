@@ -239,6 +239,9 @@ class Gateway:
             connection = http.client.HTTPSConnection(self._host, self._port, timeout=timeout, context=self._tls)
         try:
             connection.connect()
+        except ssl.SSLCertVerificationError as error:
+            advice = "the certificate.pem of the gateway, or that of who issued it, goes into ca_file"
+            raise _not_sent("unreachable", f"{self!r} is not trusted: {error}: {advice}") from error
         except OSError as error:
             raise _not_sent("unreachable", f"{self!r} cannot be reached: {error}") from error
         return connection
