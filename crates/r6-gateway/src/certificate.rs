@@ -1,4 +1,4 @@
-//! The certificate of the gateway: its own, or one that the gateway makes.
+//! The certificate of the gateway: given to it, or made by it.
 
 use std::fmt;
 use std::io;

@@ -33,8 +33,8 @@ impl Site {
         Self { listens: address.ip(), names: Arc::default(), is_secure: false }
     }
 
-    /// It is reached by these host names, too. A web page from elsewhere cannot choose them: the names lead to
-    /// the machine that they belong to.
+    /// It is reached by these host names, too. A web page from elsewhere cannot make them lead here, unless
+    /// somebody gave the server a name that belongs to the page.
     #[must_use]
     pub fn with_names(self, names: impl IntoIterator<Item = String>) -> Self {
         Self { names: names.into_iter().collect(), ..self }

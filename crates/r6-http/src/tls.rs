@@ -38,9 +38,9 @@ pub struct Tls(Arc<RwLock<Arc<ServerConfig>>>);
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum BadCertificate {
-    /// The text has no certificate in PEM, or one that cannot be read.
+    /// The text has no certificate in PEM that can be read.
     Certificate(String),
-    /// The text has no private key in PEM, or one that cannot be read.
+    /// The text has no private key in PEM that can be read.
     Key(String),
     /// The key is not that of the first certificate, or of a kind that TLS does not use.
     Pair(rustls::Error),

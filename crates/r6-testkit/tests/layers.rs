@@ -163,7 +163,18 @@ fn only_the_hands_of_the_client_know_sockets_clocks_and_threads() {
 fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
     let sources = Sources::of_package("r6-gateway");
     let shell = [
-        "clock", "fleet", "gateway", "history", "http", "live", "problem", "raw_port", "shell", "store",
+        "certificate",
+        "clock",
+        "files",
+        "fleet",
+        "gateway",
+        "history",
+        "http",
+        "live",
+        "problem",
+        "raw_port",
+        "shell",
+        "store",
         "tokens",
     ];
     // An address is a value: the policy of the raw port is about addresses.
