@@ -13,7 +13,10 @@ use sha2::{Digest, Sha256};
 use crate::files;
 
 /// The folder of a certificate that the gateway makes, in that of the store.
-const FOLDER: &str = "tls";
+pub const FOLDER: &str = "tls";
+
+/// Its files there: the certificate and its key.
+pub const FILES: [&str; 2] = ["certificate.pem", "key.pem"];
 
 /// The longest file with certificates or a key: a chain takes some kilobytes.
 const MAX_BYTES: u64 = 1024 * 1024;

@@ -29,7 +29,7 @@ use crate::store::{Keeper, Sqlite, Store, StoreError};
 use crate::tokens::{REFRESH, Tokens};
 
 /// The folder of the history, in that of the store.
-const HISTORY: &str = "history";
+pub const HISTORY: &str = "history";
 
 /// How long the last samples may take at the end.
 const LAST_SAMPLES: Duration = Duration::from_secs(5);

@@ -35,6 +35,7 @@
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
 )]
 
+mod backup;
 mod certificate;
 mod clock;
 mod core;
@@ -50,6 +51,7 @@ mod shell;
 mod store;
 mod tokens;
 
+pub use crate::backup::{Backup, BackupError, backup, restore};
 pub use crate::certificate::{Certificate, CertificateError, TlsSettings};
 pub use crate::core::name::RobotName;
 pub use crate::core::raw::policy::{RawAllow, RawPolicy, RawRule, RawSource};

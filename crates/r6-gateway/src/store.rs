@@ -24,7 +24,7 @@ use crate::core::seat::Saved;
 pub use keeper::Keeper;
 #[cfg(test)]
 pub use memory::Memory;
-pub use sqlite::Sqlite;
+pub use sqlite::{FILE, Sqlite, copy};
 
 /// The most tokens of one store: they are all held in memory, and listed at once.
 pub const MAX_TOKENS: usize = 10_000;

@@ -173,6 +173,14 @@ pub enum Deed {
     GatewayStarted {},
     /// The gateway ended in order.
     GatewayEnded {},
+    /// The folder was made of a backup: what happened after it was made is not in this log. A stop holds for
+    /// each robot.
+    Restored {
+        /// When the backup was made: RFC 3339, UTC.
+        made: String,
+        /// How many entries its log has.
+        entries: u64,
+    },
     /// A token was made.
     TokenMade {
         /// Its number.

@@ -17,7 +17,7 @@ use crate::core::history::block::{Summary, Write};
 use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
 
-pub use days::Days;
+pub use days::{Days, file_names};
 #[cfg(test)]
 pub use memory::MemoryDays;
 

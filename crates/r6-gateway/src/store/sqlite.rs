@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use r6_api::gateway::{AuditRecord, RobotIdentity};
-use rusqlite::{Connection, OptionalExtension, Transaction, TransactionBehavior, params};
+use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params};
 
 use super::{
     Entry, MAX_PAGE, MAX_TOKENS, NewToken, Store, StoreError, StoredRobot, Token, body, role, token_made,
@@ -17,7 +17,7 @@ use crate::core::seat::Saved;
 use crate::files;
 
 /// The name of the file in the folder.
-const FILE: &str = "control.db";
+pub const FILE: &str = "control.db";
 
 /// The version of the tables, in `PRAGMA user_version`.
 const VERSION: i64 = 1;
@@ -116,10 +116,56 @@ impl Sqlite {
         Ok(store)
     }
 
+    /// Lets a stop hold for each robot, and says so in the audit log.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn stop_all(&mut self, record: &AuditRecord) -> Result<(), StoreError> {
+        let transaction = self.write()?;
+        transaction.execute("UPDATE seat SET stopped = 1", [])?;
+        append_in(&transaction, std::slice::from_ref(record))?;
+        transaction.commit()?;
+        Ok(())
+    }
+
+    /// The number of the last entry of the audit log; 0 without one.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn last_number(&self) -> Result<u64, StoreError> {
+        Ok(self.connection.query_row("SELECT coalesce(max(number), 0) FROM audit", [], |row| row.get(0))?)
+    }
+
+    /// Closes the file, with nothing beside it.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn close(self) -> Result<(), StoreError> {
+        self.connection.pragma_update(None, "journal_mode", "DELETE")?;
+        self.connection.close().map_err(|(_, error)| error.into())
+    }
+
     /// A transaction that writes. It begins at once, so that what it reads is what it adds to.
     fn write(&mut self) -> Result<Transaction<'_>, StoreError> {
         Ok(self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?)
     }
+}
+
+/// Copies a file of SQLite that others may write meanwhile. `to` is an empty file, or is not there.
+///
+/// # Errors
+/// [`StoreError::Unreadable`] if `from` is not such a file or is broken.
+pub fn copy(from: &Path, to: &Path) -> Result<(), StoreError> {
+    let failed = |error: std::io::Error| StoreError::Unavailable(format!("{}: {error}", to.display()));
+    let to_text = to.to_str().ok_or_else(|| failed(std::io::Error::other("its name is not in UTF-8")))?;
+    files::make_file(to).map_err(failed)?;
+    // Not read-only: after a crash, the first one to open the file has to recover its log.
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let connection = Connection::open_with_flags(from, flags)?;
+    connection.busy_timeout(BUSY)?;
+    connection.execute("VACUUM INTO ?1", [to_text])?;
+    // SQLite does not synchronise what it makes like this.
+    std::fs::File::open(to).and_then(|file| file.sync_all()).map_err(failed)
 }
 
 /// Appends to the audit log within a transaction. Returns the number of the first entry.

@@ -1,6 +1,6 @@
-//! `r6 gateway`: every robot of a hall behind one door. `r6 gateway token` and `r6 gateway verify` work on
-//! its folder.
+//! `r6 gateway`: every robot of a hall behind one door. Its subcommands work on its folder.
 
+mod backup;
 mod config;
 mod token;
 mod verify;
@@ -78,6 +78,8 @@ pub struct GatewayArgs {
 enum Folder {
     Token(token::TokenArgs),
     Verify(verify::VerifyArgs),
+    Backup(backup::BackupArgs),
+    Restore(backup::RestoreArgs),
 }
 
 #[derive(Debug, Args)]
@@ -122,6 +124,8 @@ pub fn run(args: GatewayArgs, robot_typed: bool) -> Result<Exit, Failure> {
     match args.subcommand {
         Some(Folder::Token(args)) => token::run(args, robot_typed),
         Some(Folder::Verify(args)) => verify::run(&args),
+        Some(Folder::Backup(args)) => backup::backup(&args),
+        Some(Folder::Restore(args)) => backup::restore(&args),
         None => crate::cmd::block_on(serve(args.serve, robot_typed)),
     }
 }

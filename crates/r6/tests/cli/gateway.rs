@@ -33,7 +33,7 @@ fn gateway(data: &str, more: &[&str]) -> (Running, String) {
     let start = [["gateway", "--listen", "127.0.0.1:0", "--data", data].as_slice(), more].concat();
     let mut gateway = Running::start_with_pipes(&start);
     let line = gateway.line();
-    let url = line.split([' ', ',']).find(|word| word.starts_with("http://"));
+    let url = line.split([' ', ',']).find(|word| word.starts_with("http://") || word.starts_with("https://"));
     let url = url.unwrap_or_else(|| panic!("{line}")).to_owned();
     (gateway, url)
 }
@@ -261,4 +261,41 @@ fn a_hangup_exchanges_the_rules_of_raw_ports() {
     assert!(gateway.line().starts_with("read "));
     assert!(ask().contains(r#""queryData":["7"]"#));
     assert_eq!(gateway.end("TERM"), Some(0));
+}
+
+#[test]
+fn a_backup_of_a_gateway_that_runs_becomes_the_folder_of_another_where_a_stop_holds() {
+    let robot = Robot::start(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (data, backup, new) = (path("data"), path("backup"), path("new"));
+    let press = format!("press={}", robot.address());
+    let (mut running, url) = gateway(&data, &["--robot", &press, "--tls"]);
+    assert!(url.starts_with("https://"), "{url}");
+    let fingerprint = running.line();
+    let operator = token(&data, "operator");
+    // The gateway knows the robot once its values are kept.
+    let history = folder.path().join("data/history");
+    until(|| std::fs::read_dir(&history).ok()?.next().map(drop));
+
+    let made = r6(&["gateway", "backup", "--data", &data, "--to", &backup]);
+    assert_eq!((made.code, made.out.contains("backup: 4 files")), (0, true), "{made:?}");
+    let again = r6(&["gateway", "backup", "--data", &data, "--to", &backup]);
+    assert_eq!((again.code, again.err.contains("choose another folder")), (2, true), "{again:?}");
+    assert_eq!(running.end("TERM"), Some(0));
+    let restored = r6(&["gateway", "restore", "--data", &new, "--from", &backup]);
+    assert_eq!(restored.code, 0, "{restored:?}");
+    assert!(restored.err.contains("a stop holds for each robot"), "{restored:?}");
+
+    // The same certificate; without it for the request.
+    let (mut running, _) = gateway(&new, &["--robot", &press, "--tls"]);
+    let in_new = running.line();
+    assert_eq!(in_new.split_once("SHA-256").unwrap().1, fingerprint.split_once("SHA-256").unwrap().1);
+    assert_eq!(running.end("TERM"), Some(0));
+    let (mut running, url) = gateway(&new, &["--robot", &press]);
+    until(|| (get(&url, &operator, "/v1/robots/press").1["link"] == "up").then_some(()));
+    assert_eq!(get(&url, &operator, "/v1/robots/press").1["stopped"], true);
+    assert_eq!(running.end("TERM"), Some(0));
+    let verified = r6(&["gateway", "verify", "--data", &new]);
+    assert_eq!(verified.code, 0, "{verified:?}");
 }

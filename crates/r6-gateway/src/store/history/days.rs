@@ -265,6 +265,15 @@ fn names(folder: &Path) -> Result<Vec<(Part, bool)>, StoreError> {
     Ok(parts)
 }
 
+/// The names of the files of a folder, oldest first. There are none without the folder.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn file_names(folder: &Path) -> Result<Vec<String>, StoreError> {
+    let files = names(folder)?.into_iter().filter(|(_, is_file)| *is_file);
+    Ok(files.map(|(part, _)| file_name(part)).collect())
+}
+
 fn file_name(part: Part) -> String {
     let seconds = u64::try_from(part.day).unwrap_or(0).saturating_mul(86_400);
     let time = UNIX_EPOCH.checked_add(Duration::from_secs(seconds)).unwrap_or(SystemTime::UNIX_EPOCH);

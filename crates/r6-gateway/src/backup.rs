@@ -1,0 +1,395 @@
+//! Backups of the folder of a gateway, and a folder made of one.
+//!
+//! A backup is a folder: a copy of `control.db`, of the files of the history and of a certificate that the
+//! gateway made, and `backup.json`, which lists them with their checksums. Each database is copied within one
+//! reading transaction, so the gateway may go on meanwhile. `control.db` is copied last, so that the audit log
+//! of a backup knows everything that made the rest.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Component, Path, PathBuf};
+
+use r6_api::gateway::{AuditRecord, Deed};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::certificate;
+use crate::clock;
+use crate::files;
+use crate::gateway::HISTORY;
+use crate::shell;
+use crate::store::history::file_names;
+use crate::store::{self, Sqlite, StoreError};
+
+/// What lists the files of a backup.
+const LIST: &str = "backup.json";
+
+/// The version of the list.
+const FORMAT: u32 = 1;
+
+/// The longest list: 10 years of history with a few files for each day.
+const MAX_LIST_BYTES: u64 = 4 * 1024 * 1024;
+
+/// A backup that was made or read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Backup {
+    /// When it was made: RFC 3339, UTC.
+    pub made: String,
+    /// How many files are in it.
+    pub files: usize,
+    /// How many bytes these have.
+    pub bytes: u64,
+    /// How many entries its audit log has.
+    pub entries: u64,
+    /// What could not be copied, or is wrong in it: for people.
+    pub problems: Vec<String>,
+}
+
+/// Why there is no backup, or nothing was made of it.
+#[derive(Debug)]
+pub enum BackupError {
+    /// The folder has something in it already.
+    NotEmpty(PathBuf),
+    /// It is not the folder of a backup that this version can read.
+    NoBackup(PathBuf, String),
+    /// A file is not what it was when the backup was made.
+    Changed(PathBuf),
+    /// A file cannot be read or written.
+    File(PathBuf, io::Error),
+    /// The store cannot be read or written.
+    Store(StoreError),
+}
+
+impl fmt::Display for BackupError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotEmpty(path) => {
+                write!(f, "{} is there already and not empty: choose another folder", path.display())
+            }
+            Self::NoBackup(path, why) => write!(f, "{} is no backup that can be read: {why}", path.display()),
+            Self::Changed(path) => {
+                write!(f, "{} has changed since the backup was made: use another backup", path.display())
+            }
+            Self::File(path, error) => write!(f, "{}: {error}", path.display()),
+            Self::Store(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for BackupError {}
+
+impl From<StoreError> for BackupError {
+    fn from(error: StoreError) -> Self {
+        Self::Store(error)
+    }
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct List {
+    format: u32,
+    made: String,
+    entries: u64,
+    files: Vec<Listed>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Listed {
+    /// Relative to the folder, with `/`.
+    name: String,
+    bytes: u64,
+    sha256: String,
+}
+
+/// Copies the folder of a gateway, which may run, into a new folder. `progress` gets the name of each file
+/// before it is copied.
+///
+/// # Errors
+/// [`BackupError`]. What was copied by then stays in a folder beside it, whose name ends with `.part`.
+pub fn backup(
+    data: &Path,
+    to: &Path,
+    with_history: bool,
+    mut progress: impl FnMut(&str),
+) -> Result<Backup, BackupError> {
+    // It has to be one, before anything is made.
+    drop(Sqlite::open_existing(data)?);
+    if to.exists() {
+        return Err(BackupError::NotEmpty(to.to_owned()));
+    }
+    let mut name = to.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    let part = to.with_file_name(name);
+    empty(&part)?;
+    let (mut listed, mut problems) = (Vec::new(), Vec::new());
+    for name in certificate::FILES {
+        let name = format!("{}/{name}", certificate::FOLDER);
+        if data.join(&name).exists() {
+            progress(&name);
+            copy(&data.join(&name), &part.join(&name))?;
+            listed.push(name);
+        }
+    }
+    let history = if with_history { file_names(&data.join(HISTORY))? } else { Vec::new() };
+    for name in history {
+        let name = format!("{HISTORY}/{name}");
+        let (from, copied) = (data.join(&name), part.join(&name));
+        progress(&name);
+        parent(&copied)?;
+        match store::copy(&from, &copied) {
+            Ok(()) => listed.push(name),
+            // Its days are over.
+            Err(_) if !from.exists() => remove(&copied)?,
+            Err(StoreError::Unreadable(why)) => {
+                remove(&copied)?;
+                problems.push(format!("{name} is not in the backup, it cannot be read: {why}"));
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+    progress(store::FILE);
+    store::copy(&data.join(store::FILE), &part.join(store::FILE))?;
+    listed.push(store::FILE.to_owned());
+    let entries = entries(&part, &mut problems)?;
+
+    let listed = listed.into_iter().map(|name| list(&part, name)).collect::<Result<Vec<_>, _>>()?;
+    let list = List { format: FORMAT, made: clock::time_of_day(), entries, files: listed };
+    let path = part.join(LIST);
+    let text = serde_json::to_vec_pretty(&list)
+        .map_err(|error| BackupError::File(path.clone(), io::Error::other(error)))?;
+    files::write(&path, &text).map_err(|error| BackupError::File(path, error))?;
+    std::fs::rename(&part, to).map_err(|error| BackupError::File(to.to_owned(), error))?;
+    Ok(told(list, problems))
+}
+
+/// Makes the folder of a gateway of a backup. A stop holds for each robot of it then: what happened to them
+/// since the backup is not known.
+///
+/// # Errors
+/// [`BackupError`]. `control.db` is made last: without it, the folder is not that of a gateway.
+pub fn restore(data: &Path, from: &Path, mut progress: impl FnMut(&str)) -> Result<Backup, BackupError> {
+    let list = read_list(from)?;
+    // Everything is looked at before anything is made.
+    for file in &list.files {
+        progress(&file.name);
+        let path = from.join(&file.name);
+        if self::list(from, file.name.clone())?.sha256 != file.sha256 {
+            return Err(BackupError::Changed(path));
+        }
+    }
+    empty(data)?;
+    for file in list.files.iter().filter(|file| file.name != store::FILE) {
+        copy(&from.join(&file.name), &data.join(&file.name))?;
+    }
+    // Under another name, until a stop holds for every robot.
+    let half = data.join("restored");
+    copy(&from.join(store::FILE), &half.join(store::FILE))?;
+    let mut problems = Vec::new();
+    entries(&half, &mut problems)?;
+    let deed = Deed::Restored { made: list.made.clone(), entries: list.entries };
+    let (time, actor) = (clock::time_of_day(), "command line".to_owned());
+    let record = AuditRecord { time, actor, source: None, robot: None, deed };
+    let mut store = Sqlite::open_existing(&half)?;
+    store.stop_all(&record)?;
+    store.close()?;
+    let last = data.join(store::FILE);
+    std::fs::rename(half.join(store::FILE), &last).map_err(|error| BackupError::File(last, error))?;
+    std::fs::remove_dir(&half).map_err(|error| BackupError::File(half, error))?;
+    Ok(told(list, problems))
+}
+
+fn told(list: List, problems: Vec<String>) -> Backup {
+    let bytes = list.files.iter().map(|file| file.bytes).sum();
+    Backup { made: list.made, files: list.files.len(), bytes, entries: list.entries, problems }
+}
+
+fn read_list(from: &Path) -> Result<List, BackupError> {
+    let no = |why: String| BackupError::NoBackup(from.to_owned(), why);
+    let text =
+        files::read(&from.join(LIST), MAX_LIST_BYTES).map_err(|error| no(format!("{LIST}: {error}")))?;
+    let list: List = serde_json::from_slice(&text).map_err(|error| no(format!("{LIST}: {error}")))?;
+    if list.format != FORMAT {
+        return Err(no(format!("it has format {}, and this version reads {FORMAT}", list.format)));
+    }
+    // A list from elsewhere must not make files outside of the folder.
+    let is_inside =
+        |name: &str| Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
+    if let Some(file) = list.files.iter().find(|file| !is_inside(&file.name)) {
+        return Err(no(format!("{LIST} names `{}`, which is outside of the folder", file.name)));
+    }
+    if !list.files.iter().any(|file| file.name == store::FILE) {
+        return Err(no(format!("{} is not in it", store::FILE)));
+    }
+    Ok(list)
+}
+
+/// How many entries the audit log of a folder has. A log that is not whole is a problem, but is kept.
+fn entries(folder: &Path, problems: &mut Vec<String>) -> Result<u64, BackupError> {
+    match shell::verify(folder) {
+        Ok(verified) => Ok(verified.entries),
+        Err(StoreError::Broken(broken)) => {
+            problems.push(format!("the audit log is NOT whole: {broken}"));
+            Ok(Sqlite::open_existing(folder)?.last_number()?)
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Makes a folder, unless it is there and empty.
+fn empty(folder: &Path) -> Result<(), BackupError> {
+    let failed = |error| BackupError::File(folder.to_owned(), error);
+    let mut entries = match std::fs::read_dir(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            return files::make_folder(folder).map_err(failed);
+        }
+        entries => entries.map_err(failed)?,
+    };
+    if entries.next().is_some() { Err(BackupError::NotEmpty(folder.to_owned())) } else { Ok(()) }
+}
+
+fn parent(path: &Path) -> Result<(), BackupError> {
+    let folder = path.parent().unwrap_or(path);
+    files::make_folder(folder).map_err(|error| BackupError::File(folder.to_owned(), error))
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), BackupError> {
+    parent(to)?;
+    files::make_file(to).map_err(|error| BackupError::File(to.to_owned(), error))?;
+    let mut read = File::open(from).map_err(|error| BackupError::File(from.to_owned(), error))?;
+    let written = File::options().write(true).open(to).and_then(|mut file| {
+        io::copy(&mut read, &mut file)?;
+        file.sync_all()
+    });
+    written.map_err(|error| BackupError::File(to.to_owned(), error))
+}
+
+fn remove(path: &Path) -> Result<(), BackupError> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(BackupError::File(path.to_owned(), error))
+        }
+        Ok(()) | Err(_) => Ok(()),
+    }
+}
+
+/// A file with its length and checksum.
+fn list(folder: &Path, name: String) -> Result<Listed, BackupError> {
+    let path = folder.join(&name);
+    let failed = |error| BackupError::File(path.clone(), error);
+    let mut file = File::open(&path).map_err(failed)?;
+    let (mut hash, mut bytes, mut block) = (Sha256::new(), 0, vec![0; 64 * 1024]);
+    loop {
+        let read = file.read(&mut block).map_err(failed)?;
+        let Some(read @ [_, ..]) = block.get(..read) else { break };
+        hash.update(read);
+        bytes += read.len() as u64;
+    }
+    let sha256 = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    Ok(Listed { name, bytes, sha256 })
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_api::gateway::Role;
+
+    use super::*;
+    use crate::core::name::RobotName;
+    use crate::core::seat::Saved;
+    use crate::store::Store;
+
+    /// A folder with a token, a robot and a file of the history, and its parent.
+    fn folder() -> (tempfile::TempDir, PathBuf) {
+        let parent = tempfile::tempdir().unwrap();
+        let data = parent.path().join("data");
+        crate::make_token(&data, Role::Admin, None, "mine".to_owned()).unwrap();
+        let mut store = Sqlite::open(&data).unwrap();
+        let press = RobotName::new("press").unwrap();
+        let saved = Saved { number: 7, stopped: false, identity: None };
+        store.save_seat(&press, &saved).unwrap();
+        std::fs::create_dir_all(data.join("tls")).unwrap();
+        std::fs::write(data.join("tls/key.pem"), "key").unwrap();
+        let mut days = store::history::Days::to_write(&data.join(HISTORY), 1 << 30);
+        store::history::HistoryStore::write(&mut days, 20_782, &[]).unwrap();
+        (parent, data)
+    }
+
+    #[test]
+    fn what_was_backed_up_is_restored_and_robots_stay_stopped() {
+        let (parent, data) = folder();
+        let (to, new) = (parent.path().join("backup"), parent.path().join("new"));
+        let mut told = Vec::new();
+        let made = backup(&data, &to, true, |name| told.push(name.to_owned())).unwrap();
+        assert_eq!(told, ["tls/key.pem", "history/2026-11-25.db", "control.db"]);
+        assert_eq!((made.files, made.entries, made.problems.len()), (3, 1, 0));
+        // What happens afterwards is not in it.
+        crate::revoke_token(&data, 1).unwrap();
+
+        let restored = restore(&new, &to, |_| ()).unwrap();
+        assert_eq!(restored, made);
+        assert_eq!(std::fs::read_to_string(new.join("tls/key.pem")).unwrap(), "key");
+        assert_eq!(crate::list_tokens(&new).unwrap().len(), 1);
+        assert_eq!(crate::verify(&new).unwrap().entries, 2, "and the entry that says so");
+        let mut store = Sqlite::open_existing(&new).unwrap();
+        let seat = store.seat(&RobotName::new("press").unwrap()).unwrap();
+        assert_eq!((seat.number, seat.stopped), (7, true));
+        let names: Vec<_> =
+            std::fs::read_dir(&new).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert!(!names.iter().any(|name| name == "restored"), "{names:?}");
+        #[cfg(unix)]
+        for name in ["backup/control.db", "backup/tls/key.pem", "new/control.db", "new/tls/key.pem"] {
+            use std::os::unix::fs::PermissionsExt;
+            let file = std::fs::metadata(parent.path().join(name)).unwrap();
+            assert_eq!(file.permissions().mode() & 0o077, 0, "{name}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_overwritten_and_nothing_else_is_taken_for_a_backup() {
+        let (parent, data) = folder();
+        let path = |name: &str| parent.path().join(name);
+        let failed = |made: Result<Backup, BackupError>| made.unwrap_err().to_string();
+        assert!(failed(backup(&path("none"), &path("b"), true, |_| ())).contains("there is no"));
+        assert!(!path("b").exists());
+        assert!(failed(backup(&data, &data, true, |_| ())).contains("choose another folder"));
+        backup(&data, &path("b"), false, |_| ()).unwrap();
+        assert!(!path("b/history").exists());
+        assert!(failed(backup(&data, &path("b"), true, |_| ())).contains("choose another folder"));
+        assert!(failed(restore(&data, &path("b"), |_| ())).contains("choose another folder"));
+        assert!(failed(restore(&path("n"), &data, |_| ())).contains("no backup that can be read"));
+
+        let list = std::fs::read_to_string(path("b/backup.json")).unwrap();
+        for (from, to, part) in [
+            ("\"format\": 1", "\"format\": 2", "format 2"),
+            ("tls/key.pem", "../data/tls/key.pem", "outside of the folder"),
+            ("tls/key.pem", "/etc/passwd", "outside of the folder"),
+            ("\"control.db\"", "\"other.db\"", "control.db is not in it"),
+            ("{", "", "backup.json: "),
+        ] {
+            std::fs::write(path("b/backup.json"), list.replacen(from, to, 1)).unwrap();
+            let error = failed(restore(&path("n"), &path("b"), |_| ()));
+            assert!(error.contains(part), "{error}");
+        }
+        std::fs::write(path("b/backup.json"), &list).unwrap();
+        std::fs::write(path("b/tls/key.pem"), "yek").unwrap();
+        assert!(failed(restore(&path("n"), &path("b"), |_| ())).contains("has changed"));
+        assert!(!path("n").exists());
+    }
+
+    #[test]
+    fn what_is_broken_is_told_and_the_rest_is_kept() {
+        let (parent, data) = folder();
+        std::fs::write(data.join("history/2026-11-24.db"), [7; 4096]).unwrap();
+        let control = rusqlite::Connection::open(data.join("control.db")).unwrap();
+        control.execute("UPDATE audit SET hash = zeroblob(32)", []).unwrap();
+        drop(control);
+        let to = parent.path().join("backup");
+        let made = backup(&data, &to, true, |_| ()).unwrap();
+        assert_eq!((made.files, made.entries), (3, 1));
+        let [file, log] = &made.problems[..] else { panic!("{:?}", made.problems) };
+        assert!(file.contains("history/2026-11-24.db is not in the backup") && log.contains("NOT whole"));
+        let restored = restore(&parent.path().join("new"), &to, |_| ()).unwrap();
+        assert!(restored.problems[0].contains("NOT whole"), "{:?}", restored.problems);
+    }
+}
