@@ -292,7 +292,7 @@ fn a_backup_of_a_gateway_that_runs_becomes_the_folder_of_another_where_a_stop_ho
     let in_new = running.line();
     assert_eq!(in_new.split_once("SHA-256").unwrap().1, fingerprint.split_once("SHA-256").unwrap().1);
     assert_eq!(running.end("TERM"), Some(0));
-    let (mut running, url) = gateway(&new, &["--robot", &press]);
+    let (running, url) = gateway(&new, &["--robot", &press]);
     until(|| (get(&url, &operator, "/v1/robots/press").1["link"] == "up").then_some(()));
     assert_eq!(get(&url, &operator, "/v1/robots/press").1["stopped"], true);
     assert_eq!(running.end("TERM"), Some(0));
