@@ -7,6 +7,7 @@ mod controller;
 pub mod echo;
 mod engine;
 mod fleet;
+pub mod gateway;
 mod load;
 mod memory;
 pub mod modbus;
@@ -35,4 +36,5 @@ pub const ALL: &[Measured] = &[
     ("at-rest", at_rest::rows),
     ("simulated", controller::simulated),
     ("fleet", fleet::rows),
+    ("gateway", gateway::rows),
 ];

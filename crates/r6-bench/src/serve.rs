@@ -10,7 +10,7 @@ use std::thread;
 use r6_controller::Profile;
 use r6_sim::VirtualController;
 
-use crate::rows::{at_rest, echo};
+use crate::rows::{at_rest, echo, gateway};
 
 /// The servers.
 #[derive(Clone, Copy)]
@@ -23,22 +23,34 @@ pub enum Server {
     Controller,
     /// A thousand virtual controllers at rest.
     AtRest,
+    /// A thousand virtual controllers whose program runs.
+    Working,
+    /// A gateway in front of the robots with these addresses.
+    Gateway,
 }
 
 impl Server {
-    const ALL: [(&'static str, Self); 4] = [
+    const ALL: [(&'static str, Self); 6] = [
         ("canned", Self::Canned),
         ("echo", Self::Echo),
         ("controller", Self::Controller),
         ("at-rest", Self::AtRest),
+        ("working", Self::Working),
+        ("gateway", Self::Gateway),
     ];
 
     /// Starts it in a separate process.
     pub fn start(self) -> Running {
+        self.start_with(&[])
+    }
+
+    /// The same, with these arguments.
+    pub fn start_with(self, arguments: &[String]) -> Running {
         let name =
             Self::ALL.iter().find(|(_, server)| *server as u8 == self as u8).map_or("", |(name, _)| name);
         let mut child = Command::new(env::current_exe().expect("this program has a path"))
             .args(["serve", name])
+            .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
@@ -46,9 +58,9 @@ impl Server {
         let mut line = String::new();
         let output = child.stdout.take().expect("its output");
         BufReader::new(output).read_line(&mut line).expect("it tells where it listens");
-        let addresses: Vec<SocketAddr> =
-            line.split_whitespace().map(|word| word.parse().expect("an address")).collect();
-        Running { address: *addresses.first().expect("it listens"), addresses, child }
+        let words: Vec<String> = line.split_whitespace().map(str::to_owned).collect();
+        let addresses: Vec<SocketAddr> = words.iter().filter_map(|word| word.parse().ok()).collect();
+        Running { address: *addresses.first().expect("it listens"), addresses, words, child }
     }
 }
 
@@ -58,6 +70,8 @@ pub struct Running {
     pub address: SocketAddr,
     /// All its addresses.
     pub addresses: Vec<SocketAddr>,
+    /// All that it told: its addresses, and more for some.
+    pub words: Vec<String>,
     child: Child,
 }
 
@@ -88,6 +102,8 @@ pub fn asked() -> Option<ExitCode> {
         Server::Echo => serve(echo::serve),
         Server::Controller => controller(),
         Server::AtRest => at_rest::serve(),
+        Server::Working => gateway::serve_robots(),
+        Server::Gateway => gateway::serve_gateway(&words.collect::<Vec<_>>()),
     }
     Some(ExitCode::SUCCESS)
 }

@@ -64,7 +64,8 @@ pub fn rows() -> Vec<Row> {
     ]
 }
 
-fn resident_megabytes(process: u32) -> f64 {
+/// The resident memory of a process, in MB.
+pub fn resident_megabytes(process: u32) -> f64 {
     let status =
         std::fs::read_to_string(format!("/proc/{process}/status")).expect("Linux tells of a process");
     let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its resident memory");

@@ -8,6 +8,7 @@ use axum::extract::State as Of;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::IntoResponse;
 use r6_api::gateway::RobotLink;
+use r6_client::LinkQuality;
 
 use super::State;
 use super::caller::Caller;
@@ -71,6 +72,7 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
         let count = station.records_waiting() as u64;
         sample(&mut text, "r6_gateway_records_waiting", station.name(), "", count);
     }
+    links(&mut text, &seen);
     raw(&mut text, &seen);
     if let Some(recorder) = &state.shared.history {
         history(&mut text, &seen);
@@ -79,6 +81,23 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
         }
     }
     ([(CONTENT_TYPE, FORMAT)], text)
+}
+
+/// The connections to the robots. A robot without one has no rows.
+fn links(text: &mut String, seen: &[&Arc<Station>]) {
+    let links: Vec<_> =
+        seen.iter().filter_map(|station| Some((station.name(), station.robot()?.link_quality()))).collect();
+    let rows: [(&str, &str, fn(&LinkQuality) -> u64); 4] = [
+        ("requests", "Requests to the robot that wait, or waited, for a reply.", |link| link.requests),
+        ("replies", "Replies of the robot to them.", |link| link.replies),
+        ("timeouts", "Requests that got no reply in time.", |link| link.timeouts),
+        ("reconnects", "How often the connection to the robot was made anew.", |link| link.reconnects),
+    ];
+    for (name, help, value) in rows {
+        let name = format!("r6_gateway_robot_{name}_total");
+        family(text, &name, "counter", help);
+        links.iter().for_each(|(robot, link)| sample(text, &name, robot, "", value(link)));
+    }
 }
 
 /// The clients of the raw ports.
