@@ -1,5 +1,5 @@
-//! The types of the gateway over HTTP: robots and their values, leases, commands, stops, events, the audit
-//! log.
+//! The types of the gateway over HTTP: robots and their values, leases, commands, stops, events, programs,
+//! the audit log.
 //!
 //! Times are RFC 3339 in UTC with microseconds. Durations end in `_ms`.
 
@@ -7,6 +7,7 @@ mod audit;
 mod command;
 mod history;
 mod live;
+mod program;
 mod robot;
 
 use serde::{Deserialize, Serialize};
@@ -17,6 +18,11 @@ pub use history::{Gap, History, HistoryBucket, HistorySample, HistoryState};
 pub use live::{
     LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveRequest, LiveReset, LiveResume, LiveSent,
     LiveSubscribe, LiveSubscribed,
+};
+pub use program::{
+    PlanEnd, PlanProblem, PlanProblemType, PlanRequest, PlanSample, PlannedAxis, PlannedStep, ProgramChecked,
+    ProgramPlan, ProgramProblem, ProgramStep, ProgramText, ProgramType, ProgramVersion, ProgramVersions,
+    ProgramWanted, Programs, Queried, QueryProblem, StepRuns, StoredProgram,
 };
 pub use robot::{
     IdentityChange, LeaseHolder, ManagedBy, RobotIdentity, RobotLink, RobotState, RobotSummary, RobotWanted,

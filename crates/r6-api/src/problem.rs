@@ -210,6 +210,12 @@ codes! {
     AddressTaken "address_taken",
     /// Too many requests wait for this robot.
     Overloaded "overloaded",
+    /// There is no program with this name, or no such version of it.
+    NoSuchProgram "no_such_program",
+    /// A change of a program has to say which version it is for.
+    NeedsIfMatch "needs_if_match",
+    /// The program is not in the version that the change is for.
+    NotThisVersion "not_this_version",
     /// The store cannot be written.
     StoreUnavailable "store_unavailable",
 }

@@ -8,11 +8,13 @@
 //! - [`name`]: names of robots.
 //! - [`order`]: what the holder of a lease sends.
 //! - [`rate`]: how many requests a token may make.
+//! - [`library`]: the programs that are kept, and which version a change is for.
 //! - [`live`]: what readers of values get, and where they go on.
 //! - [`raw`]: the raw port.
 
 pub mod chain;
 pub mod history;
+pub mod library;
 pub mod live;
 pub mod name;
 pub mod order;

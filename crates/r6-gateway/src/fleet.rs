@@ -6,6 +6,7 @@
 //! - [`link`]: the task that keeps the connection and reads the values.
 //! - [`record`]: the task that keeps the values.
 //! - [`command`]: leases, commands, stops and the acceptance of another robot.
+//! - [`query`]: asks the robot for values that are not read again and again.
 //! - [`counts`]: what happened, counted.
 //! - [`clerk`]: the task that ends leases in time, and writes down what need not be written first.
 
@@ -14,6 +15,7 @@ pub mod command;
 pub mod config;
 pub mod counts;
 pub mod link;
+pub mod query;
 mod record;
 pub mod roster;
 mod send;

@@ -24,6 +24,7 @@ use crate::fleet::station::Shared;
 use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, State};
 use crate::problem::Problem;
+use crate::programs::bench::Bench;
 use crate::raw_port::{self, Door, RawPort, SharedPolicy};
 use crate::store::{Keeper, Sqlite, Store, StoreError};
 use crate::tokens::{REFRESH, Tokens};
@@ -165,8 +166,8 @@ impl Gateway {
                 return Err(error);
             }
         };
-        let state =
-            State { fleet, tokens: Arc::new(tokens), shared, robot_settings: settings.robot_settings };
+        let robot_settings = settings.robot_settings;
+        let state = State { fleet, tokens: Arc::new(tokens), shared, robot_settings, bench: Bench::new() };
         let mut server = JoinSet::new();
         let site = Site::new(address).with_names(settings.names).with_tls(certificate.is_some());
         let tls = certificate.as_ref().map(Certificate::tls);

@@ -12,6 +12,8 @@ mod health;
 mod history;
 mod leases;
 mod metrics;
+mod programs;
+mod query;
 mod refusal;
 mod robots;
 mod streams;
@@ -36,6 +38,7 @@ use crate::fleet::Fleet;
 use crate::fleet::station::Shared;
 use crate::http::caller::Caller;
 use crate::http::described::OfToken;
+use crate::programs::bench::Bench;
 use crate::tokens::Tokens;
 
 /// What the routes work on.
@@ -49,6 +52,8 @@ pub struct State {
     pub shared: Arc<Shared>,
     /// How to communicate with robots that are added.
     pub robot_settings: RobotSettings,
+    /// Where programs are checked and planned.
+    pub bench: Bench,
 }
 
 #[derive(OpenApi)]
@@ -77,7 +82,17 @@ impl Modify for Bearer {
 
 /// The paths with their description.
 fn routes() -> OpenApiRouter<State> {
+    // The limit of a route counts before that of all routes.
+    let with_programs = OpenApiRouter::new()
+        .routes(routes!(programs::check))
+        .routes(routes!(programs::plan))
+        .routes(routes!(programs::show, programs::put, programs::remove))
+        .layer(DefaultBodyLimit::max(body::MAX_PROGRAM_BYTES));
     OpenApiRouter::with_openapi(Api::openapi())
+        .merge(with_programs)
+        .routes(routes!(programs::list))
+        .routes(routes!(programs::versions))
+        .routes(routes!(query::show))
         .routes(routes!(robots::list))
         .routes(routes!(robots::show, robots::put, robots::remove))
         .routes(routes!(leases::acquire, leases::release))

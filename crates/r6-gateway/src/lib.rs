@@ -27,6 +27,7 @@
 //! - `fleet`: a task and a connection for each robot, through `r6-client`.
 //! - `live`: values that change, and events.
 //! - `history`: values that are kept, by a thread and in files of their own.
+//! - `programs`: programs without a robot: their check and their plan.
 //! - `store`: tokens, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
 //! - `raw_port`: the robots' own protocol, for old scripts.
@@ -46,6 +47,7 @@ mod history;
 mod http;
 mod live;
 mod problem;
+mod programs;
 mod raw_port;
 mod shell;
 mod store;

@@ -1,10 +1,11 @@
 //! Why the gateway did not do what it was asked for.
 
 use r6_api::Code;
-use r6_client::{NotSent, Refused, RequestError};
+use r6_client::{NotSent, OutcomeUnknown, Refused, RequestError};
 
+use crate::core::library::Unfit;
 use crate::core::seat::Denied;
-use crate::store::StoreError;
+use crate::store::{LibraryError, StoreError};
 
 /// A problem: a code for programs, and a sentence for people.
 #[derive(Clone, Debug)]
@@ -21,6 +22,19 @@ impl Problem {
     /// A problem.
     pub fn new(code: Code, message: impl Into<String>) -> Self {
         Self { code, message: message.into(), reason: None }
+    }
+
+    /// A query without values.
+    pub fn of_query(error: &RequestError) -> Self {
+        let problem = Self::of_request(error);
+        let code = match error {
+            RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. }) => Code::IdentityChanged,
+            // A query changes nothing: there is no outcome to look for.
+            RequestError::OutcomeUnknown(_) | RequestError::Refused(_) => Code::NoReply,
+            RequestError::Invalid(_) => Code::BadValue,
+            RequestError::NotSent(_) => problem.code,
+        };
+        Self { code, ..problem }
     }
 
     /// A command that the client did not send, or that was not accepted.
@@ -57,6 +71,19 @@ impl From<Denied> for Problem {
             Denied::NeedsNone => Code::BadCommand,
         };
         Self::new(code, denied.to_string())
+    }
+}
+
+impl From<LibraryError> for Problem {
+    fn from(error: LibraryError) -> Self {
+        let code = match &error {
+            LibraryError::NoSuchProgram => Code::NoSuchProgram,
+            LibraryError::Unfit(Unfit::NeedsIfMatch) => Code::NeedsIfMatch,
+            LibraryError::Unfit(Unfit::NotThisVersion) => Code::NotThisVersion,
+            LibraryError::TooManyPrograms | LibraryError::TooManyBytes => Code::NoRoom,
+            LibraryError::Store(_) => Code::StoreUnavailable,
+        };
+        Self::new(code, error.to_string())
     }
 }
 

@@ -1,4 +1,4 @@
-//! What the gateway keeps: tokens, the audit log, and the state of the seats.
+//! What the gateway keeps: tokens, the audit log, the state of the seats, robots and programs.
 //!
 //! [`Store`] is the contract; every implementation passes the same tests (`contract.rs`). Nothing outside
 //! this folder knows SQL. The gateway talks to its store through a [`Keeper`], a thread of its own, so that
@@ -8,6 +8,7 @@
 mod contract;
 pub mod history;
 mod keeper;
+mod library;
 #[cfg(test)]
 mod memory;
 mod sqlite;
@@ -17,11 +18,13 @@ use std::fmt;
 use r6_api::gateway::{AuditRecord, Deed, Role};
 
 use crate::core::chain::{Broken, Hash};
+use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 
 pub use keeper::Keeper;
+pub use library::{Author, Kept, LibraryError, NewVersion};
 #[cfg(test)]
 pub use memory::Memory;
 pub use sqlite::{FILE, Sqlite, copy};
@@ -102,6 +105,46 @@ pub trait Store: Send {
     /// # Errors
     /// [`StoreError`].
     fn remove_robot(&mut self, name: &RobotName, records: &[AuditRecord]) -> Result<(), StoreError>;
+
+    /// The latest version of each program, in the order of their names.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn programs(&mut self) -> Result<Vec<Kept>, StoreError>;
+
+    /// The versions of a program that are kept, the latest first; none without such a program.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn program_versions(&mut self, name: &ProgramName) -> Result<Vec<Kept>, StoreError>;
+
+    /// A version of a program, or the latest, with its text; `None` if it is not kept.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn program(
+        &mut self,
+        name: &ProgramName,
+        version: Option<u64>,
+    ) -> Result<Option<(Kept, String)>, StoreError>;
+
+    /// Adds a version of a program and tells the audit log of it, both or neither. The oldest version goes,
+    /// if there are [`MAX_VERSIONS`](crate::core::library::MAX_VERSIONS).
+    ///
+    /// # Errors
+    /// [`LibraryError`].
+    fn put_program(&mut self, new: &NewVersion, condition: &Condition) -> Result<Kept, LibraryError>;
+
+    /// Removes a program with its versions and tells the audit log of it, both or neither.
+    ///
+    /// # Errors
+    /// [`LibraryError`].
+    fn remove_program(
+        &mut self,
+        name: &ProgramName,
+        condition: &Condition,
+        by: &Author,
+    ) -> Result<(), LibraryError>;
 }
 
 /// A robot that was added through the API.
@@ -115,6 +158,8 @@ pub struct StoredRobot {
     pub period_ms: u64,
     /// The addresses to read, besides the usual ones.
     pub read: Vec<String>,
+    /// The model of its arm.
+    pub model: Option<String>,
 }
 
 /// An entry of the audit log as it is stored.

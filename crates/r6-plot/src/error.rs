@@ -6,8 +6,6 @@ use r6_client::StepError;
 use r6_controller::{LibraryError, Refused};
 use r6_proto::alarm::AlarmCode;
 
-use crate::playback::MAX_INSTRUCTIONS;
-
 /// Why a motion or a program cannot be played.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -18,6 +16,8 @@ pub enum PlayError {
     TooManyInstructions {
         /// How many it has.
         count: usize,
+        /// How many are played at most.
+        most: usize,
     },
     /// The arm cannot reach the start.
     StartNotReached {
@@ -47,8 +47,8 @@ impl fmt::Display for PlayError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Step(error) => error.fmt(f),
-            Self::TooManyInstructions { count } => {
-                write!(f, "{count} instructions are too many for one picture: at most {MAX_INSTRUCTIONS}")
+            Self::TooManyInstructions { count, most } => {
+                write!(f, "{count} instructions are too many to play: at most {most}")
             }
             Self::StartNotReached { alarm, why } => {
                 write!(f, "the start cannot be reached: alarm {alarm}: {why}")

@@ -26,5 +26,5 @@ pub use recording::{Alarm, AxisSummary, Ending, Played, Recording, Sample, Step,
 
 /// Plays a motion or one pass of a taught program.
 pub mod play {
-    pub use crate::playback::{Cell, InputChange, LONGEST, MAX_INSTRUCTIONS, motion, program};
+    pub use crate::playback::{Cell, InputChange, LONGEST, Limits, MAX_INSTRUCTIONS, motion, program};
 }

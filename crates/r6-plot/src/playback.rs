@@ -5,12 +5,12 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use r6_client::{Motion, RobotSettings, RunOptions};
-use r6_controller::event::{AlarmCause, ModeReason};
+use r6_controller::event::{AlarmCause, ModeReason, Reason};
 use r6_controller::instruction_list::MAX_INSTRUCTIONS as LIST_ROOM;
 use r6_controller::settings::REMOTE_MOLD;
 use r6_controller::{
-    ConnectionId, Controller, ControllerSettings, Event, Key, Level, PanelAction, Program, ProgramStep,
-    StartState,
+    ConnectionId, Controller, ControllerSettings, Event, Key, Level, PanelAction, Profile, Program,
+    ProgramStep, RobotModel, StartState,
 };
 use r6_program::first_axes;
 use r6_program::taught;
@@ -44,6 +44,35 @@ pub struct Cell {
     pub from: Vec<f64>,
     /// Changes of the inputs.
     pub inputs: Vec<InputChange>,
+    /// How much is played.
+    pub limits: Limits,
+}
+
+/// How much of a motion or a program is played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// How long it is followed, in its own time. [`LONGEST`] at most.
+    pub longest: Duration,
+    /// The most instructions of a motion, and the most steps of a pass. [`MAX_INSTRUCTIONS`] at most.
+    pub instructions: usize,
+    /// How often the controller is looked at: this bounds the time of computing.
+    pub looks: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { longest: LONGEST, instructions: MAX_INSTRUCTIONS, looks: MAX_LOOKS }
+    }
+}
+
+impl Cell {
+    /// A cell with a controller of the profile `hc1`, this arm and this global speed in percent, where no
+    /// input changes.
+    #[must_use]
+    pub fn of_model(model: RobotModel, global_speed: f64, from: Vec<f64>) -> Self {
+        let settings = ControllerSettings { global_speed, ..ControllerSettings::new(Profile::hc1(), model) };
+        Self { settings, from, inputs: Vec::new(), limits: Limits::default() }
+    }
 }
 
 /// A change of an input.
@@ -74,8 +103,9 @@ pub fn motion(
     let motion = once.as_ref().unwrap_or(motion);
     let instructions = motion.instructions()?.to_vec();
     let count = instructions.len();
-    if count > MAX_INSTRUCTIONS {
-        return Err(PlayError::TooManyInstructions { count });
+    let most = cell.limits.instructions.min(MAX_INSTRUCTIONS);
+    if count > most {
+        return Err(PlayError::TooManyInstructions { count, most });
     }
     let frames = Frame::of(motion, append)?;
     let (mut player, mut recorder) = Player::at_start(cell, Script::Motion(instructions))?;
@@ -187,6 +217,7 @@ struct Player {
     done_before: u64,
     /// Instructions of the motion that are done.
     done: usize,
+    limits: Limits,
 }
 
 impl Player {
@@ -212,6 +243,7 @@ impl Player {
             over: None,
             done_before: 0,
             done: 0,
+            limits: cell.limits,
         };
         player.go_to(&cell.from)?;
         player.done_before = player.controller.machine().list().completed();
@@ -257,15 +289,16 @@ impl Player {
         recorder: &mut Recorder,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Ending, PlayError> {
-        let end = self.now + LONGEST;
-        for _ in 0..MAX_LOOKS {
+        let Limits { longest, instructions, looks } = self.limits;
+        let end = self.now + longest.min(LONGEST);
+        for _ in 0..looks {
             self.feed()?;
             let reached = self.reached(recorder.turns());
             recorder.look(self.now, self.controller.machine(), reached);
             if let Some(ending) = self.ending() {
                 return Ok(ending);
             }
-            if recorder.turns() > MAX_INSTRUCTIONS {
+            if recorder.turns() > instructions.min(MAX_INSTRUCTIONS) {
                 return Ok(Ending::Endless);
             }
             let moving = self.controller.machine().is_moving();
@@ -350,13 +383,17 @@ impl Player {
             match line.event {
                 Event::AlarmRaised { alarm, why } if line.connection.is_none() && self.alarm.is_none() => {
                     self.done = usize::try_from(done).unwrap_or(usize::MAX);
+                    let plan = match &why {
+                        AlarmCause::Step { why: Reason::Plan(error), .. } => Some(*error),
+                        _ => None,
+                    };
                     // The number in the text of the step counts from the present front of the list.
                     let why = match why {
                         AlarmCause::Step { why, .. } => why.to_string(),
                         other => other.to_string(),
                     };
-                    self.alarm =
-                        Some(Alarm { code: alarm, why, at: line.at.since(self.begin).as_secs_f64() });
+                    let at = line.at.since(self.begin).as_secs_f64();
+                    self.alarm = Some(Alarm { code: alarm, why, at, plan });
                     self.alarm_step = self.step_that_raised(alarm);
                 }
                 Event::ModeChanged { why, .. } if why != ModeReason::Started => self.over = Some(why),

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use r6_controller::RobotModel;
 use r6_controller::machine::Machine;
+use r6_motion::PlanError;
 use r6_proto::alarm::AlarmCode;
 use r6_proto::time::Instant;
 
@@ -34,8 +35,18 @@ pub struct Sample {
     pub speeds: [f64; 6],
     /// X, Y, Z of the tool, mm.
     pub tool: [f64; 3],
+    /// U, V, W of the tool, degrees.
+    pub orientation: [f64; 3],
     /// Whether something begins or ends here. Such a sample is never removed.
     is_event: bool,
+}
+
+impl Sample {
+    /// Whether something begins or ends here: a step, or a motion of the arm.
+    #[must_use]
+    pub fn is_event(&self) -> bool {
+        self.is_event
+    }
 }
 
 /// What one axis did.
@@ -93,6 +104,8 @@ pub struct Alarm {
     pub why: String,
     /// When it came, seconds.
     pub at: f64,
+    /// Why the arm cannot move so, if that is the cause.
+    pub plan: Option<PlanError>,
 }
 
 /// How a motion or a program ended.
@@ -231,7 +244,7 @@ impl Recorder {
     /// Takes a sample of the machine as it is now.
     pub fn look(&mut self, now: Instant, machine: &Machine, reached: Reached) {
         let motion = machine.motion();
-        let [x, y, z, ..] = machine.pose_of(&motion.axes).components();
+        let [x, y, z, u, v, w] = machine.pose_of(&motion.axes).components();
         let mut speeds = [0.0; 6];
         for (slot, speed) in speeds.iter_mut().zip(motion.axis_speeds) {
             *slot = speed;
@@ -241,6 +254,7 @@ impl Recorder {
             axes: motion.axes.arm(),
             speeds,
             tool: [x, y, z],
+            orientation: [u, v, w],
             is_event: machine.is_moving() != self.moving,
         };
         self.moving = machine.is_moving();

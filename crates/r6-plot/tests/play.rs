@@ -5,13 +5,13 @@ use std::time::Duration;
 use r6_client::Motion;
 use r6_client::units::{AxisPosition, Percent};
 use r6_controller::{ControllerSettings, Profile, Program, RobotModel};
-use r6_plot::play::{self, Cell, InputChange};
+use r6_plot::play::{self, Cell, InputChange, Limits};
 use r6_plot::{Ending, Picture, PlayError, Recording, words};
 
 fn cell() -> Cell {
     let model = RobotModel::named("BRTIRUS0707A").unwrap().clone();
     let settings = ControllerSettings::new(Profile::named("hc1").unwrap(), model);
-    Cell { settings, from: Vec::new(), inputs: Vec::new() }
+    Cell { settings, from: Vec::new(), inputs: Vec::new(), limits: Limits::default() }
 }
 
 fn switched(at: u64, point: u8) -> Cell {

@@ -40,6 +40,11 @@ struct Entry {
 }
 
 impl Table {
+    /// The byte offset of the table in the text.
+    pub(crate) fn offset(&self) -> usize {
+        self.at
+    }
+
     /// The value of a key.
     #[must_use]
     pub fn value(&self, key: &str) -> Option<&Node> {
@@ -177,6 +182,13 @@ pub struct Found<'t> {
     hints: Vec<(usize, String)>,
     /// The lines with invalid TOML. Other mistakes there are only consequences.
     broken: Vec<usize>,
+}
+
+impl Found<'static> {
+    /// The mistakes of a part that is read for itself, whose places do not count.
+    pub(crate) fn aside() -> Self {
+        Self { text: "", wrong: Vec::new(), more: 0, hints: Vec::new(), broken: Vec::new() }
+    }
 }
 
 impl Found<'_> {

@@ -18,6 +18,7 @@ pub fn read(text: &str) -> Result<MotionProgram, Mistakes> {
     let mut wrong = Wrong::default();
     let mut frames = 0;
     let mut from = 0;
+    let mut place = lines::Forward::new();
     loop {
         let rest = stripped.get(from..).unwrap_or_default();
         let blanks = rest.len() - rest.trim_start().len();
@@ -36,7 +37,8 @@ pub fn read(text: &str) -> Result<MotionProgram, Mistakes> {
         };
         let frame = rest.get(..length).unwrap_or(rest);
         match decoder.decode(frame.as_bytes()) {
-            Ok(message) => take(&mut program, &message, lines::position(text, from), &mut wrong),
+            Ok(message) => take(&mut program, &message, place.to(text, from), &mut wrong),
+            Err(_) if wrong.is_full() => wrong.more += 1,
             Err(error) => wrong.note(at_fault(text, from, &error)),
         }
         from += length;
@@ -58,8 +60,12 @@ struct Wrong {
 }
 
 impl Wrong {
+    fn is_full(&self) -> bool {
+        self.listed.len() >= MAX_MISTAKES
+    }
+
     fn note(&mut self, mistake: Mistake) {
-        if self.listed.len() < MAX_MISTAKES {
+        if !self.is_full() {
             self.listed.push(mistake);
         } else {
             self.more += 1;

@@ -9,6 +9,37 @@ pub fn position(text: &str, offset: usize) -> (usize, usize) {
     (line, column)
 }
 
+/// A place that goes forward through a text. Many places of one text cost one pass over it.
+#[derive(Clone, Copy, Debug)]
+pub struct Forward {
+    offset: usize,
+    line: usize,
+    column: usize,
+}
+
+impl Forward {
+    /// The beginning of a text.
+    pub fn new() -> Self {
+        Self { offset: 0, line: 1, column: 1 }
+    }
+
+    /// Line and column of a byte offset, as [`position`] counts them. An offset before the last one gets the
+    /// place of the last one.
+    pub fn to(&mut self, text: &str, offset: usize) -> (usize, usize) {
+        let end = offset.clamp(self.offset, text.len().max(self.offset));
+        for byte in text.as_bytes().get(self.offset..end).unwrap_or_default() {
+            match byte {
+                b'\n' => (self.line, self.column) = (self.line + 1, 1),
+                // The later bytes of a character.
+                0x80..=0xBF => {}
+                _ => self.column += 1,
+            }
+        }
+        self.offset = end;
+        (self.line, self.column)
+    }
+}
+
 /// The byte offset of a line and a column, both counted from 1. Columns count bytes, as in errors of
 /// `serde_json`.
 pub fn offset(text: &str, line: usize, column: usize) -> usize {
@@ -95,6 +126,16 @@ mod tests {
         assert_eq!(position("ab\n字d", 0), (1, 1));
         assert_eq!(position("ab\n字d", 6), (2, 2));
         assert_eq!(position("ab\n字d", 99), (2, 3));
+    }
+
+    #[test]
+    fn a_place_that_goes_forward_is_the_same() {
+        let text = "ab\n字d\r\n\n{}é";
+        let mut place = Forward::new();
+        for (offset, _) in text.char_indices().chain([(text.len(), ' '), (99, ' ')]) {
+            assert_eq!(place.to(text, offset), position(text, offset), "{offset}");
+        }
+        assert_eq!(place.to(text, 0), position(text, text.len()));
     }
 
     #[test]

@@ -75,6 +75,24 @@ pub fn kind(fields: &Fields<'_>) -> Result<Kind, Wrong> {
     fields.word("do", &KINDS).ok_or_else(missing)
 }
 
+/// The word of `do` for an action; `None` if no step means it.
+#[must_use]
+pub fn word_of(action: &Action) -> Option<&'static str> {
+    let kind = match action {
+        Action::AxisMove(_) => Kind::AxisMove,
+        Action::LinearMove(_) => Kind::LinearMove,
+        Action::CurveMove(_) => Kind::CurveMove,
+        Action::Wait(_) => Kind::Wait,
+        Action::Output(_) => Kind::Output,
+        Action::BoardOutput(_) => Kind::BoardOutput,
+        Action::StopOnSignal(_) => Kind::StopOnSignal,
+        Action::PathSpeed(_) => Kind::PathSpeed,
+        Action::Workbench(_) => Kind::Workbench,
+        Action::Unknown(_) => return None,
+    };
+    KINDS.iter().find(|(_, known)| *known == kind).map(|(word, _)| *word)
+}
+
 /// The action of a step.
 ///
 /// # Errors

@@ -16,6 +16,7 @@ use r6_proto::message::instruction::{Coordinates, Manner, Wait, WaitSource};
 
 use crate::Mistakes;
 
+pub(crate) use read::each_reads;
 pub use read::step_words;
 
 /// The number of tools and workbenches: 0 to 31. We chose this limit, because the manual gives none.

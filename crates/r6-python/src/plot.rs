@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use r6_client::units::AxisCoordinate;
 use r6_controller::ControllerSettings;
-use r6_plot::play::{self, Cell};
+use r6_plot::play::{self, Cell, Limits};
 use r6_plot::{Picture, PlayError, words};
 use r6_proto::AxisIndex;
 
@@ -75,7 +75,7 @@ impl Keywords<'_, '_> {
         }
         let from = given.to_vec();
         let settings = ControllerSettings { global_speed, ..ControllerSettings::new(profile, model) };
-        Ok(Cell { settings, from, inputs: Vec::new() })
+        Ok(Cell { settings, from, inputs: Vec::new(), limits: Limits::default() })
     }
 }
 

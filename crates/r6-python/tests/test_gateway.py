@@ -110,6 +110,29 @@ def test_values_have_units_quality_and_age(operator: r6.Gateway) -> None:
         state.fresh("Addr-800")
 
 
+def test_a_value_that_is_not_polled_can_be_asked_for(operator: r6.Gateway) -> None:
+    arm = operator.robot("arm")
+    values = arm.query("Addr-800", "world-0")
+    assert (values["Addr-800"].value, values["world-0"].unit, values["world-0"].quality) == (0, "mm", "fresh")
+    with pytest.raises(r6.InvalidRequest, match="axis-99"):
+        arm.query("axis-99")
+
+
+def test_a_program_is_checked_and_planned(operator: r6.Gateway) -> None:
+    program = "[[instruction]]\ndo = 'axis-move'\nto = [20]\nspeed = 10\n"
+    assert operator.check(program)["ok"] is True
+    wrong = operator.check(program.replace("speed", "sped"))
+    assert (wrong["ok"], [problem["line"] for problem in wrong["problems"]]) == (False, [4, 1])
+    planned = operator.plan(program, model="BRTIRUS0707A", start=[5], global_speed=50, sample=0.1)
+    assert (planned["ended"], planned["sample_ms"], planned["samples"][0]["axes"][0]) == ("done", 100.0, 5.0)
+    assert planned["samples"][-1]["axes"][0] == 20.0
+    with pytest.raises(r6.InvalidRequest) as mistaken:
+        operator.plan("[[instruction]]", model="BRTIRUS0707A")
+    assert mistaken.value.reason == "bad_program"
+    with pytest.raises(r6.InvalidRequest, match="model"):
+        operator.plan(program, robot="arm")
+
+
 def test_a_command_needs_the_lease_and_arrives(operator: r6.Gateway, controller: r6.Simulator) -> None:
     arm = operator.robot("arm")
     with arm.lease(5) as lease:

@@ -62,11 +62,12 @@ pub const RULES: &[Rule] = &[
         layer: Layer::Shell,
         may_use: &["r6-api", "r6-controller", "r6-http", "r6-proto", "r6-traffic"],
     },
-    // A robot is reached only over the wire, so the gateway knows no simulator.
+    // A robot is reached only over the wire, so the gateway knows no simulator. It plans programs as
+    // `r6 plot` does.
     Rule {
         package: "r6-gateway",
         layer: Layer::Shell,
-        may_use: &["r6-api", "r6-client", "r6-http", "r6-proto"],
+        may_use: &["r6-api", "r6-client", "r6-http", "r6-motion", "r6-plot", "r6-program", "r6-proto"],
     },
     Rule {
         package: "r6",

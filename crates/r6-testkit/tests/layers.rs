@@ -163,6 +163,7 @@ fn only_the_hands_of_the_client_know_sockets_clocks_and_threads() {
 fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
     let sources = Sources::of_package("r6-gateway");
     let shell = [
+        "backup",
         "certificate",
         "clock",
         "files",
@@ -172,6 +173,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "http",
         "live",
         "problem",
+        "programs",
         "raw_port",
         "shell",
         "store",

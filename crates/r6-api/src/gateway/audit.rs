@@ -270,7 +270,26 @@ pub enum Deed {
         period_ms: u64,
         /// The addresses that are read besides the usual ones.
         read: Vec<String>,
+        /// The model of its arm; absent if none is configured.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        model: Option<String>,
     },
     /// The robot was removed.
     RobotRemoved {},
+    /// A version of a program was stored.
+    ProgramStored {
+        /// The name of the program.
+        program: String,
+        /// The number of the version.
+        version: u64,
+        /// SHA-256 of its text.
+        sha256: String,
+    },
+    /// A program was removed with all of its versions.
+    ProgramRemoved {
+        /// The name of the program.
+        program: String,
+        /// The number of its latest version.
+        version: u64,
+    },
 }

@@ -24,6 +24,10 @@ pub struct RobotSummary {
     pub address: String,
     /// Who may change its address and what is read of it.
     pub managed_by: ManagedBy,
+    /// The model of its arm; `null` if that is not configured. The protocol does not tell it.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true, example = "BRTIRUS0707A"))]
+    pub model: Option<String>,
     /// Whether it can be reached.
     pub link: RobotLink,
     /// What it says of itself; `null` until it was read.
@@ -72,6 +76,10 @@ pub struct RobotWanted {
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(max_items = 200))]
     pub read: Vec<String>,
+    /// The model of its arm, one of `r6 plot --help`: plans for this robot need it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(example = "BRTIRUS0707A"))]
+    pub model: Option<String>,
 }
 
 /// Whether a robot can be reached.

@@ -18,6 +18,8 @@ pub enum Right {
     AcceptIdentity,
     /// Read the audit log.
     ReadAudit,
+    /// Store and remove programs.
+    StorePrograms,
     /// Take the lease from its holder.
     TakeLease,
     /// Add, change and remove a robot.
@@ -41,7 +43,7 @@ impl Right {
         match self {
             Self::Read => Role::Viewer,
             Self::Stop | Self::Command => Role::Operator,
-            Self::AcceptIdentity | Self::ReadAudit => Role::Engineer,
+            Self::AcceptIdentity | Self::ReadAudit | Self::StorePrograms => Role::Engineer,
             Self::TakeLease | Self::Configure => Role::Admin,
         }
     }
@@ -82,14 +84,15 @@ mod tests {
             Right::Command,
             Right::AcceptIdentity,
             Right::ReadAudit,
+            Right::StorePrograms,
             Right::TakeLease,
             Right::Configure,
         ];
         for (role, allowed) in [
-            (Role::Viewer, [true, false, false, false, false, false, false]),
-            (Role::Operator, [true, true, true, false, false, false, false]),
-            (Role::Engineer, [true, true, true, true, true, false, false]),
-            (Role::Admin, [true; 7]),
+            (Role::Viewer, [true, false, false, false, false, false, false, false]),
+            (Role::Operator, [true, true, true, false, false, false, false, false]),
+            (Role::Engineer, [true, true, true, true, true, true, false, false]),
+            (Role::Admin, [true; 8]),
         ] {
             let all = Grant { role, only: None };
             let one = Grant { role, only: RobotName::new("press") };

@@ -4,8 +4,10 @@ use std::time::Duration;
 
 use r6_api::gateway::ManagedBy;
 use r6_client::{Address, AxisIndex, RobotSettings};
+use r6_motion::RobotModel;
 
 use crate::core::name::RobotName;
+use crate::programs;
 
 /// How often the values are read if nothing else is said.
 pub const USUAL_PERIOD: Duration = Duration::from_millis(100);
@@ -27,6 +29,8 @@ pub struct RobotConfig {
     pub period: Duration,
     /// The addresses to read, besides the usual ones: at most [`MAX_READ`].
     pub addresses: Vec<Address>,
+    /// The model of its arm: the name of one that [`RobotModel::named`] knows. Plans need it.
+    pub model: Option<String>,
     /// How to communicate with it.
     pub settings: RobotSettings,
     /// Who may change all this.
@@ -42,6 +46,7 @@ impl RobotConfig {
             address: address.into(),
             period: USUAL_PERIOD,
             addresses: Vec::new(),
+            model: None,
             settings: RobotSettings::default(),
             managed_by: ManagedBy::File,
         }
@@ -59,14 +64,26 @@ impl RobotConfig {
         if self.addresses.len() > MAX_READ {
             return Err(format!("it reads at most {MAX_READ} addresses besides the usual ones"));
         }
+        if let Some(model) = &self.model {
+            programs::model(model)?;
+        }
         let address = r6_client::address_with_port(&self.address);
         address.map_err(|error| r6_client::RequestError::Invalid(error).to_string())
     }
 
-    /// Whether the robot is the same and is read in the same way.
+    /// Whether the robot is the same, is read in the same way, and has the same model.
     #[must_use]
     pub fn is_as(&self, other: &Self) -> bool {
-        self.address == other.address && self.period == other.period && self.addresses == other.addresses
+        self.address == other.address
+            && self.period == other.period
+            && self.addresses == other.addresses
+            && self.model == other.model
+    }
+
+    /// The model of its arm, if one is configured.
+    #[must_use]
+    pub fn arm(&self) -> Option<&'static RobotModel> {
+        self.model.as_deref().and_then(RobotModel::named)
     }
 
     /// All addresses that are read: the usual ones first, each once.

@@ -233,8 +233,8 @@ fn record(by: &By, robot: &RobotName, deed: Deed) -> AuditRecord {
 }
 
 fn configured(robot: &RobotConfig) -> Deed {
-    let StoredRobot { address, period_ms, read, .. } = stored(robot);
-    Deed::RobotConfigured { address, period_ms, read }
+    let StoredRobot { address, period_ms, read, model, .. } = stored(robot);
+    Deed::RobotConfigured { address, period_ms, read, model }
 }
 
 fn stored(robot: &RobotConfig) -> StoredRobot {
@@ -243,6 +243,7 @@ fn stored(robot: &RobotConfig) -> StoredRobot {
         address: robot.address.clone(),
         period_ms: millis(robot.period),
         read: robot.addresses.iter().map(Address::to_string).collect(),
+        model: robot.model.clone(),
     }
 }
 
@@ -256,6 +257,7 @@ pub fn of_store(robot: &StoredRobot, settings: RobotSettings) -> Result<RobotCon
     Ok(RobotConfig {
         period: Duration::from_millis(robot.period_ms),
         addresses: addresses.map_err(unreadable)?,
+        model: robot.model.clone(),
         settings,
         managed_by: ManagedBy::Api,
         ..RobotConfig::new(robot.name.clone(), robot.address.clone())

@@ -31,6 +31,10 @@ use crate::store::{Keeper, StoreError};
 /// 20 ms for one.
 pub(super) const MAX_COMMANDS: u32 = 16;
 
+/// How many queries of one robot are under way at once over HTTP. They share the connection with the polls,
+/// and the longest takes seconds.
+pub(super) const MAX_QUERIES: usize = 4;
+
 /// How many stops of one robot are under way at once, and how many commands that stop. More would not stop
 /// it sooner.
 pub(super) const MAX_STOPS: u32 = 16;
@@ -127,6 +131,8 @@ pub struct Station {
     /// Wakes the task that writes down.
     pub(super) to_write: Notify,
     pub(super) commands: Semaphore,
+    /// Queries that somebody waits for.
+    pub(super) queries: Semaphore,
     /// Stops and commands that stop have places of their own: a stop must not wait for pauses.
     pub(super) stops: Semaphore,
     pub(super) stop_commands: Semaphore,
@@ -170,6 +176,7 @@ impl Station {
             try_now: Notify::new(),
             to_write: Notify::new(),
             commands: Semaphore::new(MAX_COMMANDS as usize),
+            queries: Semaphore::new(MAX_QUERIES),
             stops: Semaphore::new(MAX_STOPS as usize),
             stop_commands: Semaphore::new(MAX_STOPS as usize),
             link: watch::Sender::new(None),
@@ -424,7 +431,7 @@ impl Station {
 
     /// The robot without its values.
     pub fn summary(&self) -> RobotSummary {
-        let RobotConfig { address, managed_by, .. } = self.config();
+        let RobotConfig { address, managed_by, model, .. } = self.config();
         self.seat(|seat, now| {
             let (stopped, stops_under_way) = seat.stops();
             let identity_changed = seat.identity_change();
@@ -439,6 +446,7 @@ impl Station {
                 name: self.name().to_owned(),
                 address,
                 managed_by,
+                model,
                 link: if seat.is_up() { RobotLink::Up } else { RobotLink::Down },
                 r#virtual: identity.as_ref().and_then(|robot| robot.machine_name.as_deref().map(is_virtual)),
                 identity,

@@ -18,6 +18,10 @@ use crate::problem::Problem;
 /// The longest body: a list of 101 registers takes about 1 KB.
 pub const MAX_BYTES: usize = 16 * 1024;
 
+/// The longest body with a program in it: a text of 256 KiB, each second character of which takes two bytes
+/// in JSON, as quotes and ends of lines do. At the rate that the server reads at, it comes in 2 s.
+pub const MAX_PROGRAM_BYTES: usize = 384 * 1024 + MAX_BYTES;
+
 /// How long a body may take. Clients send it in one piece.
 const BODY_TIME: Duration = Duration::from_secs(5);
 
@@ -29,16 +33,31 @@ impl<T: DeserializeOwned> FromRequest<State> for Json<T> {
     type Rejection = Refusal;
 
     async fn from_request(request: Request, state: &State) -> Result<Self, Refusal> {
-        require_json(request.headers())?;
-        let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, state)).await;
-        let body = body.map_err(|_| {
-            let message = "the body did not come in time";
-            Refusal::new(StatusCode::REQUEST_TIMEOUT, Code::TooSlow, message)
-        })?;
-        let body = whole(body, MAX_BYTES)?;
-        let parsed = serde_json::from_slice(&body);
-        parsed.map(Self).map_err(|error| Refusal::of_json(&error, Code::BadValue))
+        read(request, state, MAX_BYTES).await.map(Self)
     }
+}
+
+/// A body of JSON with a program in it. Its route has to allow [`MAX_PROGRAM_BYTES`].
+#[derive(Debug)]
+pub struct WithProgram<T>(pub T);
+
+impl<T: DeserializeOwned> FromRequest<State> for WithProgram<T> {
+    type Rejection = Refusal;
+
+    async fn from_request(request: Request, state: &State) -> Result<Self, Refusal> {
+        read(request, state, MAX_PROGRAM_BYTES).await.map(Self)
+    }
+}
+
+async fn read<T: DeserializeOwned>(request: Request, state: &State, most: usize) -> Result<T, Refusal> {
+    require_json(request.headers())?;
+    let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, state)).await;
+    let body = body.map_err(|_| {
+        let message = "the body did not come in time";
+        Refusal::new(StatusCode::REQUEST_TIMEOUT, Code::TooSlow, message)
+    })?;
+    let body = whole(body, most)?;
+    serde_json::from_slice(&body).map_err(|error| Refusal::of_json(&error, Code::BadValue))
 }
 
 /// The key of a lease. A secret of the wrong form is the secret of no lease.

@@ -48,6 +48,17 @@ impl Caller {
         Err(Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message))
     }
 
+    /// Refuses unless the token allows this for all robots.
+    pub fn must_for_all(&self, right: Right) -> Result<(), Refusal> {
+        match &self.token.grant.only {
+            None => self.must(right, ""),
+            Some(_) => {
+                let message = "the token is for one robot, and programs are for all of them";
+                Err(Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message))
+            }
+        }
+    }
+
     /// Counts a request of this token. A stop is not counted: it must never be refused for this.
     ///
     /// # Errors
@@ -90,6 +101,20 @@ impl FromRequestParts<State> for Caller {
         let caller = Self::known(parts, state).await?;
         caller.count(state)?;
         Ok(caller)
+    }
+}
+
+/// Somebody who may store and remove programs.
+#[derive(Debug)]
+pub struct Librarian(pub Caller);
+
+impl FromRequestParts<State> for Librarian {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
+        let caller = Caller::from_request_parts(parts, state).await?;
+        caller.must_for_all(Right::StorePrograms)?;
+        Ok(Self(caller))
     }
 }
 

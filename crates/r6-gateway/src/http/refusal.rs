@@ -21,10 +21,12 @@ fn status(code: Code) -> StatusCode {
     match code {
         Code::NoToken => StatusCode::UNAUTHORIZED,
         Code::NotAllowed => StatusCode::FORBIDDEN,
-        Code::NoSuchRobot => StatusCode::NOT_FOUND,
-        Code::BadCommand | Code::BadValue => StatusCode::UNPROCESSABLE_ENTITY,
+        Code::NoSuchRobot | Code::NoSuchProgram => StatusCode::NOT_FOUND,
+        Code::NeedsIfMatch => StatusCode::PRECONDITION_REQUIRED,
+        Code::NotThisVersion => StatusCode::PRECONDITION_FAILED,
+        Code::BadCommand | Code::BadValue | Code::BadProgram => StatusCode::UNPROCESSABLE_ENTITY,
         Code::StoreUnavailable | Code::Overloaded => StatusCode::SERVICE_UNAVAILABLE,
-        Code::OutcomeUnknown | Code::NotStopped => StatusCode::GATEWAY_TIMEOUT,
+        Code::OutcomeUnknown | Code::NotStopped | Code::NoReply => StatusCode::GATEWAY_TIMEOUT,
         // The state of the robot, of its lease or of its configuration does not allow it now.
         _ => StatusCode::CONFLICT,
     }

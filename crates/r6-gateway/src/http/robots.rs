@@ -9,6 +9,7 @@ use r6_api::gateway::{ManagedBy, RobotState, RobotWanted, Robots};
 use r6_api::{Code, Problem};
 use r6_client::{Address, RobotSettings};
 use r6_http::Refusal;
+use r6_motion::RobotModel;
 
 use super::body;
 use super::caller::{Caller, Configure, Named, Read, Robot};
@@ -17,7 +18,7 @@ use super::{State, refusal};
 use crate::core::name::RobotName;
 use crate::fleet::config::{RobotConfig, USUAL_PERIOD};
 use crate::fleet::roster::Put;
-use crate::problem;
+use crate::{problem, programs};
 
 /// The robots that the token may see.
 #[utoipa::path(get, path = "/v1/robots", responses(
@@ -103,10 +104,14 @@ pub async fn remove(robot: Robot<Configure>, Of(state): Of<State>) -> Result<Sta
     removed.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
 }
 
+fn name_of(model: &RobotModel) -> String {
+    model.name.to_string()
+}
+
 /// The robot that a caller wants.
 fn read(name: &str, wanted: RobotWanted, settings: RobotSettings) -> Result<RobotConfig, problem::Problem> {
     let bad_value = |message: String| problem::Problem::new(Code::BadValue, message);
-    let RobotWanted { address, period_ms, read } = wanted;
+    let RobotWanted { address, period_ms, read, model } = wanted;
     let name = RobotName::new(name).ok_or_else(|| bad_value(format!("a robot has {}", RobotName::WANTED)))?;
     let address_of = |text: &String| {
         let shown: String = text.chars().take(48).collect();
@@ -115,6 +120,7 @@ fn read(name: &str, wanted: RobotWanted, settings: RobotSettings) -> Result<Robo
     Ok(RobotConfig {
         period: period_ms.map_or(USUAL_PERIOD, Duration::from_millis),
         addresses: read.iter().map(address_of).collect::<Result<_, _>>()?,
+        model: model.as_deref().map(programs::model).transpose().map_err(bad_value)?.map(name_of),
         settings,
         managed_by: ManagedBy::Api,
         ..RobotConfig::new(name, address)

@@ -6,7 +6,8 @@ use std::thread;
 use r6_api::gateway::AuditRecord;
 use tokio::sync::oneshot;
 
-use super::{Entry, Store, StoreError, StoredRobot, Token};
+use super::{Author, Entry, Kept, LibraryError, NewVersion, Store, StoreError, StoredRobot, Token};
+use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::seat::Saved;
 
@@ -16,7 +17,7 @@ const MAX_WAITING: usize = 1024;
 /// How many appends share one commit.
 const MAX_TOGETHER: usize = 64;
 
-type Answer<T> = oneshot::Sender<Result<T, StoreError>>;
+type Answer<T, E = StoreError> = oneshot::Sender<Result<T, E>>;
 
 enum Job {
     Append(Vec<AuditRecord>, Answer<u64>),
@@ -26,6 +27,11 @@ enum Job {
     SaveSeat(RobotName, Saved, Answer<()>),
     PutRobot(StoredRobot, AuditRecord, Answer<()>),
     RemoveRobot(RobotName, Vec<AuditRecord>, Answer<()>),
+    Programs(Answer<Vec<Kept>>),
+    ProgramVersions(ProgramName, Answer<Vec<Kept>>),
+    Program(ProgramName, Option<u64>, Answer<Option<(Kept, String)>>),
+    PutProgram(NewVersion, Condition, Answer<Kept, LibraryError>),
+    RemoveProgram(ProgramName, Condition, Author, Answer<(), LibraryError>),
 }
 
 /// A handle on the thread of the store. The thread ends with the last handle, after all that was asked for.
@@ -107,7 +113,56 @@ impl Keeper {
         self.ask(|answer| Job::SaveSeat(robot, saved, answer)).await
     }
 
-    async fn ask<T>(&self, job: impl FnOnce(Answer<T>) -> Job) -> Result<T, StoreError> {
+    /// As [`Store::programs`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn programs(&self) -> Result<Vec<Kept>, StoreError> {
+        self.ask(Job::Programs).await
+    }
+
+    /// As [`Store::program_versions`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn program_versions(&self, name: ProgramName) -> Result<Vec<Kept>, StoreError> {
+        self.ask(|answer| Job::ProgramVersions(name, answer)).await
+    }
+
+    /// As [`Store::program`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn program(
+        &self,
+        name: ProgramName,
+        version: Option<u64>,
+    ) -> Result<Option<(Kept, String)>, StoreError> {
+        self.ask(|answer| Job::Program(name, version, answer)).await
+    }
+
+    /// As [`Store::put_program`].
+    ///
+    /// # Errors
+    /// [`LibraryError`].
+    pub async fn put_program(&self, new: NewVersion, condition: Condition) -> Result<Kept, LibraryError> {
+        self.ask(|answer| Job::PutProgram(new, condition, answer)).await
+    }
+
+    /// As [`Store::remove_program`].
+    ///
+    /// # Errors
+    /// [`LibraryError`].
+    pub async fn remove_program(
+        &self,
+        name: ProgramName,
+        condition: Condition,
+        by: Author,
+    ) -> Result<(), LibraryError> {
+        self.ask(|answer| Job::RemoveProgram(name, condition, by, answer)).await
+    }
+
+    async fn ask<T, E: From<StoreError>>(&self, job: impl FnOnce(Answer<T, E>) -> Job) -> Result<T, E> {
         let (answer, answered) = oneshot::channel();
         self.jobs.try_send(job(answer)).map_err(|error| match error {
             TrySendError::Full(_) => {
@@ -115,7 +170,7 @@ impl Keeper {
             }
             TrySendError::Disconnected(_) => StoreError::Closed,
         })?;
-        answered.await.unwrap_or(Err(StoreError::Closed))
+        answered.await.unwrap_or_else(|_| Err(StoreError::Closed.into()))
     }
 }
 
@@ -133,6 +188,15 @@ fn keep(mut store: impl Store, waiting: &Receiver<Job>) {
                 drop(answer.send(store.remove_robot(&name, &records)));
             }
             Job::SaveSeat(robot, saved, answer) => drop(answer.send(store.save_seat(&robot, &saved))),
+            Job::Programs(answer) => drop(answer.send(store.programs())),
+            Job::ProgramVersions(name, answer) => drop(answer.send(store.program_versions(&name))),
+            Job::Program(name, version, answer) => drop(answer.send(store.program(&name, version))),
+            Job::PutProgram(new, condition, answer) => {
+                drop(answer.send(store.put_program(&new, &condition)));
+            }
+            Job::RemoveProgram(name, condition, by, answer) => {
+                drop(answer.send(store.remove_program(&name, &condition, &by)));
+            }
         }
     }
 }

@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 
 use r6_api::gateway::{AuditRecord, Deed};
 
+use super::library::removed;
 use super::{
-    Entry, MAX_PAGE, MAX_TOKENS, NewToken, Store, StoreError, StoredRobot, Token, body, token_made,
-    token_revoked,
+    Author, Entry, Kept, LibraryError, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
+    StoredRobot, Token, body, token_made, token_revoked,
 };
 use crate::core::chain::{Hash, link};
+use crate::core::library::{Condition, MAX_VERSIONS, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::seat::Saved;
 
@@ -20,6 +22,8 @@ pub struct Memory {
     last_token: i64,
     seats: BTreeMap<RobotName, Saved>,
     robots: BTreeMap<RobotName, StoredRobot>,
+    /// The versions of each program, the oldest first.
+    programs: BTreeMap<ProgramName, Vec<(Kept, String)>>,
 }
 
 impl Store for Memory {
@@ -98,6 +102,54 @@ impl Store for Memory {
     fn remove_robot(&mut self, name: &RobotName, records: &[AuditRecord]) -> Result<(), StoreError> {
         self.append(records)?;
         self.robots.remove(name);
+        Ok(())
+    }
+
+    fn programs(&mut self) -> Result<Vec<Kept>, StoreError> {
+        Ok(self.programs.values().filter_map(|versions| Some(versions.last()?.0.clone())).collect())
+    }
+
+    fn program_versions(&mut self, name: &ProgramName) -> Result<Vec<Kept>, StoreError> {
+        let versions = self.programs.get(name).into_iter().flatten().rev();
+        Ok(versions.map(|(kept, _)| kept.clone()).collect())
+    }
+
+    fn program(
+        &mut self,
+        name: &ProgramName,
+        version: Option<u64>,
+    ) -> Result<Option<(Kept, String)>, StoreError> {
+        let mut versions = self.programs.get(name).into_iter().flatten().rev();
+        let found = versions.find(|(kept, _)| version.is_none_or(|version| version == kept.tag.version));
+        Ok(found.cloned())
+    }
+
+    fn put_program(&mut self, new: &NewVersion, condition: &Condition) -> Result<Kept, LibraryError> {
+        let versions = self.programs.get(&new.name).cloned().unwrap_or_default();
+        let last = versions.last().map(|(kept, _)| kept.tag);
+        condition.check(last)?;
+        let kept = new.kept(last);
+        let goes = (versions.len() + 1).saturating_sub(MAX_VERSIONS);
+        let total: u64 = self.programs.values().flatten().map(|(kept, _)| kept.bytes).sum();
+        let freed: u64 = versions.iter().take(goes).map(|(kept, _)| kept.bytes).sum();
+        new.check_room(last.is_none().then_some(self.programs.len()), total - freed)?;
+        self.append(&[new.record(&kept)])?;
+        let stays = versions.into_iter().skip(goes).chain([(kept.clone(), new.text.clone())]);
+        self.programs.insert(new.name.clone(), stays.collect());
+        Ok(kept)
+    }
+
+    fn remove_program(
+        &mut self,
+        name: &ProgramName,
+        condition: &Condition,
+        by: &Author,
+    ) -> Result<(), LibraryError> {
+        let last = self.programs.get(name).and_then(|versions| Some(versions.last()?.0.tag));
+        let last = last.ok_or(LibraryError::NoSuchProgram)?;
+        condition.check(Some(last))?;
+        self.append(&[removed(name, last, by)])?;
+        self.programs.remove(name);
         Ok(())
     }
 }

@@ -1,5 +1,7 @@
 //! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit.
 
+mod programs;
+
 use std::path::Path;
 use std::time::Duration;
 
@@ -7,10 +9,11 @@ use r6_api::gateway::{AuditRecord, RobotIdentity};
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params};
 
 use super::{
-    Entry, MAX_PAGE, MAX_TOKENS, NewToken, Store, StoreError, StoredRobot, Token, body, role, token_made,
-    token_revoked,
+    Author, Entry, Kept, LibraryError, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
+    StoredRobot, Token, body, role, token_made, token_revoked,
 };
 use crate::core::chain::{Broken, Hash, link};
+use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
@@ -20,7 +23,7 @@ use crate::files;
 pub const FILE: &str = "control.db";
 
 /// The version of the tables, in `PRAGMA user_version`.
-const VERSION: i64 = 1;
+const VERSION: i64 = 2;
 
 /// How long a write waits for another process, such as `r6 gateway token`: its transactions take
 /// milliseconds.
@@ -59,6 +62,26 @@ CREATE TABLE robot (
     period_ms INTEGER NOT NULL,
     read      TEXT NOT NULL
 ) STRICT;
+";
+
+/// What the second version has besides. The text is the last column, so that lists of programs do not read
+/// it.
+const SECOND: &str = "
+ALTER TABLE robot ADD COLUMN model TEXT;
+CREATE TABLE program (
+    name      TEXT NOT NULL,
+    version   INTEGER NOT NULL,
+    hash      BLOB NOT NULL,
+    bytes     INTEGER NOT NULL,
+    stored_at TEXT NOT NULL,
+    stored_by TEXT NOT NULL,
+    kind      TEXT NOT NULL,
+    ok        INTEGER NOT NULL,
+    steps     INTEGER NOT NULL,
+    text      TEXT NOT NULL,
+    PRIMARY KEY (name, version)
+) STRICT;
+CREATE INDEX program_bytes ON program (bytes);
 ";
 
 /// A store in `control.db` of a folder.
@@ -104,13 +127,17 @@ impl Sqlite {
         match version {
             0 => {
                 transaction.execute_batch(TABLES)?;
-                transaction.pragma_update(None, "user_version", VERSION)?;
+                transaction.execute_batch(SECOND)?;
             }
+            1 => transaction.execute_batch(SECOND)?,
             VERSION => {}
             newer => {
                 let told = format!("{} is of a newer r6 (tables {newer})", path.display());
                 return Err(StoreError::Unavailable(told));
             }
+        }
+        if version != VERSION {
+            transaction.pragma_update(None, "user_version", VERSION)?;
         }
         transaction.commit()?;
         Ok(store)
@@ -307,16 +334,16 @@ impl Store for Sqlite {
     fn robots(&mut self) -> Result<Vec<StoredRobot>, StoreError> {
         let mut select = self
             .connection
-            .prepare_cached("SELECT name, address, period_ms, read FROM robot ORDER BY name")?;
+            .prepare_cached("SELECT name, address, period_ms, read, model FROM robot ORDER BY name")?;
         let rows = select.query_map([], |row| {
-            Ok((row.get::<_, String>(0)?, row.get(1)?, row.get(2)?, row.get::<_, String>(3)?))
+            Ok((row.get::<_, String>(0)?, row.get(1)?, row.get(2)?, row.get::<_, String>(3)?, row.get(4)?))
         })?;
         rows.map(|row| {
-            let (name, address, period_ms, read) = row?;
+            let (name, address, period_ms, read, model) = row?;
             let unreadable = || StoreError::Unreadable(format!("the robot `{name}`"));
             let read = serde_json::from_str(&read).map_err(|_| unreadable())?;
             let name = RobotName::new(&name).ok_or_else(unreadable)?;
-            Ok(StoredRobot { name, address, period_ms, read })
+            Ok(StoredRobot { name, address, period_ms, read, model })
         })
         .collect()
     }
@@ -326,10 +353,10 @@ impl Store for Sqlite {
         let read = read.map_err(|error| StoreError::Unreadable(error.to_string()))?;
         let transaction = self.write()?;
         transaction.execute(
-            "INSERT INTO robot (name, address, period_ms, read) VALUES (?1, ?2, ?3, ?4)
+            "INSERT INTO robot (name, address, period_ms, read, model) VALUES (?1, ?2, ?3, ?4, ?5)
              ON CONFLICT (name) DO UPDATE SET address = excluded.address, period_ms = excluded.period_ms,
-             read = excluded.read",
-            params![robot.name.as_str(), robot.address, robot.period_ms, read],
+             read = excluded.read, model = excluded.model",
+            params![robot.name.as_str(), robot.address, robot.period_ms, read, robot.model],
         )?;
         append_in(&transaction, std::slice::from_ref(record))?;
         transaction.commit()?;
@@ -342,6 +369,35 @@ impl Store for Sqlite {
         append_in(&transaction, records)?;
         transaction.commit()?;
         Ok(())
+    }
+
+    fn programs(&mut self) -> Result<Vec<Kept>, StoreError> {
+        programs::latest(&self.connection)
+    }
+
+    fn program_versions(&mut self, name: &ProgramName) -> Result<Vec<Kept>, StoreError> {
+        programs::versions(&self.connection, name)
+    }
+
+    fn program(
+        &mut self,
+        name: &ProgramName,
+        version: Option<u64>,
+    ) -> Result<Option<(Kept, String)>, StoreError> {
+        programs::one(&self.connection, name, version)
+    }
+
+    fn put_program(&mut self, new: &NewVersion, condition: &Condition) -> Result<Kept, LibraryError> {
+        programs::put(self.write()?, new, condition)
+    }
+
+    fn remove_program(
+        &mut self,
+        name: &ProgramName,
+        condition: &Condition,
+        by: &Author,
+    ) -> Result<(), LibraryError> {
+        programs::remove(self.write()?, name, condition, by)
     }
 }
 

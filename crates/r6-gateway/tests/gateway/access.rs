@@ -11,7 +11,7 @@ use tokio::net::TcpStream;
 use crate::support::{Hall, PATIENCE, call, name};
 
 /// The lowest role of each route; `None` needs no token. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Option<Role>); 18] = [
+const ROUTES: [(&str, &str, Option<Role>); 26] = [
     ("GET", "/healthz", None),
     ("GET", "/metrics", Some(Role::Viewer)),
     ("GET", "/readyz", Some(Role::Viewer)),
@@ -19,6 +19,13 @@ const ROUTES: [(&str, &str, Option<Role>); 18] = [
     ("GET", "/v1/events", Some(Role::Viewer)),
     ("GET", "/v1/live", Some(Role::Viewer)),
     ("GET", "/v1/openapi.json", Some(Role::Viewer)),
+    ("GET", "/v1/programs", Some(Role::Viewer)),
+    ("POST", "/v1/programs/check", Some(Role::Viewer)),
+    ("POST", "/v1/programs/plan", Some(Role::Viewer)),
+    ("GET", "/v1/programs/{program}", Some(Role::Viewer)),
+    ("PUT", "/v1/programs/{program}", Some(Role::Engineer)),
+    ("DELETE", "/v1/programs/{program}", Some(Role::Engineer)),
+    ("GET", "/v1/programs/{program}/versions", Some(Role::Viewer)),
     ("GET", "/v1/robots", Some(Role::Viewer)),
     ("GET", "/v1/robots/{name}", Some(Role::Viewer)),
     ("PUT", "/v1/robots/{name}", Some(Role::Admin)),
@@ -29,6 +36,7 @@ const ROUTES: [(&str, &str, Option<Role>); 18] = [
     ("GET", "/v1/robots/{name}/history", Some(Role::Viewer)),
     ("DELETE", "/v1/robots/{name}/lease", Some(Role::Operator)),
     ("POST", "/v1/robots/{name}/lease", Some(Role::Operator)),
+    ("GET", "/v1/robots/{name}/query", Some(Role::Viewer)),
     ("POST", "/v1/robots/{name}/stop", Some(Role::Operator)),
 ];
 
@@ -54,7 +62,7 @@ async fn every_route_refuses_strangers_and_lower_roles() {
         let row = ROUTES.iter().find(|(m, p, _)| *m == method && *p == path);
         let Some((_, _, lowest)) = row else { panic!("{method} {path} has no row in this test") };
         let Some(lowest) = lowest else { continue };
-        let concrete = path.replace("{name}", "press");
+        let concrete = path.replace("{name}", "press").replace("{program}", "pick");
         // No route has such a field, so nothing is carried out.
         let body = (method != "GET").then(|| json!({ "no": "such field" }));
         for stranger in ["", "r6_0000", "Bearer", &"x".repeat(5000)] {
@@ -68,9 +76,12 @@ async fn every_route_refuses_strangers_and_lower_roles() {
                 assert_eq!(told, (403, &json!("not_allowed")), "{method} {path} {role:?}");
             } else if method != "GET" && !path.ends_with("/stop") {
                 let (status, problem) = hall.call(token, &method, &concrete, body.as_ref()).await;
-                // The robot is in the configuration, so it is not removed.
-                let removes = method == "DELETE" && !path.ends_with("/lease");
-                let wanted = if removes { 409 } else { 422 };
+                let wanted = match (method.as_str(), path.as_str()) {
+                    // The robot is in the configuration, so it is not removed. There is no such program.
+                    ("DELETE", "/v1/robots/{name}") => 409,
+                    ("DELETE", "/v1/programs/{program}") => 404,
+                    _ => 422,
+                };
                 assert_eq!(status, wanted, "{method} {path} {role:?}: {problem}");
             }
         }

@@ -6,6 +6,8 @@ mod fleet;
 mod history;
 mod leases;
 mod openapi;
+mod programs;
+mod query;
 mod raw;
 mod roster;
 mod sockets;

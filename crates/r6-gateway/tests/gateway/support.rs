@@ -212,6 +212,14 @@ pub fn signal<'v>(state: &'v Value, address: &str) -> &'v Value {
         .unwrap_or_else(|| panic!("{address}: {state:#}"))
 }
 
+/// An answer with its `ETag`.
+#[derive(Debug)]
+pub struct Reply {
+    pub status: u16,
+    pub etag: Option<String>,
+    pub body: Value,
+}
+
 /// One request over a connection of its own: the status and the body.
 pub async fn call(
     gateway: SocketAddr,
@@ -220,9 +228,22 @@ pub async fn call(
     path: &str,
     body: Option<&Value>,
 ) -> (u16, Value) {
+    let Reply { status, body, .. } = call_with(gateway, token, method, path, "", body).await;
+    (status, body)
+}
+
+/// The same, with these lines of the head besides.
+pub async fn call_with(
+    gateway: SocketAddr,
+    token: &str,
+    method: &str,
+    path: &str,
+    lines: &str,
+    body: Option<&Value>,
+) -> Reply {
     let mut stream = TcpStream::connect(gateway).await.unwrap();
     let body = body.map(Value::to_string);
-    let mut head = format!("{method} {path} HTTP/1.1\r\nHost: {gateway}\r\nConnection: close\r\n");
+    let mut head = format!("{method} {path} HTTP/1.1\r\nHost: {gateway}\r\nConnection: close\r\n{lines}");
     if !token.is_empty() {
         head += &format!("Authorization: Bearer {token}\r\n");
     }
@@ -233,8 +254,9 @@ pub async fn call(
     let mut reply = String::new();
     stream.read_to_string(&mut reply).await.unwrap();
     let status = reply.split(' ').nth(1).unwrap_or_else(|| panic!("{reply:?}")).parse().unwrap();
-    let body = reply.split_once("\r\n\r\n").unwrap().1;
-    (status, serde_json::from_str(body).unwrap_or_else(|_| json!(body)))
+    let (head, body) = reply.split_once("\r\n\r\n").unwrap();
+    let etag = head.lines().find_map(|line| line.strip_prefix("etag: ")).map(str::to_owned);
+    Reply { status, etag, body: serde_json::from_str(body).unwrap_or_else(|_| json!(body)) }
 }
 
 /// A stream of server-sent events.

@@ -145,6 +145,14 @@ pub(super) fn program(name: &str, text: &str) -> Result<Program, Mistakes> {
     }))
 }
 
+/// Whether each of these steps has no mistake.
+pub(crate) fn each_reads(steps: &[&Table]) -> Vec<bool> {
+    let labels = labels(steps);
+    let reads =
+        |(number, table): (usize, &&Table)| step(number, table, &labels, &mut Found::aside()).is_some();
+    steps.iter().enumerate().map(reads).collect()
+}
+
 /// Advice for an unknown key of a program.
 fn elsewhere(key: &str) -> Option<String> {
     let sent = "this is a list of instructions for a PC to send (`r6 run FILE`, `r6 plot FILE`); a taught program has [[step]] tables (docs/PROGRAMS.md)";

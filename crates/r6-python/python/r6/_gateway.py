@@ -8,7 +8,7 @@ import json
 import socket
 import ssl
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -230,6 +230,38 @@ class Gateway:
         path = f"/v1/audit?{urlencode({'after': after, 'limit': limit})}"
         return self._ask("GET", path, lambda answer: list(answer["entries"]))
 
+    def check(self, program: str) -> dict[str, Any]:
+        """All mistakes of the text of a program, and where each step can run: what ``POST /v1/programs/check``
+        answers. ``["ok"]`` says whether there is no mistake. Nothing is sent to a robot.
+        """
+        return self._ask("POST", "/v1/programs/check", dict, {"program": program})
+
+    def plan(
+        self,
+        program: str,
+        *,
+        model: str | None = None,
+        robot: str | None = None,
+        start: Sequence[float] | None = None,
+        global_speed: float | None = None,
+        sample: float | None = None,
+    ) -> dict[str, Any]:
+        """What an arm would do: what ``POST /v1/programs/plan`` answers. No robot moves.
+
+        Give either ``model`` or ``robot``, which begins where that robot stands. ``start``: positions of the
+        axes, J1 first, degrees or mm. ``global_speed``: percent. ``sample``: seconds between two samples, 0.002
+        to 10.
+
+        ``InvalidRequest`` if the program has mistakes (``reason`` is ``"bad_program"``) or a value is wrong;
+        ``NotSent`` if the position of the robot is not known.
+        """
+        asked: dict[str, Any] = {"program": program, "model": model, "robot": robot}
+        asked["from"] = None if start is None else list(start)
+        asked["global_speed_percent"] = global_speed
+        asked["sample_ms"] = None if sample is None else round(sample * 1000)
+        given = {name: value for name, value in asked.items() if value is not None}
+        return self._ask("POST", "/v1/programs/plan", dict, given)
+
     def _connect(self, timeout: float) -> http.client.HTTPConnection:
         """Makes a connection. Nothing is sent over it yet."""
         connection: http.client.HTTPConnection
@@ -394,6 +426,15 @@ class GatewayRobot:
     def state(self) -> GatewayState:
         """The robot with its values, each with unit, quality and age."""
         return self._ask("GET", "", GatewayState._of)
+
+    def query(self, *addresses: str) -> dict[str, GatewaySignal]:
+        """Asks the robot for values now, whether the gateway reads them again and again or not: at most 128
+        addresses. An address that the robot does not have has the quality ``"none"``.
+
+        ``InvalidRequest`` if an address is wrong. Without a usable answer of the robot ``OutcomeUnknown``, whose
+        ``reason`` is ``"no_reply"``: a query changes nothing, so it can be sent again.
+        """
+        return self._ask("GET", f"/query?{urlencode({'address': ','.join(addresses)})}", _signals)
 
     def stop(self) -> float:
         """Stops the robot, and returns the seconds until it was proved that the arm stands. It needs no lease.

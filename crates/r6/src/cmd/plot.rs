@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use r6_controller::{ControllerSettings, Program};
-use r6_plot::play::{self, Cell, InputChange};
+use r6_plot::play::{self, Cell, InputChange, Limits};
 use r6_plot::{Ending, Picture, PlayError, Recording, words};
 use r6_program::{FileKind, MotionProgram};
 
@@ -116,7 +116,12 @@ pub fn run(args: PlotArgs) -> Result<Exit, Failure> {
     let source = source(&args.file)?;
     let settings =
         ControllerSettings { global_speed: args.global_speed, ..ControllerSettings::new(profile, model) };
-    let cell = Cell { settings: settings.clone(), from: args.from.clone(), inputs: args.input.clone() };
+    let cell = Cell {
+        settings: settings.clone(),
+        from: args.from.clone(),
+        inputs: args.input.clone(),
+        limits: Limits::default(),
+    };
     let mut progress = Progress::begin();
     let recording = play(cell, source, &mut |seconds| progress.show(seconds))?;
     progress.clear();

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
-use r6_controller::{ControllerSnapshot, Level, LogEntry, StartState};
+use r6_controller::{ControllerSnapshot, Level, LogEntry, RobotModel, StartState};
 use r6_proto::Language;
 use r6_sim::{Camera, Clock, ControllerHandle, SimSettings, Simulation};
 use serde::Serialize;
@@ -230,6 +230,11 @@ pub async fn end(simulation: Simulation) -> Result<(), Failure> {
 }
 
 impl CellArgs {
+    /// The name of the arm, if it is one that r6 brings along.
+    pub fn known_model(&self) -> Option<String> {
+        RobotModel::named(&self.model).map(|model| model.name.to_string())
+    }
+
     /// The settings of one controller of this kind.
     pub fn settings(self) -> Result<SimSettings, Failure> {
         let Self { model, profile, start, program, camera, scenario, clock, seed, state } = self;

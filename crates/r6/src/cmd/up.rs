@@ -99,9 +99,10 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let mut ending = Ending::watch()?;
     let lang = args.lang;
     let (place, usual_port) = (args.gateway, args.listen.port() == DEFAULT_LISTEN_PORT);
+    let model = args.cell.known_model();
     let simulation = start(args).await?;
     let gateway = match simulation.controllers().first() {
-        Some(robot) => CellGateway::start(place, robot.local_address(), usual_port).await?,
+        Some(robot) => CellGateway::start(place, robot.local_address(), model, usual_port).await?,
         None => None,
     };
     let result = tokio::select! {

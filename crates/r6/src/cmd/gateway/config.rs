@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use r6_client::Address;
 use r6_client::units::{MillimetresPerSecond, Percent};
+use r6_controller::RobotModel;
 use r6_gateway::{
     HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotConfig,
     RobotName,
@@ -125,10 +126,14 @@ fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
         let addresses = value.list()?.iter().map(address_of).collect::<Option<Vec<_>>>()?;
         Some(addresses).filter(|addresses| addresses.len() <= MAX_READ)
     });
+    let models: Vec<_> = RobotModel::names().collect();
+    let wanted = format!("a model: {}", models.join(", "));
+    let model = fields.optional("model", &wanted, |value| RobotModel::named(value.text()?));
     let usual = RobotConfig::new(name?, address?);
     Ok(RobotConfig {
         period: period.map_or(usual.period, |period| Duration::from_millis(period.into())),
         addresses: addresses.unwrap_or_default(),
+        model: model.map(|model| model.name.to_string()),
         settings: robot::settings(),
         ..usual
     })
@@ -145,14 +150,14 @@ mod tests {
     #[test]
     fn a_file_names_robots_and_what_to_read() {
         let text = "[[robot]]\nname = \"press-4\"\naddress = \"192.168.1.10\"\nperiod_ms = 50\n\
-                    read = [\"Addr-800\", \"counter-1\"]\n\
+                    read = [\"Addr-800\", \"counter-1\"]\nmodel = \"brtirus0707a\"\n\
                     [[robot]]\nname = \"saw\"\naddress = \"saw.hall:9761\"\n";
         let Config { robots, raw, policy, history, http } = parse(text).unwrap();
         assert_eq!((history, http), (HistorySettings::default(), HttpSettings::default()));
         assert!(raw.is_empty() && policy.is_none());
         let [press, saw] = &robots[..] else { panic!("{robots:?}") };
         assert_eq!((press.name.as_str(), press.period), ("press-4", Duration::from_millis(50)));
-        assert_eq!(press.addresses.len(), 2);
+        assert_eq!((press.addresses.len(), press.model.as_deref()), (2, Some("BRTIRUS0707A")));
         assert_eq!((saw.address.as_str(), saw.period), ("saw.hall:9761", r6_gateway::USUAL_PERIOD));
     }
 
@@ -240,7 +245,7 @@ mod tests {
     #[test]
     fn every_mistake_is_told_with_its_line() {
         let text = "[[robot]]\nname = \"Press 4\"\naddress = \"a:b:c\"\n[[robot]]\nname = \"saw\"\naddress = \"a\"\n\
-                    period_ms = 1\nread = [\"axis-99\"]\nx = 1\n";
+                    period_ms = 1\nread = [\"axis-99\"]\nx = 1\nmodel = \"X\"\n";
         assert_told(
             text,
             &[
@@ -249,6 +254,7 @@ mod tests {
                 ("hall.toml:7:", "`period_ms` is 1"),
                 ("hall.toml:8:", "`read`"),
                 ("hall.toml:9:", "`x`"),
+                ("hall.toml:10:", "BRTIRUS0707A"),
             ],
         );
         let twice =

@@ -34,11 +34,12 @@ pub struct CellGateway {
 }
 
 impl CellGateway {
-    /// Starts the gateway of the robot at this address. `usual_port`: without `--gateway` it takes its usual
+    /// Starts the gateway of the robot at this address, whose arm has this model. `usual_port`: without `--gateway` it takes its usual
     /// port if that is free, else any free port.
     pub async fn start(
         place: Option<Place>,
         robot: SocketAddr,
+        model: Option<String>,
         usual_port: bool,
     ) -> Result<Option<Self>, Failure> {
         // The gateway, and beside it the raw port.
@@ -53,7 +54,7 @@ impl CellGateway {
         let folder = folder()?;
         let mut last = None;
         for (listen, raw) in places {
-            match Gateway::start(settings(listen, raw, folder.path(), robot)?).await {
+            match Gateway::start(settings(listen, raw, folder.path(), robot, model.clone())?).await {
                 Ok(gateway) => return Ok(Some(Self { gateway, folder })),
                 Err(error @ GatewayError::Listen { .. }) => last = Some(error),
                 Err(error) => return Err(Failure::usage(format!("the gateway does not start: {error}"))),
@@ -119,13 +120,15 @@ fn settings(
     raw: SocketAddr,
     data: &Path,
     robot: SocketAddr,
+    model: Option<String>,
 ) -> Result<GatewaySettings, Failure> {
     let name = RobotName::new(ROBOT).ok_or_else(|| Failure::usage(RobotName::WANTED))?;
     let port = RawPort { robot: name.clone(), listen: raw };
     // The robot is virtual: programs of this machine may move it. Others cannot reach the raw port.
     let sources = ["127.0.0.0/8", "::1"].into_iter().filter_map(RawSource::parse);
     let rules = sources.map(|source| RawRule::new(source, RawAllow::Command)).collect();
-    let config = RobotConfig { settings: robot::settings(), ..RobotConfig::new(name, robot.to_string()) };
+    let config =
+        RobotConfig { settings: robot::settings(), model, ..RobotConfig::new(name, robot.to_string()) };
     Ok(GatewaySettings {
         listen,
         data: data.to_owned(),

@@ -1,0 +1,154 @@
+//! The programs that the gateway keeps: their names, their versions, and who may replace which.
+
+use std::fmt;
+
+/// The longest name of a program: what `curMold` reports of a taught program has the same limit.
+const LONGEST_NAME: usize = 64;
+
+/// Words that are paths of their own.
+const TAKEN: [&str; 2] = ["check", "plan"];
+
+/// The longest text of a program, in bytes: that of a taught program, more than a thousand steps.
+pub const MAX_TEXT: usize = 256 * 1024;
+
+/// The most programs. All of them are listed at once, 300 bytes each.
+pub const MAX_PROGRAMS: usize = 1_000;
+
+/// How many versions of a program are kept; then the oldest goes. A page lists all of them.
+pub const MAX_VERSIONS: usize = 50;
+
+/// How many bytes all versions of all programs have together. They are in the file of the audit log, which
+/// has to stay small enough to be copied.
+pub const MAX_TOTAL: u64 = 64 << 20;
+
+/// The name of a program: 1 to 64 characters of a to z, digits, `-` and `_`.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ProgramName(String);
+
+impl ProgramName {
+    /// What a name is, for people.
+    pub const WANTED: &str =
+        "a name of 1 to 64 characters: a to z, digits, - and _; `check` and `plan` are taken";
+
+    /// The name; `None` if the text is no name.
+    #[must_use]
+    pub fn new(text: &str) -> Option<Self> {
+        let fits = |byte: u8| matches!(byte, b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_');
+        let is_name = (1..=LONGEST_NAME).contains(&text.len()) && text.bytes().all(fits);
+        (is_name && !TAKEN.contains(&text)).then(|| Self(text.to_owned()))
+    }
+
+    /// Its text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for ProgramName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// A version of a program and its content. After a program was removed and stored again, the same number may
+/// stand for another text, and the tag does not fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tag {
+    /// The number of the version, from 1.
+    pub version: u64,
+    /// SHA-256 of the text.
+    pub hash: [u8; 32],
+}
+
+impl Tag {
+    /// As `ETag` has it.
+    #[must_use]
+    pub fn etag(&self) -> String {
+        let hash: String = self.hash.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+        format!("\"{}-{hash}\"", self.version)
+    }
+}
+
+/// Which version a change is for: what the headers of the request say.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Condition {
+    /// The tags of `If-Match`, as they were sent.
+    pub matches: Option<String>,
+    /// The tags of `If-None-Match`, as they were sent.
+    pub none_matches: Option<String>,
+}
+
+/// Why a change is not for the program as it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unfit {
+    /// It does not say which version it is for.
+    NeedsIfMatch,
+    /// It is for another version.
+    NotThisVersion,
+}
+
+impl Condition {
+    /// Whether a change is for the program as it is; `None` if there is no such program.
+    ///
+    /// # Errors
+    /// [`Unfit`].
+    pub fn check(&self, present: Option<Tag>) -> Result<(), Unfit> {
+        // Weak tags never fit: they do not stand for these bytes.
+        let lists = |list: &str| {
+            present.is_some_and(|tag| {
+                let etag = tag.etag();
+                list.split(',').map(str::trim).any(|one| one == "*" || one == etag)
+            })
+        };
+        match (present.is_some(), self.matches.as_deref(), self.none_matches.as_deref()) {
+            (_, _, Some(tags)) if lists(tags) => Err(Unfit::NotThisVersion),
+            (true, None, _) => Err(Unfit::NeedsIfMatch),
+            (_, Some(tags), _) if !lists(tags) => Err(Unfit::NotThisVersion),
+            (_, _, _) => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_fits_into_a_path_and_is_no_path_of_its_own() {
+        for name in ["a", "pick-2", "_", "checks", &"x".repeat(64)] {
+            assert_eq!(ProgramName::new(name).unwrap().as_str(), name);
+        }
+        for name in ["", "Pick", "a b", "a/b", "..", "é", "check", "plan", &"x".repeat(65)] {
+            assert!(ProgramName::new(name).is_none(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_change_says_which_version_it_is_for() {
+        let tag = Tag { version: 3, hash: [0xab; 32] };
+        assert_eq!(tag.etag(), "\"3-abababababababab\"");
+        let check = |matches: Option<&str>, none: Option<&str>, present| {
+            let of = |text: Option<&str>| text.map(str::to_owned);
+            Condition { matches: of(matches), none_matches: of(none) }.check(present)
+        };
+        let (needed, another) = (Err(Unfit::NeedsIfMatch), Err(Unfit::NotThisVersion));
+        let etag = tag.etag();
+        for (matches, none, of_present, of_missing) in [
+            (None, None, needed, Ok(())),
+            (None, Some("*"), another, Ok(())),
+            (Some(etag.as_str()), None, Ok(()), another),
+            (Some("*"), None, Ok(()), another),
+            (Some("\"2-abababababababab\", \"3-abababababababab\""), None, Ok(()), another),
+            (Some("W/\"3-abababababababab\""), None, another, another),
+            (Some("\"3-abababababababac\""), None, another, another),
+            (Some("3-abababababababab"), None, another, another),
+            (Some(""), None, another, another),
+            (Some("*"), Some("*"), another, another),
+            (None, Some("\"9-00\""), needed, Ok(())),
+        ] {
+            assert_eq!(check(matches, none, Some(tag)), of_present, "{matches:?} {none:?}");
+            assert_eq!(check(matches, none, None), of_missing, "{matches:?} {none:?}");
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Asks a robot for values, and says where its arm stands.
+
+use std::time::Duration;
+
+use r6_api::gateway::{Queried, QueryProblem, Signal, SignalQuality};
+use r6_api::{AddressValue, Code, Unit};
+use r6_client::{Address, AxisIndex};
+
+use super::station::{Station, millis};
+use crate::clock;
+use crate::problem::Problem;
+
+/// The most addresses of one query: as over the raw port.
+pub const MAX_ADDRESSES: usize = 128;
+
+/// How long a query may take. A robot that lacks all of the addresses is asked for each alone, and takes 20 ms
+/// for one.
+const QUERY_TIME: Duration = Duration::from_secs(10);
+
+impl Station {
+    /// Reads the values of these addresses over the connection of the robot, also of those that are polled.
+    /// Each address is read once.
+    ///
+    /// # Errors
+    /// `not_ready`, `identity_changed`, `overloaded`: the robot was not asked. `no_reply`.
+    pub async fn query(&self, addresses: &[Address]) -> Result<Queried, Problem> {
+        let mut once: Vec<Address> = Vec::new();
+        addresses.iter().for_each(|address| {
+            if !once.contains(address) {
+                once.push(*address);
+            }
+        });
+        self.check_answers()?;
+        let robot = self.robot().ok_or_else(not_up)?;
+        let _place = self.queries.try_acquire().map_err(|_| {
+            Problem::new(Code::Overloaded, "other queries of this robot are under way: ask again")
+        })?;
+        let asked_at = clock::now();
+        let read = tokio::time::timeout(QUERY_TIME, robot.query(&once)).await.map_err(|_| {
+            Problem::new(Code::NoReply, format!("the robot did not answer within {QUERY_TIME:?}"))
+        })?;
+        let read = read.map_err(|error| Problem::of_query(&error))?;
+        let age_ms = millis(clock::now().since(asked_at));
+        let (mut signals, mut problems) = (Vec::new(), Vec::new());
+        for (address, reading) in read.rows() {
+            let value = reading.clone().ok().map(AddressValue::from);
+            if let Err(why) = reading {
+                problems.push(QueryProblem { address: address.to_string(), reason: why.to_string() });
+            }
+            signals.push(Signal {
+                address: address.to_string(),
+                unit: Unit::word_of(*address).map(str::to_owned),
+                quality: if value.is_some() { SignalQuality::Fresh } else { SignalQuality::None },
+                age_ms: value.is_some().then_some(age_ms),
+                value,
+            });
+        }
+        Ok(Queried { signals, problems })
+    }
+
+    /// Where the first axes of the arm stand, J1 first, from readings that are fresh.
+    ///
+    /// # Errors
+    /// `not_ready`, `identity_changed`.
+    pub fn position(&self, axes: usize) -> Result<Vec<f64>, Problem> {
+        self.check_answers()?;
+        let (board, now) = (self.board(), clock::now());
+        let axes = AxisIndex::ALL.into_iter().take(axes).map(|axis| {
+            let (signal, _) = board.signal(now, Address::Axis(axis))?;
+            match (signal.quality, signal.value?) {
+                (SignalQuality::Fresh, AddressValue::Decimal(position)) => Some(position),
+                _ => None,
+            }
+        });
+        axes.collect::<Option<_>>().ok_or_else(|| {
+            let message = "where the arm stands was not read just now, or it has fewer axes than its model";
+            Problem::new(Code::NotReady, message)
+        })
+    }
+
+    /// Refuses if no robot answers, or another one than before.
+    fn check_answers(&self) -> Result<(), Problem> {
+        let (is_up, changed) = self.seat(|seat, _| (seat.is_up(), seat.identity_change().is_some()));
+        if changed {
+            let message = "another robot than before answers: an engineer has to accept it";
+            return Err(Problem::new(Code::IdentityChanged, message));
+        }
+        if is_up { Ok(()) } else { Err(not_up()) }
+    }
+}
+
+fn not_up() -> Problem {
+    Problem::new(Code::NotReady, "the robot does not answer now")
+}

@@ -1,0 +1,23 @@
+//! Programs without a robot: their check and their plan.
+//!
+//! - [`check`]: all mistakes of a text, and where its steps can run.
+//! - [`plan`]: what an arm would do, played on a virtual clock by `r6-plot`. No robot is asked.
+//! - [`bench`]: where both compute, so that they delay nothing else.
+
+pub mod bench;
+pub mod check;
+pub mod plan;
+
+use r6_motion::RobotModel;
+
+/// The name of a model as we write it.
+///
+/// # Errors
+/// There is no such model: a sentence with the names of all.
+pub fn model(name: &str) -> Result<&'static RobotModel, String> {
+    RobotModel::named(name).ok_or_else(|| {
+        let name: String = name.chars().take(40).collect();
+        let names: Vec<_> = RobotModel::names().collect();
+        format!("there is no model `{}`; there are: {}", r6_proto::printable(&name), names.join(", "))
+    })
+}

@@ -1,0 +1,160 @@
+//! The programs in the tables.
+
+use r6_api::gateway::ProgramType;
+use rusqlite::{Connection, OptionalExtension, Row, Transaction, params};
+
+use super::append_in;
+use crate::core::library::{Condition, MAX_VERSIONS, ProgramName, Tag};
+use crate::store::library::removed;
+use crate::store::{Author, Kept, LibraryError, NewVersion, StoreError};
+
+/// All columns but the text.
+const COLUMNS: &str = "name, version, hash, bytes, stored_at, stored_by, kind, ok, steps";
+
+/// A row as it was read: some of its values may be wrong.
+struct Raw {
+    name: String,
+    version: u64,
+    hash: Vec<u8>,
+    bytes: u64,
+    stored_at: String,
+    stored_by: String,
+    kind: String,
+    ok: bool,
+    steps: u64,
+}
+
+impl Raw {
+    fn of(row: &Row<'_>) -> rusqlite::Result<Self> {
+        Ok(Self {
+            name: row.get(0)?,
+            version: row.get(1)?,
+            hash: row.get(2)?,
+            bytes: row.get(3)?,
+            stored_at: row.get(4)?,
+            stored_by: row.get(5)?,
+            kind: row.get(6)?,
+            ok: row.get(7)?,
+            steps: row.get(8)?,
+        })
+    }
+
+    fn kept(self) -> Result<Kept, StoreError> {
+        let unreadable = || StoreError::Unreadable(format!("the program `{}`", self.name));
+        let hash = <[u8; 32]>::try_from(self.hash.as_slice()).map_err(|_| unreadable())?;
+        Ok(Kept {
+            name: ProgramName::new(&self.name).ok_or_else(unreadable)?,
+            tag: Tag { version: self.version, hash },
+            bytes: self.bytes,
+            kind: ProgramType::of_word(&self.kind).ok_or_else(unreadable)?,
+            stored_at: self.stored_at,
+            stored_by: self.stored_by,
+            ok: self.ok,
+            steps: self.steps,
+        })
+    }
+}
+
+/// The latest version of each program. The inner select reads the index alone.
+pub fn latest(connection: &Connection) -> Result<Vec<Kept>, StoreError> {
+    let mut select = connection.prepare_cached(&format!(
+        "SELECT {COLUMNS} FROM (SELECT name, max(version) AS version FROM program GROUP BY name)
+         JOIN program USING (name, version) ORDER BY name"
+    ))?;
+    let rows = select.query_map([], Raw::of)?;
+    rows.map(|row| row?.kept()).collect()
+}
+
+/// The versions of a program, the latest first.
+pub fn versions(connection: &Connection, name: &ProgramName) -> Result<Vec<Kept>, StoreError> {
+    let mut select = connection
+        .prepare_cached(&format!("SELECT {COLUMNS} FROM program WHERE name = ?1 ORDER BY version DESC"))?;
+    let rows = select.query_map([name.as_str()], Raw::of)?;
+    rows.map(|row| row?.kept()).collect()
+}
+
+/// A version of a program with its text.
+pub fn one(
+    connection: &Connection,
+    name: &ProgramName,
+    version: Option<u64>,
+) -> Result<Option<(Kept, String)>, StoreError> {
+    let mut select = connection.prepare_cached(&format!(
+        "SELECT {COLUMNS}, text FROM program WHERE name = ?1 AND (?2 IS NULL OR version = ?2)
+         ORDER BY version DESC LIMIT 1"
+    ))?;
+    let row = select.query_row(params![name.as_str(), version], |row| Ok((Raw::of(row)?, row.get(9)?)));
+    row.optional()?.map(|(raw, text)| Ok((raw.kept()?, text))).transpose()
+}
+
+/// Adds a version.
+pub fn put(
+    transaction: Transaction<'_>,
+    new: &NewVersion,
+    condition: &Condition,
+) -> Result<Kept, LibraryError> {
+    let last = last(&transaction, &new.name)?;
+    condition.check(last)?;
+    let kept = new.kept(last);
+    transaction
+        .execute(
+            "DELETE FROM program WHERE name = ?1 AND version <= ?2",
+            params![new.name.as_str(), kept.tag.version.saturating_sub(MAX_VERSIONS as u64)],
+        )
+        .map_err(StoreError::from)?;
+    let count = |sql| transaction.query_row(sql, [], |row| row.get::<_, u64>(0)).map_err(StoreError::from);
+    let programs = match last {
+        None => Some(count("SELECT count(DISTINCT name) FROM program")?),
+        Some(_) => None,
+    };
+    let programs = programs.map(|programs| usize::try_from(programs).unwrap_or(usize::MAX));
+    new.check_room(programs, count("SELECT coalesce(sum(bytes), 0) FROM program")?)?;
+    transaction
+        .execute(
+            &format!(
+                "INSERT INTO program ({COLUMNS}, text) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)"
+            ),
+            params![
+                kept.name.as_str(),
+                kept.tag.version,
+                kept.tag.hash,
+                kept.bytes,
+                kept.stored_at,
+                kept.stored_by,
+                kept.kind.word(),
+                kept.ok,
+                kept.steps,
+                new.text
+            ],
+        )
+        .map_err(StoreError::from)?;
+    append_in(&transaction, &[new.record(&kept)])?;
+    transaction.commit().map_err(StoreError::from)?;
+    Ok(kept)
+}
+
+/// Removes a program with its versions.
+pub fn remove(
+    transaction: Transaction<'_>,
+    name: &ProgramName,
+    condition: &Condition,
+    by: &Author,
+) -> Result<(), LibraryError> {
+    let last = last(&transaction, name)?.ok_or(LibraryError::NoSuchProgram)?;
+    condition.check(Some(last))?;
+    transaction.execute("DELETE FROM program WHERE name = ?1", [name.as_str()]).map_err(StoreError::from)?;
+    append_in(&transaction, &[removed(name, last, by)])?;
+    transaction.commit().map_err(StoreError::from)?;
+    Ok(())
+}
+
+/// The latest version of a program.
+fn last(transaction: &Transaction<'_>, name: &ProgramName) -> Result<Option<Tag>, StoreError> {
+    let mut select = transaction
+        .prepare_cached("SELECT version, hash FROM program WHERE name = ?1 ORDER BY version DESC LIMIT 1")?;
+    let row = select.query_row([name.as_str()], |row| Ok((row.get(0)?, row.get::<_, Vec<u8>>(1)?)));
+    let Some((version, hash)) = row.optional()? else { return Ok(None) };
+    let hash = <[u8; 32]>::try_from(hash.as_slice());
+    let hash = hash.map_err(|_| StoreError::Unreadable(format!("the program `{name}`")))?;
+    Ok(Some(Tag { version, hash }))
+}
