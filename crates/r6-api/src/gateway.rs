@@ -1,8 +1,9 @@
 //! The types of the gateway over HTTP: robots and their values, leases, commands, stops, events, programs,
-//! the audit log.
+//! the audit log, users and tokens.
 //!
 //! Times are RFC 3339 in UTC with microseconds. Durations end in `_ms`.
 
+mod account;
 mod audit;
 mod command;
 mod history;
@@ -12,6 +13,10 @@ mod robot;
 
 use serde::{Deserialize, Serialize};
 
+pub use account::{
+    PasswordChange, Secret, Session, Setup, SignIn, Token, TokenMade, TokenWanted, Tokens, User, UserWanted,
+    Users,
+};
 pub use audit::{Audit, AuditEntry, AuditRecord, CommandOutcome, Deed, Event, Happened, LeaseEnd};
 pub use command::{CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease};
 pub use history::{Gap, History, HistoryBucket, HistorySample, HistoryState};
@@ -29,7 +34,7 @@ pub use robot::{
     Robots, Signal, SignalQuality,
 };
 
-/// What a token allows. Each role allows everything that the roles before it allow.
+/// What a token or a user may do. Each role allows everything that the roles before it allow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
@@ -40,7 +45,7 @@ pub enum Role {
     Operator,
     /// Accepts a robot that was exchanged; reads the audit log.
     Engineer,
-    /// Takes a lease away from its holder.
+    /// Takes a lease away from its holder; for all robots, changes users and tokens.
     Admin,
 }
 

@@ -188,10 +188,26 @@ codes! {
     // The gateway.
     /// The request has no valid token.
     NoToken "no_token",
-    /// The token made too many requests.
+    /// The session has ended, or the cookie is of no session.
+    NoSession "no_session",
+    /// The name or the password is wrong.
+    WrongPassword "wrong_password",
+    /// The one-time link is not valid any more.
+    LinkVoid "link_void",
+    /// A request with a session changes something and does not prove that its page belongs to the session.
+    BadCsrf "bad_csrf",
+    /// The caller made too many requests, or tried too many passwords.
     TooManyRequests "too_many_requests",
-    /// The role of the token does not allow it.
+    /// The role of the caller does not allow it.
     NotAllowed "not_allowed",
+    /// There is no user with this name.
+    NoSuchUser "no_such_user",
+    /// There is no token with this number.
+    NoSuchToken "no_such_token",
+    /// There is a user with this name already.
+    NameTaken "name_taken",
+    /// No admin who can sign in would be left.
+    LastAdmin "last_admin",
     /// There is no robot with this name.
     NoSuchRobot "no_such_robot",
     /// The caller does not hold the lease.

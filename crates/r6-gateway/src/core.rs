@@ -5,6 +5,9 @@
 //! - [`role`]: which role may do what.
 //! - [`chain`]: the hash chain of the audit log.
 //! - [`history`]: which values are kept, and how.
+//! - [`account`]: users, their names, and which change of them is allowed.
+//! - [`session`]: the sessions of users.
+//! - [`sign_in`]: how often passwords can be tried.
 //! - [`name`]: names of robots.
 //! - [`order`]: what the holder of a lease sends.
 //! - [`rate`]: how many requests a token may make.
@@ -12,6 +15,7 @@
 //! - [`live`]: what readers of values get, and where they go on.
 //! - [`raw`]: the raw port.
 
+pub mod account;
 pub mod chain;
 pub mod history;
 pub mod library;
@@ -22,3 +26,5 @@ pub mod rate;
 pub mod raw;
 pub mod role;
 pub mod seat;
+pub mod session;
+pub mod sign_in;

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::fs::{File, TryLockError};
 use std::io;
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -14,6 +14,7 @@ use r6_http::access::Site;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 
+use crate::accounts::Accounts;
 use crate::certificate::{Certificate, CertificateError, TlsSettings};
 use crate::clock;
 use crate::core::raw::policy::RawPolicy;
@@ -34,6 +35,9 @@ pub const HISTORY: &str = "history";
 
 /// How long the last samples may take at the end.
 const LAST_SAMPLES: Duration = Duration::from_secs(5);
+
+/// How long the last records about users may take at the end.
+const LAST_RECORDS: Duration = Duration::from_secs(5);
 
 /// What a gateway needs.
 #[derive(Clone, Debug)]
@@ -148,6 +152,8 @@ impl Gateway {
         let mut records: Vec<_> = store.open_intents()?.into_iter().map(unknown).collect();
         records.push(record(None, Deed::GatewayStarted {}));
         store.append(&records)?;
+        // A link that an earlier start printed ends with it.
+        store.remove_setup_link()?;
         let saved = robots.into_iter().map(|robot| Ok((store.seat(&robot.name)?, robot)));
         let saved = saved.collect::<Result<Vec<_>, StoreError>>()?;
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
@@ -156,6 +162,7 @@ impl Gateway {
             history.on.then(|| Recorder::start(&settings.data.join(HISTORY), history)).transpose()?;
         let shared = Arc::new(Shared::new(keeper, history, epoch()));
         let tokens = Tokens::read(shared.keeper.clone()).await?;
+        let accounts = Arc::new(Accounts::read(shared.keeper.clone()).await?);
 
         let fleet = Arc::new(Fleet::start(saved, Arc::clone(&shared)));
         let raw_policy = SharedPolicy::new(settings.raw_policy);
@@ -166,14 +173,19 @@ impl Gateway {
                 return Err(error);
             }
         };
-        let robot_settings = settings.robot_settings;
-        let state = State { fleet, tokens: Arc::new(tokens), shared, robot_settings, bench: Bench::new() };
+        let (tokens, robot_settings) = (Arc::new(tokens), settings.robot_settings);
+        let (is_secure, bench) = (certificate.is_some(), Bench::new());
+        let state = State { fleet, tokens, accounts, shared, is_secure, robot_settings, bench };
         let mut server = JoinSet::new();
-        let site = Site::new(address).with_names(settings.names).with_tls(certificate.is_some());
+        let site = Site::new(address).with_names(settings.names).with_tls(is_secure);
         let tls = certificate.as_ref().map(Certificate::tls);
         server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
         server.spawn(follow(certificate.clone()));
         server.spawn(refresh(Arc::clone(&state.tokens)));
+        let accounts = Arc::clone(&state.accounts);
+        server.spawn(async move { accounts.keep_fresh().await });
+        let accounts = Arc::clone(&state.accounts);
+        server.spawn(async move { accounts.ledger.keep().await });
         let mut raw_ports = Vec::new();
         for (port, door, listener) in doors {
             raw_ports.push(port);
@@ -198,6 +210,23 @@ impl Gateway {
     #[must_use]
     pub fn raw_ports(&self) -> &[RawPort] {
         &self.raw_ports
+    }
+
+    /// Makes a one-time link for the first admin, which takes the place of the one before: its address, with
+    /// a secret. It is valid for an hour, until it is used and until the gateway ends. `None` if there is an
+    /// admin who can sign in.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn setup_link(&self) -> Result<Option<String>, StoreError> {
+        let secret = self.state.accounts.setup_link().await?;
+        // A gateway that listens on all addresses is also reached on this machine.
+        let host = match self.address {
+            all if all.ip().is_unspecified() => SocketAddr::from((Ipv4Addr::LOCALHOST, all.port())),
+            one => one,
+        };
+        let scheme = if self.state.is_secure { "https" } else { "http" };
+        Ok(secret.map(|secret| format!("{scheme}://{host}/setup#{}", secret.0)))
     }
 
     /// Makes these rules those of all raw ports, from the next frame of each client on.
@@ -229,6 +258,9 @@ impl Gateway {
         self.server.shutdown().await;
         self.state.fleet.end().await;
         let shared = &self.state.shared;
+        if !matches!(tokio::time::timeout(LAST_RECORDS, self.state.accounts.ledger.end()).await, Ok(Ok(()))) {
+            tracing::error!("the last records about users were not written");
+        }
         let ended = shared.keeper.append(vec![record(None, Deed::GatewayEnded {})]).await.map(drop);
         if let Some(history) = &shared.history
             && !matches!(tokio::time::timeout(LAST_SAMPLES, history.end()).await, Ok(Ok(())))

@@ -1,12 +1,13 @@
 //! The API over HTTP. Each file has the routes of one thing.
 //!
-//! Everything but `/healthz` needs a token (`caller.rs`). What a route does runs to its end even if its
+//! Everything needs a token or a session (`caller.rs`), except `/healthz`, signing in and one-time links. What a route does runs to its end even if its
 //! caller hangs up.
 
 mod audit;
 mod body;
 mod caller;
 mod commands;
+mod cookie;
 mod described;
 mod health;
 mod history;
@@ -16,7 +17,11 @@ mod programs;
 mod query;
 mod refusal;
 mod robots;
+mod sessions;
+mod setup;
 mod streams;
+mod tokens;
+mod users;
 
 use std::sync::Arc;
 
@@ -29,11 +34,12 @@ use r6_api::Code;
 use r6_client::RobotSettings;
 use r6_http::Refusal;
 use r6_http::access::{Site, guard};
-use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
+use utoipa::openapi::security::{ApiKey, ApiKeyValue, Http, HttpAuthScheme, SecurityScheme};
 use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::accounts::Accounts;
 use crate::fleet::Fleet;
 use crate::fleet::station::Shared;
 use crate::http::caller::Caller;
@@ -48,8 +54,12 @@ pub struct State {
     pub fleet: Arc<Fleet>,
     /// Who may use them.
     pub tokens: Arc<Tokens>,
+    /// The users and their sessions.
+    pub accounts: Arc<Accounts>,
     /// What they share.
     pub shared: Arc<Shared>,
+    /// Whether clients speak TLS with the gateway.
+    pub is_secure: bool,
     /// How to communicate with robots that are added.
     pub robot_settings: RobotSettings,
     /// Where programs are checked and planned.
@@ -64,19 +74,24 @@ pub struct State {
                        A stop over this API is an ordinary command on a network. It is not an emergency stop.",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0")
     ),
-    security(("token" = [])),
+    security(("token" = []), ("session" = [])),
     components(schemas(r6_api::gateway::LiveRequest, r6_api::gateway::LiveMessage)),
-    modifiers(&Bearer)
+    modifiers(&Schemes)
 )]
 struct Api;
 
-/// Describes how a request names its token.
-struct Bearer;
+/// Describes how a request names its token or its session.
+struct Schemes;
 
-impl Modify for Bearer {
+impl Modify for Schemes {
     fn modify(&self, api: &mut utoipa::openapi::OpenApi) {
         let scheme = SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer));
-        api.components.get_or_insert_default().add_security_scheme("token", scheme);
+        let components = api.components.get_or_insert_default();
+        components.add_security_scheme("token", scheme);
+        let about = "Set by POST /v1/session. A request that is no GET also needs the header X-CSRF-Token with the `csrf` \
+                     of the session.";
+        let cookie = ApiKey::Cookie(ApiKeyValue::with_description(cookie::NAME, about));
+        components.add_security_scheme("session", SecurityScheme::ApiKey(cookie));
     }
 }
 
@@ -104,6 +119,15 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(streams::live))
         .routes(routes!(audit::page))
         .routes(routes!(history::show))
+        .routes(routes!(sessions::sign_in, sessions::show, sessions::sign_out))
+        .routes(routes!(sessions::change_password))
+        .routes(routes!(setup::page))
+        .routes(routes!(setup::script))
+        .routes(routes!(setup::set_up))
+        .routes(routes!(users::list))
+        .routes(routes!(users::put, users::remove))
+        .routes(routes!(tokens::list, tokens::make))
+        .routes(routes!(tokens::revoke))
         .routes(routes!(describe))
         .routes(routes!(health::healthz))
         .routes(routes!(health::readyz))

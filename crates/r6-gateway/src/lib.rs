@@ -7,7 +7,7 @@
 //!
 //! `POST /v1/robots/press-4/commands`:
 //!
-//! 1. `r6-http/src/access.rs` looks at `Host` and `Origin`. `http/caller.rs` finds the token and its role; a
+//! 1. `r6-http/src/access.rs` looks at `Host` and `Origin`. `http/caller.rs` finds the token or the session, and its role; a
 //!    route about a robot cannot be written without it. `http/commands.rs` reads the command.
 //! 2. `fleet/command.rs` asks the seat of the robot (`core/seat.rs`), writes the intent (`store/keeper.rs`, a
 //!    thread), and asks the seat again, for a permit (`core/seat/permit.rs`).
@@ -28,7 +28,8 @@
 //! - `live`: values that change, and events.
 //! - `history`: values that are kept, by a thread and in files of their own.
 //! - `programs`: programs without a robot: their check and their plan.
-//! - `store`: tokens, the audit log, the state of the seats; nothing else knows SQL.
+//! - `accounts`: users, their passwords and sessions.
+//! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
 //! - `raw_port`: the robots' own protocol, for old scripts.
 #![cfg_attr(
@@ -36,6 +37,7 @@
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
 )]
 
+mod accounts;
 mod backup;
 mod certificate;
 mod clock;
@@ -49,12 +51,14 @@ mod live;
 mod problem;
 mod programs;
 mod raw_port;
+mod secret;
 mod shell;
 mod store;
 mod tokens;
 
 pub use crate::backup::{Backup, BackupError, backup, restore};
 pub use crate::certificate::{Certificate, CertificateError, TlsSettings};
+pub use crate::core::account::{Account, PasswordHash, UserName};
 pub use crate::core::name::RobotName;
 pub use crate::core::raw::policy::{RawAllow, RawPolicy, RawRule, RawSource};
 pub use crate::core::role::Grant;
@@ -65,7 +69,9 @@ pub use crate::history::{HistorySettings, LEAST_MAX_BYTES};
 pub use crate::http::openapi;
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
-pub use crate::shell::{Verified, list_tokens, make_token, revoke_token, verify};
+pub use crate::shell::{
+    Verified, add_user, disable_user, list_tokens, list_users, make_link, make_token, revoke_token, verify,
+};
 pub use crate::store::{StoreError, Token};
 
 /// The default port of the gateway.

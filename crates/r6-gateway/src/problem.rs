@@ -1,8 +1,11 @@
 //! Why the gateway did not do what it was asked for.
 
+use std::time::Duration;
+
 use r6_api::Code;
 use r6_client::{NotSent, OutcomeUnknown, Refused, RequestError};
 
+use crate::core::account;
 use crate::core::library::Unfit;
 use crate::core::seat::Denied;
 use crate::store::{LibraryError, StoreError};
@@ -16,12 +19,19 @@ pub struct Problem {
     pub message: String,
     /// What the controller itself gave as the reason, if it refused and gave one.
     pub reason: Option<String>,
+    /// How long to wait before the next try, if that is known.
+    pub retry_after: Option<Duration>,
 }
 
 impl Problem {
     /// A problem.
     pub fn new(code: Code, message: impl Into<String>) -> Self {
-        Self { code, message: message.into(), reason: None }
+        Self { code, message: message.into(), reason: None, retry_after: None }
+    }
+
+    /// `too_many_requests`: it can be tried again after this time.
+    pub fn too_many(after: Duration) -> Self {
+        Self { retry_after: Some(after), ..Self::new(Code::TooManyRequests, "too many tries: wait") }
     }
 
     /// A query without values.
@@ -89,6 +99,18 @@ impl From<LibraryError> for Problem {
 
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
-        Self::new(Code::StoreUnavailable, error.to_string())
+        let code = match &error {
+            StoreError::Denied(account::Denied::LastAdmin) => Code::LastAdmin,
+            StoreError::Denied(account::Denied::NoSuchUser) => Code::NoSuchUser,
+            StoreError::Denied(account::Denied::NameTaken) => Code::NameTaken,
+            StoreError::Denied(account::Denied::HasAdmin) | StoreError::LinkVoid => Code::LinkVoid,
+            StoreError::Denied(account::Denied::TooMany) | StoreError::TooManyTokens => Code::NoRoom,
+            StoreError::UserChanged => Code::NoSession,
+            StoreError::Unavailable(_)
+            | StoreError::Broken(_)
+            | StoreError::Unreadable(_)
+            | StoreError::Closed => Code::StoreUnavailable,
+        };
+        Self::new(code, error.to_string())
     }
 }

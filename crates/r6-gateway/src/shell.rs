@@ -4,11 +4,13 @@ use std::path::Path;
 
 use r6_api::gateway::Role;
 
+use crate::accounts;
 use crate::clock;
+use crate::core::account::{Account, UserName, Wish};
 use crate::core::chain::Verifier;
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
-use crate::store::{MAX_PAGE, NewToken, Sqlite, Store, StoreError, Token};
+use crate::store::{Author, MAX_PAGE, NewToken, Sqlite, Store, StoreError, Token, UserChange};
 use crate::tokens;
 
 /// Makes a token. Returns its number and its text, which is nowhere else.
@@ -26,7 +28,7 @@ pub fn make_token(
     let (text, hash) =
         drawn.map_err(|error| StoreError::Unavailable(format!("no random numbers: {error}")))?;
     let token = NewToken { hash, grant: Grant { role, only }, name };
-    let number = store.add_token(&token, &clock::time_of_day())?;
+    let number = store.add_token(&token, &Author::shell(clock::time_of_day()))?;
     Ok((number, text))
 }
 
@@ -35,7 +37,7 @@ pub fn make_token(
 /// # Errors
 /// [`StoreError`].
 pub fn revoke_token(folder: &Path, number: i64) -> Result<bool, StoreError> {
-    Sqlite::open_existing(folder)?.revoke_token(number, &clock::time_of_day())
+    Sqlite::open_existing(folder)?.revoke_token(number, &Author::shell(clock::time_of_day()))
 }
 
 /// The tokens that are not revoked.
@@ -44,6 +46,48 @@ pub fn revoke_token(folder: &Path, number: i64) -> Result<bool, StoreError> {
 /// [`StoreError`].
 pub fn list_tokens(folder: &Path) -> Result<Vec<Token>, StoreError> {
     Sqlite::open_existing(folder)?.tokens()
+}
+
+/// Makes a user without a password: [`make_link`] lets the user set one.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn add_user(folder: &Path, name: UserName, grant: Grant) -> Result<(), StoreError> {
+    change_user(&mut Sqlite::open(folder)?, name, Wish::Add(grant))
+}
+
+/// Disables a user: a running gateway ends the user's sessions within a second.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn disable_user(folder: &Path, name: UserName) -> Result<(), StoreError> {
+    change_user(&mut Sqlite::open_existing(folder)?, name, Wish::Disable)
+}
+
+fn change_user(store: &mut Sqlite, name: UserName, wish: Wish) -> Result<(), StoreError> {
+    let change = UserChange { name, wish, link: None, if_stamp: None };
+    store.change_user(&change, &Author::shell(clock::time_of_day())).map(drop)
+}
+
+/// Makes a one-time link with which a user can set a password, once and within an hour. Returns the part of
+/// its address behind `/setup`, which has a secret.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn make_link(folder: &Path, name: UserName) -> Result<String, StoreError> {
+    let mut store = Sqlite::open_existing(folder)?;
+    let (secret, link) = accounts::draw_link(Some(name.clone()))?;
+    store.put_link(&link, &Author::shell(clock::time_of_day()))?;
+    Ok(format!("#{}&{name}", secret.0))
+}
+
+/// The users, in the order of their names.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn list_users(folder: &Path) -> Result<Vec<Account>, StoreError> {
+    let users = Sqlite::open_existing(folder)?.users()?;
+    Ok(users.into_iter().map(|user| user.account).collect())
 }
 
 /// An audit log that is whole.

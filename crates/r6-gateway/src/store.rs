@@ -1,4 +1,4 @@
-//! What the gateway keeps: tokens, the audit log, the state of the seats, robots and programs.
+//! What the gateway keeps: tokens, users, the audit log, the state of the seats, robots and programs.
 //!
 //! [`Store`] is the contract; every implementation passes the same tests (`contract.rs`). Nothing outside
 //! this folder knows SQL. The gateway talks to its store through a [`Keeper`], a thread of its own, so that
@@ -17,6 +17,7 @@ use std::fmt;
 
 use r6_api::gateway::{AuditRecord, Deed, Role};
 
+use crate::core::account::{self, Account, Decided, Denied, UserName, Wish};
 use crate::core::chain::{Broken, Hash};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
@@ -24,7 +25,7 @@ use crate::core::role::Grant;
 use crate::core::seat::Saved;
 
 pub use keeper::Keeper;
-pub use library::{Author, Kept, LibraryError, NewVersion};
+pub use library::{Kept, LibraryError, NewVersion};
 #[cfg(test)]
 pub use memory::Memory;
 pub use sqlite::{FILE, Sqlite, copy};
@@ -60,20 +61,54 @@ pub trait Store: Send {
     ///
     /// # Errors
     /// [`StoreError`].
-    fn add_token(&mut self, token: &NewToken, time: &str) -> Result<i64, StoreError>;
+    fn add_token(&mut self, token: &NewToken, author: &Author) -> Result<i64, StoreError>;
 
     /// Revokes a token and tells the audit log of it, both or neither. `false` if no valid token has this
     /// number.
     ///
     /// # Errors
     /// [`StoreError`].
-    fn revoke_token(&mut self, number: i64, time: &str) -> Result<bool, StoreError>;
+    fn revoke_token(&mut self, number: i64, author: &Author) -> Result<bool, StoreError>;
 
     /// The tokens that are not revoked, in the order of their numbers.
     ///
     /// # Errors
     /// [`StoreError`].
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError>;
+
+    /// The users, in the order of their names.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn users(&mut self) -> Result<Vec<StoredUser>, StoreError>;
+
+    /// Changes a user as [`decide`](crate::core::account::decide) allows, uses up the link if there is one,
+    /// and tells the audit log of it, all or nothing. Returns what became of the user, and the new stamp.
+    ///
+    /// # Errors
+    /// [`StoreError::Denied`], [`StoreError::LinkVoid`], [`StoreError::UserChanged`]: nothing was changed.
+    /// Other [`StoreError`]s: nothing was changed, or that is unknown.
+    fn change_user(&mut self, change: &UserChange, author: &Author) -> Result<(Decided, u64), StoreError>;
+
+    /// Keeps a one-time link in the place of the one before for the same user, and tells the audit log of it,
+    /// both or neither.
+    ///
+    /// # Errors
+    /// [`StoreError::Denied`] if there is no such user; for the link of the first admin, if there is an admin.
+    /// Other [`StoreError`]s.
+    fn put_link(&mut self, link: &Link, author: &Author) -> Result<(), StoreError>;
+
+    /// The one-time link with this hash, if it is valid at this time.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn link(&mut self, hash: &[u8; 32], now: u64) -> Result<Option<Link>, StoreError>;
+
+    /// Removes the link for the first admin, if there is one.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn remove_setup_link(&mut self) -> Result<(), StoreError>;
 
     /// What was saved of a robot's seat; the default if nothing was.
     ///
@@ -173,6 +208,86 @@ pub struct Entry {
     pub hash: Hash,
 }
 
+/// Who changes users, tokens or programs, and when.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Author {
+    /// The time of day, for the audit log.
+    pub time: String,
+    /// Who it is.
+    pub actor: String,
+    /// The address that the request came from; `None` for the command line and the gateway itself.
+    pub source: Option<String>,
+}
+
+impl Author {
+    /// The command line.
+    pub fn shell(time: String) -> Self {
+        Self { time, actor: "shell".to_owned(), source: None }
+    }
+
+    fn record(&self, deed: Deed) -> AuditRecord {
+        let Self { time, actor, source } = self.clone();
+        AuditRecord { time, actor, source, robot: None, deed }
+    }
+}
+
+/// A user in the store.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoredUser {
+    /// What is decided about.
+    pub account: Account,
+    /// When it was made.
+    pub created: String,
+    /// The number of the entry of the audit log about its last change. So it grows with each change, also if
+    /// the user is removed and made again.
+    pub stamp: u64,
+}
+
+/// A change of a user.
+#[derive(Clone, Debug)]
+pub struct UserChange {
+    /// The user.
+    pub name: UserName,
+    /// What shall become of it.
+    pub wish: Wish,
+    /// The hash of the one-time link that allows it, and the present time in seconds since 1970.
+    pub link: Option<([u8; 32], u64)>,
+    /// Only if the user has this stamp.
+    pub if_stamp: Option<u64>,
+}
+
+/// For how long a one-time link is valid, in seconds: long enough to carry it to another screen.
+const LINK_LASTS: u64 = 3_600;
+
+/// How far the clock may be set back before a link that was just made counts as one of the future, in seconds.
+const CLOCK_TOLERANCE: u64 = 60;
+
+/// A one-time link.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Link {
+    /// SHA-256 of its secret.
+    pub hash: [u8; 32],
+    /// Whose password it sets; `None` for the link that makes the first admin.
+    pub user: Option<UserName>,
+    /// When it was made, in seconds since 1970.
+    pub made: u64,
+}
+
+impl Link {
+    fn is_valid(&self, now: u64) -> bool {
+        now < self.made.saturating_add(LINK_LASTS) && self.made <= now.saturating_add(CLOCK_TOLERANCE)
+    }
+
+    /// Whether it is for this change.
+    fn allows(&self, change: &UserChange) -> bool {
+        match (&self.user, &change.wish) {
+            (None, Wish::FirstAdmin(_)) => true,
+            (Some(user), Wish::Password(_)) => *user == change.name,
+            _ => false,
+        }
+    }
+}
+
 /// A token to add.
 #[derive(Clone, Debug)]
 pub struct NewToken {
@@ -206,6 +321,12 @@ pub enum StoreError {
     Broken(Broken),
     /// There is no room for another token.
     TooManyTokens,
+    /// The user stays as it is.
+    Denied(Denied),
+    /// The one-time link was used, is too old, or is of another user.
+    LinkVoid,
+    /// The user was changed meanwhile.
+    UserChanged,
     /// A value in the store cannot be read.
     Unreadable(String),
     /// The store was closed.
@@ -218,6 +339,12 @@ impl fmt::Display for StoreError {
             Self::Unavailable(detail) => write!(f, "the store cannot be used: {detail}"),
             Self::Broken(broken) => write!(f, "the audit log is broken: {broken}"),
             Self::TooManyTokens => write!(f, "there are {MAX_TOKENS} tokens: revoke some first"),
+            Self::Denied(denied) => denied.fmt(f),
+            Self::LinkVoid => f.write_str(
+                "this link is not valid: it was used, it is older than an hour, a newer one took its place, \
+                 or it is for another name",
+            ),
+            Self::UserChanged => f.write_str("the user was changed meanwhile: sign in again"),
             Self::Unreadable(what) => write!(f, "the store has a value that cannot be read: {what}"),
             Self::Closed => f.write_str("the store was closed"),
         }
@@ -232,25 +359,68 @@ fn body(record: &AuditRecord) -> Result<String, StoreError> {
 }
 
 /// The record about a new token.
-fn token_made(number: i64, token: &NewToken, time: &str) -> AuditRecord {
-    of_shell(
-        time,
-        Deed::TokenMade {
-            token: number,
-            role: token.grant.role,
-            only: token.grant.only.as_ref().map(ToString::to_string),
-            name: token.name.clone(),
-        },
-    )
+fn token_made(number: i64, token: &NewToken, author: &Author) -> AuditRecord {
+    author.record(Deed::TokenMade {
+        token: number,
+        role: token.grant.role,
+        only: token.grant.only.as_ref().map(ToString::to_string),
+        name: token.name.clone(),
+    })
 }
 
 /// The record about a revoked token.
-fn token_revoked(number: i64, time: &str) -> AuditRecord {
-    of_shell(time, Deed::TokenRevoked { token: number })
+fn token_revoked(number: i64, author: &Author) -> AuditRecord {
+    author.record(Deed::TokenRevoked { token: number })
 }
 
-fn of_shell(time: &str, deed: Deed) -> AuditRecord {
-    AuditRecord { time: time.to_owned(), actor: "shell".to_owned(), source: None, robot: None, deed }
+/// What has to be checked before a change, for every store: the link, the stamp, and the rules of accounts.
+/// `link` is the link of the change, as the store has it.
+fn decide(users: &[StoredUser], change: &UserChange, link: Option<&Link>) -> Result<Decided, StoreError> {
+    if let Some((_, now)) = change.link
+        && !link.is_some_and(|link| link.is_valid(now) && link.allows(change))
+    {
+        return Err(StoreError::LinkVoid);
+    }
+    let present = users.iter().find(|user| user.account.name == change.name);
+    if change.if_stamp.is_some_and(|wanted| present.map(|user| user.stamp) != Some(wanted)) {
+        return Err(StoreError::UserChanged);
+    }
+    let accounts: Vec<_> = users.iter().map(|user| user.account.clone()).collect();
+    account::decide(&accounts, &change.name, &change.wish).map_err(StoreError::Denied)
+}
+
+/// Whether a link may be kept.
+fn check_link(users: &[StoredUser], link: &Link) -> Result<(), StoreError> {
+    let denied = match &link.user {
+        None if account::has_admin(users.iter().map(|user| &user.account)) => Denied::HasAdmin,
+        Some(user) if users.iter().all(|known| known.account.name != *user) => Denied::NoSuchUser,
+        None | Some(_) => return Ok(()),
+    };
+    Err(StoreError::Denied(denied))
+}
+
+/// The record about a link.
+fn link_made(link: &Link, author: &Author) -> AuditRecord {
+    author.record(Deed::LinkMade { user: link.user.as_ref().map(ToString::to_string) })
+}
+
+/// The record about a change of a user; `None` if nothing changes.
+fn user_changed(change: &UserChange, decided: &Decided, author: &Author) -> Option<AuditRecord> {
+    let user = change.name.to_string();
+    let deed = match decided {
+        Decided::Same => return None,
+        Decided::Removed => Deed::UserRemoved { user },
+        Decided::Made(Account { grant, disabled, .. }) => {
+            let only = grant.only.as_ref().map(ToString::to_string);
+            Deed::UserMade { user, role: grant.role, only, disabled: *disabled }
+        }
+        Decided::Changed(Account { grant, disabled, .. }) => {
+            let only = grant.only.as_ref().map(ToString::to_string);
+            let new_password = change.wish.sets_password();
+            Deed::UserChanged { user, role: grant.role, only, disabled: *disabled, new_password }
+        }
+    };
+    Some(author.record(deed))
 }
 
 /// The role with this word.

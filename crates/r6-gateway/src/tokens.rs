@@ -8,12 +8,12 @@ use std::sync::{Arc, Mutex as SyncMutex, PoisonError, RwLock};
 use std::time::Duration;
 
 use r6_proto::time::Instant;
-use sha2::{Digest, Sha256};
 use tokio::sync::Mutex;
 
 use crate::clock;
 use crate::core::rate::Rate;
 use crate::core::role::Grant;
+use crate::secret;
 use crate::store::{Keeper, StoreError, Token};
 
 /// How every token begins, so that people and scanners of leaks know it.
@@ -31,15 +31,7 @@ const AT_MOST_EVERY: Duration = Duration::from_millis(50);
 /// # Errors
 /// The system has no random numbers.
 pub fn draw() -> Result<(String, [u8; 32]), getrandom::Error> {
-    let mut bytes = [0; 32];
-    getrandom::fill(&mut bytes)?;
-    let text = bytes.iter().fold(PREFIX.to_owned(), |text, byte| text + &format!("{byte:02x}"));
-    let hash = hash(&text);
-    Ok((text, hash))
-}
-
-fn hash(token: &str) -> [u8; 32] {
-    Sha256::digest(token).into()
+    secret::draw(PREFIX)
 }
 
 /// A token that is valid, without its secret.
@@ -77,7 +69,7 @@ impl Tokens {
 
     /// The token with this text, if it is valid.
     pub async fn find(&self, text: &str) -> Option<Arc<Known>> {
-        let hash = hash(text);
+        let hash = secret::hash(text);
         if let Some(known) = self.known(&hash) {
             return Some(known);
         }

@@ -58,7 +58,7 @@ pub enum Happened {
     },
     /// A stop was asked for.
     StopBegan {
-        /// By which token or raw client.
+        /// By which user, token or raw client.
         by: String,
     },
     /// A stop came to its end.
@@ -150,8 +150,8 @@ pub struct AuditEntry {
 pub struct AuditRecord {
     /// When.
     pub time: String,
-    /// The token, its number and name; `raw`, the address and the rule for a raw client; `gateway` for the
-    /// gateway itself; `shell` for the command line.
+    /// The name of a user; the number and the name of a token; `raw`, the address and the rule for a raw
+    /// client; `gateway` for the gateway itself; `shell` for the command line; `link` for a one-time link.
     pub actor: String,
     /// The address that the request came from; `null` if there was none.
     #[cfg_attr(feature = "openapi", schema(required = true))]
@@ -197,6 +197,56 @@ pub enum Deed {
     TokenRevoked {
         /// Its number.
         token: i64,
+    },
+    /// A user was made.
+    UserMade {
+        /// The name.
+        user: String,
+        /// The role.
+        role: Role,
+        /// The only robot; `null` for all. Not to be confused with the robot of the entry.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        only: Option<String>,
+        /// Whether the user cannot sign in.
+        disabled: bool,
+    },
+    /// A user is as this from now on. All sessions of the user have ended, except the session that changed its
+    /// own password.
+    UserChanged {
+        /// The name.
+        user: String,
+        /// The role.
+        role: Role,
+        /// The only robot; `null` for all. Not to be confused with the robot of the entry.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        only: Option<String>,
+        /// Whether the user cannot sign in.
+        disabled: bool,
+        /// Whether the password is a new one.
+        new_password: bool,
+    },
+    /// A user was removed.
+    UserRemoved {
+        /// The name.
+        user: String,
+    },
+    /// A one-time link was made.
+    LinkMade {
+        /// The user who can set a password with it; `null` for the link that makes the first admin.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        user: Option<String>,
+    },
+    /// The actor signed in.
+    SignedIn {},
+    /// The actor signed out.
+    SignedOut {},
+    /// Somebody tried to sign in as a user, and did not have the password or may not. Later tries within a
+    /// minute stand in one entry.
+    SignInFailed {
+        /// The user.
+        user: String,
+        /// How many tries.
+        times: u64,
     },
     /// A lease began.
     LeaseBegan {

@@ -24,6 +24,8 @@ pub enum Right {
     TakeLease,
     /// Add, change and remove a robot.
     Configure,
+    /// Change users and tokens. It is for no robot, so a grant for one robot never has it.
+    ManageUsers,
 }
 
 impl Right {
@@ -44,12 +46,12 @@ impl Right {
             Self::Read => Role::Viewer,
             Self::Stop | Self::Command => Role::Operator,
             Self::AcceptIdentity | Self::ReadAudit | Self::StorePrograms => Role::Engineer,
-            Self::TakeLease | Self::Configure => Role::Admin,
+            Self::TakeLease | Self::Configure | Self::ManageUsers => Role::Admin,
         }
     }
 }
 
-/// What a token allows: a role, for one robot or for all.
+/// What a token or a user may do: a role, for one robot or for all.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Grant {
     /// The role.
@@ -87,12 +89,13 @@ mod tests {
             Right::StorePrograms,
             Right::TakeLease,
             Right::Configure,
+            Right::ManageUsers,
         ];
         for (role, allowed) in [
-            (Role::Viewer, [true, false, false, false, false, false, false, false]),
-            (Role::Operator, [true, true, true, false, false, false, false, false]),
-            (Role::Engineer, [true, true, true, true, true, true, false, false]),
-            (Role::Admin, [true; 8]),
+            (Role::Viewer, [true, false, false, false, false, false, false, false, false]),
+            (Role::Operator, [true, true, true, false, false, false, false, false, false]),
+            (Role::Engineer, [true, true, true, true, true, true, false, false, false]),
+            (Role::Admin, [true; 9]),
         ] {
             let all = Grant { role, only: None };
             let one = Grant { role, only: RobotName::new("press") };

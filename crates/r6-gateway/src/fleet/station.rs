@@ -108,7 +108,7 @@ impl Shared {
 /// Who asks for something.
 #[derive(Clone, Debug)]
 pub struct By {
-    /// The token: its number and name.
+    /// The name of the user, or the number and the name of the token.
     pub actor: String,
     /// The address that the request came from.
     pub source: Option<String>,

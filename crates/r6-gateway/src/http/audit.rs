@@ -48,7 +48,7 @@ pub async fn page(
     Of(state): Of<State>,
     page: Result<Query<Page>, QueryRejection>,
 ) -> Result<Json<Audit>, Refusal> {
-    let grant = &caller.token.grant;
+    let grant = caller.grant();
     let own = grant.only.as_ref().map_or("", |only| only.as_str());
     caller.must(Right::ReadAudit, own)?;
     let bad_value = |message: String| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadValue, message);

@@ -2,82 +2,131 @@
 
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
+use std::net::SocketAddr;
 use std::sync::Arc;
 
 use axum::extract::{FromRequestParts, Path};
-use axum::http::StatusCode;
-use axum::http::header::AUTHORIZATION;
+use axum::http::header::{AUTHORIZATION, ORIGIN, UPGRADE};
 use axum::http::request::Parts;
+use axum::http::{Method, StatusCode};
 use r6_api::Code;
 use r6_http::{Peer, Refusal};
 
-use super::State;
-use crate::core::role::Right;
+use super::{State, cookie};
+use crate::accounts::SignedIn;
+use crate::clock;
+use crate::core::role::{Grant, Right};
 use crate::fleet::station::{By, Station};
+use crate::secret;
+use crate::store::Author;
 use crate::tokens::Known;
 
-/// Somebody with a valid token.
+/// The header that proves that a page belongs to a session.
+const CSRF_HEADER: &str = "x-csrf-token";
+
+/// How much of a path the audit log tells, in characters.
+const MAX_TOLD: usize = 100;
+
+/// Somebody with a valid token or an open session.
 #[derive(Clone, Debug)]
 pub struct Caller {
-    /// The token.
-    pub token: Arc<Known>,
-    source: Option<String>,
+    who: Who,
+    source: Option<SocketAddr>,
+}
+
+#[derive(Clone, Debug)]
+enum Who {
+    Token(Arc<Known>),
+    User(SignedIn),
 }
 
 impl Caller {
     /// Who it is, for the audit log.
     pub fn by(&self) -> By {
-        By { actor: self.token.label.clone(), source: self.source.clone() }
+        let actor = match &self.who {
+            Who::Token(token) => token.label.clone(),
+            Who::User(signed_in) => signed_in.user.account.name.to_string(),
+        };
+        By { actor, source: self.source.map(|source| source.to_string()) }
     }
 
-    /// Refuses unless the token allows this for this robot.
+    /// Who it is, for a change of users, tokens or programs.
+    pub fn author(&self) -> Author {
+        let By { actor, source } = self.by();
+        Author { time: clock::time_of_day(), actor, source }
+    }
+
+    /// What the caller may do.
+    pub fn grant(&self) -> &Grant {
+        match &self.who {
+            Who::Token(token) => &token.grant,
+            Who::User(signed_in) => &signed_in.user.account.grant,
+        }
+    }
+
+    /// The number of the token; `None` for a user.
+    pub fn token(&self) -> Option<i64> {
+        match &self.who {
+            Who::Token(token) => Some(token.number),
+            Who::User(_) => None,
+        }
+    }
+
+    /// The session; `None` for a token.
+    pub fn session(&self) -> Option<&SignedIn> {
+        match &self.who {
+            Who::Token(_) => None,
+            Who::User(signed_in) => Some(signed_in),
+        }
+    }
+
+    /// Refuses unless the caller may do this with this robot.
     pub fn must(&self, right: Right, robot: &str) -> Result<(), Refusal> {
-        let grant = &self.token.grant;
+        let grant = self.grant();
         if grant.allows(right, robot) {
             return Ok(());
         }
         let message = if grant.covers(robot) {
-            format!(
-                "this needs the role {}, and the token is {}",
-                right.lowest_role().word(),
-                grant.role.word()
-            )
+            let (needed, role) = (right.lowest_role().word(), grant.role.word());
+            format!("this needs the role {needed}, and the caller is {role}")
         } else {
-            "the token is for another robot".to_owned()
+            "the token or the user is for another robot".to_owned()
         };
         Err(Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message))
     }
 
-    /// Refuses unless the token allows this for all robots.
-    pub fn must_for_all(&self, right: Right) -> Result<(), Refusal> {
-        match &self.token.grant.only {
-            None => self.must(right, ""),
-            Some(_) => {
-                let message = "the token is for one robot, and programs are for all of them";
-                Err(Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message))
-            }
-        }
-    }
-
-    /// Counts a request of this token. A stop is not counted: it must never be refused for this.
+    /// Counts a request of this token or user. A stop is not counted: it must never be refused for this.
     ///
     /// # Errors
     /// `too_many_requests`.
     pub fn count(&self, state: &State) -> Result<(), Refusal> {
-        state.tokens.request(self.token.number).map_err(Refusal::too_many)
+        let counted = match &self.who {
+            Who::Token(token) => state.tokens.request(token.number),
+            Who::User(signed_in) => state.accounts.request(&signed_in.user.account.name),
+        };
+        counted.map_err(Refusal::too_many)
     }
 
     /// Whether the caller could come again now: streams end within a second when it could not.
     pub fn is_still_valid(&self, state: &State) -> bool {
-        state.tokens.is_valid(self.token.number)
+        match &self.who {
+            Who::Token(token) => state.tokens.is_valid(token.number),
+            Who::User(signed_in) => state.accounts.is_open(&signed_in.id),
+        }
     }
 
-    /// The caller with a valid token, whose request is not counted.
+    /// The caller, whose request is not counted. With a token the cookie does not matter. A token that is in
+    /// memory and a session need no disk.
     async fn known(parts: &Parts, state: &State) -> Result<Self, Refusal> {
+        let source = parts.extensions.get::<Peer>().map(|peer| peer.0);
         let mut headers = parts.headers.get_all(AUTHORIZATION).iter();
-        let text = match (headers.next().and_then(|header| header.to_str().ok()), headers.next()) {
-            (Some(header), None) => header.split_once(' '),
-            _ => None,
+        let text = match (headers.next(), headers.next()) {
+            (None, _) => match cookie::session(&parts.headers) {
+                Some(text) => return Self::of_session(&text, parts, state, source),
+                None => None,
+            },
+            (Some(header), None) => header.to_str().ok().and_then(|header| header.split_once(' ')),
+            (Some(_), Some(_)) => None,
         };
         let token =
             text.filter(|(scheme, _)| scheme.eq_ignore_ascii_case("bearer")).map(|(_, token)| token.trim());
@@ -89,8 +138,37 @@ impl Caller {
             let message = "send `Authorization: Bearer TOKEN`; `r6 gateway token` makes one";
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)
         })?;
-        let source = parts.extensions.get::<Peer>().map(|peer| peer.0.to_string());
-        Ok(Self { token, source })
+        Ok(Self { who: Who::Token(token), source })
+    }
+
+    /// The caller with this cookie. Browsers send cookies by themselves. So a request that is no `GET` has to
+    /// prove that its page belongs to the session, and a WebSocket, which has no such header, has to name the
+    /// page's origin; whether that is ours was checked before (`r6-http/src/access.rs`).
+    fn of_session(
+        text: &str,
+        parts: &Parts,
+        state: &State,
+        source: Option<SocketAddr>,
+    ) -> Result<Self, Refusal> {
+        let signed_in = state.accounts.session(text).ok_or_else(|| {
+            let message = "the session has ended: sign in again with `POST /v1/session`";
+            Refusal::new(StatusCode::UNAUTHORIZED, Code::NoSession, message)
+        })?;
+        if !matches!(parts.method, Method::GET | Method::HEAD) {
+            let mut sent = parts.headers.get_all(CSRF_HEADER).iter();
+            let sent = match (sent.next().and_then(|header| header.to_str().ok()), sent.next()) {
+                (Some(sent), None) => sent,
+                _ => "",
+            };
+            if !secret::is_same(sent, &signed_in.csrf.0) {
+                let message = "send the header `X-CSRF-Token` with the `csrf` of `GET /v1/session`";
+                return Err(Refusal::new(StatusCode::FORBIDDEN, Code::BadCsrf, message));
+            }
+        } else if parts.headers.contains_key(UPGRADE) && !parts.headers.contains_key(ORIGIN) {
+            let message = "with a cookie, a WebSocket needs the header `Origin`";
+            return Err(Refusal::new(StatusCode::FORBIDDEN, Code::ForeignOrigin, message));
+        }
+        Ok(Self { who: Who::User(signed_in), source })
     }
 }
 
@@ -101,20 +179,6 @@ impl FromRequestParts<State> for Caller {
         let caller = Self::known(parts, state).await?;
         caller.count(state)?;
         Ok(caller)
-    }
-}
-
-/// Somebody who may store and remove programs.
-#[derive(Debug)]
-pub struct Librarian(pub Caller);
-
-impl FromRequestParts<State> for Librarian {
-    type Rejection = Refusal;
-
-    async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
-        let caller = Caller::from_request_parts(parts, state).await?;
-        caller.must_for_all(Right::StorePrograms)?;
-        Ok(Self(caller))
     }
 }
 
@@ -146,6 +210,75 @@ needs! {
     AcceptIdentity
     /// Adding, changing and removing robots.
     Configure
+    /// Changing users and tokens.
+    ManageUsers
+    /// Storing and removing programs.
+    StorePrograms
+}
+
+/// A caller who has the right `R`, which is for no single robot, for all robots.
+#[derive(Debug)]
+pub struct Manager<R> {
+    /// Who calls.
+    pub caller: Caller,
+    /// What the path names, as the caller wrote it; empty if it names nothing.
+    pub named: String,
+    right: PhantomData<R>,
+}
+
+impl<R: Needs> FromRequestParts<State> for Manager<R> {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
+        let caller = Caller::from_request_parts(parts, state).await?;
+        // No robot has this name, so it is covered by all robots alone.
+        if let Err(refusal) = caller.must(R::RIGHT, "") {
+            if let Some(source) = caller.source {
+                let request = parts.uri.path().chars().take(MAX_TOLD).collect();
+                state.accounts.ledger.refused(&caller.by(), source.ip(), request, Code::NotAllowed);
+            }
+            return Err(refusal);
+        }
+        let named = Path::<BTreeMap<String, String>>::from_request_parts(parts, state).await;
+        let named = named.ok().and_then(|Path(named)| named.into_values().next()).unwrap_or_default();
+        Ok(Self { caller, named, right: PhantomData })
+    }
+}
+
+/// A caller with a session.
+#[derive(Debug)]
+pub struct User {
+    /// Who calls.
+    pub caller: Caller,
+    /// The session.
+    pub signed_in: SignedIn,
+}
+
+impl FromRequestParts<State> for User {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
+        let caller = Caller::from_request_parts(parts, state).await?;
+        let signed_in = caller.session().cloned().ok_or_else(|| {
+            let message = "this is for users who signed in, and the request has a token";
+            Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message)
+        })?;
+        Ok(Self { caller, signed_in })
+    }
+}
+
+/// The address that a request came from, for a route that needs no caller.
+#[derive(Clone, Copy, Debug)]
+pub struct Source(pub SocketAddr);
+
+impl FromRequestParts<State> for Source {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, _state: &State) -> Result<Self, Refusal> {
+        // Our server always names the peer.
+        let unknown = SocketAddr::from(([0, 0, 0, 0], 0));
+        Ok(Self(parts.extensions.get::<Peer>().map_or(unknown, |peer| peer.0)))
+    }
 }
 
 /// The name in a path, for a caller who has the right `R` for a robot of this name. There may be no such

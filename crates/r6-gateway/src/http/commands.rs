@@ -9,7 +9,7 @@ use r6_proto::{Command, CommandName, Effect};
 
 use super::body::{Json, key};
 use super::caller::{self, AcceptIdentity, Robot, Stop};
-use super::described::{OfBody, OfRight};
+use super::described::{OfBody, OfChange};
 use super::{State, refusal};
 use crate::core::role::Right;
 use crate::core::seat::Denied;
@@ -34,7 +34,7 @@ use crate::problem;
         (status = 422, description = "`bad_command`, `bad_value`", body = Problem),
         (status = 503, description = "`store_unavailable`, `overloaded`: nothing was sent", body = Problem),
         (status = 504, description = "`outcome_unknown`: it may have acted", body = Problem),
-        OfRight,
+        OfChange,
         OfBody,
     )
 )]
@@ -77,8 +77,8 @@ pub async fn command(
     params(("name" = String, Path, description = "The name of the robot")),
     responses(
         (status = 200, description = "The arm stands", body = Stopped),
-        (status = 401, description = "`no_token`", body = Problem),
-        (status = 403, description = "`not_allowed`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 401, description = "`no_token`, `no_session`", body = Problem),
+        (status = 403, description = "`not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin`", body = Problem),
         (status = 404, description = "`no_such_robot`", body = Problem),
         (status = 504, description = "`not_stopped`: it is NOT proved that the arm stands", body = Problem),
     )
@@ -100,7 +100,7 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
         (status = 404, description = "`no_such_robot`", body = Problem),
         (status = 409, description = "`no_lease`; `stopped`: a stop is still under way", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
-        OfRight,
+        OfChange,
         OfBody,
     )
 )]
@@ -126,7 +126,7 @@ pub async fn clear_stopped(
         (status = 422, description = "`bad_value`", body = Problem),
         (status = 503, description = "`store_unavailable`", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
-        OfRight,
+        OfChange,
         OfBody,
     )
 )]

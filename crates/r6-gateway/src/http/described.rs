@@ -19,15 +19,21 @@ macro_rules! refusals {
 }
 
 refusals! {
-    /// Of every route with a token.
+    /// Of every route that needs a token or a session.
     OfToken {
-        "401" "`no_token`"
+        "401" "`no_token`, `no_session`"
         "403" "`foreign_host`, `foreign_origin`"
+        "429" "`too_many_requests`"
+    }
+    /// Of every route that changes something and needs a right.
+    OfChange {
+        "401" "`no_token`, `no_session`"
+        "403" "`not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin`"
         "429" "`too_many_requests`"
     }
     /// Of every route that needs a right.
     OfRight {
-        "401" "`no_token`"
+        "401" "`no_token`, `no_session`"
         "403" "`not_allowed`, `foreign_host`, `foreign_origin`"
         "429" "`too_many_requests`"
     }

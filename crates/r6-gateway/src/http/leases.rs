@@ -9,7 +9,7 @@ use r6_http::Refusal;
 
 use super::body::{Json, key};
 use super::caller::{Command, Robot};
-use super::described::{OfBody, OfRight};
+use super::described::{OfBody, OfChange};
 use super::refusal;
 use crate::core::role::Right;
 use crate::core::seat::{LONGEST_LEASE, SHORTEST_LEASE, USUAL_LEASE};
@@ -32,7 +32,7 @@ const MAX_REASON: usize = 200;
         (status = 422, description = "`bad_value`", body = Problem),
         (status = 503, description = "`store_unavailable`", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
-        OfRight,
+        OfChange,
         OfBody,
     )
 )]
@@ -80,7 +80,7 @@ pub async fn acquire(
         (status = 404, description = "`no_such_robot`", body = Problem),
         (status = 409, description = "`no_lease`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
-        OfRight,
+        OfChange,
         OfBody,
     )
 )]

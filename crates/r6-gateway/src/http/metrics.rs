@@ -26,7 +26,7 @@ const FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
 ))]
 pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse {
     let stations = state.fleet.stations();
-    let seen: Vec<_> = stations.iter().filter(|station| caller.token.grant.covers(station.name())).collect();
+    let seen: Vec<_> = stations.iter().filter(|station| caller.grant().covers(station.name())).collect();
     let mut text = String::new();
     let flag = u64::from;
     family(&mut text, "r6_gateway_robot_up", "gauge", "Whether the robot answers.");
@@ -76,7 +76,7 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
     raw(&mut text, &seen);
     if let Some(recorder) = &state.shared.history {
         history(&mut text, &seen);
-        if caller.token.grant.only.is_none() {
+        if caller.grant().only.is_none() {
             files(&mut text, recorder.counts(), recorder.is_paused());
         }
     }

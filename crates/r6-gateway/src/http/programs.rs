@@ -18,16 +18,15 @@ use sha2::{Digest, Sha256};
 use utoipa::IntoParams;
 
 use super::body::WithProgram;
-use super::caller::{Caller, Librarian};
+use super::caller::{Caller, Manager, StorePrograms};
 use super::described::{OfBody, OfRight, OfToken};
 use super::{State, refusal};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::role::Right;
-use crate::fleet::station::By;
+use crate::problem;
 use crate::programs::plan::Wish;
 use crate::programs::{check as checking, model, plan as planning};
-use crate::store::{Author, Kept, NewVersion};
-use crate::{clock, problem};
+use crate::store::{Kept, NewVersion};
 
 /// The time between two samples of a plan: what a browser draws smoothly.
 const USUAL_SAMPLE_MS: u32 = 20;
@@ -253,7 +252,7 @@ pub async fn versions(
     )
 )]
 pub async fn put(
-    Librarian(caller): Librarian,
+    manager: Manager<StorePrograms>,
     Of(state): Of<State>,
     path: Result<Path<String>, PathRejection>,
     headers: HeaderMap,
@@ -263,7 +262,7 @@ pub async fn put(
     let name = name.ok_or_else(|| bad_value(format!("a program has {}", ProgramName::WANTED)))?;
     checking::check_length(&text).map_err(refusal::of)?;
     let condition = condition(&headers)?;
-    let by = author(&caller);
+    let by = manager.caller.author();
     let read = move || {
         let checked = checking::read(&text);
         NewVersion {
@@ -304,20 +303,15 @@ pub async fn put(
     )
 )]
 pub async fn remove(
-    Librarian(caller): Librarian,
+    manager: Manager<StorePrograms>,
     Of(state): Of<State>,
     path: Result<Path<String>, PathRejection>,
     headers: HeaderMap,
 ) -> Result<StatusCode, Refusal> {
-    let (name, condition, by) = (known(path)?, condition(&headers)?, author(&caller));
+    let (name, condition, by) = (known(path)?, condition(&headers)?, manager.caller.author());
     let work = tokio::spawn(async move { state.shared.keeper.remove_program(name, condition, by).await });
     let removed = work.await.map_err(refusal::of_lost_work)?;
     removed.map(|()| StatusCode::NO_CONTENT).map_err(|error| refusal::of(error.into()))
-}
-
-fn author(caller: &Caller) -> Author {
-    let By { actor, source } = caller.by();
-    Author { time: clock::time_of_day(), actor, source }
 }
 
 fn bad_value(message: String) -> Refusal {

@@ -8,7 +8,10 @@ use crate::problem::Problem;
 
 /// A problem as an answer.
 pub fn of(problem: Problem) -> Refusal {
-    Refusal::new(status(problem.code), problem.code, problem.message)
+    match problem.retry_after {
+        Some(after) => Refusal::too_many(after),
+        None => Refusal::new(status(problem.code), problem.code, problem.message),
+    }
 }
 
 /// Work that was given up, because the process ends.
@@ -19,9 +22,12 @@ pub fn of_lost_work(_: tokio::task::JoinError) -> Refusal {
 
 fn status(code: Code) -> StatusCode {
     match code {
-        Code::NoToken => StatusCode::UNAUTHORIZED,
-        Code::NotAllowed => StatusCode::FORBIDDEN,
-        Code::NoSuchRobot | Code::NoSuchProgram => StatusCode::NOT_FOUND,
+        Code::NoToken | Code::NoSession | Code::WrongPassword => StatusCode::UNAUTHORIZED,
+        Code::NotAllowed | Code::BadCsrf => StatusCode::FORBIDDEN,
+        Code::NoSuchRobot | Code::NoSuchProgram | Code::NoSuchUser | Code::NoSuchToken => {
+            StatusCode::NOT_FOUND
+        }
+        Code::LinkVoid => StatusCode::GONE,
         Code::NeedsIfMatch => StatusCode::PRECONDITION_REQUIRED,
         Code::NotThisVersion => StatusCode::PRECONDITION_FAILED,
         Code::BadCommand | Code::BadValue | Code::BadProgram => StatusCode::UNPROCESSABLE_ENTITY,

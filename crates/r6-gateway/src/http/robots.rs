@@ -13,7 +13,7 @@ use r6_motion::RobotModel;
 
 use super::body;
 use super::caller::{Caller, Configure, Named, Read, Robot};
-use super::described::{OfBody, OfRight, OfToken};
+use super::described::{OfBody, OfChange, OfRight, OfToken};
 use super::{State, refusal};
 use crate::core::name::RobotName;
 use crate::fleet::config::{RobotConfig, USUAL_PERIOD};
@@ -27,7 +27,7 @@ use crate::{problem, programs};
 ))]
 pub async fn list(caller: Caller, Of(state): Of<State>) -> Json<Robots> {
     let all = state.fleet.stations();
-    let seen = all.iter().filter(|station| caller.token.grant.covers(station.name()));
+    let seen = all.iter().filter(|station| caller.grant().covers(station.name()));
     Json(Robots { robots: seen.map(|station| station.summary()).collect() })
 }
 
@@ -64,7 +64,7 @@ pub async fn show(robot: Robot<Read>) -> Json<RobotState> {
         (status = 422, description = "`bad_value`", body = Problem),
         (status = 503, description = "`store_unavailable`: nothing was changed", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
-        OfRight,
+        OfChange,
         OfBody,
     )
 )]
@@ -94,7 +94,7 @@ pub async fn put(
         (status = 409, description = "`managed_by_file`; `not_ready`: the gateway ends", body = Problem),
         (status = 503, description = "`store_unavailable`: nothing was changed", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
-        OfRight,
+        OfChange,
     )
 )]
 pub async fn remove(robot: Robot<Configure>, Of(state): Of<State>) -> Result<StatusCode, Refusal> {

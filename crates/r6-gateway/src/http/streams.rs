@@ -220,7 +220,7 @@ impl EventStream {
             match self.reading.next(&self.state.shared.news) {
                 Some(Told::Lost) => return Some((Ok(Event::default().event("reset").data("{}")), self)),
                 Some(Told::Event(event)) => {
-                    let covered = self.caller.token.grant.covers(&event.robot);
+                    let covered = self.caller.grant().covers(&event.robot);
                     if covered && self.only.as_ref().is_none_or(|only| *only == event.robot) {
                         let id = format!("{}-{}", self.state.shared.epoch, event.id);
                         return Some((Ok(of("event", &event).id(id)), self));

@@ -2,7 +2,11 @@
 
 use r6_api::gateway::{AuditRecord, CommandOutcome, Deed, ProgramType, RobotIdentity, Role};
 
-use super::{Author, Keeper, Kept, LibraryError, Memory, NewToken, NewVersion, Sqlite, Store, StoredRobot};
+use super::{
+    Author, Keeper, Kept, LibraryError, Link, Memory, NewToken, NewVersion, Sqlite, Store, StoreError,
+    StoredRobot, UserChange,
+};
+use crate::core::account::{Decided, Denied, PasswordHash, UserName, Wish};
 use crate::core::chain::{Broken, Hash, Verifier};
 use crate::core::library::{Condition, MAX_PROGRAMS, MAX_VERSIONS, ProgramName, Tag, Unfit};
 use crate::core::name::RobotName;
@@ -32,6 +36,23 @@ fn outcome(intent: u64) -> AuditRecord {
 fn token(byte: u8, only: Option<&str>) -> NewToken {
     let only = only.map(|name| RobotName::new(name).unwrap());
     NewToken { hash: [byte; 32], grant: Grant { role: Role::Engineer, only }, name: format!("token {byte}") }
+}
+
+fn author() -> Author {
+    let time = "2026-01-01T00:00:00.000000Z".to_owned();
+    Author { time, actor: "anna".to_owned(), source: Some("10.0.0.1:5000".to_owned()) }
+}
+
+fn change(name: &str, wish: Wish) -> UserChange {
+    UserChange { name: UserName::new(name).unwrap(), wish, link: None, if_stamp: None }
+}
+
+fn password(text: &str) -> PasswordHash {
+    PasswordHash(format!("$argon2id$0101{text}"))
+}
+
+fn grant(role: Role, only: Option<&str>) -> Grant {
+    Grant { role, only: only.map(|name| RobotName::new(name).unwrap()) }
 }
 
 fn head(store: &mut dyn Store) -> Result<(u64, Hash), Broken> {
@@ -77,17 +98,17 @@ fn a_command_without_its_outcome_is_known() {
 #[test]
 fn tokens_are_added_revoked_and_audited() {
     on_each(|store| {
-        let time = "2026-01-01T00:00:00.000000Z";
-        assert_eq!(store.add_token(&token(1, None), time), Ok(1));
-        assert_eq!(store.add_token(&token(2, Some("press")), time), Ok(2));
+        let author = &author();
+        assert_eq!(store.add_token(&token(1, None), author), Ok(1));
+        assert_eq!(store.add_token(&token(2, Some("press")), author), Ok(2));
         let known = store.tokens().unwrap();
         assert_eq!((known[0].number, known[0].hash, known[0].name.as_str()), (1, [1; 32], "token 1"));
         assert_eq!(known[1].grant, token(2, Some("press")).grant);
-        assert_eq!(store.revoke_token(2, time), Ok(true));
-        assert_eq!(store.revoke_token(2, time), Ok(false));
-        assert_eq!(store.revoke_token(9, time), Ok(false));
+        assert_eq!(store.revoke_token(2, author), Ok(true));
+        assert_eq!(store.revoke_token(2, author), Ok(false));
+        assert_eq!(store.revoke_token(9, author), Ok(false));
         assert_eq!(store.tokens().unwrap().len(), 1);
-        assert_eq!(store.add_token(&token(3, None), time), Ok(3), "numbers are not used again");
+        assert_eq!(store.add_token(&token(3, None), author), Ok(3), "numbers are not used again");
         let told = store.entries(0, 10).unwrap();
         let deeds = told.iter().map(|entry| serde_json::from_str::<AuditRecord>(&entry.body).unwrap().deed);
         let deeds: Vec<_> = deeds.collect();
@@ -96,6 +117,113 @@ fn tokens_are_added_revoked_and_audited() {
         assert!(told.iter().all(|entry| !entry.body.contains("0101")), "no hash of a token");
         assert_eq!(head(store).unwrap().0, 4);
     });
+}
+
+#[test]
+fn users_are_made_changed_removed_and_audited() {
+    on_each(|store| {
+        let by = &author();
+        let put = |role, only, password| Wish::Put { grant: grant(role, only), disabled: false, password };
+        let made = store.change_user(&change("ben", put(Role::Viewer, Some("press"), None)), by).unwrap();
+        assert!(matches!(made, (Decided::Made(_), 1)));
+        let first = change("anna", Wish::FirstAdmin(password("a")));
+        assert!(matches!(store.change_user(&first, by), Ok((Decided::Made(_), 2))));
+        let users = store.users().unwrap();
+        let told: Vec<_> = users.iter().map(|user| (user.account.name.as_str(), user.stamp)).collect();
+        assert_eq!(told, [("anna", 2), ("ben", 1)]);
+        assert_eq!(users[0].account.password, Some(password("a")));
+        assert_eq!(users[1].account.grant, grant(Role::Viewer, Some("press")));
+
+        // The last admin stays.
+        let denied = Err(StoreError::Denied(Denied::LastAdmin));
+        for wish in [Wish::Remove, Wish::Disable, put(Role::Viewer, None, None)] {
+            assert_eq!(store.change_user(&change("anna", wish), by), denied);
+        }
+        assert_eq!(store.users().unwrap(), users);
+
+        let same = put(Role::Viewer, Some("press"), None);
+        assert_eq!(store.change_user(&change("ben", same), by), Ok((Decided::Same, 0)));
+        let changed = store.change_user(&change("ben", put(Role::Admin, None, Some(password("b")))), by);
+        assert!(matches!(changed, Ok((Decided::Changed(_), 3))));
+        let late = UserChange { if_stamp: Some(1), ..change("ben", Wish::Password(password("c"))) };
+        assert_eq!(store.change_user(&late, by), Err(StoreError::UserChanged));
+        let in_time = UserChange { if_stamp: Some(3), ..late };
+        assert!(matches!(store.change_user(&in_time, by), Ok((Decided::Changed(_), 4))));
+        assert_eq!(store.change_user(&change("anna", Wish::Remove), by), Ok((Decided::Removed, 5)));
+        let [ben] = &store.users().unwrap()[..] else { panic!("one user is left") };
+        assert_eq!((ben.account.password.clone(), &ben.created), (Some(password("c")), &by.time));
+
+        let entries = store.entries(0, 10).unwrap();
+        let records = entries.iter().map(|entry| serde_json::from_str::<AuditRecord>(&entry.body).unwrap());
+        let records: Vec<_> = records.collect();
+        assert!(records.iter().all(|record| record.actor == "anna" && record.source == by.source));
+        assert!(
+            matches!(&records[2].deed, Deed::UserChanged { user, new_password: true, .. } if user == "ben")
+        );
+        assert!(matches!(&records[4].deed, Deed::UserRemoved { user } if user == "anna"));
+        assert!(entries.iter().all(|entry| !entry.body.contains("argon2")), "no hash of a password");
+        assert_eq!(head(store).unwrap().0, 5);
+    });
+}
+
+#[test]
+fn a_link_is_used_once_within_its_hour_for_its_user() {
+    on_each(|store| {
+        let by = &author();
+        let link = |byte, user: Option<&str>, made| Link {
+            hash: [byte; 32],
+            user: user.map(|user| UserName::new(user).unwrap()),
+            made,
+        };
+        let with = |byte, now, change| UserChange { link: Some(([byte; 32], now)), ..change };
+        let first = |name| change(name, Wish::FirstAdmin(password(name)));
+        let void = Err(StoreError::LinkVoid);
+
+        store.put_link(&link(1, None, 1_000), by).unwrap();
+        store.put_link(&link(2, None, 1_000), by).unwrap();
+        assert_eq!(store.link(&[1; 32], 1_000), Ok(None), "a newer one took its place");
+        assert_eq!(store.link(&[2; 32], 4_599), Ok(Some(link(2, None, 1_000))));
+        assert_eq!((store.link(&[2; 32], 4_600), store.link(&[2; 32], 900)), (Ok(None), Ok(None)));
+        assert_eq!(store.change_user(&with(1, 1_000, first("anna")), by), void);
+        assert_eq!(store.change_user(&with(2, 4_600, first("anna")), by), void);
+        assert!(matches!(store.change_user(&with(2, 4_599, first("anna")), by), Ok((Decided::Made(_), _))));
+        assert_eq!(store.change_user(&with(2, 4_599, first("ben")), by), void, "it was used");
+        let denied = |denied| Err(StoreError::Denied(denied));
+        assert_eq!(store.put_link(&link(3, None, 1_000), by), denied(Denied::HasAdmin));
+        assert_eq!(store.put_link(&link(3, Some("ben"), 1_000), by), denied(Denied::NoSuchUser));
+
+        let add = |name| change(name, Wish::Add(grant(Role::Viewer, None)));
+        store.change_user(&add("ben"), by).unwrap();
+        store.put_link(&link(4, Some("ben"), 1_000), by).unwrap();
+        let set = |name| change(name, Wish::Password(password("new")));
+        for foreign in [set("anna"), first("cem"), change("ben", Wish::Remove)] {
+            assert_eq!(store.change_user(&with(4, 1_000, foreign), by), void);
+        }
+        assert!(store.change_user(&with(4, 1_000, set("ben")), by).is_ok());
+        assert_eq!(store.change_user(&with(4, 1_000, set("ben")), by), void);
+
+        // Another password and the end of the user end the link.
+        let other = change("ben", Wish::Password(password("other")));
+        for end in [other, change("ben", Wish::Remove)] {
+            store.put_link(&link(5, Some("ben"), 1_000), by).unwrap();
+            store.change_user(&end, by).unwrap();
+            assert_eq!(store.link(&[5; 32], 1_000), Ok(None));
+        }
+    });
+}
+
+#[test]
+fn a_file_of_an_older_version_gets_the_missing_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = Sqlite::open(folder.path()).unwrap();
+    store.append(&[intent()]).unwrap();
+    drop(store);
+    let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
+    raw.execute_batch("DROP TABLE user; DROP TABLE link; PRAGMA user_version = 1").unwrap();
+    let mut store = Sqlite::open_existing(folder.path()).unwrap();
+    assert_eq!((store.users(), head(&mut store).unwrap().0), (Ok(Vec::new()), 1));
+    raw.execute_batch("PRAGMA user_version = 1000").unwrap();
+    assert!(matches!(Sqlite::open_existing(folder.path()), Err(StoreError::Unavailable(_))));
 }
 
 #[test]
@@ -191,11 +319,6 @@ async fn appends_of_many_callers_each_get_their_own_number() {
     numbers.sort_unstable();
     assert_eq!(numbers, (0..200).map(|at| 2 * at + 1).collect::<Vec<_>>());
     assert_eq!(keeper.entries(0, 1000).await.unwrap().len(), 400);
-}
-
-fn author() -> Author {
-    let (time, actor) = ("2026-01-01T00:00:00.000000Z".to_owned(), "3 (engineer)".to_owned());
-    Author { time, actor, source: Some("10.0.0.1:1".to_owned()) }
 }
 
 fn version(name: &str, text: &str) -> NewVersion {

@@ -6,7 +6,11 @@ use std::thread;
 use r6_api::gateway::AuditRecord;
 use tokio::sync::oneshot;
 
-use super::{Author, Entry, Kept, LibraryError, NewVersion, Store, StoreError, StoredRobot, Token};
+use super::{
+    Author, Entry, Kept, LibraryError, Link, NewToken, NewVersion, Store, StoreError, StoredRobot,
+    StoredUser, Token, UserChange,
+};
+use crate::core::account::Decided;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::seat::Saved;
@@ -23,6 +27,12 @@ enum Job {
     Append(Vec<AuditRecord>, Answer<u64>),
     Entries(u64, usize, Answer<Vec<Entry>>),
     Tokens(Answer<Vec<Token>>),
+    AddToken(NewToken, Author, Answer<i64>),
+    RevokeToken(i64, Author, Answer<bool>),
+    Users(Answer<Vec<StoredUser>>),
+    ChangeUser(Box<UserChange>, Author, Answer<(Decided, u64)>),
+    PutLink(Link, Author, Answer<()>),
+    Link([u8; 32], u64, Answer<Option<Link>>),
     Seat(RobotName, Answer<Saved>),
     SaveSeat(RobotName, Saved, Answer<()>),
     PutRobot(StoredRobot, AuditRecord, Answer<()>),
@@ -79,6 +89,54 @@ impl Keeper {
     /// [`StoreError`].
     pub async fn tokens(&self) -> Result<Vec<Token>, StoreError> {
         self.ask(Job::Tokens).await
+    }
+
+    /// As [`Store::add_token`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn add_token(&self, token: NewToken, author: Author) -> Result<i64, StoreError> {
+        self.ask(|answer| Job::AddToken(token, author, answer)).await
+    }
+
+    /// As [`Store::revoke_token`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn revoke_token(&self, number: i64, author: Author) -> Result<bool, StoreError> {
+        self.ask(|answer| Job::RevokeToken(number, author, answer)).await
+    }
+
+    /// As [`Store::users`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn users(&self) -> Result<Vec<StoredUser>, StoreError> {
+        self.ask(Job::Users).await
+    }
+
+    /// As [`Store::change_user`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn change_user(&self, change: UserChange, by: Author) -> Result<(Decided, u64), StoreError> {
+        self.ask(|answer| Job::ChangeUser(Box::new(change), by, answer)).await
+    }
+
+    /// As [`Store::put_link`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn put_link(&self, link: Link, author: Author) -> Result<(), StoreError> {
+        self.ask(|answer| Job::PutLink(link, author, answer)).await
+    }
+
+    /// As [`Store::link`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn link(&self, hash: [u8; 32], now: u64) -> Result<Option<Link>, StoreError> {
+        self.ask(|answer| Job::Link(hash, now, answer)).await
     }
 
     /// As [`Store::seat`].
@@ -182,6 +240,12 @@ fn keep(mut store: impl Store, waiting: &Receiver<Job>) {
             Job::Append(records, answer) => next = append(&mut store, records, answer, waiting),
             Job::Entries(after, most, answer) => drop(answer.send(store.entries(after, most))),
             Job::Tokens(answer) => drop(answer.send(store.tokens())),
+            Job::AddToken(token, author, answer) => drop(answer.send(store.add_token(&token, &author))),
+            Job::RevokeToken(number, by, answer) => drop(answer.send(store.revoke_token(number, &by))),
+            Job::Users(answer) => drop(answer.send(store.users())),
+            Job::ChangeUser(change, by, answer) => drop(answer.send(store.change_user(&change, &by))),
+            Job::PutLink(link, author, answer) => drop(answer.send(store.put_link(&link, &author))),
+            Job::Link(hash, now, answer) => drop(answer.send(store.link(&hash, now))),
             Job::Seat(robot, answer) => drop(answer.send(store.seat(&robot))),
             Job::PutRobot(robot, record, answer) => drop(answer.send(store.put_robot(&robot, &record))),
             Job::RemoveRobot(name, records, answer) => {

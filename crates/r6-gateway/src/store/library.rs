@@ -4,7 +4,7 @@ use std::fmt;
 
 use r6_api::gateway::{AuditRecord, Deed, ProgramType};
 
-use super::StoreError;
+use super::{Author, StoreError};
 use crate::core::library::{MAX_PROGRAMS, MAX_TOTAL, ProgramName, Tag, Unfit};
 
 /// A version of a program, without its text.
@@ -26,24 +26,6 @@ pub struct Kept {
     pub ok: bool,
     /// How many steps it has.
     pub steps: u64,
-}
-
-/// Who changes a program, and when.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Author {
-    /// When.
-    pub time: String,
-    /// Who.
-    pub actor: String,
-    /// The address that the request came from.
-    pub source: Option<String>,
-}
-
-impl Author {
-    fn record(&self, deed: Deed) -> AuditRecord {
-        let Self { time, actor, source } = self.clone();
-        AuditRecord { time, actor, source, robot: None, deed }
-    }
 }
 
 /// A version to add.

@@ -6,9 +6,11 @@ use r6_api::gateway::{AuditRecord, Deed};
 
 use super::library::removed;
 use super::{
-    Author, Entry, Kept, LibraryError, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
-    StoredRobot, Token, body, token_made, token_revoked,
+    Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
+    StoredRobot, StoredUser, Token, UserChange, body, check_link, decide, link_made, token_made,
+    token_revoked, user_changed,
 };
+use crate::core::account::{Decided, UserName};
 use crate::core::chain::{Hash, link};
 use crate::core::library::{Condition, MAX_VERSIONS, ProgramName};
 use crate::core::name::RobotName;
@@ -24,6 +26,8 @@ pub struct Memory {
     robots: BTreeMap<RobotName, StoredRobot>,
     /// The versions of each program, the oldest first.
     programs: BTreeMap<ProgramName, Vec<(Kept, String)>>,
+    users: BTreeMap<UserName, StoredUser>,
+    links: Vec<Link>,
 }
 
 impl Store for Memory {
@@ -57,27 +61,69 @@ impl Store for Memory {
         Ok(open.into_iter().collect())
     }
 
-    fn add_token(&mut self, token: &NewToken, time: &str) -> Result<i64, StoreError> {
+    fn add_token(&mut self, token: &NewToken, author: &Author) -> Result<i64, StoreError> {
         if self.tokens.len() >= MAX_TOKENS {
             return Err(StoreError::TooManyTokens);
         }
         let number = self.last_token + 1;
-        self.append(&[token_made(number, token, time)])?;
+        self.append(&[token_made(number, token, author)])?;
         self.last_token = number;
         let NewToken { hash, grant, name } = token.clone();
         self.tokens.push(Token { number, hash, grant, name });
         Ok(number)
     }
 
-    fn revoke_token(&mut self, number: i64, time: &str) -> Result<bool, StoreError> {
+    fn revoke_token(&mut self, number: i64, author: &Author) -> Result<bool, StoreError> {
         let Some(at) = self.tokens.iter().position(|token| token.number == number) else { return Ok(false) };
-        self.append(&[token_revoked(number, time)])?;
+        self.append(&[token_revoked(number, author)])?;
         self.tokens.remove(at);
         Ok(true)
     }
 
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError> {
         Ok(self.tokens.clone())
+    }
+
+    fn users(&mut self) -> Result<Vec<StoredUser>, StoreError> {
+        Ok(self.users.values().cloned().collect())
+    }
+
+    fn change_user(&mut self, change: &UserChange, author: &Author) -> Result<(Decided, u64), StoreError> {
+        let link =
+            change.link.and_then(|(hash, _)| self.links.iter().find(|link| link.hash == hash)).cloned();
+        let decided = decide(&self.users()?, change, link.as_ref())?;
+        let Some(record) = user_changed(change, &decided, author) else { return Ok((decided, 0)) };
+        let stamp = self.append(&[record])?;
+        let old = self.users.remove(&change.name);
+        let is_removed = decided == Decided::Removed;
+        if let Decided::Made(account) | Decided::Changed(account) = &decided {
+            let created = old.map_or_else(|| author.time.clone(), |old| old.created);
+            let user = StoredUser { account: account.clone(), created, stamp };
+            self.users.insert(change.name.clone(), user);
+        }
+        if is_removed || change.wish.sets_password() {
+            self.links.retain(|link| link.user.as_ref() != Some(&change.name));
+        }
+        self.links.retain(|link| change.link.is_none_or(|(hash, _)| hash != link.hash));
+        Ok((decided, stamp))
+    }
+
+    fn put_link(&mut self, link: &Link, author: &Author) -> Result<(), StoreError> {
+        check_link(&self.users()?, link)?;
+        self.append(&[link_made(link, author)])?;
+        self.links.retain(|other| other.user != link.user);
+        self.links.push(link.clone());
+        Ok(())
+    }
+
+    fn link(&mut self, hash: &[u8; 32], now: u64) -> Result<Option<Link>, StoreError> {
+        let mut valid = self.links.iter().filter(|link| link.is_valid(now));
+        Ok(valid.find(|link| link.hash == *hash).cloned())
+    }
+
+    fn remove_setup_link(&mut self) -> Result<(), StoreError> {
+        self.links.retain(|link| link.user.is_some());
+        Ok(())
     }
 
     fn seat(&mut self, robot: &RobotName) -> Result<Saved, StoreError> {

@@ -9,9 +9,11 @@ use r6_api::gateway::{AuditRecord, RobotIdentity};
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params};
 
 use super::{
-    Author, Entry, Kept, LibraryError, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
-    StoredRobot, Token, body, role, token_made, token_revoked,
+    Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
+    StoredRobot, StoredUser, Token, UserChange, body, check_link, decide, link_made, role, token_made,
+    token_revoked, user_changed,
 };
+use crate::core::account::{Account, Decided, PasswordHash, UserName};
 use crate::core::chain::{Broken, Hash, link};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
@@ -22,15 +24,16 @@ use crate::files;
 /// The name of the file in the folder.
 pub const FILE: &str = "control.db";
 
-/// The version of the tables, in `PRAGMA user_version`.
-const VERSION: i64 = 2;
+/// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has the
+/// version of a file.
+const TABLES: [&str; 3] = [CONTROL, PROGRAMS, USERS];
 
 /// How long a write waits for another process, such as `r6 gateway token`: its transactions take
 /// milliseconds.
 const BUSY: Duration = Duration::from_secs(5);
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it.
-const TABLES: &str = "
+const CONTROL: &str = "
 CREATE TABLE audit (
     number INTEGER PRIMARY KEY,
     body   TEXT NOT NULL,
@@ -64,9 +67,9 @@ CREATE TABLE robot (
 ) STRICT;
 ";
 
-/// What the second version has besides. The text is the last column, so that lists of programs do not read
+/// Programs, and the model of a robot. The text is the last column, so that lists of programs do not read
 /// it.
-const SECOND: &str = "
+const PROGRAMS: &str = "
 ALTER TABLE robot ADD COLUMN model TEXT;
 CREATE TABLE program (
     name      TEXT NOT NULL,
@@ -82,6 +85,24 @@ CREATE TABLE program (
     PRIMARY KEY (name, version)
 ) STRICT;
 CREATE INDEX program_bytes ON program (bytes);
+";
+
+/// The link for the first admin has the name '', which is the name of no user.
+const USERS: &str = "
+CREATE TABLE user (
+    name     TEXT PRIMARY KEY,
+    role     TEXT NOT NULL,
+    only     TEXT,
+    disabled INTEGER NOT NULL,
+    password TEXT,
+    created  TEXT NOT NULL,
+    stamp    INTEGER NOT NULL
+) STRICT;
+CREATE TABLE link (
+    user TEXT PRIMARY KEY,
+    hash BLOB NOT NULL,
+    made INTEGER NOT NULL
+) STRICT;
 ";
 
 /// A store in `control.db` of a folder.
@@ -123,21 +144,16 @@ impl Sqlite {
         connection.pragma_update(None, "synchronous", "FULL")?;
         let mut store = Self { connection };
         let transaction = store.write()?;
-        let version: i64 = transaction.query_row("PRAGMA user_version", [], |row| row.get(0))?;
-        match version {
-            0 => {
-                transaction.execute_batch(TABLES)?;
-                transaction.execute_batch(SECOND)?;
-            }
-            1 => transaction.execute_batch(SECOND)?,
-            VERSION => {}
-            newer => {
-                let told = format!("{} is of a newer r6 (tables {newer})", path.display());
-                return Err(StoreError::Unavailable(told));
-            }
+        let version: usize = transaction.query_row("PRAGMA user_version", [], |row| row.get(0))?;
+        let Some(missing) = TABLES.get(version..) else {
+            let told = format!("{} is of a newer r6 (tables {version})", path.display());
+            return Err(StoreError::Unavailable(told));
+        };
+        for tables in missing {
+            transaction.execute_batch(tables)?;
         }
-        if version != VERSION {
-            transaction.pragma_update(None, "user_version", VERSION)?;
+        if !missing.is_empty() {
+            transaction.pragma_update(None, "user_version", TABLES.len())?;
         }
         transaction.commit()?;
         Ok(store)
@@ -218,6 +234,46 @@ fn append_in(transaction: &Transaction<'_>, records: &[AuditRecord]) -> Result<u
     Ok(last + 1)
 }
 
+/// The users. A transaction is a connection, too.
+fn users_in(connection: &Connection) -> Result<Vec<StoredUser>, StoreError> {
+    let mut select = connection.prepare_cached(
+        "SELECT name, role, only, disabled, password, created, stamp FROM user ORDER BY name",
+    )?;
+    let rows = select.query_map([], |row| {
+        let name: String = row.get(0)?;
+        let password: Option<String> = row.get(4)?;
+        Ok((name, row.get::<_, String>(1)?, row.get(2)?, row.get(3)?, password, row.get(5)?, row.get(6)?))
+    })?;
+    rows.map(|row| {
+        let (name, role, only, disabled, password, created, stamp) = row?;
+        let name = user_name(&name)?;
+        let password = password.map(PasswordHash);
+        let account = Account { name, grant: grant(&role, only)?, disabled, password };
+        Ok(StoredUser { account, created, stamp })
+    })
+    .collect()
+}
+
+fn link_in(connection: &Connection, hash: &[u8; 32]) -> Result<Option<Link>, StoreError> {
+    let mut select = connection.prepare_cached("SELECT user, made FROM link WHERE hash = ?1")?;
+    let row =
+        select.query_row([hash.as_slice()], |row| Ok((row.get::<_, String>(0)?, row.get(1)?))).optional()?;
+    let Some((user, made)) = row else { return Ok(None) };
+    let user = if user.is_empty() { None } else { Some(user_name(&user)?) };
+    Ok(Some(Link { hash: *hash, user, made }))
+}
+
+fn user_name(text: &str) -> Result<UserName, StoreError> {
+    UserName::new(text).ok_or_else(|| StoreError::Unreadable(format!("the user `{text}`")))
+}
+
+fn grant(word: &str, only: Option<String>) -> Result<Grant, StoreError> {
+    let only = only.map(|only| {
+        RobotName::new(&only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`")))
+    });
+    Ok(Grant { role: role(word)?, only: only.transpose()? })
+}
+
 impl Store for Sqlite {
     fn append(&mut self, records: &[AuditRecord]) -> Result<u64, StoreError> {
         let transaction = self.write()?;
@@ -250,7 +306,7 @@ impl Store for Sqlite {
         Ok(rows.collect::<Result<_, _>>()?)
     }
 
-    fn add_token(&mut self, token: &NewToken, time: &str) -> Result<i64, StoreError> {
+    fn add_token(&mut self, token: &NewToken, author: &Author) -> Result<i64, StoreError> {
         let transaction = self.write()?;
         let known: usize =
             transaction
@@ -261,24 +317,24 @@ impl Store for Sqlite {
         let only = token.grant.only.as_ref().map(RobotName::as_str);
         transaction.execute(
             "INSERT INTO token (hash, role, only, name, made) VALUES (?1, ?2, ?3, ?4, ?5)",
-            params![token.hash, token.grant.role.word(), only, token.name, time],
+            params![token.hash, token.grant.role.word(), only, token.name, author.time],
         )?;
         let number = transaction.last_insert_rowid();
-        append_in(&transaction, &[token_made(number, token, time)])?;
+        append_in(&transaction, &[token_made(number, token, author)])?;
         transaction.commit()?;
         Ok(number)
     }
 
-    fn revoke_token(&mut self, number: i64, time: &str) -> Result<bool, StoreError> {
+    fn revoke_token(&mut self, number: i64, author: &Author) -> Result<bool, StoreError> {
         let transaction = self.write()?;
         let revoked = transaction.execute(
             "UPDATE token SET revoked = ?2 WHERE number = ?1 AND revoked IS NULL",
-            params![number, time],
+            params![number, author.time],
         )?;
         if revoked == 0 {
             return Ok(false);
         }
-        append_in(&transaction, &[token_revoked(number, time)])?;
+        append_in(&transaction, &[token_revoked(number, author)])?;
         transaction.commit()?;
         Ok(true)
     }
@@ -293,13 +349,73 @@ impl Store for Sqlite {
         })?;
         rows.map(|row| {
             let (number, hash, word, only, name) = row?;
-            let only = only.map(|only| {
-                RobotName::new(&only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`")))
-            });
-            let grant = Grant { role: role(&word)?, only: only.transpose()? };
-            Ok(Token { number, hash, grant, name })
+            Ok(Token { number, hash, grant: grant(&word, only)?, name })
         })
         .collect()
+    }
+
+    fn users(&mut self) -> Result<Vec<StoredUser>, StoreError> {
+        users_in(&self.connection)
+    }
+
+    fn change_user(&mut self, change: &UserChange, author: &Author) -> Result<(Decided, u64), StoreError> {
+        let transaction = self.write()?;
+        let link = match &change.link {
+            Some((hash, _)) => link_in(&transaction, hash)?,
+            None => None,
+        };
+        let users = users_in(&transaction)?;
+        let decided = decide(&users, change, link.as_ref())?;
+        let Some(record) = user_changed(change, &decided, author) else { return Ok((decided, 0)) };
+        let stamp = append_in(&transaction, &[record])?;
+        let name = change.name.as_str();
+        match &decided {
+            Decided::Made(account) | Decided::Changed(account) => {
+                let Account { grant, disabled, password, .. } = account;
+                let only = grant.only.as_ref().map(RobotName::as_str);
+                let password = password.as_ref().map(|hash| hash.0.as_str());
+                transaction.execute(
+                    "INSERT INTO user (name, role, only, disabled, password, created, stamp)
+                     VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)
+                     ON CONFLICT (name) DO UPDATE SET role = excluded.role, only = excluded.only,
+                     disabled = excluded.disabled, password = excluded.password, stamp = excluded.stamp",
+                    params![name, grant.role.word(), only, disabled, password, author.time, stamp],
+                )?;
+            }
+            Decided::Removed => drop(transaction.execute("DELETE FROM user WHERE name = ?1", [name])?),
+            Decided::Same => {}
+        }
+        if decided == Decided::Removed || change.wish.sets_password() {
+            transaction.execute("DELETE FROM link WHERE user = ?1", [name])?;
+        }
+        if let Some((hash, _)) = &change.link {
+            transaction.execute("DELETE FROM link WHERE hash = ?1", [hash.as_slice()])?;
+        }
+        transaction.commit()?;
+        Ok((decided, stamp))
+    }
+
+    fn put_link(&mut self, link: &Link, author: &Author) -> Result<(), StoreError> {
+        let transaction = self.write()?;
+        check_link(&users_in(&transaction)?, link)?;
+        append_in(&transaction, &[link_made(link, author)])?;
+        let user = link.user.as_ref().map_or("", UserName::as_str);
+        transaction.execute(
+            "INSERT INTO link (user, hash, made) VALUES (?1, ?2, ?3)
+             ON CONFLICT (user) DO UPDATE SET hash = excluded.hash, made = excluded.made",
+            params![user, link.hash, link.made],
+        )?;
+        transaction.commit()?;
+        Ok(())
+    }
+
+    fn link(&mut self, hash: &[u8; 32], now: u64) -> Result<Option<Link>, StoreError> {
+        Ok(link_in(&self.connection, hash)?.filter(|link| link.is_valid(now)))
+    }
+
+    fn remove_setup_link(&mut self) -> Result<(), StoreError> {
+        self.connection.execute("DELETE FROM link WHERE user = ''", [])?;
+        Ok(())
     }
 
     fn seat(&mut self, robot: &RobotName) -> Result<Saved, StoreError> {

@@ -8,36 +8,60 @@ use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
-use crate::support::{Hall, PATIENCE, call, name};
+use crate::support::{Hall, PATIENCE, call, name, request};
 
-/// The lowest role of each route; `None` needs no token. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Option<Role>); 26] = [
-    ("GET", "/healthz", None),
-    ("GET", "/metrics", Some(Role::Viewer)),
-    ("GET", "/readyz", Some(Role::Viewer)),
-    ("GET", "/v1/audit", Some(Role::Engineer)),
-    ("GET", "/v1/events", Some(Role::Viewer)),
-    ("GET", "/v1/live", Some(Role::Viewer)),
-    ("GET", "/v1/openapi.json", Some(Role::Viewer)),
-    ("GET", "/v1/programs", Some(Role::Viewer)),
-    ("POST", "/v1/programs/check", Some(Role::Viewer)),
-    ("POST", "/v1/programs/plan", Some(Role::Viewer)),
-    ("GET", "/v1/programs/{program}", Some(Role::Viewer)),
-    ("PUT", "/v1/programs/{program}", Some(Role::Engineer)),
-    ("DELETE", "/v1/programs/{program}", Some(Role::Engineer)),
-    ("GET", "/v1/programs/{program}/versions", Some(Role::Viewer)),
-    ("GET", "/v1/robots", Some(Role::Viewer)),
-    ("GET", "/v1/robots/{name}", Some(Role::Viewer)),
-    ("PUT", "/v1/robots/{name}", Some(Role::Admin)),
-    ("DELETE", "/v1/robots/{name}", Some(Role::Admin)),
-    ("POST", "/v1/robots/{name}/accept-identity", Some(Role::Engineer)),
-    ("POST", "/v1/robots/{name}/clear-stopped", Some(Role::Operator)),
-    ("POST", "/v1/robots/{name}/commands", Some(Role::Operator)),
-    ("GET", "/v1/robots/{name}/history", Some(Role::Viewer)),
-    ("DELETE", "/v1/robots/{name}/lease", Some(Role::Operator)),
-    ("POST", "/v1/robots/{name}/lease", Some(Role::Operator)),
-    ("GET", "/v1/robots/{name}/query", Some(Role::Viewer)),
-    ("POST", "/v1/robots/{name}/stop", Some(Role::Operator)),
+/// Who may use a route.
+#[derive(Clone, Copy)]
+enum Needs {
+    /// Everybody.
+    Nothing,
+    /// A token or a user with this role or a higher one.
+    Role(Role),
+    /// Any user, and no token.
+    User,
+}
+
+/// What each route needs. A route that is not here fails the test.
+const ROUTES: [(&str, &str, Needs); 39] = [
+    ("GET", "/healthz", Needs::Nothing),
+    ("GET", "/metrics", Needs::Role(Role::Viewer)),
+    ("GET", "/readyz", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/audit", Needs::Role(Role::Engineer)),
+    ("GET", "/v1/events", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/live", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/openapi.json", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/robots", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/robots/{name}", Needs::Role(Role::Viewer)),
+    ("PUT", "/v1/robots/{name}", Needs::Role(Role::Admin)),
+    ("DELETE", "/v1/robots/{name}", Needs::Role(Role::Admin)),
+    ("POST", "/v1/robots/{name}/accept-identity", Needs::Role(Role::Engineer)),
+    ("POST", "/v1/robots/{name}/clear-stopped", Needs::Role(Role::Operator)),
+    ("POST", "/v1/robots/{name}/commands", Needs::Role(Role::Operator)),
+    ("GET", "/v1/robots/{name}/history", Needs::Role(Role::Viewer)),
+    ("DELETE", "/v1/robots/{name}/lease", Needs::Role(Role::Operator)),
+    ("POST", "/v1/robots/{name}/lease", Needs::Role(Role::Operator)),
+    ("POST", "/v1/robots/{name}/stop", Needs::Role(Role::Operator)),
+    ("GET", "/setup", Needs::Nothing),
+    ("GET", "/setup.js", Needs::Nothing),
+    ("POST", "/v1/setup", Needs::Nothing),
+    ("POST", "/v1/session", Needs::Nothing),
+    ("GET", "/v1/session", Needs::Role(Role::Viewer)),
+    ("DELETE", "/v1/session", Needs::User),
+    ("PUT", "/v1/session/password", Needs::User),
+    ("GET", "/v1/tokens", Needs::Role(Role::Admin)),
+    ("POST", "/v1/tokens", Needs::Role(Role::Admin)),
+    ("DELETE", "/v1/tokens/{number}", Needs::Role(Role::Admin)),
+    ("GET", "/v1/users", Needs::Role(Role::Admin)),
+    ("PUT", "/v1/users/{name}", Needs::Role(Role::Admin)),
+    ("DELETE", "/v1/users/{name}", Needs::Role(Role::Admin)),
+    ("GET", "/v1/programs", Needs::Role(Role::Viewer)),
+    ("POST", "/v1/programs/check", Needs::Role(Role::Viewer)),
+    ("POST", "/v1/programs/plan", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/programs/{program}", Needs::Role(Role::Viewer)),
+    ("PUT", "/v1/programs/{program}", Needs::Role(Role::Engineer)),
+    ("DELETE", "/v1/programs/{program}", Needs::Role(Role::Engineer)),
+    ("GET", "/v1/programs/{program}/versions", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/robots/{name}/query", Needs::Role(Role::Viewer)),
 ];
 
 /// The routes of the description, methods in upper case.
@@ -51,6 +75,24 @@ fn described() -> Vec<(String, String)> {
     routes.collect()
 }
 
+/// What a route needs, and a path of it.
+fn needs(method: &str, path: &str) -> (Needs, String) {
+    let row = ROUTES.iter().find(|(m, p, _)| *m == method && *p == path);
+    let Some((_, _, needs)) = row else { panic!("{method} {path} has no row in this test") };
+    (*needs, path.replace("{name}", "press").replace("{number}", "press").replace("{program}", "pick"))
+}
+
+/// The status of a request that is allowed, and that has a body with no field of the route.
+fn of_nonsense(method: &str, path: &str) -> u16 {
+    match (method, path) {
+        // The robot is in the configuration, so it is not removed.
+        ("DELETE", "/v1/robots/{name}") => 409,
+        // There is no such user, token or program.
+        ("DELETE", "/v1/users/{name}" | "/v1/tokens/{number}" | "/v1/programs/{program}") => 404,
+        _ => 422,
+    }
+}
+
 #[tokio::test]
 async fn every_route_refuses_strangers_and_lower_roles() {
     let hall = Hall::start().await;
@@ -59,10 +101,10 @@ async fn every_route_refuses_strangers_and_lower_roles() {
     let of_another = of_another.unwrap().1;
     assert_eq!(described().len(), ROUTES.len());
     for (method, path) in described() {
-        let row = ROUTES.iter().find(|(m, p, _)| *m == method && *p == path);
-        let Some((_, _, lowest)) = row else { panic!("{method} {path} has no row in this test") };
-        let Some(lowest) = lowest else { continue };
-        let concrete = path.replace("{name}", "press").replace("{program}", "pick");
+        let (needs, concrete) = needs(&method, &path);
+        if matches!(needs, Needs::Nothing) {
+            continue;
+        }
         // No route has such a field, so nothing is carried out.
         let body = (method != "GET").then(|| json!({ "no": "such field" }));
         for stranger in ["", "r6_0000", "Bearer", &"x".repeat(5000)] {
@@ -70,24 +112,68 @@ async fn every_route_refuses_strangers_and_lower_roles() {
             assert_eq!((status, &problem["code"]), (401, &json!("no_token")), "{method} {path}");
         }
         for (role, token) in Role::ALL.into_iter().zip(tokens) {
-            if role < *lowest {
+            let is_allowed = matches!(needs, Needs::Role(lowest) if role >= lowest);
+            if !is_allowed {
                 let (status, problem) = hall.call(token, &method, &concrete, body.as_ref()).await;
                 let told = (status, &problem["code"]);
                 assert_eq!(told, (403, &json!("not_allowed")), "{method} {path} {role:?}");
             } else if method != "GET" && !path.ends_with("/stop") {
                 let (status, problem) = hall.call(token, &method, &concrete, body.as_ref()).await;
-                let wanted = match (method.as_str(), path.as_str()) {
-                    // The robot is in the configuration, so it is not removed. There is no such program.
-                    ("DELETE", "/v1/robots/{name}") => 409,
-                    ("DELETE", "/v1/programs/{program}") => 404,
-                    _ => 422,
-                };
-                assert_eq!(status, wanted, "{method} {path} {role:?}: {problem}");
+                assert_eq!(status, of_nonsense(&method, &path), "{method} {path} {role:?}: {problem}");
             }
         }
-        if path.contains("{name}") {
+        // Users and tokens are for no single robot.
+        if path.contains("{name}") || path.contains("/users") || path.contains("/tokens") {
             let (status, problem) = hall.call(&of_another, &method, &concrete, body.as_ref()).await;
             assert_eq!((status, &problem["code"]), (403, &json!("not_allowed")), "{method} {path}");
+        }
+    }
+    assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stopped"], false, "it was not stopped");
+}
+
+#[tokio::test]
+async fn every_route_refuses_pages_without_proof_and_lower_roles_of_users() {
+    let hall = Hall::start().await;
+    let mut browsers = Vec::new();
+    for role in Role::ALL {
+        hall.user(role.word(), role).await;
+        browsers.push((role, hall.browser(role.word()).await));
+    }
+    let cookie = |text: &str| format!("Cookie: r6_session={text}\r\n");
+    let address = hall.gateway.address();
+    for (method, path) in described() {
+        let (needs, concrete) = needs(&method, &path);
+        if matches!(needs, Needs::Nothing) {
+            continue;
+        }
+        let body = (method != "GET").then(|| json!({ "no": "such field" }));
+        let two = format!("{}{}", browsers[3].1.headers(), cookie("0000"));
+        for stranger in [cookie(""), cookie("0000"), cookie(&"0".repeat(64)), two] {
+            let answer = request(address, &stranger, &method, &concrete, body.as_ref()).await;
+            assert_eq!((answer.status, &answer.body["code"]), (401, &json!("no_session")), "{method} {path}");
+        }
+        for (role, browser) in &browsers {
+            let told = |(status, problem): (u16, Value)| (status, problem["code"].clone());
+            if method != "GET" {
+                let bare = told(browser.bare(&method, &concrete, body.as_ref()).await);
+                assert_eq!(bare, (403, json!("bad_csrf")), "{method} {path} {role:?}");
+                for proof in ["", "0", &"0".repeat(64), &browsers[0].1.csrf[..63]] {
+                    let headers = format!("{}X-CSRF-Token: {proof}\r\n", browser.headers());
+                    let answer = request(address, &headers, &method, &concrete, body.as_ref()).await;
+                    assert_eq!(answer.body["code"], "bad_csrf", "{method} {path} {role:?} {proof}");
+                }
+            }
+            let is_allowed = match needs {
+                Needs::Nothing | Needs::User => true,
+                Needs::Role(lowest) => *role >= lowest,
+            };
+            if !is_allowed {
+                let refused = told(browser.call(&method, &concrete, body.as_ref()).await);
+                assert_eq!(refused, (403, json!("not_allowed")), "{method} {path} {role:?}");
+            } else if method != "GET" && !path.ends_with("/stop") && path != "/v1/session" {
+                let (status, problem) = browser.call(&method, &concrete, body.as_ref()).await;
+                assert_eq!(status, of_nonsense(&method, &path), "{method} {path} {role:?}: {problem}");
+            }
         }
     }
     assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stopped"], false, "it was not stopped");

@@ -16,3 +16,4 @@ mod streams;
 mod support;
 mod tls;
 mod unread;
+mod users;

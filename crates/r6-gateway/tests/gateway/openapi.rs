@@ -18,25 +18,42 @@ fn the_committed_description_is_what_the_gateway_is() {
     );
 }
 
+/// The routes that need neither a token nor a session.
+const OPEN: [(&str, &str); 5] = [
+    ("get", "/healthz"),
+    ("get", "/setup"),
+    ("get", "/setup.js"),
+    ("post", "/v1/setup"),
+    ("post", "/v1/session"),
+];
+
 #[test]
-fn every_route_but_health_names_its_problems_and_needs_a_token() {
+fn every_route_but_the_open_ones_names_its_problems_and_needs_a_token() {
     let api: Value = serde_json::from_str(&r6_gateway::openapi()).unwrap();
     for (path, methods) in api["paths"].as_object().unwrap() {
         for (method, route) in methods.as_object().unwrap() {
             let statuses = route["responses"].as_object().unwrap();
-            let names_something = path.contains('{')
+            assert!(statuses.contains_key("403"), "{method} {path}");
+            let is_open = OPEN.contains(&(method, path));
+            assert_eq!(route["security"] == json!([{}]), is_open, "{method} {path}");
+            if is_open {
+                continue;
+            }
+            let names_thing = path.contains('{')
                 || path == "/v1/programs/plan"
                 || route["parameters"].to_string().contains("\"robot\"");
-            assert!(statuses.contains_key("403"), "{method} {path}");
             // A stop is never refused for its number.
-            let is_counted = path != "/healthz" && !path.ends_with("/stop");
-            assert_eq!(statuses.contains_key("429"), is_counted, "{method} {path}");
-            assert_eq!(statuses.contains_key("401"), path != "/healthz", "{method} {path}");
+            assert_eq!(statuses.contains_key("429"), !path.ends_with("/stop"), "{method} {path}");
+            assert!(statuses.contains_key("401"), "{method} {path}");
             let adds = method == "put";
-            assert_eq!(statuses.contains_key("404"), names_something && !adds, "{method} {path}");
+            assert_eq!(statuses.contains_key("404"), names_thing && !adds, "{method} {path}");
+            let told = statuses["403"]["description"].as_str().unwrap();
+            assert_eq!(told.contains("`bad_csrf`"), method != "get", "{method} {path}");
         }
     }
-    assert_eq!(api["security"], json!([{ "token": [] }]));
+    assert_eq!(api["security"], json!([{ "token": [] }, { "session": [] }]));
+    let cookie = &api["components"]["securitySchemes"]["session"];
+    assert_eq!((&cookie["in"], &cookie["name"]), (&json!("cookie"), &json!("r6_session")));
 }
 
 #[tokio::test]

@@ -129,6 +129,19 @@ impl Hall {
         self.call(token, "POST", &format!("/v1/robots/{robot}/stop"), None).await
     }
 
+    /// Makes a user with the usual password.
+    pub async fn user(&self, name: &str, role: Role) {
+        let wanted = json!({ "role": role, "password": PASSWORD });
+        let (status, problem) =
+            self.call(&self.admin, "PUT", &format!("/v1/users/{name}"), Some(&wanted)).await;
+        assert_eq!(status, 201, "{problem}");
+    }
+
+    /// A browser in which this user signed in.
+    pub async fn browser(&self, name: &str) -> Browser {
+        Browser::sign_in(self.gateway.address(), name, PASSWORD).await
+    }
+
     /// Acquires the lease of a robot: its key.
     pub async fn lease(&self, token: &str, robot: &str) -> Value {
         let (status, lease) = self.post(token, &format!("/v1/robots/{robot}/lease"), &json!({})).await;
@@ -228,8 +241,8 @@ pub async fn call(
     path: &str,
     body: Option<&Value>,
 ) -> (u16, Value) {
-    let Reply { status, body, .. } = call_with(gateway, token, method, path, "", body).await;
-    (status, body)
+    let answer = request(gateway, &bearer(token), method, path, body).await;
+    (answer.status, answer.body)
 }
 
 /// The same, with these lines of the head besides.
@@ -241,12 +254,35 @@ pub async fn call_with(
     lines: &str,
     body: Option<&Value>,
 ) -> Reply {
+    let headers = bearer(token) + lines;
+    let Answer { status, head, body } = request(gateway, &headers, method, path, body).await;
+    let etag = head.lines().find_map(|line| line.strip_prefix("etag: ")).map(str::to_owned);
+    Reply { status, etag, body }
+}
+
+/// The header with a token; nothing without one.
+fn bearer(token: &str) -> String {
+    if token.is_empty() { String::new() } else { format!("Authorization: Bearer {token}\r\n") }
+}
+
+/// An answer.
+pub struct Answer {
+    pub status: u16,
+    pub head: String,
+    pub body: Value,
+}
+
+/// One request with these headers over a connection of its own.
+pub async fn request(
+    gateway: SocketAddr,
+    headers: &str,
+    method: &str,
+    path: &str,
+    body: Option<&Value>,
+) -> Answer {
     let mut stream = TcpStream::connect(gateway).await.unwrap();
     let body = body.map(Value::to_string);
-    let mut head = format!("{method} {path} HTTP/1.1\r\nHost: {gateway}\r\nConnection: close\r\n{lines}");
-    if !token.is_empty() {
-        head += &format!("Authorization: Bearer {token}\r\n");
-    }
+    let mut head = format!("{method} {path} HTTP/1.1\r\nHost: {gateway}\r\nConnection: close\r\n{headers}");
     if let Some(body) = &body {
         head += &format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
     }
@@ -255,8 +291,51 @@ pub async fn call_with(
     stream.read_to_string(&mut reply).await.unwrap();
     let status = reply.split(' ').nth(1).unwrap_or_else(|| panic!("{reply:?}")).parse().unwrap();
     let (head, body) = reply.split_once("\r\n\r\n").unwrap();
-    let etag = head.lines().find_map(|line| line.strip_prefix("etag: ")).map(str::to_owned);
-    Reply { status, etag, body: serde_json::from_str(body).unwrap_or_else(|_| json!(body)) }
+    let body = serde_json::from_str(body).unwrap_or_else(|_| json!(body));
+    Answer { status, head: head.to_owned(), body }
+}
+
+/// A password of the tests.
+pub const PASSWORD: &str = "correct horse battery";
+
+/// A browser in which a user signed in.
+#[derive(Clone, Debug)]
+pub struct Browser {
+    gateway: SocketAddr,
+    pub cookie: String,
+    pub csrf: String,
+}
+
+impl Browser {
+    pub async fn sign_in(gateway: SocketAddr, name: &str, password: &str) -> Self {
+        let asked = json!({ "name": name, "password": password });
+        let answer = request(gateway, "", "POST", "/v1/session", Some(&asked)).await;
+        assert_eq!(answer.status, 200, "{}", answer.body);
+        let cookie = answer.head.lines().find_map(|line| line.strip_prefix("set-cookie: r6_session="));
+        let (cookie, attributes) = cookie.unwrap().split_once(';').unwrap();
+        assert_eq!(attributes, " HttpOnly; SameSite=Strict; Path=/");
+        assert_eq!(cookie.len(), 64);
+        let csrf = answer.body["csrf"].as_str().unwrap().to_owned();
+        Self { gateway, cookie: cookie.to_owned(), csrf }
+    }
+
+    /// The header with the session.
+    pub fn headers(&self) -> String {
+        format!("Cookie: r6_session={}\r\n", self.cookie)
+    }
+
+    /// A request with the proof that the page belongs to the session.
+    pub async fn call(&self, method: &str, path: &str, body: Option<&Value>) -> (u16, Value) {
+        let headers = format!("{}X-CSRF-Token: {}\r\n", self.headers(), self.csrf);
+        let answer = request(self.gateway, &headers, method, path, body).await;
+        (answer.status, answer.body)
+    }
+
+    /// A request without it.
+    pub async fn bare(&self, method: &str, path: &str, body: Option<&Value>) -> (u16, Value) {
+        let answer = request(self.gateway, &self.headers(), method, path, body).await;
+        (answer.status, answer.body)
+    }
 }
 
 /// A stream of server-sent events.
@@ -274,8 +353,13 @@ pub struct Message {
 
 impl Stream {
     pub async fn open(gateway: SocketAddr, token: &str, path: &str, last_event_id: &str) -> Self {
+        Self::open_with(gateway, &bearer(token), path, last_event_id).await
+    }
+
+    /// A stream of a caller with these headers.
+    pub async fn open_with(gateway: SocketAddr, headers: &str, path: &str, last_event_id: &str) -> Self {
         let mut stream = TcpStream::connect(gateway).await.unwrap();
-        let mut head = format!("GET {path} HTTP/1.1\r\nHost: {gateway}\r\nAuthorization: Bearer {token}\r\n");
+        let mut head = format!("GET {path} HTTP/1.1\r\nHost: {gateway}\r\n{headers}");
         if !last_event_id.is_empty() {
             head += &format!("Last-Event-ID: {last_event_id}\r\n");
         }

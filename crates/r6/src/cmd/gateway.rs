@@ -3,6 +3,7 @@
 mod backup;
 mod config;
 mod token;
+mod user;
 mod verify;
 
 use std::net::SocketAddr;
@@ -31,7 +32,8 @@ const DEFAULT_DATA: &str = "r6-gateway";
 #[command(
     args_conflicts_with_subcommands = true,
     after_help = "\
-Everything needs a token; `r6 gateway token` makes one. Commands that change or move need the lease of \
+Everything needs a token or a user who signed in. `r6 gateway token` makes a token. The gateway prints a link \
+that makes the first user, an admin; it works once and for an hour. Commands that change or move need the lease of \
 the robot too. A stop needs no lease. docs/GATEWAY.md has the API.
 
 Examples:
@@ -78,6 +80,7 @@ pub struct GatewayArgs {
 #[derive(Debug, Subcommand)]
 enum Folder {
     Token(token::TokenArgs),
+    User(user::UserArgs),
     Verify(verify::VerifyArgs),
     Backup(backup::BackupArgs),
     Restore(backup::RestoreArgs),
@@ -88,7 +91,7 @@ struct ServeArgs {
     /// Where to listen; port 0 takes any free port. Without --tls, other machines can see the tokens
     #[arg(long, value_name = "ADDR:PORT", default_value = DEFAULT_LISTEN, value_parser = units::listen_address)]
     listen: SocketAddr,
-    /// Folder for tokens, leases, the audit log and the history
+    /// Folder for tokens, users, leases, the audit log and the history
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
     /// A file with robots, TOML; SIGHUP makes the gateway read it again
@@ -124,6 +127,7 @@ struct ServeArgs {
 pub fn run(args: GatewayArgs, robot_typed: bool) -> Result<Exit, Failure> {
     match args.subcommand {
         Some(Folder::Token(args)) => token::run(args, robot_typed),
+        Some(Folder::User(args)) => user::run(args, robot_typed),
         Some(Folder::Verify(args)) => verify::run(&args),
         Some(Folder::Backup(args)) => backup::backup(&args),
         Some(Folder::Restore(args)) => backup::restore(&args),
@@ -158,6 +162,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let gateway = Gateway::start(settings).await.map_err(Failure::usage)?;
     tell_start(&gateway, &args.data);
     tell_raw(&gateway, rules);
+    tell_link(&gateway).await;
     loop {
         let asked = async {
             match &mut rereading {
@@ -197,7 +202,7 @@ fn tell_start(gateway: &Gateway, data: &Path) {
     }
     if r6_gateway::list_tokens(data).is_ok_and(|tokens| tokens.is_empty()) {
         output::note(format_args!(
-            "r6: it cannot be used yet: `r6 gateway token --data {} --role operator` makes a token",
+            "r6: no program can use it yet: `r6 gateway token --data {} --role operator` makes a token",
             data.display()
         ));
     }
@@ -227,6 +232,16 @@ fn tell_raw(gateway: &Gateway, rules: bool) {
         output::note(
             "r6: there is no [[raw_rule]]: over raw ports, programs of this machine may read and stop, and others nothing",
         );
+    }
+}
+
+async fn tell_link(gateway: &Gateway) {
+    match gateway.setup_link().await {
+        Ok(Some(link)) => {
+            output::line(format_args!("to make the first admin, once and within an hour: {link}"))
+        }
+        Ok(None) => {}
+        Err(error) => output::note(format_args!("r6: no link for a first admin: {error}")),
     }
 }
 

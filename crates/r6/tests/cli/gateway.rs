@@ -38,6 +38,13 @@ fn gateway(data: &str, more: &[&str]) -> (Running, String) {
     (gateway, url)
 }
 
+/// The link that makes the first admin, which a gateway prints last.
+fn setup_link(gateway: &mut Running) -> String {
+    let line = gateway.line();
+    let link = line.strip_prefix("to make the first admin, once and within an hour: ");
+    link.unwrap_or_else(|| panic!("{line}")).to_owned()
+}
+
 /// A token of this folder.
 fn token(data: &str, role: &str) -> String {
     r6(&["gateway", "token", "--data", data, "--role", role]).out.trim().to_owned()
@@ -102,6 +109,7 @@ fn a_hangup_makes_it_read_the_file_again_and_a_mistake_changes_nothing() {
     std::fs::write(&file, table("press", &robots[0])).unwrap();
     let path = file.display().to_string();
     let (mut gateway, url) = gateway(&data, &["--config", &path]);
+    setup_link(&mut gateway);
     let admin = token(&data, "admin");
     assert_eq!(get(&url, &admin, "/v1/robots/saw").0, 404);
 
@@ -174,8 +182,8 @@ fn a_value_is_read_with_a_token_and_the_log_is_whole_in_the_end() {
     gateway.signal("TERM");
     assert_eq!(gateway.code(), Some(0));
     let verified = r6(&["gateway", "verify", "--data", &data, "--json"]).json();
-    // Two tokens, one revoked, a start and an end.
-    assert_eq!((&verified["whole"], &verified["entries"]), (&true.into(), &5.into()));
+    // Two tokens, one revoked, a link, a start and an end.
+    assert_eq!((&verified["whole"], &verified["entries"]), (&true.into(), &6.into()));
 }
 
 #[test]
@@ -244,6 +252,7 @@ fn a_hangup_exchanges_the_rules_of_raw_ports() {
     let path = file.display().to_string();
     let (mut gateway, url) = gateway(&data, &["--config", &path]);
     let raw = gateway.line().strip_prefix("raw port of press on ").unwrap().to_owned();
+    setup_link(&mut gateway);
     let viewer = token(&data, "viewer");
     until(|| (get(&url, &viewer, "/v1/robots/press").1["link"] == "up").then_some(()));
     let ask = || {
@@ -298,4 +307,105 @@ fn a_backup_of_a_gateway_that_runs_becomes_the_folder_of_another_where_a_stop_ho
     assert_eq!(running.end("TERM"), Some(0));
     let verified = r6(&["gateway", "verify", "--data", &new]);
     assert_eq!(verified.code, 0, "{verified:?}");
+}
+
+/// A request of a user: the status, the headers and the body.
+fn send(gateway: &str, method: &str, path: &str, headers: &str, body: &str) -> (u16, String, Value) {
+    let host = gateway.strip_prefix("http://").unwrap();
+    let mut stream = TcpStream::connect(host).unwrap();
+    let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{headers}");
+    let length = format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
+    write!(stream, "{head}{length}\r\n{body}").unwrap();
+    let mut reply = String::new();
+    stream.read_to_string(&mut reply).unwrap();
+    let (head, body) = reply.split_once("\r\n\r\n").unwrap();
+    let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+    (status, head.to_owned(), serde_json::from_str(body).unwrap_or(Value::Null))
+}
+
+/// All files below a folder.
+fn files(folder: &std::path::Path) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
+}
+
+#[test]
+fn users_are_made_and_sign_in_and_no_secret_is_in_a_file_or_in_the_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data").display().to_string();
+    let (mut gateway, url) = gateway(&data, &["-vvv", "--robot", "press=127.0.0.1:1"]);
+    // It is read all the time, so that what it says is not held up.
+    let mut errors = gateway.close_stdin();
+    let errors = std::thread::spawn(move || {
+        let mut text = String::new();
+        errors.read_to_string(&mut text).map(|_| text)
+    });
+    let link = setup_link(&mut gateway);
+    let secret = link.strip_prefix(&format!("{url}/setup#")).unwrap().to_owned();
+    let asked = format!(r#"{{"secret":"{secret}","name":"anna","password":"first password"}}"#);
+    assert_eq!(send(&url, "POST", "/v1/setup", "", &asked).0, 204);
+    assert_eq!(send(&url, "POST", "/v1/setup", "", &asked).0, 410);
+
+    // The admin forgot it.
+    let link = r6(&["gateway", "user", "--data", &data, "--link", "anna", "--url", &url]).out;
+    let (reset, name) = link.trim().strip_prefix(&format!("{url}/setup#")).unwrap().split_once('&').unwrap();
+    assert_eq!(name, "anna");
+    let asked = format!(r#"{{"secret":"{reset}","name":"anna","password":"second password"}}"#);
+    assert_eq!(send(&url, "POST", "/v1/setup", "", &asked).0, 204);
+    let sign_in = |password: &str| {
+        let asked = format!(r#"{{"name":"anna","password":"{password}"}}"#);
+        send(&url, "POST", "/v1/session", "", &asked)
+    };
+    assert_eq!(sign_in("first password").0, 401);
+    let (status, head, session) = sign_in("second password");
+    assert_eq!(status, 200, "{session}");
+    let cookie = head.split_once("r6_session=").unwrap().1.split_once(';').unwrap().0.to_owned();
+    let csrf = session["csrf"].as_str().unwrap().to_owned();
+    let headers = format!("Cookie: r6_session={cookie}\r\nX-CSRF-Token: {csrf}\r\n");
+    let wanted = r#"{"role":"viewer","password":"third password"}"#;
+    assert_eq!(send(&url, "PUT", "/v1/users/ben", &headers, wanted).0, 201);
+    let change = r#"{"old":"second password","new":"fourth password"}"#;
+    assert_eq!(send(&url, "PUT", "/v1/session/password", &headers, change).0, 204);
+    assert_eq!(send(&url, "DELETE", "/v1/session", &headers, "").0, 204);
+
+    let add = ["gateway", "user", "--data", &data, "--add"];
+    let added = r6(&[&add[..], &["cem", "--role", "engineer", "--robot", "press"]].concat());
+    assert!(added.code == 0 && added.out.starts_with("http://127.0.0.1:9780/setup#"), "{added:?}");
+    let of_cem = added.out.trim().split_once('#').unwrap().1.split_once('&').unwrap().0.to_owned();
+    assert_eq!(r6(&[&add[..], &["cem", "--role", "viewer"]].concat()).code, 2, "the name is taken");
+    assert_eq!(r6(&[&add[..], &["Cem", "--role", "viewer"]].concat()).code, 2);
+    let list = |data: &str| r6(&["gateway", "user", "--data", data, "--list"]).out;
+    let listed = list(&data);
+    for part in ["anna", "admin of all robots", "ben", "cem", "engineer of press", "no password yet"] {
+        assert!(listed.contains(part), "{part}: {listed}");
+    }
+    let disable = |name| r6(&["gateway", "user", "--data", &data, "--disable", name]);
+    assert_eq!(disable("ben").out, "user ben is disabled\n");
+    assert!(list(&data).contains("disabled"));
+    let last = disable("anna");
+    assert!(last.code == 2 && last.err.contains("last admin"), "{last:?}");
+    assert_eq!(r6(&["gateway", "user", "--data", &data, "--link", "no-user"]).code, 2);
+
+    gateway.signal("TERM");
+    let errors = errors.join().unwrap().unwrap();
+    assert!(errors.contains("a user signed in"), "it says what happens: {errors}");
+    let output = errors + &gateway.rest();
+    let passwords = ["first", "second", "third", "fourth"].map(|word| format!("{word} password"));
+    let secrets = [secret, reset.to_owned(), of_cem, cookie, csrf];
+    for text in passwords.iter().chain(&secrets) {
+        assert!(!output.contains(text.as_str()), "{text} is in the output");
+        for path in files(folder.path()) {
+            let bytes = std::fs::read(&path).unwrap();
+            assert!(
+                !bytes.windows(text.len()).any(|part| part == text.as_bytes()),
+                "{text}: {}",
+                path.display()
+            );
+        }
+    }
+    // The next start has an admin, so it prints no link.
+    let (again, _) = self::gateway(&data, &[]);
+    again.signal("TERM");
+    let mut again = again;
+    assert_eq!(again.rest(), "");
 }

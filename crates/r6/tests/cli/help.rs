@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-pub(crate) const SUBCOMMANDS: [&str; 24] = [
+pub(crate) const SUBCOMMANDS: [&str; 25] = [
     "up",
     "sim",
     "discover",
@@ -23,6 +23,7 @@ pub(crate) const SUBCOMMANDS: [&str; 24] = [
     "panel jog",
     "gateway",
     "gateway token",
+    "gateway user",
     "gateway verify",
     "alarm",
     "inspect",

@@ -69,8 +69,10 @@ pub fn open(upgrade: WebSocketUpgrade, feed: Feed, begins_later: bool) -> Respon
 enum End {
     /// The peer has closed it, or the connection was lost.
     Closed,
-    /// The caller may not read any more.
-    NotAllowed,
+    /// The token is not valid any more.
+    NoToken,
+    /// The session has ended.
+    NoSession,
     /// The peer did not take a message in time.
     TooSlow,
     /// Nothing came from the peer, not even an answer to a ping.
@@ -88,7 +90,8 @@ impl End {
     fn frame(self) -> Option<(u16, Code, &'static str)> {
         match self {
             Self::Closed => None,
-            Self::NotAllowed => Some((1008, Code::NoToken, "the token is not valid any more")),
+            Self::NoToken => Some((1008, Code::NoToken, "the token is not valid any more")),
+            Self::NoSession => Some((1008, Code::NoSession, "the session has ended")),
             Self::TooSlow => Some((1013, Code::TooSlow, "a message was not read within 5 s")),
             Self::Silent => Some((1013, Code::TooSlow, "no answer to a ping within 30 s")),
             Self::TooLong => Some((1009, Code::TooLong, "a message has 128 KiB at most")),
@@ -131,7 +134,7 @@ async fn until_not_allowed(caller: &Caller, state: &State) -> End {
     while caller.is_still_valid(state) {
         tokio::time::sleep(LOOK).await;
     }
-    End::NotAllowed
+    if caller.session().is_some() { End::NoSession } else { End::NoToken }
 }
 
 async fn write(

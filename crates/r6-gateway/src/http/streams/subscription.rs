@@ -197,7 +197,7 @@ impl Subscription {
 
     /// Whether the reader follows this robot, and may.
     pub fn covers(&self, caller: &Caller, robot: &str) -> bool {
-        caller.token.grant.covers(robot) && self.robots.as_ref().is_none_or(|robots| robots.contains(robot))
+        caller.grant().covers(robot) && self.robots.as_ref().is_none_or(|robots| robots.contains(robot))
     }
 
     /// What is followed, for the reader.

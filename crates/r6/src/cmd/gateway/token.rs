@@ -54,7 +54,7 @@ pub struct TokenArgs {
 }
 
 /// Reads a role.
-fn role() -> impl TypedValueParser<Value = Role> {
+pub(super) fn role() -> impl TypedValueParser<Value = Role> {
     PossibleValuesParser::new(Role::ALL.map(Role::word)).try_map(|word| Role::of_word(&word).ok_or("no role"))
 }
 
@@ -71,11 +71,7 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let Some(role) = args.role else {
         return list(&args.data);
     };
-    let only = args.only.filter(|_| robot_typed).map(|name| {
-        RobotName::new(&name)
-            .ok_or_else(|| Failure::usage(format!("--robot {name}: it has to be {}", RobotName::WANTED)))
-    });
-    let only = only.transpose()?;
+    let only = only(args.only.as_deref().filter(|_| robot_typed))?;
     if args.name.chars().count() > MAX_NAME || args.name.chars().any(char::is_control) {
         let wanted = format!("--name has at most {MAX_NAME} characters, and no control characters");
         return Err(Failure::usage(wanted));
@@ -99,7 +95,17 @@ fn list(data: &Path) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn what(role: Role, only: Option<&RobotName>) -> String {
+/// The robot of `--robot`.
+pub(super) fn only(robot: Option<&str>) -> Result<Option<RobotName>, Failure> {
+    let read = |name| {
+        RobotName::new(name)
+            .ok_or_else(|| Failure::usage(format!("--robot {name}: it has to be {}", RobotName::WANTED)))
+    };
+    robot.map(read).transpose()
+}
+
+/// What a token or a user may do, for people.
+pub(super) fn what(role: Role, only: Option<&RobotName>) -> String {
     match only {
         Some(only) => format!("{} of {only}", role.word()),
         None => format!("{} of all robots", role.word()),

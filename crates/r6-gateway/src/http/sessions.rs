@@ -1,0 +1,137 @@
+//! Signing in and out.
+
+use std::time::Duration;
+
+use axum::extract::State as Of;
+use axum::http::StatusCode;
+use axum::http::header::{CACHE_CONTROL, SET_COOKIE};
+use axum::response::{IntoResponse, Response};
+use r6_api::Problem;
+use r6_api::gateway::{PasswordChange, Session, SignIn};
+use r6_http::Refusal;
+use r6_proto::time::Instant;
+
+use super::body::Json;
+use super::caller::{Caller, Source, User};
+use super::described::{OfBody, OfChange, OfToken};
+use super::{State, cookie, refusal};
+use crate::accounts::SignedIn;
+use crate::clock;
+
+/// Signs a user in: sets the cookie `r6_session`. The answer has the `csrf` that every later request with the
+/// cookie needs in `X-CSRF-Token`, unless it is a `GET`. A session ends 15 minutes after its last request, or
+/// after 8 hours. Wrong passwords make the next tries wait.
+#[utoipa::path(
+    post,
+    path = "/v1/session",
+    security(()),
+    request_body = SignIn,
+    responses(
+        (status = 200, description = "The session, with `Set-Cookie`", body = Session),
+        (status = 401, description = "`wrong_password`; `no_session`: the user was changed meanwhile", body = Problem),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 422, description = "`bad_value`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+        (status = 503, description = "`overloaded`, `store_unavailable`", body = Problem),
+        (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+        OfBody,
+    )
+)]
+pub async fn sign_in(
+    Source(source): Source,
+    Of(state): Of<State>,
+    Json(asked): Json<SignIn>,
+) -> Result<Response, Refusal> {
+    // A caller that hangs up has tried a password all the same.
+    let work = tokio::spawn(async move { state.accounts.sign_in(asked, source).await });
+    let (secret, signed_in) = work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?;
+    let headers =
+        [(SET_COOKIE, cookie::set(&secret.0, state.is_secure)), (CACHE_CONTROL, "no-store".to_owned())];
+    Ok((headers, axum::Json(of_user(&signed_in))).into_response())
+}
+
+/// Who calls, and until when the session is open. This counts as a request of the session.
+#[utoipa::path(get, path = "/v1/session", responses(
+    (status = 200, description = "The caller", body = Session),
+    OfToken,
+))]
+pub async fn show(caller: Caller) -> impl IntoResponse {
+    let session = caller.session().map_or_else(|| of_token(&caller), of_user);
+    ([(CACHE_CONTROL, "no-store")], axum::Json(session))
+}
+
+/// Signs out. Streams of the session end within a second.
+#[utoipa::path(delete, path = "/v1/session", responses(
+    (status = 204, description = "The session has ended"),
+    OfChange,
+))]
+pub async fn sign_out(user: User, Of(state): Of<State>) -> Result<impl IntoResponse, Refusal> {
+    let (id, by) = (user.signed_in.id, user.caller.by());
+    let work = tokio::spawn(async move { state.accounts.sign_out(&id, &by).await });
+    work.await.map_err(refusal::of_lost_work)?;
+    Ok((StatusCode::NO_CONTENT, [(SET_COOKIE, cookie::unset(state.is_secure))]))
+}
+
+/// Gives the caller another password. The other sessions of the user end.
+#[utoipa::path(
+    put,
+    path = "/v1/session/password",
+    request_body = PasswordChange,
+    responses(
+        (status = 204, description = "The new password is valid"),
+        (
+            status = 401,
+            description = "`no_token`, `no_session`; `wrong_password`: the old one is wrong",
+            body = Problem
+        ),
+        (status = 403, description = "`not_allowed` for a token; `bad_csrf`, `foreign_host`, `foreign_origin`", body = Problem),
+        (status = 422, description = "`bad_value`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+        (status = 503, description = "`overloaded`, `store_unavailable`", body = Problem),
+        (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+        OfBody,
+    )
+)]
+pub async fn change_password(
+    user: User,
+    Source(source): Source,
+    Of(state): Of<State>,
+    Json(asked): Json<PasswordChange>,
+) -> Result<StatusCode, Refusal> {
+    let (signed_in, author) = (user.signed_in, user.caller.author());
+    let work =
+        tokio::spawn(async move { state.accounts.change_password(&signed_in, asked, author, source).await });
+    let changed = work.await.map_err(refusal::of_lost_work)?;
+    changed.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
+}
+
+fn of_user(signed_in: &SignedIn) -> Session {
+    let account = &signed_in.user.account;
+    let left = |until: Instant| millis(until.since(clock::now()));
+    Session {
+        user: Some(account.name.to_string()),
+        token: None,
+        role: account.grant.role,
+        robot: account.grant.only.as_ref().map(ToString::to_string),
+        csrf: Some(signed_in.csrf.clone()),
+        idle_ends_in_ms: Some(left(signed_in.ends.0)),
+        ends_in_ms: Some(left(signed_in.ends.1)),
+    }
+}
+
+fn of_token(caller: &Caller) -> Session {
+    let grant = caller.grant();
+    Session {
+        user: None,
+        token: caller.token(),
+        role: grant.role,
+        robot: grant.only.as_ref().map(ToString::to_string),
+        csrf: None,
+        idle_ends_in_ms: None,
+        ends_in_ms: None,
+    }
+}
+
+fn millis(time: Duration) -> u64 {
+    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
+}

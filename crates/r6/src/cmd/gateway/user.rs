@@ -1,0 +1,106 @@
+//! `r6 gateway user`: makes, lists and disables users, and makes one-time links, whether the gateway runs or
+//! not.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use r6_api::gateway::Role;
+use r6_gateway::{Account, Grant, UserName};
+
+use super::{DEFAULT_DATA, DEFAULT_LISTEN, token};
+use crate::exit::{Exit, Failure};
+use crate::output::{self, table::Table};
+
+/// Make a user, list or disable users, or print a link with which a user sets a password
+#[derive(Debug, Args)]
+#[command(after_help = "\
+A new user has no password yet: the link that is printed lets the user set one. A link works once and for an \
+hour. It does not matter whether the gateway runs. Open the link in a browser on a computer that reaches the \
+gateway, with --url if that is not this one.
+
+An admin who forgot the password: --link NAME. If no admin can sign in, a gateway that starts prints a link \
+that makes one.
+
+Roles are those of tokens: `r6 gateway token --help`. Admins change users over HTTP too.
+
+Examples:
+  r6 gateway user --add anna --role operator
+  r6 gateway user --add ben --role engineer --robot press-4
+  r6 gateway user --link anna --url http://192.168.1.2:9780
+  r6 gateway user --list
+  r6 gateway user --disable ben")]
+pub struct UserArgs {
+    /// Folder of the gateway
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
+    data: PathBuf,
+    /// Make a user with this name, and print a link for the password
+    #[arg(long, value_name = "NAME", requires = "role", required_unless_present_any = ["list", "disable", "link"])]
+    add: Option<String>,
+    /// What the user may do
+    #[arg(long, value_parser = token::role(), requires = "add")]
+    role: Option<Role>,
+    /// The only robot that the user is for
+    // The id is that of the global option, so that this one stands in its place.
+    #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME")]
+    only: Option<String>,
+    /// Print the users
+    #[arg(long, conflicts_with_all = ["add", "disable", "link"])]
+    list: bool,
+    /// Disable the user with this name: a running gateway ends the sessions within a second
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["add", "link"])]
+    disable: Option<String>,
+    /// Print a link with which the user with this name sets a new password
+    #[arg(long, value_name = "NAME", conflicts_with = "add")]
+    link: Option<String>,
+    /// The address of the gateway in links
+    #[arg(long, value_name = "URL", default_value_t = format!("http://{DEFAULT_LISTEN}"))]
+    url: String,
+}
+
+/// Makes, lists or disables users, or makes a link.
+pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
+    if let Some(name) = &args.disable {
+        r6_gateway::disable_user(&args.data, user(name)?).map_err(Failure::usage)?;
+        output::line(format_args!("user {name} is disabled"));
+        return Ok(Exit::Done);
+    }
+    if let Some(name) = &args.link {
+        return link(&args, user(name)?);
+    }
+    let (Some(name), Some(role)) = (&args.add, args.role) else {
+        return list(&args.data);
+    };
+    let name = user(name)?;
+    let only = token::only(args.only.as_deref().filter(|_| robot_typed))?;
+    let what = token::what(role, only.as_ref());
+    r6_gateway::add_user(&args.data, name.clone(), Grant { role, only }).map_err(Failure::usage)?;
+    output::note(format_args!("user {name}: {what}. The link sets the password, once and within an hour"));
+    link(&args, name)
+}
+
+fn user(name: &str) -> Result<UserName, Failure> {
+    UserName::new(name).ok_or_else(|| Failure::usage(format!("`{name}`: it has to be {}", UserName::WANTED)))
+}
+
+fn link(args: &UserArgs, name: UserName) -> Result<Exit, Failure> {
+    let link = r6_gateway::make_link(&args.data, name).map_err(|error| {
+        Failure::usage(error).advise("`r6 gateway user --list` prints the users of this folder")
+    })?;
+    output::line(format_args!("{}/setup{link}", args.url.trim_end_matches('/')));
+    Ok(Exit::Done)
+}
+
+fn list(data: &Path) -> Result<Exit, Failure> {
+    let users = r6_gateway::list_users(data).map_err(Failure::usage)?;
+    let mut table = Table::new();
+    for Account { name, grant, disabled, password } in &users {
+        let state = match (disabled, password) {
+            (true, _) => "disabled",
+            (false, None) => "no password yet",
+            (false, Some(_)) => "",
+        };
+        table.row([&name, &token::what(grant.role, grant.only.as_ref()), &state]);
+    }
+    output::line(table);
+    Ok(Exit::Done)
+}
