@@ -8,6 +8,7 @@ mod audit;
 mod command;
 mod history;
 mod live;
+mod production;
 mod program;
 mod robot;
 
@@ -19,10 +20,15 @@ pub use account::{
 };
 pub use audit::{Audit, AuditEntry, AuditRecord, CommandOutcome, Deed, Event, Happened, LeaseEnd};
 pub use command::{CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease};
-pub use history::{Gap, History, HistoryBucket, HistorySample, HistoryState};
+pub use history::{
+    Gap, History, HistoryBucket, HistoryEvent, HistoryEvents, HistorySample, HistoryState, UnseenBecause,
+};
 pub use live::{
     LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveRequest, LiveReset, LiveResume, LiveSent,
     LiveSubscribe, LiveSubscribed,
+};
+pub use production::{
+    AlarmFigure, AlarmFigures, Availability, CycleFigures, PartFigures, Production, StateFigures,
 };
 pub use program::{
     PlanEnd, PlanProblem, PlanProblemType, PlanRequest, PlanSample, PlannedAxis, PlannedStep, ProgramChecked,

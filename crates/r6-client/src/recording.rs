@@ -30,6 +30,8 @@ pub struct Recorded {
     pub reading: Option<Reading>,
     /// The time since it was asked for; the value is no older.
     pub age: Duration,
+    /// The number of the connection over which it came: [`Robot::connection`]. Numbers only grow.
+    pub connection: u64,
 }
 
 impl Robot {
@@ -50,7 +52,12 @@ impl Recording {
     pub async fn next(&mut self) -> Option<Vec<Recorded>> {
         let values = self.polls.recv().await?;
         let now = self.robot.now();
-        let recorded = |Polled { address, reading, at }| Recorded { address, reading, age: now.since(at) };
+        let recorded = |Polled { address, reading, at, connection }| Recorded {
+            address,
+            reading,
+            age: now.since(at),
+            connection,
+        };
         Some(values.into_iter().map(recorded).collect())
     }
 

@@ -25,6 +25,8 @@ pub struct Polled {
     pub reading: Option<Reading>,
     /// When it was asked for.
     pub at: Instant,
+    /// The number of the connection over which it came.
+    pub connection: u64,
 }
 
 /// Where a recording gets its values from.
@@ -47,7 +49,8 @@ impl Tap {
         let rows = result.rows().iter().enumerate();
         let values = rows.filter_map(|(position, (address, value))| {
             let at = asked_at.of(position)?;
-            Some(Polled { address: *address, reading: value.as_ref().ok().cloned(), at })
+            let connection = result.connection();
+            Some(Polled { address: *address, reading: value.as_ref().ok().cloned(), at, connection })
         });
         match self.polls.try_send(values.collect()) {
             Ok(()) => true,

@@ -1,8 +1,10 @@
 //! The clocks of the gateway.
 
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use r6_proto::time::Instant;
+
+use crate::core::history::sample::Micros;
 
 /// The time since the system started. It goes on while the machine sleeps, so that no lease outlives a sleep.
 #[cfg(target_os = "linux")]
@@ -28,6 +30,18 @@ pub fn before(now: Instant, age: Duration) -> Instant {
 /// The time of day: RFC 3339, UTC, microseconds.
 pub fn time_of_day() -> String {
     humantime::format_rfc3339_micros(SystemTime::now()).to_string()
+}
+
+/// The time of day of the system.
+pub fn system() -> Micros {
+    let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Micros(i64::try_from(time.as_micros()).unwrap_or(i64::MAX))
+}
+
+/// A time as text: RFC 3339, UTC, microseconds. Times before 1970 are not kept.
+pub fn text(time: Micros) -> String {
+    let since = Duration::from_micros(u64::try_from(time.0).unwrap_or(0));
+    humantime::format_rfc3339_micros(UNIX_EPOCH.checked_add(since).unwrap_or(UNIX_EPOCH)).to_string()
 }
 
 /// Milliseconds with three decimals.

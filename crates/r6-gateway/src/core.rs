@@ -14,6 +14,8 @@
 //! - [`library`]: the programs that are kept, and which version a change is for.
 //! - [`live`]: what readers of values get, and where they go on.
 //! - [`raw`]: the raw port.
+//! - [`watch`]: what happens at a robot, from the values that are read of it.
+//! - [`production`]: figures of production, from values and events.
 
 pub mod account;
 pub mod chain;
@@ -22,9 +24,11 @@ pub mod library;
 pub mod live;
 pub mod name;
 pub mod order;
+pub mod production;
 pub mod rate;
 pub mod raw;
 pub mod role;
 pub mod seat;
 pub mod session;
 pub mod sign_in;
+pub mod watch;

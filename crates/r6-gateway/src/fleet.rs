@@ -4,7 +4,8 @@
 //! - [`config`]: how one robot is looked after.
 //! - [`roster`]: adds, changes and removes robots while the others go on.
 //! - [`link`]: the task that keeps the connection and reads the values.
-//! - [`record`]: the task that keeps the values.
+//! - [`record`]: the task that keeps the values and what happens.
+//! - [`observe`]: what happens, from the values.
 //! - [`command`]: leases, commands, stops and the acceptance of another robot.
 //! - [`query`]: asks the robot for values that are not read again and again.
 //! - [`counts`]: what happened, counted.
@@ -15,6 +16,7 @@ pub mod command;
 pub mod config;
 pub mod counts;
 pub mod link;
+mod observe;
 pub mod query;
 mod record;
 pub mod roster;

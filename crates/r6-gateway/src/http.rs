@@ -13,6 +13,7 @@ mod health;
 mod history;
 mod leases;
 mod metrics;
+mod production;
 mod programs;
 mod query;
 mod refusal;
@@ -119,6 +120,8 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(streams::live))
         .routes(routes!(audit::page))
         .routes(routes!(history::show))
+        .routes(routes!(history::events::show))
+        .routes(routes!(production::show))
         .routes(routes!(sessions::sign_in, sessions::show, sessions::sign_out))
         .routes(routes!(sessions::change_password))
         .routes(routes!(setup::page))

@@ -23,10 +23,11 @@
 //!
 //! # The parts
 //!
-//! - `core`: the decisions, pure: who may send what now, which role may do what, the chain of the audit log.
+//! - `core`: the decisions, pure: who may send what now, which role may do what, the chain of the audit log,
+//!   what happens at a robot, the figures of production.
 //! - `fleet`: a task and a connection for each robot, through `r6-client`.
 //! - `live`: values that change, and events.
-//! - `history`: values that are kept, by a thread and in files of their own.
+//! - `history`: values and events that are kept, by a thread and in files of their own.
 //! - `programs`: programs without a robot: their check and their plan.
 //! - `accounts`: users, their passwords and sessions.
 //! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.

@@ -5,4 +5,5 @@
 //! delays no other.
 
 pub mod board;
+pub mod happened;
 pub mod news;

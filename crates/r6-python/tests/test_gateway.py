@@ -166,6 +166,21 @@ def test_a_stop_holds_until_it_is_cleared(operator: r6.Gateway) -> None:
         assert not arm.state().is_stopped
 
 
+def test_what_happened_and_the_figures_are_read_later(operator: r6.Gateway) -> None:
+    # The stop of the test before has changed the mode.
+    arm = operator.robot("arm")
+    end = monotonic() + 30
+    while not (modes := list(arm.history_events(kinds=["mode_changed"]))):
+        assert monotonic() < end, list(arm.history_events())
+        sleep(0.05)
+    assert modes[0]["event"] == "mode_changed" and modes[0]["from"] == 7
+    first = arm.production()
+    assert first["availability"]["definition"] == "running_of_seen_time"
+    assert first["seen_ms"] > 0 and first["seen_ms"] + first["unseen_ms"] == pytest.approx(86_400_000)
+    with pytest.raises(r6.NotSent, match="nearest: `parts`"):
+        list(arm.history_events(kinds=["part"]))
+
+
 def test_streams_tell_values_and_events(operator: r6.Gateway, controller: r6.Simulator) -> None:
     changes = operator.live(robot="arm", signals=["curAlarm"])
     first = next(changes)
@@ -332,6 +347,17 @@ def test_a_command_without_a_clear_answer_is_unknown_and_sent_once(said: bytes, 
         lease.command("modifyGSPD", 5)
     assert (unknown.value.reason, unknown.value.may_send_again) == (reason, False)
     assert len(peer.requests) == 1
+    peer.close()
+
+
+def test_pages_of_events_are_read_to_the_end() -> None:
+    page = {"events": [{"id": "1-1-1", "event": "link_lost"}], "from": "a", "to": "b", "next_cursor": "e1-1-1"}
+    peer = Peer(answer("200 OK", json.dumps(page).encode()))
+    events = r6.Gateway(peer.url, token="x").robot("arm").history_events()
+    assert [next(events)["id"], next(events)["id"]] == ["1-1-1", "1-1-1"]
+    # The range of the first page stays.
+    assert b"history/events? " in peer.requests[0]
+    assert b"history/events?from=a&to=b&cursor=e1-1-1 " in peer.requests[1]
     peer.close()
 
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{IdentityChange, RobotIdentity, Role};
+use super::{IdentityChange, RobotIdentity, Role, UnseenBecause};
 use crate::Code;
 
 /// Something that happened, in the stream of `GET /v1/events`.
@@ -81,6 +81,80 @@ pub enum Happened {
         command_id: u64,
         /// How.
         outcome: CommandOutcome,
+    },
+    /// `curAlarm` became this code.
+    AlarmBegan {
+        /// The code.
+        code: u32,
+        /// Its meaning, in a few words.
+        text: String,
+        /// What to do about it.
+        remedy: String,
+    },
+    /// `curAlarm` is not this code any more.
+    AlarmEnded {
+        /// The code.
+        code: u32,
+        /// Its meaning, in a few words.
+        text: String,
+        /// For how long it was read; `null` if its begin was not seen.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        lasted_ms: Option<u64>,
+    },
+    /// `curMode` changed.
+    ModeChanged {
+        /// The mode before.
+        from: i64,
+        /// The mode from now on.
+        to: i64,
+    },
+    /// `curMold` changed.
+    ProgramChanged {
+        /// The program before.
+        from: String,
+        /// The program from now on.
+        to: String,
+    },
+    /// A cycle ended since the last reading: `lastCycle` and `curCycle` say so.
+    CycleDone {
+        /// How many cycles are proved to have ended.
+        count: u64,
+        /// Whether more may have ended: the last one was shorter than the time between the two readings.
+        at_least: bool,
+        /// How long it took, from `lastCycle`; `null` if more may have ended.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        ms: Option<u64>,
+        /// The last moment when it can have ended.
+        at: String,
+    },
+    /// The counter of parts grew.
+    Parts {
+        /// By how much.
+        added: u64,
+        /// What it counts now.
+        total: i64,
+    },
+    /// The counter of parts went back. Parts between the last reading and the reset were not seen.
+    PartsReset {
+        /// What it counted before.
+        from: i64,
+        /// What it counts now.
+        to: i64,
+    },
+    /// Nothing came back from the robot when it was due, or its connection ended. In streams, `link_down`
+    /// says that.
+    LinkLost {},
+    /// The robot answers again. In streams, `link_up` says that.
+    LinkBack {},
+    /// The gateway did not see the robot for a time. What changed meanwhile has no event.
+    Unseen {
+        /// The last reading before; `null` if the gateway does not know since when.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        from: Option<String>,
+        /// The first reading after.
+        to: String,
+        /// Why.
+        because: UnseenBecause,
     },
 }
 

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Happened;
 use crate::AddressValue;
 
 /// A page of the history of one signal: its samples, or its buckets if a width was asked for.
@@ -131,4 +132,64 @@ pub enum HistoryState {
     Paused,
     /// The file of the gateway says that none are kept.
     Off,
+}
+
+/// A page of what was seen to happen at a robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct HistoryEvents {
+    /// The robot.
+    pub robot: String,
+    /// The begin of the range.
+    pub from: String,
+    /// Its end, which does not belong to it.
+    pub to: String,
+    /// The events, in the order of time.
+    pub events: Vec<HistoryEvent>,
+    /// Events up to this time survive the end of the process, in whatever way it ends. `null` if none was
+    /// written since the gateway started.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub kept_until: Option<String>,
+    /// How many events and files of the range cannot be read: the disk or another program changed them.
+    pub unreadable: u64,
+    /// Ask with this `cursor`, and the same `from`, `to` and `kind`, to read on; `null` at the end. A page
+    /// may have fewer events than were asked for, and still go on.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub next_cursor: Option<String>,
+}
+
+/// An event of the history.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct HistoryEvent {
+    /// Its id, which does not change: the number of its day, that of the file of this day, that in the file.
+    #[cfg_attr(feature = "openapi", schema(example = "20782-1-57"))]
+    pub id: String,
+    /// When the value that shows it was asked for.
+    pub time: String,
+    /// What.
+    #[serde(flatten)]
+    pub happened: Happened,
+}
+
+/// Why the gateway did not see a robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum UnseenBecause {
+    /// The connection ended, or nothing came back over it.
+    Link,
+    /// The gateway was too slow, or the machine slept.
+    Late,
+    /// The gateway started, or began to read the robot anew.
+    Start,
+    /// Values or events could not be kept: the gateway or the disk was too slow, or the disk failed.
+    Lost,
+    /// The robot answered without a value that events come from.
+    Unread,
+}
+
+impl UnseenBecause {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Link, Self::Late, Self::Start, Self::Lost, Self::Unread];
 }

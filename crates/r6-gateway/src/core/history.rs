@@ -7,6 +7,8 @@
 //! - [`tail`]: the bytes that keep the open blocks of a robot.
 //! - [`merge`]: chunks that overlap, as one series in the order of time.
 //! - [`buckets`]: averages weighted by time.
+//! - [`event`]: what was seen to happen.
+//! - [`waiting`]: events that wait for the thread of the history.
 //! - [`wall`]: the time of day, carried by a clock that does not jump.
 
 pub mod block;
@@ -14,8 +16,10 @@ pub mod buckets;
 mod bytes;
 pub mod change;
 pub mod codec;
+pub mod event;
 pub mod merge;
 mod packed;
 pub mod sample;
 pub mod tail;
+pub mod waiting;
 pub mod wall;

@@ -31,6 +31,9 @@ pub struct RobotConfig {
     pub addresses: Vec<Address>,
     /// The model of its arm: the name of one that [`RobotModel::named`] knows. Plans need it.
     pub model: Option<String>,
+    /// The counter of parts, a `counter-n`; `None` for the first counter of [`Self::addresses`], if there is
+    /// one.
+    pub parts: Option<Address>,
     /// How to communicate with it.
     pub settings: RobotSettings,
     /// Who may change all this.
@@ -47,6 +50,7 @@ impl RobotConfig {
             period: USUAL_PERIOD,
             addresses: Vec::new(),
             model: None,
+            parts: None,
             settings: RobotSettings::default(),
             managed_by: ManagedBy::File,
         }
@@ -74,16 +78,21 @@ impl RobotConfig {
     /// Whether the robot is the same, is read in the same way, and has the same model.
     #[must_use]
     pub fn is_as(&self, other: &Self) -> bool {
-        self.address == other.address
-            && self.period == other.period
-            && self.addresses == other.addresses
-            && self.model == other.model
+        let read = (&self.addresses, self.parts) == (&other.addresses, other.parts);
+        self.address == other.address && self.period == other.period && read && self.model == other.model
     }
 
     /// The model of its arm, if one is configured.
     #[must_use]
     pub fn arm(&self) -> Option<&'static RobotModel> {
         self.model.as_deref().and_then(RobotModel::named)
+    }
+
+    /// The counter of parts, if there is one.
+    #[must_use]
+    pub fn parts(&self) -> Option<Address> {
+        let is_counter = |address: &Address| matches!(address, Address::Counter(_));
+        self.parts.or_else(|| self.addresses.iter().copied().find(is_counter)).filter(is_counter)
     }
 
     /// All addresses that are read: the usual ones first, each once.
@@ -97,7 +106,8 @@ impl RobotConfig {
             .chain(axes.clone().map(Address::Axis))
             .chain(axes.map(Address::World))
             .chain(rest)
-            .chain(self.addresses.iter().copied());
+            .chain(self.addresses.iter().copied())
+            .chain(self.parts());
         let mut once = Vec::new();
         all.for_each(|address| {
             if !once.contains(&address) {

@@ -1,4 +1,4 @@
-//! Keeps the values of one robot: every poll, of which the history keeps the changes.
+//! Keeps the values of one robot: every poll, of which the history keeps the changes; and what happens.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,11 +10,15 @@ use r6_client::{Address, Recorded, Robot};
 use r6_proto::time::Instant;
 
 use super::config::RobotConfig;
+use super::observe::Observer;
 use super::station::Station;
 use crate::clock;
 use crate::core::history::change::ChangeOnly;
+use crate::core::history::event::Event;
 use crate::core::history::sample::{Interval, Micros, Sample, State};
+use crate::core::history::waiting::Waiting;
 use crate::core::name::RobotName;
+use crate::core::watch::Before;
 use crate::history::{Batch, Recorder, RobotCounts};
 
 /// How often to look whether values are overdue, and to say that everything until now was read.
@@ -23,19 +27,45 @@ const LOOK: Duration = Duration::from_millis(500);
 /// How long after its time a value is missing, if none comes: as for live values, which are stale then.
 const OVERDUE: Duration = Duration::from_millis(1500);
 
-/// Keeps what is read of the robot, until the handle is closed or this is dropped.
+/// Watches what is read of the robot, and keeps it if a history is kept, until the handle is closed or this
+/// is dropped.
 pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfig) {
-    let Some(recorder) = station.shared.history.clone() else { return std::future::pending().await };
     let Some(mut polls) = robot.record() else { return std::future::pending().await };
-    let mut feed = Feed::new(recorder, config, Arc::clone(&station.counts.history));
+    let recorder = station.shared.history.clone();
+    let before = match &recorder {
+        Some(recorder) => recorder.last_seen(config.name.clone()).await,
+        None => Before::Never,
+    };
+    let mut observer = Observer::new(station, config, before);
+    let mut feed =
+        recorder.clone().map(|recorder| Feed::new(recorder, config, Arc::clone(&station.counts.history)));
+    let time = |at| recorder.as_ref().map_or_else(|| time_of_system(at), |recorder| recorder.time(at));
     let mut lost = 0;
     loop {
-        tokio::select! {
+        let values = tokio::select! {
             values = polls.next() => match values {
-                Some(values) => feed.take(clock::now(), values),
+                Some(values) => Some(values),
                 None => return,
             },
-            () = tokio::time::sleep(LOOK) => {}
+            () = tokio::time::sleep(LOOK) => None,
+        };
+        if polls.lost() != lost {
+            // What was lost may be older or younger than these values: both are treated alike.
+            observer.miss();
+        }
+        let now = clock::now();
+        let events = match &values {
+            Some(values) => observer.take(now, values, time),
+            // Only now: while polls wait, what they bring is not overdue.
+            None => observer.look(now, time).into_iter().collect(),
+        };
+        let Some(feed) = &mut feed else {
+            lost = polls.lost();
+            continue;
+        };
+        feed.note(events);
+        if let Some(values) = values {
+            feed.take(now, values);
         }
         feed.look(clock::now());
         if polls.lost() != lost {
@@ -43,6 +73,11 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
             lost = polls.lost();
         }
     }
+}
+
+/// The time of day at a moment, by the clock of the system now.
+fn time_of_system(at: Instant) -> Micros {
+    clock::system().before(clock::now().since(at))
 }
 
 /// What is kept of one robot.
@@ -55,6 +90,7 @@ struct Feed {
     counts: Arc<RobotCounts>,
     /// What goes to the recorder next.
     samples: Vec<(Address, Sample)>,
+    events: Waiting,
     /// Since when samples are lost that the recorder was not told of.
     lost_from: Option<Micros>,
     /// The losses and the steps of the clock that this has seen.
@@ -88,6 +124,7 @@ impl Feed {
             signals,
             counts,
             samples: Vec::new(),
+            events: Waiting::default(),
             lost_from: None,
             seen,
             told: clock::now(),
@@ -95,10 +132,16 @@ impl Feed {
         }
     }
 
+    /// Takes in what happened. It goes to the recorder with the samples of the same poll.
+    fn note(&mut self, events: Vec<Event>) {
+        let lost = self.events.note(events);
+        self.counts.lose_events(lost);
+    }
+
     /// Takes in the values of a poll.
     fn take(&mut self, now: Instant, values: Vec<Recorded>) {
         self.notice(now);
-        for Recorded { address, reading, age } in values {
+        for Recorded { address, reading, age, connection: _ } in values {
             // The poller also reads for others.
             let Some(signal) = self.signals.get_mut(&address) else { continue };
             let asked_at = clock::before(now, age);
@@ -157,7 +200,7 @@ impl Feed {
     }
 
     fn hand_over(&mut self, now: Instant) {
-        if self.samples.is_empty() && now.since(self.told) < LOOK {
+        if self.samples.is_empty() && self.events.is_empty() && now.since(self.told) < LOOK {
             return;
         }
         self.told = now;
@@ -172,11 +215,15 @@ impl Feed {
             time: self.until,
             interval: self.interval,
             samples,
+            events: self.events.take(self.until),
             counts: Arc::clone(&self.counts),
         };
-        if self.recorder.keep(batch) {
+        let Err(events) = self.recorder.keep(batch) else {
             self.lost_from = None;
-        } else if let Some(first) = first {
+            return;
+        };
+        self.events.put_back(events);
+        if let Some(first) = first {
             if self.lost_from.is_none() {
                 tracing::warn!(robot = %self.robot, "the history takes no more samples: they are lost from here on");
             }

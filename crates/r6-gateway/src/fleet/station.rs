@@ -319,7 +319,12 @@ impl Station {
 
     /// Publishes an event.
     pub(super) fn publish(&self, happened: Happened) {
-        self.shared.news.add(clock::time_of_day(), self.name(), happened);
+        self.publish_of(clock::time_of_day(), happened);
+    }
+
+    /// Publishes an event of this time.
+    pub(super) fn publish_of(&self, time: String, happened: Happened) {
+        self.shared.news.add(time, self.name(), happened);
     }
 
     /// Writes a record now, behind the records that wait. Returns its number.

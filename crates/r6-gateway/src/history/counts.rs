@@ -9,6 +9,8 @@ use crate::core::history::sample::Micros;
 pub struct RobotCounts {
     kept: AtomicU64,
     lost: AtomicU64,
+    events: AtomicU64,
+    events_lost: AtomicU64,
     kept_until: AtomicI64,
     read_until: AtomicI64,
 }
@@ -22,6 +24,21 @@ impl RobotCounts {
     /// Samples were lost.
     pub fn lose(&self, count: u64) {
         self.lost.fetch_add(count, Ordering::Relaxed);
+    }
+
+    /// Events were taken in.
+    pub(super) fn keep_events(&self, count: usize) {
+        self.events.fetch_add(count as u64, Ordering::Relaxed);
+    }
+
+    /// Events were lost.
+    pub fn lose_events(&self, count: usize) {
+        self.events_lost.fetch_add(count as u64, Ordering::Relaxed);
+    }
+
+    /// How many events were kept, and how many were lost.
+    pub fn events(&self) -> (u64, u64) {
+        (self.events.load(Ordering::Relaxed), self.events_lost.load(Ordering::Relaxed))
     }
 
     /// Everything that was read until this time is on the disk. It may be earlier than before: the clock may

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use r6_api::gateway::Gap;
+use r6_api::gateway::{Gap, UnseenBecause};
 use r6_proto::Address;
 use r6_proto::time::Instant;
 
@@ -16,14 +16,27 @@ use super::HistorySettings;
 use super::counts::{HistoryCounts, RobotCounts};
 use super::recorder::Batch;
 use crate::core::history::block::{OpenBlocks, Write};
+use crate::core::history::event::{Event, Observed};
 use crate::core::history::sample::{Interval, Micros, Sample, State};
 use crate::core::history::tail;
 use crate::core::name::RobotName;
+use crate::core::watch::Before;
 use crate::store::StoreError;
 use crate::store::history::{HistoryStore, Part};
 
 /// How much is written in one transaction, in bytes, so that the write-ahead log stays small.
 const MAX_TOGETHER: usize = 1024 * 1024;
+
+/// This share of the memory of samples is for events that wait for the disk: four megabytes hold some ten
+/// thousand.
+const EVENT_SHARE: usize = 16;
+
+/// In how many files to look when a robot was read last: those of today and yesterday, in general.
+const SEEN_PARTS: usize = 3;
+
+/// Of how many robots it is known when they were read last: more than a gateway has, for those that were
+/// removed.
+const MAX_SEEN: usize = 4_096;
 
 /// One robot. It is forgotten when all of its samples are in chunks on the disk.
 #[derive(Debug)]
@@ -34,6 +47,33 @@ struct Robot {
     time: Micros,
     /// Since when samples of a signal are lost.
     lost: BTreeMap<Address, Micros>,
+    /// Events that are not on the disk.
+    events: Vec<Event>,
+    /// Since when events are lost.
+    events_lost: Option<Micros>,
+}
+
+impl Robot {
+    /// What is to be written now, by day, earlier days first.
+    fn writes(&self) -> BTreeMap<i64, Write> {
+        let mut writes = self.blocks.writes();
+        for event in &self.events {
+            writes.entry(event.time.day()).or_default().events.push(event.clone());
+        }
+        writes
+    }
+
+    /// What [`Self::writes`] said was written, and nothing was taken in since.
+    fn written(&mut self) {
+        self.blocks.written();
+        self.events.clear();
+        self.counts.keep_until(self.time);
+    }
+
+    fn is_done(&self) -> bool {
+        let has_events = !self.events.is_empty() || self.events_lost.is_some();
+        self.blocks.is_empty() && self.lost.is_empty() && !has_events
+    }
 }
 
 /// The open blocks of all robots.
@@ -45,8 +85,14 @@ pub(super) struct Journal<S> {
     robots: BTreeMap<RobotName, Robot>,
     /// The memory of all blocks, in bytes.
     size: usize,
+    /// The memory of all events, in bytes.
+    events_size: usize,
     /// Whether the tails of an earlier process were made to chunks.
     is_recovered: bool,
+    /// When each robot was read last.
+    seen: BTreeMap<RobotName, Micros>,
+    /// Whether there are files that were not looked through for that.
+    has_older: bool,
     /// How much was written since the size of the files was looked at.
     written: u64,
     /// Whether the disk had too little room when it was looked at last.
@@ -63,7 +109,10 @@ impl<S: HistoryStore> Journal<S> {
             counts,
             robots,
             size: 0,
+            events_size: 0,
             is_recovered: false,
+            seen: BTreeMap::new(),
+            has_older: false,
             // The limits are looked at before the first write.
             written: u64::MAX,
             has_no_room: false,
@@ -72,7 +121,8 @@ impl<S: HistoryStore> Journal<S> {
 
     /// Takes in what was read of a robot.
     pub fn take(&mut self, now: Instant, batch: Batch) {
-        let Batch { robot, time, interval, samples, counts } = batch;
+        let Batch { robot, time, interval, samples, events, counts } = batch;
+        self.note_seen(&robot, time);
         let is_full = self.size >= self.settings.memory && self.counts.paused.load(Ordering::Relaxed);
         let entry = self.robots.entry(robot);
         let robot = entry.or_insert_with(|| Robot {
@@ -80,8 +130,25 @@ impl<S: HistoryStore> Journal<S> {
             counts: Arc::clone(&counts),
             time,
             lost: BTreeMap::new(),
+            events: Vec::new(),
+            events_lost: None,
         });
         robot.counts = counts;
+        let most = self.settings.memory / EVENT_SHARE;
+        let gap = robot.events_lost.take_if(|_| self.events_size < most).map(|from| {
+            let because = UnseenBecause::Lost;
+            Event { time, observed: Observed::Unseen { from: Some(from), to: time, because } }
+        });
+        for event in gap.into_iter().chain(events) {
+            if self.events_size >= most {
+                robot.counts.lose_events(1);
+                robot.events_lost.get_or_insert(event.time);
+                continue;
+            }
+            robot.counts.keep_events(1);
+            self.events_size += event.size();
+            robot.events.push(event);
+        }
         if is_full {
             robot.counts.lose(samples.len() as u64);
             for (address, sample) in samples {
@@ -133,14 +200,65 @@ impl<S: HistoryStore> Journal<S> {
         let flushed = self.try_flush(now, time);
         self.counts.paused.store(flushed.is_err(), Ordering::Relaxed);
         self.size = self.robots.values().map(|robot| robot.blocks.size()).sum();
+        self.events_size = self.robots.values().flat_map(|robot| &robot.events).map(Event::size).sum();
         flushed
     }
 
-    fn try_flush(&mut self, now: Instant, time: Micros) -> Result<(), StoreError> {
-        if !self.is_recovered {
-            self.recover(now, time)?;
-            self.is_recovered = true;
+    /// When a robot was read last, in this process or before.
+    pub fn last_seen(&mut self, now: Instant, time: Micros, robot: &RobotName) -> Before {
+        if let Err(error) = self.make_ready(now, time) {
+            tracing::error!(%error, %robot, "it is not known when the robot was read last");
+            return Before::Seen(None);
         }
+        match self.seen.get(robot) {
+            Some(seen) => Before::Seen(Some(*seen)),
+            None if self.has_older => Before::Seen(None),
+            None => Before::Never,
+        }
+    }
+
+    fn note_seen(&mut self, robot: &RobotName, time: Micros) {
+        // Nothing was read yet.
+        if time == Micros::default() {
+            return;
+        }
+        if let Some(seen) = self.seen.get_mut(robot) {
+            *seen = time;
+            return;
+        }
+        if self.seen.len() >= MAX_SEEN {
+            self.seen.pop_first();
+            self.has_older = true;
+        }
+        self.seen.insert(robot.clone(), time);
+    }
+
+    /// Takes over what an earlier process left.
+    fn make_ready(&mut self, now: Instant, time: Micros) -> Result<(), StoreError> {
+        if self.is_recovered {
+            return Ok(());
+        }
+        self.recover(now, time)?;
+        let parts = self.store.parts()?;
+        self.has_older |= parts.len() > SEEN_PARTS;
+        for (part, _) in parts.into_iter().rev().take(SEEN_PARTS) {
+            match self.store.last_seen(part) {
+                // What this process has read is newer, and so is what a later part says.
+                Ok(seen) => seen.into_iter().for_each(|(robot, seen)| {
+                    if !self.seen.contains_key(&robot) {
+                        self.note_seen(&robot, seen);
+                    }
+                }),
+                Err(StoreError::Unreadable(_)) => self.has_older = true,
+                Err(error) => return Err(error),
+            }
+        }
+        self.is_recovered = true;
+        Ok(())
+    }
+
+    fn try_flush(&mut self, now: Instant, time: Micros) -> Result<(), StoreError> {
+        self.make_ready(now, time)?;
         self.keep_limits(time)?;
         self.robots.values_mut().for_each(|robot| robot.blocks.seal_old(now));
         let names: Vec<_> = self.robots.keys().cloned().collect();
@@ -148,7 +266,7 @@ impl<S: HistoryStore> Journal<S> {
         while names.peek().is_some() {
             self.write_some(&mut names, time)?;
         }
-        self.robots.retain(|_, robot| !robot.blocks.is_empty() || !robot.lost.is_empty());
+        self.robots.retain(|_, robot| !robot.is_done());
         Ok(())
     }
 
@@ -165,7 +283,8 @@ impl<S: HistoryStore> Journal<S> {
             && let Some(name) = names.next()
         {
             let Some(robot) = self.robots.get(&name) else { continue };
-            for (day, write) in robot.blocks.writes() {
+            for (day, write) in robot.writes() {
+                size += write.events.iter().map(Event::size).sum::<usize>();
                 size += write.tail.as_ref().map_or(0, Vec::len);
                 size += write.chunks.iter().map(|(_, chunk)| chunk.bytes.len()).sum::<usize>();
                 days.entry(day).or_default().push((name.clone(), write));
@@ -177,10 +296,7 @@ impl<S: HistoryStore> Journal<S> {
         for name in &together {
             let Some(robot) = self.robots.get_mut(name) else { continue };
             match written {
-                Ok(()) => {
-                    robot.blocks.written();
-                    robot.counts.keep_until(robot.time);
-                }
+                Ok(()) => robot.written(),
                 Err(_) => robot.blocks.failed(),
             }
         }
@@ -214,7 +330,7 @@ impl<S: HistoryStore> Journal<S> {
                 }
                 blocks.seal_all();
                 let chunks = blocks.writes().into_values().flat_map(|write| write.chunks).collect();
-                let write = Write { chunks, replace_tail: true, tail: None };
+                let write = Write { chunks, replace_tail: true, ..Write::default() };
                 self.store.write_part(part, &[(found.robot, write)])?;
             }
         }
@@ -253,14 +369,13 @@ impl<S: HistoryStore> Journal<S> {
         let names: BTreeSet<_> = self.robots.keys().cloned().collect();
         for name in names {
             let Some(robot) = self.robots.get_mut(&name) else { continue };
-            for (day, write) in robot.blocks.writes() {
+            for (day, write) in robot.writes() {
                 if let Err(error) = self.store.write(day, &[(name.clone(), write)]) {
                     robot.blocks.failed();
                     return Err(error);
                 }
             }
-            robot.blocks.written();
-            robot.counts.keep_until(robot.time);
+            robot.written();
         }
         Ok(())
     }

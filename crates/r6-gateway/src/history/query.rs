@@ -4,6 +4,8 @@
 //! transaction on a file lasts longer than that. A chunk that is within one bucket is not even read: its row
 //! has its sum.
 
+mod events;
+mod production;
 mod series;
 
 use std::path::PathBuf;
@@ -23,6 +25,9 @@ use crate::core::name::RobotName;
 use crate::store::StoreError;
 use crate::store::history::{Ask, Days, Entry, HistoryStore, Part};
 use series::Series;
+
+pub use events::{EventAnswer, EventPlace, EventQuestion};
+pub use production::{ProductionAnswer, ProductionQuestion};
 
 /// How many queries read at once. Each takes a thread and some megabytes.
 const MAX_QUERIES: usize = 4;
@@ -91,6 +96,26 @@ impl Reader {
         Arc::clone(&self.permits).try_acquire_owned().ok()
     }
 
+    /// The events of a robot, read in a thread of its own.
+    pub async fn events(
+        &self,
+        permit: OwnedSemaphorePermit,
+        question: EventQuestion,
+    ) -> Result<EventAnswer, StoreError> {
+        self.work(permit, move |store| events::answer(store, &question)).await
+    }
+
+    /// Figures of production, computed in a thread of its own. `open`: the open samples of the mode and the
+    /// alarm.
+    pub async fn production(
+        &self,
+        permit: OwnedSemaphorePermit,
+        question: ProductionQuestion,
+        open: (Open, Open),
+    ) -> Result<ProductionAnswer, StoreError> {
+        self.work(permit, move |store| production::answer(store, &question, open)).await
+    }
+
     /// Answers in a thread of its own. `open` are the samples that are not in the files; they are asked for
     /// first, so that none is missed that goes to the disk meanwhile.
     pub async fn answer(
@@ -99,10 +124,18 @@ impl Reader {
         question: Question,
         open: Open,
     ) -> Result<Answer, StoreError> {
+        self.work(permit, move |store| answer(store, &question, open)).await
+    }
+
+    async fn work<T: Send + 'static>(
+        &self,
+        permit: OwnedSemaphorePermit,
+        work: impl FnOnce(&mut Days) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
         let mut store = Days::to_read(&self.folder);
         let work = tokio::task::spawn_blocking(move || {
             let _permit = permit;
-            answer(&mut store, &question, open)
+            work(&mut store)
         });
         work.await.unwrap_or(Err(StoreError::Closed))
     }
@@ -211,12 +244,12 @@ fn find<S: HistoryStore>(store: &mut S, question: &Question, begin: Micros) -> R
 }
 
 /// A part may be removed at any time. Then it has nothing. A part that another program changed is counted.
-fn unless_gone<S: HistoryStore>(
+fn unless_gone<S: HistoryStore, T>(
     store: &mut S,
     part: Part,
     unreadable: &mut u64,
-    read: impl FnOnce(&mut S) -> Result<Vec<Entry>, StoreError>,
-) -> Result<Vec<Entry>, StoreError> {
+    read: impl FnOnce(&mut S) -> Result<Vec<T>, StoreError>,
+) -> Result<Vec<T>, StoreError> {
     match read(store) {
         Err(StoreError::Unreadable(what)) => {
             tracing::error!(?part, what, "a file of the history cannot be read");

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
-use std::time::{Duration, Instant as Monotonic, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant as Monotonic};
 
 use r6_proto::Address;
 use r6_proto::time::Instant;
@@ -15,9 +15,11 @@ use super::counts::{HistoryCounts, RobotCounts};
 use super::journal::Journal;
 use super::{HistorySettings, query};
 use crate::clock;
+use crate::core::history::event::Event;
 use crate::core::history::sample::{Interval, Micros, Sample};
 use crate::core::history::wall::WallClock;
 use crate::core::name::RobotName;
+use crate::core::watch::Before;
 use crate::store::StoreError;
 use crate::store::history::{Days, HistoryStore};
 
@@ -51,6 +53,8 @@ pub struct Batch {
     pub interval: Interval,
     /// The samples.
     pub samples: Vec<(Address, Sample)>,
+    /// What was seen to happen.
+    pub events: Vec<Event>,
     /// Its counts.
     pub counts: Arc<RobotCounts>,
 }
@@ -61,6 +65,7 @@ pub type Open = Vec<(Interval, Vec<Sample>)>;
 enum Job {
     Keep(Batch),
     Open(RobotName, Address, oneshot::Sender<Open>),
+    LastSeen(RobotName, oneshot::Sender<Before>),
     End(oneshot::Sender<Result<(), StoreError>>),
 }
 
@@ -90,7 +95,7 @@ impl Recorder {
         let store = Days::to_write(folder, settings.max_bytes);
         let reader = query::Reader::new(folder.to_owned());
         let counts = Arc::<HistoryCounts>::default();
-        let clock = Mutex::new(WallClock::new(clock::now(), system()));
+        let clock = Mutex::new(WallClock::new(clock::now(), clock::system()));
         let shared = Shared {
             settings: settings.clone(),
             counts: Arc::clone(&counts),
@@ -109,10 +114,30 @@ impl Recorder {
         Ok(Self { jobs, shared })
     }
 
-    /// Hands over what is to be kept; never waits. `false` if too much waits already: it is lost.
-    #[must_use]
-    pub fn keep(&self, batch: Batch) -> bool {
-        self.jobs.try_send(Job::Keep(batch)).is_ok()
+    /// Hands over what is to be kept; never waits.
+    ///
+    /// # Errors
+    /// Too much waits already. The samples are lost, the events come back.
+    pub fn keep(&self, batch: Batch) -> Result<(), Vec<Event>> {
+        self.jobs.try_send(Job::Keep(batch)).map_err(|error| match error {
+            TrySendError::Full(Job::Keep(batch)) | TrySendError::Disconnected(Job::Keep(batch)) => {
+                batch.events
+            }
+            // Only a batch was sent.
+            TrySendError::Full(_) | TrySendError::Disconnected(_) => Vec::new(),
+        })
+    }
+
+    /// When a robot was read last, in this process or before. It is not known if the disk does not answer.
+    pub async fn last_seen(&self, robot: RobotName) -> Before {
+        let (answer, answered) = oneshot::channel();
+        if self.jobs.try_send(Job::LastSeen(robot, answer)).is_err() {
+            return Before::Seen(None);
+        }
+        match tokio::time::timeout(ANSWER_TIME, answered).await {
+            Ok(Ok(before)) => before,
+            Ok(Err(_)) | Err(_) => Before::Seen(None),
+        }
     }
 
     /// The samples of a signal that are not in a chunk on the disk yet.
@@ -179,12 +204,6 @@ impl Shared {
     }
 }
 
-/// The time of day of the system.
-fn system() -> Micros {
-    let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Micros(i64::try_from(time.as_micros()).unwrap_or(i64::MAX))
-}
-
 fn work<S: HistoryStore>(mut journal: Journal<S>, shared: &Shared, jobs: &Receiver<Job>) {
     let mut next_flush = Monotonic::now();
     let mut next_limits = next_flush + LIMITS_EVERY;
@@ -196,6 +215,10 @@ fn work<S: HistoryStore>(mut journal: Journal<S>, shared: &Shared, jobs: &Receiv
             Ok(Job::Keep(batch)) => journal.take(clock::now(), batch),
             // A caller that has gone needs no answer.
             Ok(Job::Open(robot, address, answer)) => drop(answer.send(journal.open(&robot, address))),
+            Ok(Job::LastSeen(robot, answer)) => {
+                let time = shared.clock().time(clock::now());
+                let _ = answer.send(journal.last_seen(clock::now(), time, &robot));
+            }
             Ok(Job::End(answer)) => {
                 let time = shared.clock().time(clock::now());
                 return drop(answer.send(journal.flush(clock::now(), time)));
@@ -235,7 +258,7 @@ fn work<S: HistoryStore>(mut journal: Journal<S>, shared: &Shared, jobs: &Receiv
 
 /// Notices that somebody set the clock of the system.
 fn look_at_clock<S: HistoryStore>(journal: &mut Journal<S>, shared: &Shared) {
-    let stepped = shared.clock().look(clock::now(), system());
+    let stepped = shared.clock().look(clock::now(), clock::system());
     if let Some(by_us) = stepped {
         tracing::warn!(by_us, "the clock of the system was set: times in the history step too");
         shared.counts.clock_steps.fetch_add(1, Ordering::Relaxed);

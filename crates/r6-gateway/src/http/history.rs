@@ -1,8 +1,9 @@
-//! The history of a robot's values.
+//! The history of a robot: its values, and what happened to it ([`events`]).
 
 mod csv;
+pub mod events;
 
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, UNIX_EPOCH};
 
 use axum::Json;
 use axum::extract::rejection::QueryRejection;
@@ -15,13 +16,14 @@ use r6_api::{Code, Problem, Unit};
 use r6_client::Address;
 use r6_http::Refusal;
 use serde::Deserialize;
+use tokio::sync::OwnedSemaphorePermit;
 use utoipa::IntoParams;
 
 use super::State;
 use super::caller::{Read, Robot};
 use super::described::OfRight;
 use super::refusal;
-use crate::clock;
+use crate::clock::{self, text};
 use crate::core::history::buckets::Bucket;
 use crate::core::history::sample::{Micros, Sample};
 use crate::fleet::station::Station;
@@ -105,17 +107,10 @@ pub async fn show(
     range: Result<Query<Range>, QueryRejection>,
 ) -> Result<Response, Refusal> {
     let Query(range) = range.map_err(|error| bad_value(error.body_text()))?;
-    let recorder = state
-        .shared
-        .history
-        .as_ref()
-        .ok_or_else(|| bad_value("the file of this gateway says that no history is kept".to_owned()))?;
+    let recorder = recorder(&state)?;
     let question = question(range, &robot.station, recorder)?;
     let (name, address) = (question.robot.clone(), question.address);
-    let permit = recorder.reader().permit().ok_or_else(|| {
-        let message = "other queries are under way: ask again";
-        Refusal::new(StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded, message)
-    })?;
+    let permit = permit(recorder)?;
     let open = recorder.open(name, address).await.map_err(|error| refusal::of(error.into()))?;
     let answer = recorder.reader().answer(permit, question.clone(), open).await;
     let answer = answer.map_err(|error| refusal::of(error.into()))?;
@@ -128,14 +123,32 @@ pub async fn show(
     if !wants_csv(&headers) {
         return Ok(Json(page).into_response());
     }
-    let table = csv::table(&page);
-    let mut response = ([(CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], table).into_response();
-    let next = page.next_cursor.and_then(|cursor| HeaderValue::from_str(&cursor).ok());
-    response.headers_mut().extend(next.map(|next| (NEXT_CURSOR, next)));
-    Ok(response)
+    Ok(table(csv::table(&page), page.next_cursor))
 }
 
-fn bad_value(message: String) -> Refusal {
+/// The history of this gateway.
+pub(super) fn recorder(state: &State) -> Result<&Recorder, Refusal> {
+    let off = || bad_value("the file of this gateway says that no history is kept".to_owned());
+    state.shared.history.as_ref().ok_or_else(off)
+}
+
+/// Leave to read.
+pub(super) fn permit(recorder: &Recorder) -> Result<OwnedSemaphorePermit, Refusal> {
+    recorder.reader().permit().ok_or_else(|| {
+        let message = "other queries are under way: ask again";
+        Refusal::new(StatusCode::SERVICE_UNAVAILABLE, Code::Overloaded, message)
+    })
+}
+
+/// A table, and the place where it goes on.
+fn table(table: String, next_cursor: Option<String>) -> Response {
+    let mut response = ([(CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], table).into_response();
+    let next = next_cursor.and_then(|cursor| HeaderValue::from_str(&cursor).ok());
+    response.headers_mut().extend(next.map(|next| (NEXT_CURSOR, next)));
+    response
+}
+
+pub(super) fn bad_value(message: String) -> Refusal {
     Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadValue, message)
 }
 
@@ -151,20 +164,11 @@ fn wants_csv(headers: &HeaderMap) -> bool {
 }
 
 fn question(range: Range, station: &Station, recorder: &Recorder) -> Result<Question, Refusal> {
-    let shown = |text: &str| text.chars().take(48).collect::<String>();
     let address = Address::parse(&range.signal)
         .map_err(|_| bad_value(format!("`{}` is no query address", shown(&range.signal))))?;
     let now = recorder.time(clock::now());
-    let time = |name: &str, text: &Option<String>| {
-        text.as_ref().map(|text| {
-            instant(text).ok_or_else(|| {
-                let shown = shown(text);
-                bad_value(format!("{name}: `{shown}` is not a time such as 2026-11-25T06:00:00Z"))
-            })
-        })
-    };
-    let to = time("to", &range.to).transpose()?.unwrap_or(now);
-    let from = time("from", &range.from).transpose()?.unwrap_or_else(|| to.min(now).before(USUAL_RANGE));
+    let to = time("to", range.to.as_deref())?.unwrap_or(now);
+    let from = time("from", range.from.as_deref())?.unwrap_or_else(|| to.min(now).before(USUAL_RANGE));
     // Without `from` the range moves on with the time, and the place to read on at may be left of it by now.
     let place = range.cursor.as_ref().and_then(|text| text.strip_prefix('t')?.parse().ok()).map(Micros);
     let from = place
@@ -228,11 +232,19 @@ fn page(station: &Station, question: &Question, answer: Answer) -> History {
     }
 }
 
-/// A time as text: RFC 3339, UTC, microseconds. Times before 1970 are not kept.
-fn text(time: Micros) -> String {
-    let since = Duration::from_micros(u64::try_from(time.0).unwrap_or(0));
-    humantime::format_rfc3339_micros(UNIX_EPOCH.checked_add(since).unwrap_or(SystemTime::UNIX_EPOCH))
-        .to_string()
+/// What a caller wrote, for the answer.
+fn shown(text: &str) -> String {
+    text.chars().take(48).collect()
+}
+
+/// A time of a query.
+pub(super) fn time(name: &str, text: Option<&str>) -> Result<Option<Micros>, Refusal> {
+    let read = |text| {
+        let shown = shown(text);
+        let wrong = || bad_value(format!("{name}: `{shown}` is not a time such as 2026-11-25T06:00:00Z"));
+        instant(text).ok_or_else(wrong)
+    };
+    text.map(read).transpose()
 }
 
 fn instant(text: &str) -> Option<Micros> {

@@ -134,6 +134,18 @@ fn history(text: &mut String, seen: &[&Arc<Station>]) {
     for station in seen {
         sample(text, "r6_gateway_history_lost_total", station.name(), "", station.counts.history.now().1);
     }
+    let kept = "Events that were kept, since the robot was added or the gateway started.";
+    family(text, "r6_gateway_history_events_total", "counter", kept);
+    for station in seen {
+        let kept = station.counts.history.events().0;
+        sample(text, "r6_gateway_history_events_total", station.name(), "", kept);
+    }
+    let lost = "Events that could not be kept: the disk was too slow.";
+    family(text, "r6_gateway_history_events_lost_total", "counter", lost);
+    for station in seen {
+        let lost = station.counts.history.events().1;
+        sample(text, "r6_gateway_history_events_lost_total", station.name(), "", lost);
+    }
     let lag = "How much of what was read is not on the disk yet, in ms. It grows while the disk fails.";
     family(text, "r6_gateway_history_lag_ms", "gauge", lag);
     for station in seen {

@@ -1,4 +1,4 @@
-//! The store of the history: chunks and tails, in a file or more for each day.
+//! The store of the history: chunks, tails and events, in a file or more for each day.
 //!
 //! [`HistoryStore`] is the contract; every implementation passes the same tests (`history/contract.rs`). The
 //! history has files of its own, so that nothing that is written for a command waits behind samples.
@@ -14,6 +14,7 @@ use r6_proto::Address;
 
 use super::StoreError;
 use crate::core::history::block::{Summary, Write};
+use crate::core::history::event::Event;
 use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
 
@@ -65,10 +66,35 @@ pub struct Ask<'a> {
     pub to: Micros,
 }
 
-/// A place for chunks and tails. What a method wrote survives the end of the process when it returns; whether
-/// it survives a power cut, too, is not promised.
+/// Events of one robot.
+#[derive(Clone, Copy, Debug)]
+pub struct AskEvents<'a> {
+    /// The robot.
+    pub robot: &'a RobotName,
+    /// Only events behind this time and row,
+    pub after: (Micros, i64),
+    /// and before this time.
+    pub to: Micros,
+}
+
+/// An event in the store.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeptEvent {
+    /// Its file.
+    pub part: Part,
+    /// Its row there, from 1.
+    pub row: i64,
+    /// When it was seen.
+    pub time: Micros,
+    /// The event; `None` if it cannot be read.
+    pub event: Option<Event>,
+}
+
+/// A place for chunks, tails and events. What a method wrote survives the end of the process when it returns;
+/// whether it survives a power cut, too, is not promised.
 pub trait HistoryStore: Send {
-    /// Writes into the newest part of a day, all or nothing. A chunk that is there already stays once.
+    /// Writes into the newest part of a day, all or nothing. A chunk or an event that is there already stays
+    /// once.
     ///
     /// # Errors
     /// [`StoreError`]: nothing was written, or that is unknown.
@@ -109,6 +135,19 @@ pub trait HistoryStore: Send {
     /// # Errors
     /// [`StoreError`].
     fn bytes(&mut self, part: Part, rows: &[i64]) -> Result<Vec<Option<Vec<u8>>>, StoreError>;
+
+    /// The events of a robot in a part, in the order of their times and rows, at most so many.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn events(&mut self, part: Part, ask: AskEvents<'_>, most: usize) -> Result<Vec<KeptEvent>, StoreError>;
+
+    /// For each robot with chunks in a part, when its last sample was read, as far as its newest chunk of
+    /// each signal says.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn last_seen(&mut self, part: Part) -> Result<Vec<(RobotName, Micros)>, StoreError>;
 
     /// All parts, oldest first, with their size on the disk in bytes, files beside them included.
     ///

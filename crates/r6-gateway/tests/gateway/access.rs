@@ -22,7 +22,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 39] = [
+const ROUTES: [(&str, &str, Needs); 41] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -62,6 +62,8 @@ const ROUTES: [(&str, &str, Needs); 39] = [
     ("DELETE", "/v1/programs/{program}", Needs::Role(Role::Engineer)),
     ("GET", "/v1/programs/{program}/versions", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/query", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/robots/{name}/history/events", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/robots/{name}/production", Needs::Role(Role::Viewer)),
 ];
 
 /// The routes of the description, methods in upper case.

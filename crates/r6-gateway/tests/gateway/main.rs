@@ -3,9 +3,11 @@
 mod access;
 mod commands;
 mod fleet;
+mod happenings;
 mod history;
 mod leases;
 mod openapi;
+mod production;
 mod programs;
 mod query;
 mod raw;

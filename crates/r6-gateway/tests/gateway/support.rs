@@ -216,6 +216,12 @@ pub fn settings(data: &Path, robots: Vec<RobotConfig>) -> GatewaySettings {
     }
 }
 
+/// Whether such an event comes from the values of a robot.
+pub fn is_of_values(kind: &str) -> bool {
+    let prefixes = ["alarm_", "cycle_", "mode_", "parts", "program_", "unseen"];
+    prefixes.iter().any(|prefix| kind.starts_with(prefix))
+}
+
 /// A value of a robot's state.
 pub fn signal<'v>(state: &'v Value, address: &str) -> &'v Value {
     let signals = state["signals"].as_array().unwrap();

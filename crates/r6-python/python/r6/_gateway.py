@@ -436,6 +436,31 @@ class GatewayRobot:
         """
         return self._ask("GET", f"/query?{urlencode({'address': ','.join(addresses)})}", _signals)
 
+    def history_events(
+        self, *, kinds: list[str] | None = None, start: str | None = None, end: str | None = None
+    ) -> Iterator[dict[str, Any]]:
+        """What happened, oldest first: alarms, modes, programs, cycles, parts, lost links, and when the gateway
+        did not see the robot. ``start`` and ``end`` are RFC 3339 in UTC; without them, the last hour. ``kinds``:
+        only these, such as ``["alarm_began", "cycle_done"]``.
+
+        Each page of 1000 events is one request, made when the loop comes to it.
+        """
+        asked = {"from": start, "to": end, "kind": None if kinds is None else ",".join(kinds)}
+        while True:
+            query = urlencode({name: value for name, value in asked.items() if value is not None})
+            events, more = self._ask("GET", f"/history/events?{query}", _page)
+            yield from events
+            if more is None:
+                return
+            asked |= more
+
+    def production(self, *, start: str | None = None, end: str | None = None) -> dict[str, Any]:
+        """The figures of production from ``start`` to ``end``, RFC 3339 in UTC, at most 31 days; without them, the
+        last day. Times are in milliseconds. What was not seen is ``unseen_ms``, and in no state."""
+        asked = {"from": start, "to": end}
+        query = urlencode({name: value for name, value in asked.items() if value is not None})
+        return self._ask("GET", f"/production?{query}", dict)
+
     def stop(self) -> float:
         """Stops the robot, and returns the seconds until it was proved that the arm stands. It needs no lease.
         The stop holds until ``GatewayLease.clear_stopped``.
@@ -601,6 +626,14 @@ def _took(answer: Any) -> float:
 def _after(answer: Any) -> float:
     """The seconds until the controller accepted a command."""
     return float(answer["after_ms"]) / 1000
+
+
+def _page(answer: Any) -> tuple[list[dict[str, Any]], dict[str, str] | None]:
+    """The events of a page, and how to ask for the next one: the range of the first page stays."""
+    events, cursor = [dict(event) for event in answer["events"]], answer["next_cursor"]
+    if cursor is None:
+        return events, None
+    return events, {"from": str(answer["from"]), "to": str(answer["to"]), "cursor": str(cursor)}
 
 
 def _nothing(answer: Any) -> None:

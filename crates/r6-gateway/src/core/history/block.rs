@@ -12,6 +12,7 @@ use r6_proto::Address;
 use r6_proto::time::Instant;
 
 use super::codec::{self, MAX_SAMPLES};
+use super::event::Event;
 use super::sample::{Interval, Micros, Sample};
 use super::tail;
 
@@ -121,6 +122,8 @@ pub struct Write {
     pub replace_tail: bool,
     /// A new row of its tail.
     pub tail: Option<Vec<u8>>,
+    /// New events.
+    pub events: Vec<Event>,
 }
 
 /// The open blocks of one robot.

@@ -4,8 +4,8 @@ use crc::{CRC_32_ISCSI, Crc, Table};
 
 use super::codec::BadChunk;
 
-/// CRC-32C: the checksum of a chunk.
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISCSI);
+/// CRC-32C: the checksum of a chunk or an event.
+pub(super) const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISCSI);
 
 /// Appends an unsigned number.
 pub(super) fn put(out: &mut Vec<u8>, mut number: u64) {

@@ -7,6 +7,7 @@ use r6_api::AddressValue;
 use r6_api::gateway::Gap;
 use r6_proto::Reading;
 use r6_proto::address::ValueType;
+use serde::{Deserialize, Serialize};
 
 /// The longest text that is kept: names of programs are shorter, and 512 of these still fit into a chunk.
 pub const MAX_TEXT: usize = 1024;
@@ -15,7 +16,7 @@ pub const MAX_TEXT: usize = 1024;
 const HELD_HALVES: i64 = 5;
 
 /// A time of day: microseconds since 1970, UTC.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Micros(pub i64);
 
 impl Micros {

@@ -9,7 +9,7 @@ mod size;
 
 use super::*;
 use crate::history::query::{Answer, Question, answer};
-use crate::store::history::MemoryDays;
+use crate::store::history::{AskEvents, MemoryDays};
 
 pub(super) const SECOND: i64 = 1_000_000;
 /// Six minutes before a midnight.
@@ -33,7 +33,14 @@ pub(super) fn whole(time: i64, number: i64) -> Sample {
 
 pub(super) fn batch(samples: Vec<(Address, Sample)>, counts: &Arc<RobotCounts>) -> Batch {
     let time = samples.iter().map(|(_, sample)| sample.time).max().unwrap_or_default();
-    Batch { robot: press(), time, interval: Interval::LONGEST, samples, counts: Arc::clone(counts) }
+    Batch {
+        robot: press(),
+        time,
+        interval: Interval::LONGEST,
+        samples,
+        events: Vec::new(),
+        counts: Arc::clone(counts),
+    }
 }
 
 pub(super) fn ask(address: Address, from: i64, to: i64) -> Question {
@@ -106,6 +113,78 @@ fn a_disk_that_fails_loses_nothing_while_memory_lasts_and_then_says_what() {
     }
 }
 
+fn began(time: i64, code: u32) -> Event {
+    Event { time: Micros(time), observed: Observed::AlarmBegan { code } }
+}
+
+/// All events in the store.
+pub(super) fn all_events<S: HistoryStore>(store: &mut S) -> Vec<Event> {
+    let robot = press();
+    let ask = AskEvents { robot: &robot, after: (Micros(0), 0), to: Micros(i64::MAX) };
+    let parts: Vec<_> = store.parts().unwrap().into_iter().map(|(part, _)| part).collect();
+    let kept = parts.into_iter().flat_map(|part| store.events(part, ask, 1_000_000).unwrap());
+    kept.map(|kept| kept.event.unwrap()).collect()
+}
+
+#[test]
+fn a_disk_that_fails_loses_events_beyond_its_memory_and_says_so() {
+    for after in [false, true] {
+        let store = MemoryDays::default();
+        let counts = Arc::<RobotCounts>::default();
+        let mut journal = journal(store.clone(), HistorySettings { memory: 20_000, ..settings() });
+        let with = |at: i64, events: Vec<Event>| Batch {
+            events,
+            ..batch(vec![(Address::CurMode, whole(BASE + at, 1))], &counts)
+        };
+        store.fail(1_000_000, after);
+        for at in 0..200 {
+            journal.take(Instant::ORIGIN, with(at, vec![began(BASE + at, 1)]));
+            assert!(journal.flush(Instant::ORIGIN, Micros(BASE + at)).is_err());
+            assert!(journal.events_size <= 20_000 / EVENT_SHARE + 200, "{}", journal.events_size);
+        }
+        let (kept, lost) = counts.events();
+        assert!(kept > 5 && lost > 100 && kept + lost == 200, "{kept} {lost}");
+        store.fail(0, false);
+        journal.flush(Instant::ORIGIN, Micros(BASE + 200)).unwrap();
+        journal.take(Instant::ORIGIN, with(300, vec![began(BASE + 300, 2)]));
+        journal.flush(Instant::ORIGIN, Micros(BASE + 300)).unwrap();
+        let first_lost = BASE + i64::try_from(kept).unwrap();
+        let (from, to, because) = (Some(Micros(first_lost)), Micros(BASE + 300), UnseenBecause::Lost);
+        let gap = Event { time: to, observed: Observed::Unseen { from, to, because } };
+        let mut expected: Vec<_> = (BASE..first_lost).map(|time| began(time, 1)).collect();
+        expected.extend([gap, began(BASE + 300, 2)]);
+        assert_eq!(all_events(&mut store.clone()), expected, "each once, and the gap");
+        assert_eq!(counts.kept_until(), Some(Micros(BASE + 300)));
+    }
+}
+
+#[test]
+fn a_robot_was_read_last_when_its_last_sample_was() {
+    let store = MemoryDays::default();
+    let counts = Arc::<RobotCounts>::default();
+    let mut first = journal(store.clone(), settings());
+    let seen =
+        |journal: &mut Journal<_>, robot: &RobotName| journal.last_seen(Instant::ORIGIN, Micros(BASE), robot);
+    assert_eq!(seen(&mut first, &press()), Before::Never);
+    first.take(Instant::ORIGIN, batch(vec![(Address::CurMode, whole(BASE + 7, 1))], &counts));
+    assert_eq!(seen(&mut first, &press()), Before::Seen(Some(Micros(BASE + 7))));
+    first.flush(Instant::ORIGIN, Micros(BASE)).unwrap();
+    drop(first);
+    // It was in a tail.
+    let mut second = journal(store.clone(), settings());
+    assert_eq!(seen(&mut second, &press()), Before::Seen(Some(Micros(BASE + 7))));
+    let saw = RobotName::new("saw").unwrap();
+    assert_eq!(seen(&mut second, &saw), Before::Never);
+    // A robot that is in none of the newest files may be in an older one.
+    for day in 1..5 {
+        let time = BASE + day * 86_400 * SECOND;
+        let write = Write { events: vec![began(time, 1)], ..Write::default() };
+        second.store.write(Micros(time).day(), &[(press(), write)]).unwrap();
+    }
+    let mut third = journal(store, settings());
+    assert_eq!(seen(&mut third, &saw), Before::Seen(None));
+}
+
 #[test]
 fn little_memory_is_no_loss_while_the_disk_works() {
     let store = MemoryDays::default();
@@ -141,7 +220,7 @@ fn a_row_that_was_changed_costs_what_is_in_it_and_nothing_else() {
     let (part, _) = store.parts().unwrap()[0];
     let mut rows = store.tails(part).unwrap().remove(0).rows;
     rows[1][3] ^= 1;
-    let write = |replace_tail, tail| [(press(), Write { chunks: Vec::new(), replace_tail, tail })];
+    let write = |replace_tail, tail| [(press(), Write { replace_tail, tail, ..Write::default() })];
     store.write_part(part, &write(true, None)).unwrap();
     for row in rows {
         store.write_part(part, &write(false, Some(row))).unwrap();

@@ -1,7 +1,8 @@
 //! The history as a table for spreadsheets.
 
 use r6_api::AddressValue;
-use r6_api::gateway::{History, HistoryBucket, HistorySample};
+use r6_api::gateway::{History, HistoryBucket, HistoryEvents, HistorySample};
+use serde_json::Value;
 
 /// The table: a line of names, then a line for each sample or bucket. Lines end as RFC 4180 says.
 pub(super) fn table(history: &History) -> String {
@@ -27,6 +28,49 @@ pub(super) fn table(history: &History) -> String {
                 line(&mut table, [time.clone(), of, gap]);
             }
         }
+    }
+    table
+}
+
+/// The columns of a table of events. Each kind of event fills some of them.
+const EVENT_COLUMNS: [&str; 16] = [
+    "id",
+    "time",
+    "event",
+    "code",
+    "text",
+    "remedy",
+    "lasted_ms",
+    "from",
+    "to",
+    "because",
+    "count",
+    "at_least",
+    "ms",
+    "at",
+    "added",
+    "total",
+];
+
+/// A table of events.
+pub(super) fn event_table(page: &HistoryEvents) -> String {
+    let mut table = String::new();
+    line(&mut table, EVENT_COLUMNS.map(str::to_owned));
+    for event in &page.events {
+        // Our own types always become JSON.
+        let fields = serde_json::to_value(event).unwrap_or_default();
+        line(
+            &mut table,
+            EVENT_COLUMNS.map(|column| match fields.get(column) {
+                None | Some(Value::Null) => String::new(),
+                // These are words and times of ours.
+                Some(Value::String(text)) if ["id", "time", "event", "because", "at"].contains(&column) => {
+                    text.clone()
+                }
+                Some(Value::String(text)) => quoted(text),
+                Some(number) => number.to_string(),
+            }),
+        );
     }
     table
 }
@@ -64,7 +108,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use r6_api::gateway::Gap;
+    use r6_api::gateway::{Gap, Happened, HistoryEvent};
 
     fn history(samples: Option<Vec<HistorySample>>, buckets: Option<Vec<HistoryBucket>>) -> History {
         History {
@@ -95,6 +139,33 @@ mod tests {
         let cells = ["'=1+1", "'@a", "'-1", "'+1", "'\t=1", "a \"\"b\"\", c\r\nd", "plain"];
         let lines = cells.map(|cell| format!("{time},\"{cell}\",\r\n"));
         assert_eq!(table, format!("time,value,gap\r\n{}", lines.concat()));
+    }
+
+    #[test]
+    fn each_event_fills_its_columns_and_none_is_a_formula() {
+        let of = |happened| HistoryEvent { id: "1-1-1".to_owned(), time: "T".to_owned(), happened };
+        let (text, remedy) = ("emergency stop".to_owned(), "release".to_owned());
+        let events = vec![
+            of(Happened::AlarmBegan { code: 7, text, remedy }),
+            of(Happened::ProgramChanged { from: "=1+1".to_owned(), to: "a,b".to_owned() }),
+            of(Happened::CycleDone { count: 1, at_least: true, ms: None, at: "A".to_owned() }),
+        ];
+        let page = HistoryEvents {
+            robot: "press".to_owned(),
+            from: String::new(),
+            to: String::new(),
+            events,
+            kept_until: None,
+            unreadable: 0,
+            next_cursor: None,
+        };
+        let table = event_table(&page);
+        let lines: Vec<_> = table.lines().collect();
+        assert_eq!(lines[0], EVENT_COLUMNS.join(","));
+        assert_eq!(lines[1], "1-1-1,T,alarm_began,7,\"emergency stop\",\"release\",,,,,,,,,,");
+        assert_eq!(lines[2], "1-1-1,T,program_changed,,,,,\"'=1+1\",\"a,b\",,,,,,,");
+        assert_eq!(lines[3], "1-1-1,T,cycle_done,,,,,,,,1,true,,A,,");
+        assert_eq!(lines.len(), 4);
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 use r6_proto::Address;
 
-use super::{Ask, Days, HistoryStore, MemoryDays, Part};
+use super::{Ask, AskEvents, Days, HistoryStore, MemoryDays, Part};
 use crate::core::history::block::{Chunk, Write, chunks};
+use crate::core::history::event::{Event, Observed};
 use crate::core::history::sample::{Interval, Micros, Sample, State};
 use crate::core::name::RobotName;
 
@@ -28,7 +29,7 @@ fn chunk(first: i64, count: i64) -> Chunk {
 
 fn with(chunks: &[Chunk], replace_tail: bool, tail: Option<&[u8]>) -> Vec<(RobotName, Write)> {
     let chunks = chunks.iter().map(|chunk| (MODE, chunk.clone())).collect();
-    vec![(press(), Write { chunks, replace_tail, tail: tail.map(<[u8]>::to_vec) })]
+    vec![(press(), Write { chunks, replace_tail, tail: tail.map(<[u8]>::to_vec), events: Vec::new() })]
 }
 
 fn part(day: i64, number: u32) -> Part {
@@ -87,6 +88,88 @@ fn tails_grow_and_are_replaced() {
         assert_eq!(store.tails(day), Ok(vec![]));
         assert_eq!(firsts(store, day, 0, i64::MAX, 9), [3 * DAY]);
     });
+}
+
+fn began(time: i64, code: u32) -> Event {
+    Event { time: Micros(time), observed: Observed::AlarmBegan { code } }
+}
+
+fn with_events(events: &[Event]) -> Vec<(RobotName, Write)> {
+    vec![(press(), Write { events: events.to_vec(), ..Write::default() })]
+}
+
+/// Times and codes of events behind a place.
+fn codes(store: &mut dyn HistoryStore, after: (i64, i64), to: i64, most: usize) -> Vec<(i64, u32)> {
+    let robot = press();
+    let ask = AskEvents { robot: &robot, after: (Micros(after.0), after.1), to: Micros(to) };
+    let kept = store.events(part(0, 1), ask, most).unwrap();
+    let code = |event: Event| match event.observed {
+        Observed::AlarmBegan { code } => code,
+        other => panic!("{other:?}"),
+    };
+    kept.into_iter().map(|kept| (kept.time.0, code(kept.event.unwrap()))).collect()
+}
+
+#[test]
+fn events_are_found_by_robot_and_time_and_stay_once() {
+    on_each(|store| {
+        store.write(0, &with_events(&[began(20, 1), began(10, 2)])).unwrap();
+        // Two of the same time, and an event that was written before.
+        store.write(0, &with_events(&[began(20, 3), began(20, 1), began(30, 4)])).unwrap();
+        let all = [(10, 2), (20, 1), (20, 3), (30, 4)];
+        assert_eq!(codes(store, (0, 0), 99, 9), all);
+        assert_eq!(codes(store, (0, 0), 30, 9), all[..3]);
+        assert_eq!(codes(store, (0, 0), 99, 2), all[..2]);
+        assert_eq!(codes(store, (10, 0), 99, 9), all, "from this time on");
+        assert_eq!(codes(store, (10, i64::MAX), 99, 9), all[1..], "behind all of this time");
+        let robot = press();
+        let ask = AskEvents { robot: &robot, after: (Micros(0), 0), to: Micros(99) };
+        let second = store.events(part(0, 1), ask, 9).unwrap().remove(1);
+        assert_eq!(codes(store, (20, second.row), 99, 9), all[2..], "behind this event");
+        let saw = RobotName::new("saw").unwrap();
+        assert_eq!(store.events(part(0, 1), AskEvents { robot: &saw, ..ask }, 9), Ok(vec![]));
+        assert!(store.parts().unwrap()[0].1 > 0);
+        store.remove(part(0, 1)).unwrap();
+        assert_eq!(store.parts(), Ok(vec![]));
+    });
+}
+
+#[test]
+fn each_robot_has_the_time_of_its_last_sample() {
+    on_each(|store| {
+        store.write(0, &with(&[chunk(10, 5), chunk(30, 3)], false, None)).unwrap();
+        store
+            .write(0, &[(RobotName::new("saw").unwrap(), with(&[chunk(7, 1)], false, None).remove(0).1)])
+            .unwrap();
+        let mut seen = store.last_seen(part(0, 1)).unwrap();
+        seen.sort();
+        assert_eq!(seen, [(press(), Micros(32)), (RobotName::new("saw").unwrap(), Micros(7))]);
+    });
+}
+
+#[test]
+fn a_file_without_events_gets_them_and_keeps_its_chunks() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = Days::to_write(folder.path(), 1 << 30);
+    store.write(0, &with(&[chunk(1, 3)], false, None)).unwrap();
+    let mut reader = Days::to_read(folder.path());
+    assert_eq!(codes(&mut reader, (0, 0), 99, 9), []);
+    store.write(0, &with_events(&[began(5, 42)])).unwrap();
+    assert_eq!(codes(&mut reader, (0, 0), 99, 9), [(5, 42)], "the reader need not open it again");
+    assert_eq!(firsts(&mut reader, part(0, 1), 0, 100, 9), [1]);
+}
+
+#[test]
+fn an_event_that_was_changed_is_told_as_unreadable() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = Days::to_write(folder.path(), 1 << 30);
+    store.write(0, &with_events(&[began(5, 42), began(6, 43)])).unwrap();
+    let connection = rusqlite::Connection::open(folder.path().join("1970-01-01.db")).unwrap();
+    connection.execute("UPDATE event SET text = replace(text, '42', '41')", []).unwrap();
+    let robot = press();
+    let ask = AskEvents { robot: &robot, after: (Micros(0), 0), to: Micros(99) };
+    let read: Vec<_> = store.events(part(0, 1), ask, 9).unwrap().into_iter().map(|kept| kept.event).collect();
+    assert_eq!(read, [None, Some(began(6, 43))]);
 }
 
 #[test]

@@ -11,8 +11,9 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use rusqlite::{Connection, OpenFlags};
 
 use super::table::{self, TABLES, VERSION};
-use super::{Ask, Entry, HistoryStore, Part, Tail};
+use super::{Ask, AskEvents, Entry, HistoryStore, KeptEvent, Part, Tail};
 use crate::core::history::block::Write;
+use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
 use crate::files::{make_file, make_folder};
 use crate::store::StoreError;
@@ -198,6 +199,14 @@ impl HistoryStore for Days {
 
     fn bytes(&mut self, part: Part, rows: &[i64]) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
         table::bytes(self.connection(part)?, rows)
+    }
+
+    fn events(&mut self, part: Part, ask: AskEvents<'_>, most: usize) -> Result<Vec<KeptEvent>, StoreError> {
+        table::events(self.connection(part)?, part, ask, most)
+    }
+
+    fn last_seen(&mut self, part: Part) -> Result<Vec<(RobotName, Micros)>, StoreError> {
+        table::last_seen(self.connection(part)?)
     }
 
     fn parts(&mut self) -> Result<Vec<(Part, u64)>, StoreError> {

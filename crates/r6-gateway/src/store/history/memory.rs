@@ -5,8 +5,10 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use r6_proto::Address;
 
-use super::{Ask, Entry, HistoryStore, Part, Tail};
+use super::{Ask, AskEvents, Entry, HistoryStore, KeptEvent, Part, Tail};
 use crate::core::history::block::{Chunk, Write};
+use crate::core::history::event::Event;
+use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
 use crate::store::StoreError;
 
@@ -28,6 +30,7 @@ struct Held {
 struct File {
     chunks: Vec<(RobotName, Address, Chunk)>,
     tails: BTreeMap<RobotName, Vec<Vec<u8>>>,
+    events: Vec<(RobotName, Event)>,
 }
 
 impl MemoryDays {
@@ -73,6 +76,12 @@ impl HistoryStore for MemoryDays {
             }
             if let Some(tail) = &write.tail {
                 file.tails.entry(robot.clone()).or_default().push(tail.clone());
+            }
+            for event in &write.events {
+                let row = (robot.clone(), event.clone());
+                if !file.events.contains(&row) {
+                    file.events.push(row);
+                }
             }
         }
         if fails { failure } else { Ok(()) }
@@ -120,10 +129,40 @@ impl HistoryStore for MemoryDays {
         Ok(rows.iter().map(bytes).collect())
     }
 
+    fn events(&mut self, part: Part, ask: AskEvents<'_>, most: usize) -> Result<Vec<KeptEvent>, StoreError> {
+        let held = self.held();
+        let events = held.parts.get(&part).into_iter().flat_map(|file| &file.events);
+        let kept = (1..).zip(events).filter(|(row, (robot, event))| {
+            robot == ask.robot && (event.time, *row) > ask.after && event.time < ask.to
+        });
+        let kept = kept.map(|(row, (_, event))| KeptEvent {
+            part,
+            row,
+            time: event.time,
+            event: Some(event.clone()),
+        });
+        let mut kept: Vec<_> = kept.collect();
+        kept.sort_by_key(|kept| (kept.time, kept.row));
+        kept.truncate(most);
+        Ok(kept)
+    }
+
+    fn last_seen(&mut self, part: Part) -> Result<Vec<(RobotName, Micros)>, StoreError> {
+        let held = self.held();
+        let chunks = held.parts.get(&part).into_iter().flat_map(|file| &file.chunks);
+        let mut seen = BTreeMap::new();
+        for (robot, _, chunk) in chunks {
+            let last = seen.entry(robot.clone()).or_insert(chunk.summary.last);
+            *last = chunk.summary.last.max(*last);
+        }
+        Ok(seen.into_iter().collect())
+    }
+
     fn parts(&mut self) -> Result<Vec<(Part, u64)>, StoreError> {
         let size = |file: &File| {
             let chunks = file.chunks.iter().map(|(_, _, chunk)| chunk.bytes.len() + 100).sum::<usize>();
-            (chunks + file.tails.values().flatten().map(Vec::len).sum::<usize>()) as u64
+            let events = file.events.iter().map(|(_, event)| event.encode().0.len() + 50).sum::<usize>();
+            (chunks + events + file.tails.values().flatten().map(Vec::len).sum::<usize>()) as u64
         };
         Ok(self.held().parts.iter().map(|(part, file)| (*part, size(file))).collect())
     }

@@ -3,8 +3,9 @@
 use r6_proto::Address;
 use rusqlite::{Connection, OptionalExtension, Row, Transaction, TransactionBehavior, params};
 
-use super::{Ask, Entry, Part, Tail};
+use super::{Ask, AskEvents, Entry, KeptEvent, Part, Tail};
 use crate::core::history::block::{Summary, Write};
+use crate::core::history::event::Event;
 use crate::core::history::sample::{Interval, Micros};
 use crate::core::name::RobotName;
 use crate::store::StoreError;
@@ -45,6 +46,19 @@ CREATE TABLE tail (
 CREATE INDEX tail_of_robot ON tail (robot);
 ";
 
+/// Made with the first event of a file: files of earlier versions of r6 do not have it, and need no pages for
+/// it. An event is the same as one with its robot, time and text.
+const EVENT_TABLE: &str = "
+CREATE TABLE IF NOT EXISTS event (
+    id    INTEGER PRIMARY KEY,
+    robot TEXT NOT NULL,
+    time  INTEGER NOT NULL,
+    text  TEXT NOT NULL,
+    crc   INTEGER NOT NULL
+) STRICT;
+CREATE UNIQUE INDEX IF NOT EXISTS event_of_robot ON event (robot, time, text);
+";
+
 const COLUMNS: &str = "id, first, last, count, interval_ms, min, max, last_number, sum, good";
 
 pub(super) fn write(connection: &mut Connection, writes: &[(RobotName, Write)]) -> Result<(), StoreError> {
@@ -82,6 +96,17 @@ pub(super) fn write(connection: &mut Connection, writes: &[(RobotName, Write)]) 
             transaction
                 .prepare_cached("INSERT INTO tail (robot, bytes) VALUES (?1, ?2)")?
                 .execute(params![robot.as_str(), tail])?;
+        }
+        if !write.events.is_empty() {
+            transaction.execute_batch(EVENT_TABLE)?;
+        }
+        for event in &write.events {
+            let (text, crc) = event.encode();
+            transaction
+                .prepare_cached(
+                    "INSERT OR IGNORE INTO event (robot, time, text, crc) VALUES (?1, ?2, ?3, ?4)",
+                )?
+                .execute(params![robot.as_str(), event.time.0, text, crc])?;
         }
     }
     transaction.commit()?;
@@ -164,6 +189,44 @@ fn entry(part: Part, row: &Row<'_>) -> rusqlite::Result<Entry> {
         good: row.get(9)?,
     };
     Ok(Entry { part, row: row.get(0)?, summary })
+}
+
+pub(super) fn events(
+    connection: &Connection,
+    part: Part,
+    ask: AskEvents<'_>,
+    most: usize,
+) -> Result<Vec<KeptEvent>, StoreError> {
+    let mut table = connection.prepare_cached("SELECT 1 FROM sqlite_schema WHERE name = 'event'")?;
+    if !table.exists([])? {
+        return Ok(Vec::new());
+    }
+    let AskEvents { robot, after: (time, row), to } = ask;
+    // The first comparison lets the index find the begin.
+    let mut select = connection.prepare_cached(
+        "SELECT id, time, text, crc FROM event
+         WHERE robot = ?1 AND time >= ?2 AND (time > ?2 OR id > ?3) AND time < ?4 ORDER BY time, id LIMIT ?5",
+    )?;
+    let rows = select.query_map(params![robot.as_str(), time.0, row, to.0, most], |row| {
+        let (time, text, crc) = (Micros(row.get(1)?), row.get::<_, String>(2)?, row.get(3)?);
+        Ok(KeptEvent { part, row: row.get(0)?, time, event: Event::decode(time, &text, crc) })
+    })?;
+    Ok(rows.collect::<Result<_, _>>()?)
+}
+
+pub(super) fn last_seen(connection: &Connection) -> Result<Vec<(RobotName, Micros)>, StoreError> {
+    // The index gives the newest chunk of each signal.
+    let mut select = connection.prepare_cached(
+        "SELECT robot, MAX((SELECT last FROM chunk WHERE signal = signal.id ORDER BY first DESC LIMIT 1))
+         FROM signal GROUP BY robot",
+    )?;
+    let rows = select.query_map([], |row| Ok((row.get::<_, String>(0)?, row.get::<_, Option<i64>>(1)?)))?;
+    let mut seen = Vec::new();
+    for row in rows {
+        let (robot, last) = row?;
+        seen.extend(RobotName::new(&robot).zip(last.map(Micros)));
+    }
+    Ok(seen)
 }
 
 pub(super) fn bytes(connection: &Connection, rows: &[i64]) -> Result<Vec<Option<Vec<u8>>>, StoreError> {

@@ -129,11 +129,15 @@ fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
     let models: Vec<_> = RobotModel::names().collect();
     let wanted = format!("a model: {}", models.join(", "));
     let model = fields.optional("model", &wanted, |value| RobotModel::named(value.text()?));
+    let parts = fields.optional("parts", "a counter, such as counter-1", |value| {
+        Address::parse(value.text()?).ok().filter(|address| matches!(address, Address::Counter(_)))
+    });
     let usual = RobotConfig::new(name?, address?);
     Ok(RobotConfig {
         period: period.map_or(usual.period, |period| Duration::from_millis(period.into())),
         addresses: addresses.unwrap_or_default(),
         model: model.map(|model| model.name.to_string()),
+        parts,
         settings: robot::settings(),
         ..usual
     })
@@ -158,6 +162,13 @@ mod tests {
         let [press, saw] = &robots[..] else { panic!("{robots:?}") };
         assert_eq!((press.name.as_str(), press.period), ("press-4", Duration::from_millis(50)));
         assert_eq!((press.addresses.len(), press.model.as_deref()), (2, Some("BRTIRUS0707A")));
+        assert_eq!(press.parts(), Some(Address::Counter(1)), "the first counter that is read");
+        assert_eq!(saw.parts(), None);
+        let text =
+            "[[robot]]\nname = \"saw\"\naddress = \"a\"\nparts = \"counter-4\"\nread = [\"counter-1\"]\n";
+        let saw = parse(text).unwrap().robots.remove(0);
+        assert_eq!(saw.parts(), Some(Address::Counter(4)));
+        assert!(saw.all_addresses().contains(&Address::Counter(4)), "it is read");
         assert_eq!((saw.address.as_str(), saw.period), ("saw.hall:9761", r6_gateway::USUAL_PERIOD));
     }
 
@@ -245,7 +256,7 @@ mod tests {
     #[test]
     fn every_mistake_is_told_with_its_line() {
         let text = "[[robot]]\nname = \"Press 4\"\naddress = \"a:b:c\"\n[[robot]]\nname = \"saw\"\naddress = \"a\"\n\
-                    period_ms = 1\nread = [\"axis-99\"]\nx = 1\nmodel = \"X\"\n";
+                    period_ms = 1\nread = [\"axis-99\"]\nx = 1\nmodel = \"X\"\nparts = \"axis-0\"\n";
         assert_told(
             text,
             &[
@@ -255,6 +266,7 @@ mod tests {
                 ("hall.toml:8:", "`read`"),
                 ("hall.toml:9:", "`x`"),
                 ("hall.toml:10:", "BRTIRUS0707A"),
+                ("hall.toml:11:", "`parts`"),
             ],
         );
         let twice =

@@ -21,6 +21,12 @@ fn samples(number: i64) -> Vec<(Address, Sample)> {
     SIGNALS.into_iter().enumerate().filter_map(sample).collect()
 }
 
+/// The event of a number: about every third one has one.
+fn event(number: i64) -> Option<Event> {
+    let time = Micros(BASE + number * 20_000);
+    (number % 3 == 0).then_some(Event { time, observed: Observed::ModeChanged { from: number, to: 0 } })
+}
+
 /// The process that is killed. It does nothing unless the test below starts it.
 #[test]
 fn child() {
@@ -35,7 +41,8 @@ fn child() {
     // It ends by itself if it is not killed.
     for round in 0..20_000_u64 {
         for _ in 0..(round * 7 % 40) {
-            running.take(Instant::ORIGIN, batch(samples(number), &counts));
+            let events = event(number).into_iter().collect();
+            running.take(Instant::ORIGIN, Batch { events, ..batch(samples(number), &counts) });
             number += 1;
         }
         running.flush(Instant::ORIGIN, Micros(BASE)).unwrap();
@@ -44,7 +51,7 @@ fn child() {
 }
 
 #[test]
-fn no_acknowledged_sample_is_lost_when_the_process_is_killed() {
+fn no_acknowledged_sample_or_event_is_lost_when_the_process_is_killed() {
     let kills = std::env::var("R6_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(KILLS);
     let folder = tempfile::tempdir().unwrap();
     let (mut expected, mut seed): (Vec<Vec<Sample>>, u64) = (vec![Vec::new(); 3], 0x2545_F491);
@@ -82,6 +89,8 @@ fn no_acknowledged_sample_is_lost_when_the_process_is_killed() {
             assert_eq!(seen.len(), expected.len(), "kill {kill}");
             assert!(seen == expected, "kill {kill}");
         }
+        let events = all_events(&mut again.store);
+        assert!(events == (0..last).filter_map(event).collect::<Vec<_>>(), "kill {kill}");
         first = last;
     }
     assert!(first > i64::from(kills) * 10, "{first}: it got somewhere before it was killed");

@@ -1,0 +1,248 @@
+//! What was seen to happen at a robot, and how it is kept.
+
+use r6_api::gateway::UnseenBecause;
+use serde::{Deserialize, Serialize};
+
+use super::bytes::CRC;
+use super::sample::Micros;
+
+/// Something that was seen at a time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Event {
+    /// When the value that shows it was asked for.
+    pub time: Micros,
+    /// What.
+    pub observed: Observed,
+}
+
+/// What was seen. The names of the kinds and fields stand in files: they never change.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Observed {
+    /// `curAlarm` became this code.
+    AlarmBegan {
+        /// The code.
+        code: u32,
+    },
+    /// `curAlarm` is not this code any more.
+    AlarmEnded {
+        /// The code.
+        code: u32,
+        /// For how long it was read; `None` if its begin was not seen.
+        lasted_ms: Option<u64>,
+    },
+    /// `curMode` changed.
+    ModeChanged {
+        /// The mode before.
+        from: i64,
+        /// The mode from now on.
+        to: i64,
+    },
+    /// `curMold` changed.
+    ProgramChanged {
+        /// The program before.
+        from: String,
+        /// The program from now on.
+        to: String,
+    },
+    /// A cycle ended since the last reading.
+    CycleDone {
+        /// How many are proved to have ended.
+        count: u64,
+        /// Whether more may have ended.
+        at_least: bool,
+        /// How long it took; `None` if more may have ended.
+        ms: Option<u64>,
+        /// The last moment when it can have ended.
+        at: Micros,
+    },
+    /// The counter of parts grew.
+    Parts {
+        /// By how much.
+        added: u64,
+        /// What it counts now.
+        total: i64,
+    },
+    /// The counter of parts went back.
+    PartsReset {
+        /// What it counted before.
+        from: i64,
+        /// What it counts now.
+        to: i64,
+    },
+    /// Nothing came back when it was due, or the connection ended.
+    LinkLost {},
+    /// The robot answers again.
+    LinkBack {},
+    /// The robot was not seen for a time: what changed meanwhile has no event.
+    Unseen {
+        /// The last reading before; `None` if that is not known.
+        from: Option<Micros>,
+        /// The first reading after.
+        to: Micros,
+        /// Why.
+        because: UnseenBecause,
+    },
+}
+
+/// The kinds of events.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// [`Observed::AlarmBegan`].
+    AlarmBegan,
+    /// [`Observed::AlarmEnded`].
+    AlarmEnded,
+    /// [`Observed::ModeChanged`].
+    ModeChanged,
+    /// [`Observed::ProgramChanged`].
+    ProgramChanged,
+    /// [`Observed::CycleDone`].
+    CycleDone,
+    /// [`Observed::Parts`].
+    Parts,
+    /// [`Observed::PartsReset`].
+    PartsReset,
+    /// [`Observed::LinkLost`].
+    LinkLost,
+    /// [`Observed::LinkBack`].
+    LinkBack,
+    /// [`Observed::Unseen`].
+    Unseen,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 10] = [
+        Self::AlarmBegan,
+        Self::AlarmEnded,
+        Self::ModeChanged,
+        Self::ProgramChanged,
+        Self::CycleDone,
+        Self::Parts,
+        Self::PartsReset,
+        Self::LinkLost,
+        Self::LinkBack,
+        Self::Unseen,
+    ];
+
+    /// Its word.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::AlarmBegan => "alarm_began",
+            Self::AlarmEnded => "alarm_ended",
+            Self::ModeChanged => "mode_changed",
+            Self::ProgramChanged => "program_changed",
+            Self::CycleDone => "cycle_done",
+            Self::Parts => "parts",
+            Self::PartsReset => "parts_reset",
+            Self::LinkLost => "link_lost",
+            Self::LinkBack => "link_back",
+            Self::Unseen => "unseen",
+        }
+    }
+
+    /// The kind with this word.
+    #[must_use]
+    pub fn of_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.word() == word)
+    }
+}
+
+impl Event {
+    /// Its kind.
+    #[must_use]
+    pub fn kind(&self) -> Kind {
+        match self.observed {
+            Observed::AlarmBegan { .. } => Kind::AlarmBegan,
+            Observed::AlarmEnded { .. } => Kind::AlarmEnded,
+            Observed::ModeChanged { .. } => Kind::ModeChanged,
+            Observed::ProgramChanged { .. } => Kind::ProgramChanged,
+            Observed::CycleDone { .. } => Kind::CycleDone,
+            Observed::Parts { .. } => Kind::Parts,
+            Observed::PartsReset { .. } => Kind::PartsReset,
+            Observed::LinkLost {} => Kind::LinkLost,
+            Observed::LinkBack {} => Kind::LinkBack,
+            Observed::Unseen { .. } => Kind::Unseen,
+        }
+    }
+
+    /// How much memory it takes, in bytes.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        let text = if let Observed::ProgramChanged { from, to } = &self.observed {
+            from.len() + to.len()
+        } else {
+            0
+        };
+        size_of::<Self>() + text
+    }
+
+    /// What is kept of it besides its time: JSON, and a checksum over time and JSON.
+    #[must_use]
+    pub fn encode(&self) -> (String, u32) {
+        // Our own types always become JSON.
+        let text = serde_json::to_string(&self.observed).unwrap_or_default();
+        let crc = checksum(self.time, &text);
+        (text, crc)
+    }
+
+    /// Reads what [`Self::encode`] made; `None` if it was changed, or is of a kind that this version does not
+    /// know.
+    #[must_use]
+    pub fn decode(time: Micros, text: &str, crc: u32) -> Option<Self> {
+        let observed = (checksum(time, text) == crc).then(|| serde_json::from_str(text).ok()).flatten()?;
+        Some(Self { time, observed })
+    }
+}
+
+fn checksum(time: Micros, text: &str) -> u32 {
+    let mut bytes = time.0.to_le_bytes().to_vec();
+    bytes.extend_from_slice(text.as_bytes());
+    CRC.checksum(&bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one_of_each() -> Vec<Event> {
+        let time = Micros(1_764_000_000_000_100);
+        let all = [
+            Observed::AlarmBegan { code: 42 },
+            Observed::AlarmEnded { code: 42, lasted_ms: None },
+            Observed::ModeChanged { from: 2, to: 7 },
+            Observed::ProgramChanged { from: "a \"b\"".to_owned(), to: "部件".to_owned() },
+            Observed::CycleDone { count: 1, at_least: false, ms: Some(12_300), at: Micros(5) },
+            Observed::Parts { added: 2, total: -7 },
+            Observed::PartsReset { from: 9, to: 0 },
+            Observed::LinkLost {},
+            Observed::LinkBack {},
+            Observed::Unseen { from: Some(Micros(1)), to: time, because: UnseenBecause::Link },
+        ];
+        all.map(|observed| Event { time, observed }).into()
+    }
+
+    #[test]
+    fn events_come_back_as_they_were_and_each_kind_has_its_word() {
+        let events = one_of_each();
+        for (event, kind) in events.iter().zip(Kind::ALL) {
+            let (text, crc) = event.encode();
+            assert_eq!(Event::decode(event.time, &text, crc).as_ref(), Some(event), "{text}");
+            assert!(text.starts_with(&format!("{{\"event\":\"{}\"", kind.word())), "{text}");
+            assert_eq!((event.kind(), Kind::of_word(kind.word())), (kind, Some(kind)));
+        }
+        assert_eq!(events.len(), Kind::ALL.len());
+        assert_eq!(Kind::of_word("alarm"), None);
+    }
+
+    #[test]
+    fn what_was_changed_is_not_read() {
+        let event = one_of_each().remove(0);
+        let (text, crc) = event.encode();
+        assert_eq!(Event::decode(event.time, &text.replace("42", "43"), crc), None);
+        assert_eq!(Event::decode(Micros(event.time.0 + 1), &text, crc), None);
+        let newer = "{\"event\":\"of_a_later_version\"}";
+        assert_eq!(Event::decode(event.time, newer, checksum(event.time, newer)), None);
+    }
+}

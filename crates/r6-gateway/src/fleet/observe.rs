@@ -1,0 +1,66 @@
+//! What happens at one robot, from the values of each poll.
+
+use r6_client::Recorded;
+use r6_proto::time::Instant;
+
+use super::config::RobotConfig;
+use super::station::{MODE_PERIOD, Station};
+use crate::clock;
+use crate::core::history::event::{Event, Kind};
+use crate::core::history::sample::Micros;
+use crate::core::watch::{Before, Value, Watcher};
+use crate::live::happened::happened;
+
+/// Watches one robot, and publishes what happens.
+pub(super) struct Observer<'s> {
+    station: &'s Station,
+    watcher: Watcher,
+}
+
+impl<'s> Observer<'s> {
+    /// Watches a robot of which this is known from before.
+    pub fn new(station: &'s Station, config: &RobotConfig, before: Before) -> Self {
+        Self {
+            station,
+            watcher: Watcher::new(config.period, config.period.min(MODE_PERIOD), config.parts(), before),
+        }
+    }
+
+    /// Takes in the values of a poll. Returns what happened.
+    pub fn take(
+        &mut self,
+        now: Instant,
+        values: &[Recorded],
+        time: impl Fn(Instant) -> Micros,
+    ) -> Vec<Event> {
+        // All values of a poll came over one connection.
+        let Some(connection) = values.first().map(|value| value.connection) else { return Vec::new() };
+        let poll = values.iter().map(|Recorded { address, reading, age, connection: _ }| {
+            let at = clock::before(now, *age);
+            Value { address: *address, reading: reading.as_ref(), at, time: time(at).kept() }
+        });
+        let events = self.watcher.take(connection, &poll.collect::<Vec<_>>());
+        self.publish(&events);
+        events
+    }
+
+    /// Looks whether values are overdue.
+    pub fn look(&mut self, now: Instant, time: impl Fn(Instant) -> Micros) -> Option<Event> {
+        let event = self.watcher.look(now, time(now).kept());
+        self.publish(event.as_slice());
+        event
+    }
+
+    /// Values were lost before they came here.
+    pub fn miss(&mut self) {
+        self.watcher.miss();
+    }
+
+    fn publish(&self, events: &[Event]) {
+        // The seat publishes the link: it knows sooner.
+        let news = events.iter().filter(|event| !matches!(event.kind(), Kind::LinkLost | Kind::LinkBack));
+        for Event { time, observed } in news.cloned() {
+            self.station.publish_of(clock::text(time), happened(observed));
+        }
+    }
+}
