@@ -1,7 +1,7 @@
 //! The API over HTTP. Each file has the routes of one thing.
 //!
-//! Everything needs a token or a session (`caller.rs`), except `/healthz`, signing in and one-time links. What a route does runs to its end even if its
-//! caller hangs up.
+//! Everything needs a token or a session (`caller.rs`), except `/healthz`, signing in and one-time links.
+//! What a route does runs to its end even if its caller hangs up.
 
 mod audit;
 mod body;

@@ -94,8 +94,8 @@ pub trait Store: Send {
     /// both or neither.
     ///
     /// # Errors
-    /// [`StoreError::Denied`] if there is no such user; for the link of the first admin, if there is an admin.
-    /// Other [`StoreError`]s.
+    /// [`StoreError::Denied`] if there is no such user; for the link of the first admin, if there is an
+    /// admin. Other [`StoreError`]s.
     fn put_link(&mut self, link: &Link, author: &Author) -> Result<(), StoreError>;
 
     /// The one-time link with this hash, if it is valid at this time.
@@ -259,7 +259,8 @@ pub struct UserChange {
 /// For how long a one-time link is valid, in seconds: long enough to carry it to another screen.
 const LINK_LASTS: u64 = 3_600;
 
-/// How far the clock may be set back before a link that was just made counts as one of the future, in seconds.
+/// How far the clock may be set back before a link that was just made counts as one of the future, in
+/// seconds.
 const CLOCK_TOLERANCE: u64 = 60;
 
 /// A one-time link.

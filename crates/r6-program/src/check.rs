@@ -131,7 +131,7 @@ fn tables<'d>(document: &'d Table, name: &'static str) -> Vec<&'d Table> {
     fields.tables(name)
 }
 
-/// Whether a step is one that a PC can send, with numbers that fit the wire.
+/// Whether a PC can send a step, with numbers that fit the wire.
 fn can_be_sent(table: &Table) -> bool {
     let fields = Fields::of(table, &step::KEYS, "");
     let action = step::kind(&fields).and_then(|kind| step::action(kind, &fields, ProgramKind::Sent));

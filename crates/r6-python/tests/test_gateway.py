@@ -122,7 +122,7 @@ def test_a_program_is_checked_and_planned(operator: r6.Gateway) -> None:
     program = "[[instruction]]\ndo = 'axis-move'\nto = [20]\nspeed = 10\n"
     assert operator.check(program)["ok"] is True
     wrong = operator.check(program.replace("speed", "sped"))
-    assert (wrong["ok"], [problem["line"] for problem in wrong["problems"]]) == (False, [4, 1])
+    assert (wrong["ok"], [problem["line"] for problem in wrong["problems"]]) == (False, [4])
     planned = operator.plan(program, model="BRTIRUS0707A", start=[5], global_speed=50, sample=0.1)
     assert (planned["ended"], planned["sample_ms"], planned["samples"][0]["axes"][0]) == ("done", 100.0, 5.0)
     assert planned["samples"][-1]["axes"][0] == 20.0
@@ -177,7 +177,7 @@ def test_what_happened_and_the_figures_are_read_later(operator: r6.Gateway) -> N
     first = arm.production()
     assert first["availability"]["definition"] == "running_of_seen_time"
     assert first["seen_ms"] > 0 and first["seen_ms"] + first["unseen_ms"] == pytest.approx(86_400_000)
-    with pytest.raises(r6.NotSent, match="nearest: `parts`"):
+    with pytest.raises(r6.InvalidRequest, match="nearest: `parts`"):
         list(arm.history_events(kinds=["part"]))
 
 

@@ -284,8 +284,8 @@ pub enum Deed {
         /// Whether the user cannot sign in.
         disabled: bool,
     },
-    /// A user is as this from now on. All sessions of the user have ended, except the session that changed its
-    /// own password.
+    /// A user is as this from now on. All sessions of the user have ended, except the session that changed
+    /// its own password.
     UserChanged {
         /// The name.
         user: String,

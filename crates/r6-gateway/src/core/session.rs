@@ -16,7 +16,8 @@ pub const IDLE: Duration = Duration::from_secs(15 * 60);
 /// A session ends so long after it began: a shift.
 pub const LONGEST: Duration = Duration::from_secs(8 * 3600);
 
-/// How many sessions a user has at once: a few screens. A new one ends the session whose last request is oldest.
+/// How many sessions a user has at once: a few screens. A new one ends the session whose last request is
+/// oldest.
 pub const MAX_OF_USER: usize = 8;
 
 /// How many sessions there are at once, each of some hundred bytes. A new one ends the session whose

@@ -29,7 +29,7 @@ pub struct RobotConfig {
     pub period: Duration,
     /// The addresses to read, besides the usual ones: at most [`MAX_READ`].
     pub addresses: Vec<Address>,
-    /// The model of its arm: the name of one that [`RobotModel::named`] knows. Plans need it.
+    /// The model of its arm: a name that [`RobotModel::named`] knows. Plans need it.
     pub model: Option<String>,
     /// The counter of parts, a `counter-n`; `None` for the first counter of [`Self::addresses`], if there is
     /// one.

@@ -13,8 +13,8 @@ use crate::problem::Problem;
 /// The most addresses of one query: as over the raw port.
 pub const MAX_ADDRESSES: usize = 128;
 
-/// How long a query may take. A robot that lacks all of the addresses is asked for each alone, and takes 20 ms
-/// for one.
+/// How long a query may take. A robot that lacks all of the addresses is asked for each alone, which takes
+/// 20 ms each.
 const QUERY_TIME: Duration = Duration::from_secs(10);
 
 impl Station {

@@ -95,7 +95,8 @@ pub async fn show(
     let permit = permit(recorder)?;
     let read_until = match recorder.last_seen(name.clone()).await {
         Before::Seen(seen) => seen,
-        Before::Never => None,
+        // Nothing of it was seen.
+        Before::Never => Some(from),
     };
     let open = async |address| {
         let open = recorder.open(name.clone(), address).await;

@@ -61,8 +61,8 @@ pub async fn check(
     report.map(Json).map_err(refusal::of)
 }
 
-/// Plans a program: what an arm of a model would do, as `r6 plot` draws it. No robot moves. With the name of a
-/// robot, the plan begins where that robot stands.
+/// Plans a program: what an arm of a model would do, as `r6 plot` draws it. No robot moves. With the name of
+/// a robot, the plan begins where that robot stands.
 #[utoipa::path(
     post,
     path = "/v1/programs/plan",

@@ -22,8 +22,8 @@ impl Bench {
         Self(Arc::new(Semaphore::new(AT_ONCE)))
     }
 
-    /// Computes something on a thread of its own. It goes on to its end if the caller goes away, and takes its
-    /// place until then.
+    /// Computes something on a thread of its own. It goes on to its end if the caller goes away, and takes
+    /// its place until then.
     ///
     /// # Errors
     /// `overloaded` if the place is taken, or if the process ends.

@@ -213,13 +213,13 @@ fn a_link_is_used_once_within_its_hour_for_its_user() {
 }
 
 #[test]
-fn a_file_of_an_older_version_gets_the_missing_tables() {
+fn a_file_from_before_there_were_users_gets_their_tables() {
     let folder = tempfile::tempdir().unwrap();
     let mut store = Sqlite::open(folder.path()).unwrap();
     store.append(&[intent()]).unwrap();
     drop(store);
     let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
-    raw.execute_batch("DROP TABLE user; DROP TABLE link; PRAGMA user_version = 1").unwrap();
+    raw.execute_batch("DROP TABLE user; DROP TABLE link; PRAGMA user_version = 2").unwrap();
     let mut store = Sqlite::open_existing(folder.path()).unwrap();
     assert_eq!((store.users(), head(&mut store).unwrap().0), (Ok(Vec::new()), 1));
     raw.execute_batch("PRAGMA user_version = 1000").unwrap();
@@ -389,7 +389,7 @@ fn programs_have_versions_and_each_change_says_which_one_it_is_for() {
         assert_eq!(deeds[3], &Deed::ProgramRemoved { program: "pick".to_owned(), version: 2 });
         assert_eq!(
             (records[0].actor.as_str(), records.len()),
-            ("3 (engineer)", 5),
+            ("anna", 5),
             "what was refused is not told"
         );
         assert_eq!(head(store).unwrap().0, 5);
@@ -436,7 +436,7 @@ fn there_is_a_limit_for_the_number_of_programs() {
 }
 
 #[test]
-fn a_file_of_the_version_before_gets_the_new_tables() {
+fn a_file_of_the_first_version_gets_all_new_tables() {
     let folder = tempfile::tempdir().unwrap();
     let robot = |model: Option<&str>| StoredRobot {
         name: RobotName::new("saw").unwrap(),
@@ -450,7 +450,8 @@ fn a_file_of_the_version_before_gets_the_new_tables() {
     drop(store);
     // As r6 wrote it before there were programs.
     let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
-    let before = "DROP TABLE program; ALTER TABLE robot DROP COLUMN model; PRAGMA user_version = 1;";
+    let before = "DROP TABLE user; DROP TABLE link; DROP TABLE program;
+                  ALTER TABLE robot DROP COLUMN model; PRAGMA user_version = 1;";
     raw.execute_batch(before).unwrap();
     drop(raw);
     let mut store = Sqlite::open(folder.path()).unwrap();

@@ -48,7 +48,7 @@ pub struct NewVersion {
 }
 
 impl NewVersion {
-    /// The version behind this one; the first if there is none.
+    /// The version behind this one; the first one without a version before.
     pub(super) fn kept(&self, last: Option<Tag>) -> Kept {
         let version = last.map_or(0, |last| last.version) + 1;
         Kept {

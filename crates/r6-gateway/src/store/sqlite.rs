@@ -24,8 +24,8 @@ use crate::files;
 /// The name of the file in the folder.
 pub const FILE: &str = "control.db";
 
-/// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has the
-/// version of a file.
+/// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
+/// the version of a file.
 const TABLES: [&str; 3] = [CONTROL, PROGRAMS, USERS];
 
 /// How long a write waits for another process, such as `r6 gateway token`: its transactions take

@@ -193,7 +193,7 @@ async fn a_model_is_checked_shown_and_outlives_a_new_start() {
 }
 
 #[tokio::test]
-async fn programs_are_kept_with_their_versions_and_nobody_overwrites_unseen() {
+async fn programs_are_kept_with_their_versions_and_an_old_version_overwrites_nothing() {
     let hall = Hall::start().await;
     let made = put(&hall, PICK, SQUARE, "").await;
     assert_eq!((made.status, &made.body["version"], &made.body["ok"]), (201, &json!(1), &json!(true)));

@@ -230,7 +230,7 @@ pub async fn end(simulation: Simulation) -> Result<(), Failure> {
 }
 
 impl CellArgs {
-    /// The name of the arm, if it is one that r6 brings along.
+    /// The name of the arm, if the model comes with r6.
     pub fn known_model(&self) -> Option<String> {
         RobotModel::named(&self.model).map(|model| model.name.to_string())
     }

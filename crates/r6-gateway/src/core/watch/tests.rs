@@ -102,17 +102,17 @@ fn what_was_not_seen_before_the_start_is_told() {
 #[test]
 fn a_value_that_is_missing_for_long_begins_anew_and_that_is_told_once() {
     let mut watcher = watcher();
-    let mode = (Address::CurMode, Reading::Integer(2));
+    let mode = [(Address::CurMode, Reading::Integer(2))];
     let both = |code, name: &str| {
         [
-            mode.clone(),
+            mode[0].clone(),
             (Address::CurAlarm, Reading::Integer(code)),
             (Address::CurMold, Reading::Text(name.into())),
         ]
     };
     poll(&mut watcher, 0, 1, 0, &both(0, "a"));
     for step in 1..40 {
-        let events = poll(&mut watcher, step * 100, 1, 0, &[mode.clone()]);
+        let events = poll(&mut watcher, step * 100, 1, 0, &mode);
         assert_eq!(events, [], "values that are missing for some polls are no gap yet");
     }
     let events = poll(&mut watcher, 4_000, 1, 0, &both(7, "b"));
@@ -124,11 +124,11 @@ fn a_value_that_is_missing_for_long_begins_anew_and_that_is_told_once() {
 fn a_robot_that_is_read_seldom_is_lost_when_its_mode_does_not_come() {
     let minute = Duration::from_secs(60);
     let mut watcher = Watcher::new(minute, Duration::from_millis(500), None, Before::Never);
-    let mode = (Address::CurMode, Reading::Integer(7));
+    let mode = [(Address::CurMode, Reading::Integer(7))];
     let alarm = |code| (Address::CurAlarm, Reading::Integer(code));
-    poll(&mut watcher, 0, 1, 0, &[mode.clone(), alarm(0)]);
+    poll(&mut watcher, 0, 1, 0, &[mode[0].clone(), alarm(0)]);
     for step in 1..=120 {
-        let events = poll(&mut watcher, step * 500, 1, 0, &[mode.clone()]);
+        let events = poll(&mut watcher, step * 500, 1, 0, &mode);
         assert_eq!(events, [], "the alarm is not due yet");
     }
     let events = poll(&mut watcher, 60_200, 1, 0, &[alarm(7)]);

@@ -29,7 +29,7 @@ pub struct ProductionQuestion {
     pub from: Micros,
     /// Its end, which does not belong to it.
     pub to: Micros,
-    /// Until when the robot was read; `None` if it never was.
+    /// Until when the robot was read; `None` if that is not known.
     pub read_until: Option<Micros>,
 }
 
@@ -55,8 +55,7 @@ pub(super) fn answer<S: HistoryStore>(
 ) -> Result<ProductionAnswer, StoreError> {
     let ProductionQuestion { robot, from, to, read_until } = question;
     let mut answer = ProductionAnswer::default();
-    // Of a robot that was never read nothing was seen.
-    let mut production = Production::new(*from, *to, Some(read_until.unwrap_or(*from)));
+    let mut production = Production::new(*from, *to, *read_until);
     let mut count = 0;
     let next = walk(store, robot, (*from, *to), None, &mut answer.unreadable, |kept| {
         kept.event.iter().for_each(|event| production.event(event));

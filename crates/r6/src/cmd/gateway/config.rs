@@ -164,12 +164,16 @@ mod tests {
         assert_eq!((press.addresses.len(), press.model.as_deref()), (2, Some("BRTIRUS0707A")));
         assert_eq!(press.parts(), Some(Address::Counter(1)), "the first counter that is read");
         assert_eq!(saw.parts(), None);
+        assert_eq!((saw.address.as_str(), saw.period), ("saw.hall:9761", r6_gateway::USUAL_PERIOD));
+    }
+
+    #[test]
+    fn a_file_names_the_counter_of_parts() {
         let text =
             "[[robot]]\nname = \"saw\"\naddress = \"a\"\nparts = \"counter-4\"\nread = [\"counter-1\"]\n";
         let saw = parse(text).unwrap().robots.remove(0);
         assert_eq!(saw.parts(), Some(Address::Counter(4)));
         assert!(saw.all_addresses().contains(&Address::Counter(4)), "it is read");
-        assert_eq!((saw.address.as_str(), saw.period), ("saw.hall:9761", r6_gateway::USUAL_PERIOD));
     }
 
     #[test]

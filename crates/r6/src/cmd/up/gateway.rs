@@ -34,8 +34,8 @@ pub struct CellGateway {
 }
 
 impl CellGateway {
-    /// Starts the gateway of the robot at this address, whose arm has this model. `usual_port`: without `--gateway` it takes its usual
-    /// port if that is free, else any free port.
+    /// Starts the gateway of the robot at this address, whose arm has this model. `usual_port`: without
+    /// `--gateway` it takes its usual port if that is free, else any free port.
     pub async fn start(
         place: Option<Place>,
         robot: SocketAddr,
