@@ -1,9 +1,9 @@
 //! Backups of the folder of a gateway, and a folder made of one.
 //!
 //! A backup is a folder: a copy of `control.db`, of the files of the history and of a certificate that the
-//! gateway made, and `backup.json`, which lists them with their checksums. Each database is copied within one
-//! reading transaction, so the gateway may go on meanwhile. `control.db` is copied last, so that the audit log
-//! of a backup knows everything that made the rest.
+//! gateway made, and `backup.json`, which lists them with their checksums. Each database is copied within
+//! one reading transaction, so the gateway may go on meanwhile. `control.db` is copied last, so that the
+//! audit log of a backup knows everything that made the rest.
 
 use std::fmt;
 use std::fs::File;

@@ -95,7 +95,16 @@ pub const RULES: &[Rule] = &[
     Rule {
         package: "r6-bench",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim", "r6-testkit"],
+        may_use: &[
+            "r6-api",
+            "r6-client",
+            "r6-controller",
+            "r6-gateway",
+            "r6-motion",
+            "r6-proto",
+            "r6-sim",
+            "r6-testkit",
+        ],
     },
     // Only the programs of `fuzz/`, a separate workspace, depend on it.
     Rule {

@@ -19,7 +19,7 @@ use utoipa::IntoParams;
 
 use super::body::WithProgram;
 use super::caller::{Caller, Manager, StorePrograms};
-use super::described::{OfBody, OfRight, OfToken};
+use super::described::{OfBody, OfChange, OfToken};
 use super::{State, refusal};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::role::Right;
@@ -47,7 +47,7 @@ const FARTHEST: f64 = 1e6;
         (status = 200, description = "What was found; mistakes too are 200", body = ProgramChecked),
         (status = 422, description = "`bad_value`: the text is too long", body = Problem),
         (status = 503, description = "`overloaded`: other programs are being checked or planned", body = Problem),
-        OfToken,
+        OfChange,
         OfBody,
     )
 )]
@@ -73,7 +73,7 @@ pub async fn check(
         (status = 409, description = "`not_ready`, `identity_changed`: its position is not known", body = Problem),
         (status = 422, description = "`bad_program`, `bad_value`", body = Problem),
         (status = 503, description = "`overloaded`: other programs are being checked or planned", body = Problem),
-        OfRight,
+        OfChange,
         OfBody,
     )
 )]
@@ -247,7 +247,7 @@ pub async fn versions(
         (status = 428, description = "`needs_if_match`", body = Problem),
         (status = 503, description = "`store_unavailable`, `overloaded`: nothing was stored", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
-        OfRight,
+        OfChange,
         OfBody,
     )
 )]
@@ -299,7 +299,7 @@ pub async fn put(
         (status = 428, description = "`needs_if_match`", body = Problem),
         (status = 503, description = "`store_unavailable`: it is still there", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
-        OfRight,
+        OfChange,
     )
 )]
 pub async fn remove(

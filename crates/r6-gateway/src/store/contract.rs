@@ -387,11 +387,7 @@ fn programs_have_versions_and_each_change_says_which_one_it_is_for() {
         let Deed::ProgramStored { program, version: 2, sha256 } = deeds[1] else { panic!("{deeds:?}") };
         assert_eq!((program.as_str(), sha256.as_str()), ("pick", "02".repeat(32).as_str()));
         assert_eq!(deeds[3], &Deed::ProgramRemoved { program: "pick".to_owned(), version: 2 });
-        assert_eq!(
-            (records[0].actor.as_str(), records.len()),
-            ("anna", 5),
-            "what was refused is not told"
-        );
+        assert_eq!((records[0].actor.as_str(), records.len()), ("anna", 5), "what was refused is not told");
         assert_eq!(head(store).unwrap().0, 5);
     });
 }
