@@ -87,17 +87,15 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
 fn links(text: &mut String, seen: &[&Arc<Station>]) {
     let links: Vec<_> =
         seen.iter().filter_map(|station| Some((station.name(), station.robot()?.link_quality()))).collect();
-    let rows: [(&str, &str, fn(&LinkQuality) -> u64); 4] = [
-        ("requests", "Requests to the robot that wait, or waited, for a reply.", |link| link.requests),
-        ("replies", "Replies of the robot to them.", |link| link.replies),
-        ("timeouts", "Requests that got no reply in time.", |link| link.timeouts),
-        ("reconnects", "How often the connection to the robot was made anew.", |link| link.reconnects),
-    ];
-    for (name, help, value) in rows {
+    let mut rows = |name: &str, help, value: fn(&LinkQuality) -> u64| {
         let name = format!("r6_gateway_robot_{name}_total");
         family(text, &name, "counter", help);
         links.iter().for_each(|(robot, link)| sample(text, &name, robot, "", value(link)));
-    }
+    };
+    rows("requests", "Requests to the robot that wait, or waited, for a reply.", |link| link.requests);
+    rows("replies", "Replies of the robot to them.", |link| link.replies);
+    rows("timeouts", "Requests that got no reply in time.", |link| link.timeouts);
+    rows("reconnects", "How often the connection to the robot was made anew.", |link| link.reconnects);
 }
 
 /// The clients of the raw ports.
