@@ -287,6 +287,8 @@ impl<'d> Fields<'d> {
     ) -> Option<T> {
         let asked = self.asked.into_inner();
         let known = if self.known.is_empty() { asked.as_slice() } else { self.known };
+        // A table whose kind is known has fewer keys than all tables of this sort.
+        let listed = if read.is_ok() && !asked.is_empty() { asked.as_slice() } else { known };
         let mut noted = self.noted.into_inner();
         let mut meant = Vec::new();
         let mut unlisted = false;
@@ -302,7 +304,7 @@ impl<'d> Fields<'d> {
                 meant.push(near);
                 let advice = advice(key)
                     .or_else(|| near.map(|near| format!("nearest: `{near}`")))
-                    .unwrap_or_else(|| format!("there are: {}", known.join(", ")));
+                    .unwrap_or_else(|| format!("there are: {}", listed.join(", ")));
                 let key: String = key.chars().take(40).collect();
                 noted.push(Wrong {
                     at: Some(*at),

@@ -21,10 +21,10 @@ The token is printed once, and the gateway keeps only its hash. A gateway that r
 and refuses a revoked one within a second.
 
 Roles, each with the rights of those before it:
-  viewer     reads values, states and events
+  viewer     reads values, states and events; checks and plans programs
   operator   stops; holds the lease, and with it sends commands
-  engineer   accepts an exchanged robot; reads the audit log
-  admin      takes the lease from its holder
+  engineer   accepts an exchanged robot; reads the audit log; stores programs
+  admin      takes the lease from its holder; changes robots; for all robots: users and tokens
 
 Examples:
   r6 gateway token --role viewer --name screen-in-hall-2
