@@ -1,5 +1,6 @@
 //! The task of one robot: it keeps the connection, finds out who answers, and takes in the values.
 
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -75,6 +76,9 @@ fn subscribe(
 async fn watch(station: &Station, robot: &Robot, mut values: Subscription, mut mode: Option<Subscription>) {
     // The connection whose robot was asked for its state: the client wants that before it sends a command.
     let mut known_on = None;
+    // A robot may take long to answer. Meanwhile its values grow old, and that has to be seen.
+    let (mut introduction, mut asked_on): (Option<Introduction<'_>>, _) = (None, None);
+    let mut next_introduction = tokio::time::Instant::now();
     loop {
         let next_mode = async {
             match &mut mode {
@@ -82,26 +86,46 @@ async fn watch(station: &Station, robot: &Robot, mut values: Subscription, mut m
                 None => std::future::pending().await,
             }
         };
+        let introduced = async {
+            match &mut introduction {
+                Some(introduction) => introduction.as_mut().await,
+                None => std::future::pending().await,
+            }
+        };
         let is_open = tokio::select! {
             next = values.next() => next.is_some(),
             next = next_mode => next.is_some(),
-            () = station.try_now.notified() => true,
+            known = introduced => {
+                introduction = None;
+                known_on = known;
+                let pause = if asked_on == Some(robot.connection()) { LOOK } else { Duration::ZERO };
+                next_introduction = tokio::time::Instant::now() + pause;
+                true
+            }
+            () = station.try_now.notified() => {
+                next_introduction = tokio::time::Instant::now();
+                true
+            }
             () = tokio::time::sleep(LOOK) => true,
         };
         if !is_open {
             return;
         }
         let connection = robot.connection();
-        if known_on != Some(connection) {
-            known_on = introduce(station, robot, connection).await;
+        let is_due = introduction.is_none() && next_introduction <= tokio::time::Instant::now();
+        if known_on != Some(connection) && is_due {
+            introduction = Some(Box::pin(introduce(station, robot, connection)));
+            asked_on = Some(connection);
         }
-        // The introduction takes its time: what was known before it is too old.
         let now = clock::now();
         let (latest, mode) = (values.latest(), mode.as_ref().map(Subscription::latest));
         let known_on = known_on.filter(|known| *known == robot.connection());
         take(station, now, &latest, mode.as_ref().unwrap_or(&latest), known_on);
     }
 }
+
+/// The question to a robot who it is.
+type Introduction<'r> = Pin<Box<dyn Future<Output = Option<u64>> + Send + 'r>>;
 
 async fn connect(station: &Station, config: &RobotConfig) -> Robot {
     let (mut wait, longest) = WAITS;

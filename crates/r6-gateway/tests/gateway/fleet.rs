@@ -1,11 +1,14 @@
 //! Robots: their values, their links, and a robot that is exchanged.
 
+use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use r6_controller::RobotModel;
 use r6_gateway::RobotConfig;
 use r6_sim::{SimSettings, Simulation, VirtualController};
 use serde_json::json;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::watch;
 
 use crate::support::{Hall, call, commands, name, settings, signal};
 
@@ -125,4 +128,45 @@ async fn two_gateways_do_not_share_a_folder() {
     let hall = Hall::start().await;
     let error = r6_gateway::Gateway::start(settings(hall.data.path(), Vec::new())).await.unwrap_err();
     assert!(error.to_string().contains("another gateway uses"), "{error}");
+}
+
+/// A way to a robot that can be cut: then its connections end, and new ones are taken and never answered.
+async fn way(to: SocketAddr) -> (SocketAddr, watch::Sender<bool>) {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let (cut, is_cut) = watch::channel(false);
+    tokio::spawn(async move {
+        let mut silent = Vec::new();
+        while let Ok((mut near, _)) = listener.accept().await {
+            if *is_cut.borrow() {
+                silent.push(near);
+                continue;
+            }
+            let mut until = is_cut.clone();
+            tokio::spawn(async move {
+                let mut far = TcpStream::connect(to).await.unwrap();
+                tokio::select! {
+                    _ = tokio::io::copy_bidirectional(&mut near, &mut far) => {}
+                    _ = until.wait_for(|is_cut| *is_cut) => {}
+                }
+            });
+        }
+    });
+    (address, cut)
+}
+
+#[tokio::test]
+async fn values_grow_old_also_while_a_new_connection_gets_no_answer() {
+    let robot = VirtualController::start().await.unwrap();
+    let (address, cut) = way(robot.address()).await;
+    let period = Duration::from_millis(20);
+    let press = RobotConfig { period, ..RobotConfig::new(name("press"), address.to_string()) };
+    let hall = Hall::at(tempfile::tempdir().unwrap(), vec![press], vec![robot]).await;
+    hall.until_up("press").await;
+    cut.send(true).unwrap();
+    let begun = Instant::now();
+    let state = hall
+        .until("press", |state| state["link"] == "down" && signal(state, "isMoving")["quality"] == "stale")
+        .await;
+    assert!(begun.elapsed() < Duration::from_secs(3), "{:?}: {state}", begun.elapsed());
 }
