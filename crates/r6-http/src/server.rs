@@ -1,11 +1,12 @@
 //! A listener and its connections.
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use axum::Router;
+use axum::response::Response;
 use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -70,8 +71,10 @@ pub async fn serve(listener: TcpListener, router: Router, tls: Option<Tls>) {
 /// The open connections, oldest first.
 ///
 /// A new connection never waits, because an emergency stop must not wait behind incomplete requests. If there
-/// is no room, one connection is closed. It belongs to the same address if that has too many, else to the
-/// address that has most. Of these it is the oldest that is not answering a request, else the oldest.
+/// is no room, one connection is closed: first of those that never got a good answer, then of those that
+/// wait for their next request or follow a stream, and only then of those whose request is being answered.
+/// Of the first sort that there is, it is the oldest of the peer that has the most of them. A peer that has
+/// too many connections makes room itself.
 #[derive(Default)]
 struct Guests {
     open: Vec<Guest>,
@@ -80,21 +83,48 @@ struct Guests {
 
 struct Guest {
     peer: IpAddr,
-    /// Whether a request has come and its answer has not been sent.
-    answers: Arc<AtomicBool>,
+    state: Arc<GuestState>,
     task: AbortHandle,
+}
+
+/// What a connection does now.
+#[derive(Debug, Default)]
+struct GuestState {
+    /// Whether a request has come and its answer has not been sent.
+    answers: AtomicBool,
+    /// Whether a request got what it asked for.
+    was_served: AtomicBool,
+}
+
+impl GuestState {
+    /// The lowest goes first if there is no room.
+    fn rank(&self) -> u8 {
+        match (self.answers.load(Ordering::Relaxed), self.was_served.load(Ordering::Relaxed)) {
+            (false, false) => 0,
+            (false, true) => 1,
+            (true, _) => 2,
+        }
+    }
+}
+
+/// Who counts as one peer: an address, or a network of IPv6, of which one machine has all addresses.
+fn network(peer: IpAddr) -> IpAddr {
+    match peer.to_canonical() {
+        IpAddr::V6(peer) => IpAddr::V6(Ipv6Addr::from_bits(peer.to_bits() & !u128::from(u64::MAX))),
+        peer @ IpAddr::V4(_) => peer,
+    }
 }
 
 impl Guests {
     fn admit(&mut self, from: SocketAddr, stream: TcpStream, router: Router, tls: Option<Tls>) {
-        let peer = from.ip();
+        let peer = network(from.ip());
         while self.tasks.try_join_next().is_some() {}
         self.open.retain(|guest| !guest.task.is_finished());
         if let Some(at) = self.who_goes(peer) {
             self.open.remove(at).task.abort();
         }
-        let answers = Arc::new(AtomicBool::new(false));
-        let (peer_of, busy) = (Peer(from), Arc::clone(&answers));
+        let state = Arc::new(GuestState::default());
+        let (peer_of, busy) = (Peer(from), Arc::clone(&state));
         let task = self.tasks.spawn(async move {
             let Some(tls) = tls else {
                 return converse(Slowed::new(stream), peer_of, router, busy).await;
@@ -104,23 +134,24 @@ impl Guests {
                 Err(error) => debug!(peer = %from, %error, "a connection got no TLS"),
             }
         });
-        self.open.push(Guest { peer, answers, task });
+        self.open.push(Guest { peer, state, task });
     }
 
-    /// Which connection is closed to make room for one of this address, if any.
+    /// Which connection is closed to make room for one of this peer, if any.
     fn who_goes(&self, peer: IpAddr) -> Option<usize> {
-        let of = |peer| self.open.iter().filter(|guest| guest.peer == peer).count();
-        let crowd = if of(peer) >= MAX_OF_ONE_PEER {
-            peer
-        } else if self.open.len() >= MAX_CONNECTIONS {
-            // Of addresses with as many, the one of the oldest connection.
-            self.open.iter().rev().map(|guest| guest.peer).max_by_key(|peer| of(*peer))?
-        } else {
+        let of_peer = self.open.iter().filter(|guest| guest.peer == peer).count();
+        let is_crowd = of_peer >= MAX_OF_ONE_PEER;
+        if !is_crowd && self.open.len() < MAX_CONNECTIONS {
             return None;
-        };
-        let of_crowd = || self.open.iter().enumerate().filter(|(_, guest)| guest.peer == crowd);
-        let idle = of_crowd().find(|(_, guest)| !guest.answers.load(Ordering::Relaxed));
-        idle.or_else(|| of_crowd().next()).map(|(at, _)| at)
+        }
+        let ranks: Vec<_> = self.open.iter().map(|guest| (guest.peer, guest.state.rank())).collect();
+        let may_go = || ranks.iter().enumerate().filter(|(_, (of, _))| !is_crowd || *of == peer);
+        let lowest = may_go().map(|(_, (_, rank))| *rank).min()?;
+        let lowest = || may_go().filter(|(_, (_, rank))| *rank == lowest);
+        let count = |peer: IpAddr| lowest().filter(|(_, (of, _))| *of == peer).count();
+        // Of peers with as many, the one of the oldest connection.
+        let most = lowest().map(|(_, (of, _))| *of).rev().max_by_key(|of| count(*of))?;
+        lowest().find(|(_, (of, _))| *of == most).map(|(at, _)| at)
     }
 }
 
@@ -143,7 +174,7 @@ async fn ended(end: &mut watch::Receiver<Option<EndsWith>>) {
     }
 }
 
-async fn converse<S>(stream: S, peer: Peer, router: Router, answers: Arc<AtomicBool>)
+async fn converse<S>(stream: S, peer: Peer, router: Router, state: Arc<GuestState>)
 where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
@@ -154,13 +185,17 @@ where
     let (ends, mut end) = watch::channel(None::<EndsWith>);
     let ends = Arc::new(ends);
     let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
-        answers.store(true, Ordering::Relaxed);
+        state.answers.store(true, Ordering::Relaxed);
         request.extensions_mut().insert(peer);
         let answer = router.call(request);
-        let (answers, left, ends) = (Arc::clone(&answers), Arc::clone(&left), Arc::clone(&ends));
+        let (state, left, ends) = (Arc::clone(&state), Arc::clone(&left), Arc::clone(&ends));
         async move {
             let mut answer = answer.await;
-            answers.store(false, Ordering::Relaxed);
+            let is_good = |answer: &Response| !answer.status().is_client_error();
+            if answer.as_ref().is_ok_and(is_good) {
+                state.was_served.store(true, Ordering::Relaxed);
+            }
+            state.answers.store(false, Ordering::Relaxed);
             let with = answer.as_mut().ok().and_then(|answer| answer.extensions_mut().remove::<EndsWith>());
             ends.send_replace(with);
             let work = answer.as_mut().ok().and_then(|answer| answer.extensions_mut().remove::<Afterwards>());
@@ -187,5 +222,66 @@ where
     let work = afterwards.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let Some(work) = work {
         work.run().await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Connections, oldest first: the last number of the address, whether an answer is due, whether it was
+    /// served.
+    async fn guests(open: &[(u8, bool, bool)]) -> Guests {
+        let mut guests = Guests::default();
+        for (peer, answers, was_served) in open {
+            let state = GuestState { answers: (*answers).into(), was_served: (*was_served).into() };
+            let task = guests.tasks.spawn(std::future::pending());
+            let peer = IpAddr::from([10, 0, 0, *peer]);
+            guests.open.push(Guest { peer, state: Arc::new(state), task });
+        }
+        guests
+    }
+
+    fn new(peer: u8) -> IpAddr {
+        IpAddr::from([10, 0, 0, peer])
+    }
+
+    #[tokio::test]
+    async fn a_request_that_is_being_answered_goes_last() {
+        // A stop of one machine, and silent connections of 63 others.
+        let mut open = vec![(1, true, false)];
+        open.extend((2..65).map(|peer| (peer, false, false)));
+        assert_eq!(guests(&open).await.who_goes(new(99)), Some(1));
+        // Two streams of one machine, and silent connections of 62 others.
+        let mut open = vec![(1, false, true), (1, false, true)];
+        open.extend((2..64).map(|peer| (peer, false, false)));
+        assert_eq!(guests(&open).await.who_goes(new(99)), Some(2));
+        // Only streams and answers: the machine with the most streams makes room.
+        let mut open: Vec<_> = (0..40).map(|peer| (peer, true, true)).collect();
+        open.extend([(50, false, true), (51, false, true), (51, false, true)]);
+        open.extend((60..81).map(|peer| (peer, true, false)));
+        assert_eq!(guests(&open).await.who_goes(new(99)), Some(41));
+        // Only answers.
+        let open: Vec<_> = (0..64).map(|peer| (peer, true, true)).collect();
+        assert_eq!(guests(&open).await.who_goes(new(99)), Some(0));
+    }
+
+    #[tokio::test]
+    async fn a_peer_with_too_many_makes_room_itself() {
+        let mut open = vec![(2, false, false)];
+        open.extend([(1, false, true); MAX_OF_ONE_PEER]);
+        assert_eq!(guests(&open).await.who_goes(new(1)), Some(1));
+        assert_eq!(guests(&open).await.who_goes(new(2)), None);
+        open[5] = (1, false, false);
+        assert_eq!(guests(&open).await.who_goes(new(1)), Some(5));
+    }
+
+    #[test]
+    fn a_network_of_ipv6_is_one_peer() {
+        let of = |text: &str| network(text.parse().unwrap());
+        assert_eq!(of("2001:db8::1"), of("2001:db8::ffff:1"));
+        assert_ne!(of("2001:db8::1"), of("2001:db8:0:1::1"));
+        assert_ne!(of("10.0.0.1"), of("10.0.0.2"));
+        assert_eq!(of("::ffff:10.0.0.1"), of("10.0.0.1"));
     }
 }
