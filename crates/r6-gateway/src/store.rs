@@ -38,7 +38,8 @@ pub const MAX_PAGE: usize = 1_000;
 
 /// A place that keeps what must outlive the process. When a method that writes returns, its data is durable.
 pub trait Store: Send {
-    /// Appends entries to the audit log, all or none. Returns the number of the first one.
+    /// Appends entries to the audit log, all or none. Returns the number of the first one. Without entries it
+    /// adds nothing, but fails as with them.
     ///
     /// # Errors
     /// [`StoreError`]: nothing was appended, or that is unknown.

@@ -27,7 +27,7 @@ pub async fn healthz() -> StatusCode {
     OfToken,
 ))]
 pub async fn readyz(_caller: Caller, Of(state): Of<State>) -> (StatusCode, Json<Ready>) {
-    // An empty append takes the way of a real one to the file, and adds nothing.
+    // An empty append takes the way of a real one to the disk, and adds no entry.
     let store = state.shared.keeper.append(Vec::new()).await.is_ok();
     let links = state.fleet.stations().into_iter().map(|station| station.summary().link);
     let (robots, robots_up) =
