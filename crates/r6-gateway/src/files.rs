@@ -40,8 +40,11 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Reads a file that is not longer than so many bytes.
 ///
 /// # Errors
-/// What the system says, or that it is longer.
+/// What the system says, that it is longer, or that it is no file: to open a pipe could wait for ever.
 pub fn read(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(io::Error::other("it is not a file"));
+    }
     let mut bytes = Vec::new();
     File::open(path)?.take(longest + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > longest {
