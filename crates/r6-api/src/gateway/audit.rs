@@ -53,6 +53,8 @@ pub enum Happened {
     LeaseEnded {
         /// Its number.
         lease: u64,
+        /// Who held it.
+        holder: String,
         /// Why.
         cause: LeaseEnd,
     },
@@ -334,6 +336,9 @@ pub enum Deed {
     LeaseEnded {
         /// Its number.
         lease: u64,
+        /// Who held it; empty in entries from before this was noted.
+        #[serde(default)]
+        holder: String,
         /// Why.
         cause: LeaseEnd,
     },

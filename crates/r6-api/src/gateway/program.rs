@@ -260,6 +260,8 @@ pub enum PlanProblemType {
     Waiting,
     /// It is too long, or does not end.
     NoEnd,
+    /// The controller passes over a step: a curve wants another move before it in the same list.
+    PassedOver,
 }
 
 /// The arm at one instant.

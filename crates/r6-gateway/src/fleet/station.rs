@@ -399,8 +399,8 @@ impl Station {
             }
             Noticed::LeaseEnded { number, holder, cause } => {
                 tracing::info!(robot, lease = number, %holder, ?cause, "a lease ended");
-                let deed = Deed::LeaseEnded { lease: number, cause };
-                (Happened::LeaseEnded { lease: number, cause }, Some(deed))
+                let deed = Deed::LeaseEnded { lease: number, holder: holder.clone(), cause };
+                (Happened::LeaseEnded { lease: number, holder, cause }, Some(deed))
             }
             Noticed::IdentityChanged(change) => {
                 tracing::warn!(robot, ?change, "another robot answers: its commands are refused");

@@ -9,7 +9,7 @@ use r6_api::{Code, Unit};
 use r6_motion::robot_model::AxisMotion;
 use r6_motion::{PlanError, RobotModel};
 use r6_plot::play::{self, Cell, Limits};
-use r6_plot::{Ending, PlayError, Recording, Sample, words};
+use r6_plot::{Ending, PlayError, Recording, Sample, Turn, words};
 use r6_program::MotionProgram;
 use r6_program::check::{AnyProgram, Checked};
 
@@ -21,6 +21,13 @@ pub const MAX_SAMPLES: usize = 5_000;
 
 /// What is played at most: an hour of the program, some seconds of computing.
 const LIMITS: Limits = Limits { longest: Duration::from_secs(3_600), instructions: 2_000, looks: 250_000 };
+
+/// A step that is done within this time, in seconds, moves nothing. The shortest motion takes longer.
+const NO_TIME: f64 = 0.000_5;
+
+/// The number of the curve among the actions, and those of the other moves.
+const CURVE_MOVE: i64 = 17;
+const MOVES: [i64; 2] = [4, 10];
 
 /// A program to plan.
 #[derive(Clone, Debug)]
@@ -64,6 +71,7 @@ pub fn plan(wish: Wish) -> Result<ProgramPlan, Problem> {
         error => bad_program(error.to_string()),
     })?;
     let (sample_ms, samples) = thinned(&recording, sample_ms, model.axis_count());
+    remarks.extend(still_moves(&recording));
     Ok(ProgramPlan {
         model: model.name.to_string(),
         kind: check::kind(kind),
@@ -72,7 +80,7 @@ pub fn plan(wish: Wish) -> Result<ProgramPlan, Problem> {
         tool_path_mm: rounded(recording.tool_path),
         axes: axes(&recording, model),
         steps: steps(&recording),
-        problems: problem(&recording).into_iter().collect(),
+        problems: passed_over(&recording).chain(problem(&recording)).collect(),
         sample_ms,
         samples,
         remarks,
@@ -126,6 +134,44 @@ fn unit(motion: AxisMotion) -> &'static str {
         AxisMotion::Slides => Unit::Millimetres,
     }
     .word()
+}
+
+/// Whether a step was done as soon as it began.
+fn takes_no_time(turn: &Turn) -> bool {
+    turn.end.is_some_and(|end| end - turn.begin < NO_TIME)
+}
+
+/// The curves that the controller passed over.
+fn passed_over(recording: &Recording) -> impl Iterator<Item = PlanProblem> {
+    let curves = recording.turns.iter().take(LIMITS.instructions);
+    let curves = curves.filter(|turn| turn.step.action == Some(CURVE_MOVE) && takes_no_time(turn));
+    curves.map(|turn| {
+        let number = turn.step.number;
+        PlanProblem {
+            kind: PlanProblemType::PassedOver,
+            step: Some(number),
+            at_ms: ms(turn.begin),
+            axis: None,
+            alarm: None,
+            message: format!(
+                "step {number} is passed over: a curve begins where a straight move before it in the list ends"
+            ),
+        }
+    })
+}
+
+/// What is to be said about the other moves that took no time.
+fn still_moves(recording: &Recording) -> Option<String> {
+    let is_still = |turn: &&Turn| {
+        let is_move = turn.step.action.is_some_and(|action| MOVES.contains(&action));
+        is_move && takes_no_time(turn)
+    };
+    let numbers: Vec<_> = recording.turns.iter().filter(is_still).map(|turn| turn.step.number).collect();
+    let (first, more) = (numbers.first()?, numbers.len() - 1);
+    let others = if more == 0 { String::new() } else { format!(" (and {more} more)") };
+    Some(format!(
+        "step {first}{others} moves nothing: the arm stands at its target, or a signal ends the move at once"
+    ))
 }
 
 /// Why it does not run to its end.
@@ -252,6 +298,23 @@ mod tests {
         let wanted = radius * fastest.axis_speeds[0].to_radians();
         assert!((fastest.tool_speed - wanted).abs() < 0.02 * wanted, "{fastest:?}");
         assert!(fastest.axis_speeds[0] <= 0.101 * plan.axes[0].full_speed);
+    }
+
+    #[test]
+    fn a_step_that_moves_nothing_is_told() {
+        // A curve behind an axis move is passed over by the controller.
+        let curve = "[[instruction]]\ndo = \"axis-move\"\nto = [0, 10, -20, 0, -80, 0]\nspeed = 50\n\
+                     [[instruction]]\ndo = \"curve-move\"\nthrough = [410, 30, 500, 180, 0, 180]\n\
+                     to = [440, 0, 500, 180, 0, 180]\nspeed = 5\n";
+        let planned = plan(wish(curve)).unwrap();
+        let [problem] = &planned.problems[..] else { panic!("{:?}", planned.problems) };
+        assert_eq!((problem.kind, problem.step), (PlanProblemType::PassedOver, Some(2)));
+        assert!(planned.remarks.is_empty(), "{:?}", planned.remarks);
+        let here = "[[instruction]]\ndo = \"axis-move\"\nto = [0, 0, 0, 0, 0, 0]\nspeed = 10\n";
+        let planned = plan(wish(here)).unwrap();
+        assert!(planned.problems.is_empty());
+        assert!(planned.remarks[0].contains("step 1 moves nothing"), "{:?}", planned.remarks);
+        assert!(plan(wish(THERE_AND_BACK)).unwrap().remarks.is_empty());
     }
 
     #[test]
