@@ -74,7 +74,7 @@ pub(super) fn answer<S: HistoryStore>(
     })?;
     let mut series = Vec::new();
     for (address, open) in [(Address::CurMode, mode), (Address::CurAlarm, alarm)] {
-        let (samples, is_whole, unreadable) = all(store, question, address, open)?;
+        let (samples, is_whole, unreadable) = all(store, question, address, &open)?;
         answer.is_too_much |= !is_whole;
         answer.unreadable += unreadable;
         series.push(samples);
@@ -85,23 +85,75 @@ pub(super) fn answer<S: HistoryStore>(
     Ok(answer)
 }
 
-/// All samples of a signal in the range, and whether these are all.
+/// All samples of a signal in the range, and whether these are all. One answer reads so many chunks at most, so
+/// a month takes several.
 fn all<S: HistoryStore>(
     store: &mut S,
     question: &ProductionQuestion,
     address: Address,
-    open: Open,
+    open: &Open,
 ) -> Result<(Vec<Sample>, bool, u64), StoreError> {
     let ProductionQuestion { robot, from, to, .. } = question;
-    let question = Question {
-        robot: robot.clone(),
-        address,
-        from: *from,
-        to: *to,
-        bucket: None,
-        limit: MAX_SAMPLES,
-        cursor: None,
-    };
-    let read = samples(store, &question, open)?;
-    Ok((read.samples, read.next.is_none(), read.unreadable))
+    let (mut all, mut unreadable, mut cursor) = (Vec::new(), 0, None);
+    while all.len() < MAX_SAMPLES {
+        let question = Question {
+            robot: robot.clone(),
+            address,
+            from: *from,
+            to: *to,
+            bucket: None,
+            limit: MAX_SAMPLES - all.len(),
+            cursor,
+        };
+        let read = samples(store, &question, open.clone())?;
+        all.extend(read.samples);
+        unreadable += read.unreadable;
+        match read.next {
+            None => return Ok((all, true, unreadable)),
+            // Each answer has to come further, or this would not end.
+            next if next <= cursor => break,
+            next => cursor = next,
+        }
+    }
+    Ok((all, false, unreadable))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::core::history::block::{Write, chunks};
+    use crate::core::history::sample::{Interval, State};
+    use crate::store::history::MemoryDays;
+
+    const MINUTE: i64 = 60_000_000;
+    const DAY: i64 = 1_440 * MINUTE;
+
+    #[test]
+    fn a_month_of_samples_of_each_minute_is_read() {
+        let robot = RobotName::new("press").unwrap();
+        let mut store = MemoryDays::default();
+        // As a gateway writes it: a chunk spans ten minutes at most.
+        for day in 0..31 {
+            let mut made = Vec::new();
+            for (address, value) in [(Address::CurMode, 7), (Address::CurAlarm, 0)] {
+                for first in (0..DAY).step_by(10 * 60_000_000) {
+                    let sample = |minute: i64| Sample {
+                        time: Micros(day * DAY + first + minute * MINUTE),
+                        state: State::Integer(value),
+                    };
+                    let samples: Vec<_> = (0..10).map(sample).collect();
+                    let interval = Interval::of_period(Duration::from_millis(100));
+                    made.extend(chunks(interval, &samples).into_iter().map(|chunk| (address, chunk)));
+                }
+            }
+            store.write(day, &[(robot.clone(), Write { chunks: made, ..Write::default() })]).unwrap();
+        }
+        let (from, to) = (Micros(0), Micros(31 * DAY));
+        let question = ProductionQuestion { robot, from, to, read_until: None };
+        let answer = answer(&mut store, &question, (Vec::new(), Vec::new())).unwrap();
+        assert!(!answer.is_too_much && answer.unreadable == 0);
+        assert_eq!((answer.figures.running, answer.figures.unseen), (31 * DAY, 0));
+    }
 }
