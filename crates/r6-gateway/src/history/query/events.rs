@@ -79,7 +79,8 @@ pub(super) fn answer<S: HistoryStore>(
 
 /// Goes through the events of a robot in the order of time, until `each` says that it is enough. Returns the
 /// place of the last event then; `None` if there are no more. Of an event that stands in two files, because a
-/// write failed half-way, the first one counts.
+/// write failed half-way, the first one counts. Events of one poll have one time, so an event is compared with
+/// all others of its time.
 pub(super) fn walk<S: HistoryStore>(
     store: &mut S,
     robot: &RobotName,
@@ -92,6 +93,11 @@ pub(super) fn walk<S: HistoryStore>(
     let days = begin.day()..=to.day();
     let parts: Vec<_> = store.parts()?.into_iter().map(|(part, _)| part).collect();
     let parts: Vec<_> = parts.into_iter().filter(|part| days.contains(&part.day)).collect();
+    // The events of the time that was reached.
+    let mut present = match after.filter(|place| place.time >= from) {
+        Some(place) => told(store, robot, place, &parts)?,
+        None => Vec::new(),
+    };
     for day in parts.chunk_by(|one, next| one.day == next.day) {
         let mut place = after;
         loop {
@@ -107,7 +113,6 @@ pub(super) fn walk<S: HistoryStore>(
                 found.extend(rows);
             }
             found.sort_by_key(|kept| (kept.time, kept.part.number, kept.row));
-            let mut last: Option<KeptEvent> = None;
             let mut is_done = true;
             for kept in found {
                 if cut.is_some_and(|cut| (kept.time, kept.part.number) > cut) {
@@ -115,14 +120,15 @@ pub(super) fn walk<S: HistoryStore>(
                 }
                 is_done = false;
                 place = Some(EventPlace { time: kept.time, part: kept.part.number, row: kept.row });
-                let is_again = last.as_ref().is_some_and(|last| {
-                    last.part != kept.part && last.event.is_some() && last.event == kept.event
-                });
-                if is_again {
+                present.retain(|of: &KeptEvent| of.time == kept.time);
+                let is_again = |of: &KeptEvent| of.part != kept.part && of.event == kept.event;
+                if kept.event.is_some() && present.iter().any(is_again) {
                     continue;
                 }
                 *unreadable += u64::from(kept.event.is_none());
-                last = Some(kept.clone());
+                if present.len() < TOGETHER {
+                    present.push(kept.clone());
+                }
                 if !each(kept) {
                     return Ok(place);
                 }
@@ -133,6 +139,25 @@ pub(super) fn walk<S: HistoryStore>(
         }
     }
     Ok(None)
+}
+
+/// The events of the time of a place up to this place: earlier pages told them. A poll has a dozen at most, so
+/// one read of each file has them all.
+fn told<S: HistoryStore>(
+    store: &mut S,
+    robot: &RobotName,
+    place: EventPlace,
+    parts: &[Part],
+) -> Result<Vec<KeptEvent>, StoreError> {
+    let ask = AskEvents { robot, after: (place.time, 0), to: Micros(place.time.0.saturating_add(1)) };
+    // The walk itself counts files that cannot be read.
+    let mut unreadable = 0;
+    let mut told = Vec::new();
+    for part in parts.iter().filter(|part| part.day == place.time.day() && part.number <= place.part) {
+        told.extend(unless_gone(store, *part, &mut unreadable, |store| store.events(*part, ask, TOGETHER))?);
+    }
+    told.retain(|kept| (kept.part.number, kept.row) <= (place.part, place.row));
+    Ok(told)
 }
 
 /// What is behind a place in one file.
@@ -224,5 +249,20 @@ mod tests {
             store.begin_part(1).unwrap();
         }
         assert_eq!(pages(&mut store, question(9, &[])), [event]);
+    }
+
+    #[test]
+    fn events_of_one_time_in_two_files_are_told_once_each() {
+        let mut store = MemoryDays::default();
+        let event = |code| Event { time: Micros(DAY), observed: Observed::AlarmBegan { code } };
+        let events = vec![event(7), event(8), event(9)];
+        for _ in 0..2 {
+            let write = Write { events: events.clone(), ..Write::default() };
+            store.write(1, &[(robot(), write)]).unwrap();
+            store.begin_part(1).unwrap();
+        }
+        for limit in 1..9 {
+            assert_eq!(pages(&mut store, question(limit, &[])), events, "{limit}");
+        }
     }
 }
