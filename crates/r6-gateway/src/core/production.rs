@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use r6_api::gateway::Gap;
 use r6_proto::OperationMode;
 
 use super::history::event::{Event, Observed};
@@ -69,6 +70,8 @@ pub struct Production {
     figures: Figures,
     /// Spans that were not seen.
     unseen: Vec<(Micros, Micros)>,
+    /// The ends of spans that were not seen, of which the begin is not known.
+    unseen_until: Vec<Micros>,
 }
 
 impl Production {
@@ -77,13 +80,17 @@ impl Production {
     pub fn new(from: Micros, to: Micros, read_until: Option<Micros>) -> Self {
         let to = to.max(from);
         let unseen = read_until.map(|until| (until, to)).into_iter().collect();
-        Self { from, to, figures: Figures::default(), unseen }
+        Self { from, to, figures: Figures::default(), unseen, unseen_until: Vec::new() }
     }
 
     /// Takes in an event. An `unseen` may be behind the range; others are in it.
     pub fn event(&mut self, event: &Event) {
         if let Observed::Unseen { from, to, .. } = event.observed {
-            self.unseen.extend(from.map(|from| (from, to)));
+            match from.filter(|from| *from <= to) {
+                Some(from) => self.unseen.push((from, to)),
+                // Not known, or the clock was set back meanwhile.
+                None => self.unseen_until.push(to),
+            }
             return;
         }
         if !(self.from..self.to).contains(&event.time) {
@@ -111,10 +118,15 @@ impl Production {
     }
 
     /// The figures. The samples are in the order of time; each counts until the next one. Gaps are samples
-    /// too.
+    /// too. A span that was not seen, of which the begin is not known, begins at the last sample before its
+    /// end.
     #[must_use]
     pub fn finish(mut self, mode: &[Sample], alarm: &[Sample]) -> Figures {
         let (from, to) = (self.from, self.to);
+        for until in std::mem::take(&mut self.unseen_until) {
+            let last = [mode, alarm].into_iter().filter_map(|samples| last_before(samples, until)).max();
+            self.unseen.push((last.unwrap_or(from), until));
+        }
         let spans = merged(std::mem::take(&mut self.unseen));
         let edges = mode.iter().chain(alarm).map(|sample| sample.time);
         let edges = edges.chain(spans.iter().flat_map(|(begin, end)| [*begin, *end]));
@@ -181,6 +193,14 @@ impl<'s> Held<'s> {
     }
 }
 
+/// The time of the last sample before this time that comes from the robot.
+fn last_before(samples: &[Sample], time: Micros) -> Option<Micros> {
+    let before = samples.partition_point(|sample| sample.time < time);
+    // The query itself adds where values end.
+    let is_read = |sample: &&Sample| sample.state.gap() != Some(Gap::NoData);
+    samples.get(..before)?.iter().rev().find(is_read).map(|sample| sample.time)
+}
+
 /// Spans that may overlap, as spans that do not.
 fn merged(mut spans: Vec<(Micros, Micros)>) -> Vec<(Micros, Micros)> {
     spans.retain(|(begin, end)| begin < end);
@@ -198,7 +218,7 @@ fn merged(mut spans: Vec<(Micros, Micros)>) -> Vec<(Micros, Micros)> {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use r6_api::gateway::{Gap, UnseenBecause};
+    use r6_api::gateway::UnseenBecause;
 
     use super::*;
 
@@ -214,8 +234,8 @@ mod tests {
         Event { time: Micros(time), observed }
     }
 
-    fn unseen(from: i64, to: i64) -> Event {
-        let (from, to) = (Some(Micros(from)), Micros(to));
+    fn unseen(from: Option<i64>, to: i64) -> Event {
+        let (from, to) = (from.map(Micros), Micros(to));
         Event { time: to, observed: Observed::Unseen { from, to, because: UnseenBecause::Link } }
     }
 
@@ -230,7 +250,7 @@ mod tests {
         let alarm = [whole(-5, 0), whole(20, 42), whole(30, 0)];
         let mut production = Production::new(Micros(0), Micros(100), None);
         production.event(&event(20, Observed::AlarmBegan { code: 42 }));
-        production.event(&unseen(92, 200));
+        production.event(&unseen(Some(92), 200));
         let figures = production.finish(&mode, &alarm);
         assert_eq!((figures.waiting, figures.running, figures.alarm), (20, 22, 10));
         assert_eq!((figures.manual, figures.other, figures.unseen), (10, 10, 28));
@@ -247,6 +267,26 @@ mod tests {
         assert_eq!((figures.running, figures.unseen), (30, 70), "behind the last reading");
         let figures = Production::new(Micros(100), Micros(0), None).finish(&both.0, &both.1);
         assert_eq!(figures, Figures::default(), "a range that is empty");
+    }
+
+    #[test]
+    fn a_gap_with_no_known_begin_begins_at_the_last_sample_before_its_end() {
+        let no_data = Sample { time: Micros(30), state: State::Gap(Gap::NoData) };
+        let mode = [whole(0, 7), whole(20, 7), no_data, whole(60, 7)];
+        let alarm = [whole(0, 0), whole(10, 0), whole(60, 0)];
+        for from in [None, Some(61), Some(i64::MAX)] {
+            let mut production = Production::new(Micros(0), Micros(100), None);
+            production.event(&unseen(from, 60));
+            let figures = production.finish(&mode, &alarm);
+            assert_eq!((figures.running, figures.unseen), (60, 40), "{from:?}");
+        }
+        // Its end is behind the range; and nothing is there before it.
+        let mut production = Production::new(Micros(0), Micros(100), None);
+        production.event(&unseen(None, 200));
+        assert_eq!(production.finish(&mode[..2], &alarm[..2]).running, 20);
+        let mut production = Production::new(Micros(0), Micros(100), None);
+        production.event(&unseen(None, 60));
+        assert_eq!(production.finish(&mode[3..], &alarm[2..]).running, 40);
     }
 
     #[test]
@@ -272,7 +312,7 @@ mod tests {
         fn times_sum_to_the_range(
             mode in prop::collection::btree_map(-50..250_i64, prop::option::weighted(0.8, 0..10_i64), 0..12),
             alarm in prop::collection::btree_map(-50..250_i64, prop::option::weighted(0.8, 0..3_i64), 0..12),
-            spans in prop::collection::vec((-60..260_i64, -60..260_i64), 0..6),
+            spans in prop::collection::vec((prop::option::of(-60..260_i64), -60..260_i64), 0..6),
             (from, length) in (-10..60_i64, 0..200_i64),
             read_until in prop::option::of(0..300_i64),
         ) {
@@ -288,7 +328,14 @@ mod tests {
             let mut expected = Figures::default();
             for time in from..to {
                 let held = |values: &BTreeMap<i64, Option<i64>>| values.range(..=time).next_back().and_then(|at| *at.1);
-                let is_unseen = spans.iter().any(|(begin, end)| (*begin..*end).contains(&time))
+                let last_before = |end: i64| {
+                    let last = [&mode, &alarm].map(|values| values.range(..end).next_back().map(|at| *at.0));
+                    last.into_iter().flatten().max().unwrap_or(from)
+                };
+                let is_unseen = spans.iter().any(|(begin, end)| {
+                    let begin = begin.filter(|begin| begin <= end).unwrap_or_else(|| last_before(*end));
+                    (begin..*end).contains(&time)
+                })
                     || read_until.is_some_and(|until| time >= until);
                 let seen = held(&mode).zip(held(&alarm)).filter(|_| !is_unseen);
                 *expected.state(seen) += 1;
