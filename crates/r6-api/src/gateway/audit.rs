@@ -126,7 +126,7 @@ pub enum Happened {
         /// How long it took, from `lastCycle`; `null` if more may have ended.
         #[cfg_attr(feature = "openapi", schema(required = true))]
         ms: Option<u64>,
-        /// The last moment when it can have ended.
+        /// The last moment when it can have ended. It counts from the reply, so it may be behind `time`.
         at: String,
     },
     /// The counter of parts grew.

@@ -26,6 +26,8 @@ pub struct Value<'r> {
     pub address: Address,
     /// The value; `None` if there is no usable one.
     pub reading: Option<&'r Reading>,
+    /// When the reply was there at the latest.
+    pub by: Instant,
     /// When it was asked for,
     pub at: Instant,
     /// and the time of day then.
@@ -69,6 +71,8 @@ pub struct Watcher {
     program: Slot<String>,
     counter: Slot<i64>,
     cycle: Slot<cycle::Reading>,
+    /// Whether a mode was read since the last reading of the cycle in which no program runs.
+    has_stood: bool,
 }
 
 /// The last reading of any value.
@@ -139,6 +143,7 @@ impl Watcher {
             program: Slot(None),
             counter: Slot(None),
             cycle: Slot(None),
+            has_stood: false,
         }
     }
 
@@ -249,6 +254,7 @@ impl Watcher {
 
     fn mode(&mut self, value: &Value<'_>, out: &mut Vec<Event>) {
         let Some(Reading::Integer(to)) = value.reading else { return };
+        self.has_stood |= !is_running(*to);
         let before = self.follow(|watcher| (&mut watcher.mode, watcher.mode_late), value, |_| *to);
         if let Some(from) = before.filter(|from| from != to) {
             out.push(Event { time: value.time, observed: Observed::ModeChanged { from, to: *to } });
@@ -310,13 +316,14 @@ impl Watcher {
         });
         let mode = self.mode.0.as_ref().filter(|(at, ..)| last.at.since(*at) <= self.mode_late);
         let runs = mode.is_some_and(|(_, _, mode)| is_running(*mode));
-        let now = cycle::Reading { at: last.at, last: *seconds, current, runs };
+        let stood = std::mem::take(&mut self.has_stood);
+        let now = cycle::Reading { at: last.at, by: last.by, last: *seconds, current, runs, stood };
         let Some(before) = self.follow(|watcher| (&mut watcher.cycle, watcher.late), last, |_| now) else {
             return;
         };
         let Some(done) = cycle::between(&before, &now) else { return };
         let cycle::Done { count, at_least, ms, ended_before } = done;
-        let at = last.time.before(ended_before).kept();
+        let at = last.time.after(last.by.since(last.at)).before(ended_before).kept();
         out.push(Event { time: last.time, observed: Observed::CycleDone { count, at_least, ms, at } });
     }
 }

@@ -37,7 +37,8 @@ impl<'s> Observer<'s> {
         let Some(connection) = values.first().map(|value| value.connection) else { return Vec::new() };
         let poll = values.iter().map(|Recorded { address, reading, age, connection: _ }| {
             let at = clock::before(now, *age);
-            Value { address: *address, reading: reading.as_ref(), at, time: time(at).kept() }
+            // The reply was there before the value came here.
+            Value { address: *address, reading: reading.as_ref(), by: now.max(at), at, time: time(at).kept() }
         });
         let events = self.watcher.take(connection, &poll.collect::<Vec<_>>());
         self.publish(&events);

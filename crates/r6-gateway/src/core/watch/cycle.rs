@@ -6,8 +6,12 @@
 //! - `lastCycle` changed: at least one cycle ended. If the last one took as long as the time between the
 //!   readings, it began before the first reading, so it is the only one.
 //! - `lastCycle` is the same and `curCycle` fell: a cycle of the same time ended, or one was broken off. It
-//!   counts only if a program ran at both readings, if the sum of the times fits, and if there are at least
-//!   two readings in a cycle.
+//!   counts only if a program ran at both readings, if no mode between them said that none runs, if the sum of
+//!   the times fits, and if there are at least two readings in a cycle. What remains: a program that was
+//!   stopped just before the end of a cycle and started again before the mode was read looks the same.
+//!
+//! A controller reads its times between the question and the reply, so the time between two readings is only
+//! known to lie between two bounds.
 
 use std::time::Duration;
 
@@ -24,12 +28,16 @@ const LONGEST: f64 = 86_400.0;
 pub struct Reading {
     /// When it was asked for.
     pub at: Instant,
+    /// When the reply was there at the latest.
+    pub by: Instant,
     /// `lastCycle`, in seconds.
     pub last: f64,
     /// `curCycle` of the same moment, in seconds.
     pub current: Option<f64>,
     /// Whether a program ran, by the mode.
     pub runs: bool,
+    /// Whether a mode was read since the reading before in which no program runs.
+    pub stood: bool,
 }
 
 /// Cycles that ended between two readings.
@@ -41,14 +49,15 @@ pub struct Done {
     pub at_least: bool,
     /// How long it took, in ms; `None` if more may have ended.
     pub ms: Option<u64>,
-    /// How long before the later reading the last one ended at the latest.
+    /// How long before the reply of the later reading the last one ended at the latest.
     pub ended_before: Duration,
 }
 
 /// What ended between two readings; `None` if it is not proved that a cycle ended.
 #[must_use]
 pub fn between(before: &Reading, now: &Reading) -> Option<Done> {
-    let gone = now.at.since(before.at).as_secs_f64();
+    // As long as it can be: each use below errs on the side of cycles that are not told.
+    let gone = now.by.since(before.at).as_secs_f64();
     // A controller that was switched on again has no last cycle.
     if !(now.last > 0.0 && now.last <= LONGEST) {
         return None;
@@ -63,7 +72,7 @@ pub fn between(before: &Reading, now: &Reading) -> Option<Done> {
     }
     let (was, is) = (before.current?, now.current?);
     let fits = was - SLACK <= now.last && now.last <= was + gone - is + SLACK;
-    let is_seen = is < was && fits && gone * 2.0 <= now.last && before.runs && now.runs;
+    let is_seen = is < was && fits && gone * 2.0 <= now.last && before.runs && now.runs && !now.stood;
     is_seen.then(|| Done { count: 1, at_least: false, ms: Some(millis(now.last)), ended_before })
 }
 
@@ -78,7 +87,7 @@ mod tests {
 
     fn reading(at_ms: u64, last: f64, current: f64) -> Reading {
         let at = Instant::ORIGIN + Duration::from_millis(at_ms);
-        Reading { at, last, current: Some(current), runs: true }
+        Reading { at, by: at, last, current: Some(current), runs: true, stood: false }
     }
 
     #[test]
@@ -92,6 +101,20 @@ mod tests {
     }
 
     #[test]
+    fn a_reply_that_took_long_makes_the_time_between_readings_longer() {
+        // Between the values of the two replies may lie 3.1 s, so two cycles of 3 s may have ended.
+        let late = |at_ms, last, current, took_ms| {
+            let reading = reading(at_ms, last, current);
+            Reading { by: reading.at + Duration::from_millis(took_ms), ..reading }
+        };
+        let before = reading(0, 8.0, 2.0);
+        let done = between(&before, &late(100, 3.0, 1.0, 3_000)).unwrap();
+        assert_eq!((done.count, done.at_least, done.ms), (1, true, None));
+        let done = between(&before, &late(100, 3.0, 1.0, 100)).unwrap();
+        assert_eq!((done.at_least, done.ms), (false, Some(3000)));
+    }
+
+    #[test]
     fn the_same_time_counts_if_the_sum_fits() {
         let done = between(&reading(0, 8.0, 7.95), &reading(100, 8.0, 0.05)).unwrap();
         assert_eq!((done.count, done.at_least, done.ms), (1, false, Some(8000)));
@@ -102,6 +125,9 @@ mod tests {
         // No program runs any more: it may have been broken off at its end.
         let stands = Reading { runs: false, ..reading(100, 8.0, 0.0) };
         assert_eq!(between(&reading(0, 8.0, 7.95), &stands), None);
+        // No program ran for a moment between the readings.
+        let stood = Reading { stood: true, ..reading(100, 8.0, 0.05) };
+        assert_eq!(between(&reading(0, 8.0, 7.95), &stood), None);
         // Too few readings to know.
         assert_eq!(between(&reading(0, 8.0, 5.0), &reading(6_000, 8.0, 3.0)), None);
     }
