@@ -131,6 +131,8 @@ pub enum Happened {
     },
     /// The counter of parts grew.
     Parts {
+        /// The address of the counter, such as `counter-4`.
+        counter: String,
         /// By how much.
         added: u64,
         /// What it counts now.
@@ -138,6 +140,8 @@ pub enum Happened {
     },
     /// The counter of parts went back. Parts between the last reading and the reset were not seen.
     PartsReset {
+        /// The address of the counter.
+        counter: String,
         /// What it counted before.
         from: i64,
         /// What it counts now.

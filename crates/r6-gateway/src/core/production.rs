@@ -32,7 +32,7 @@ pub struct Figures {
     pub cycles_at_least: bool,
     /// The times of cycles in ms, the shortest first.
     pub cycle_times: Vec<u64>,
-    /// How many parts were counted; `None` if none was ever counted.
+    /// How many parts its counter counted; `None` if it did not grow.
     pub parts: Option<u64>,
     /// How often the counter of parts went back.
     pub part_resets: u64,
@@ -72,15 +72,18 @@ pub struct Production {
     unseen: Vec<(Micros, Micros)>,
     /// The ends of spans that were not seen, of which the begin is not known.
     unseen_until: Vec<Micros>,
+    /// The number of the counter of parts.
+    counter: Option<u32>,
 }
 
 impl Production {
-    /// Nothing is known of this range. What is behind `read_until` was not read yet.
+    /// Nothing is known of this range. What is behind `read_until` was not read yet. `counter`: the number of the
+    /// counter of parts. What other counters counted, which had its place before, is not parts.
     #[must_use]
-    pub fn new(from: Micros, to: Micros, read_until: Option<Micros>) -> Self {
+    pub fn new(from: Micros, to: Micros, read_until: Option<Micros>, counter: Option<u32>) -> Self {
         let to = to.max(from);
         let unseen = read_until.map(|until| (until, to)).into_iter().collect();
-        Self { from, to, figures: Figures::default(), unseen, unseen_until: Vec::new() }
+        Self { from, to, figures: Figures::default(), unseen, unseen_until: Vec::new(), counter }
     }
 
     /// Takes in an event. An `unseen` may be behind the range; others are in it.
@@ -104,11 +107,13 @@ impl Production {
                 figures.cycles_at_least |= at_least;
                 figures.cycle_times.extend(ms);
             }
-            Observed::Parts { added, .. } => {
+            Observed::Parts { counter, added, .. } if Some(counter) == self.counter => {
                 figures.parts = Some(figures.parts.unwrap_or(0).saturating_add(added));
             }
-            Observed::PartsReset { .. } => figures.part_resets += 1,
-            Observed::AlarmEnded { .. }
+            Observed::PartsReset { counter, .. } if Some(counter) == self.counter => figures.part_resets += 1,
+            Observed::Parts { .. }
+            | Observed::PartsReset { .. }
+            | Observed::AlarmEnded { .. }
             | Observed::ModeChanged { .. }
             | Observed::ProgramChanged { .. }
             | Observed::LinkLost {}
@@ -248,7 +253,7 @@ mod tests {
         let mode =
             [whole(-5, 2), whole(10, 7), whole(40, 1), whole(50, 3), whole(60, 0), gap(70), whole(90, 9)];
         let alarm = [whole(-5, 0), whole(20, 42), whole(30, 0)];
-        let mut production = Production::new(Micros(0), Micros(100), None);
+        let mut production = Production::new(Micros(0), Micros(100), None, Some(4));
         production.event(&event(20, Observed::AlarmBegan { code: 42 }));
         production.event(&unseen(Some(92), 200));
         let figures = production.finish(&mode, &alarm);
@@ -260,12 +265,13 @@ mod tests {
 
     #[test]
     fn without_an_alarm_value_or_a_reading_nothing_is_seen() {
-        let figures = Production::new(Micros(0), Micros(100), None).finish(&[whole(0, 7)], &[]);
+        let figures = Production::new(Micros(0), Micros(100), None, Some(4)).finish(&[whole(0, 7)], &[]);
         assert_eq!((figures.unseen, figures.availability()), (100, None));
         let both = ([whole(0, 7)], [whole(0, 0)]);
-        let figures = Production::new(Micros(0), Micros(100), Some(Micros(30))).finish(&both.0, &both.1);
+        let figures =
+            Production::new(Micros(0), Micros(100), Some(Micros(30)), Some(4)).finish(&both.0, &both.1);
         assert_eq!((figures.running, figures.unseen), (30, 70), "behind the last reading");
-        let figures = Production::new(Micros(100), Micros(0), None).finish(&both.0, &both.1);
+        let figures = Production::new(Micros(100), Micros(0), None, Some(4)).finish(&both.0, &both.1);
         assert_eq!(figures, Figures::default(), "a range that is empty");
     }
 
@@ -275,29 +281,32 @@ mod tests {
         let mode = [whole(0, 7), whole(20, 7), no_data, whole(60, 7)];
         let alarm = [whole(0, 0), whole(10, 0), whole(60, 0)];
         for from in [None, Some(61), Some(i64::MAX)] {
-            let mut production = Production::new(Micros(0), Micros(100), None);
+            let mut production = Production::new(Micros(0), Micros(100), None, Some(4));
             production.event(&unseen(from, 60));
             let figures = production.finish(&mode, &alarm);
             assert_eq!((figures.running, figures.unseen), (60, 40), "{from:?}");
         }
         // Its end is behind the range; and nothing is there before it.
-        let mut production = Production::new(Micros(0), Micros(100), None);
+        let mut production = Production::new(Micros(0), Micros(100), None, Some(4));
         production.event(&unseen(None, 200));
         assert_eq!(production.finish(&mode[..2], &alarm[..2]).running, 20);
-        let mut production = Production::new(Micros(0), Micros(100), None);
+        let mut production = Production::new(Micros(0), Micros(100), None, Some(4));
         production.event(&unseen(None, 60));
         assert_eq!(production.finish(&mode[3..], &alarm[2..]).running, 40);
     }
 
     #[test]
     fn cycles_and_parts_of_the_range_are_counted() {
-        let mut production = Production::new(Micros(0), Micros(100), None);
+        let mut production = Production::new(Micros(0), Micros(100), None, Some(4));
         (1..=10_u32).for_each(|at| production.event(&cycle(i64::from(at), u64::from(11 - at) * 100)));
         production.event(&cycle(100, 7));
         production
             .event(&event(5, Observed::CycleDone { count: 1, at_least: true, ms: None, at: Micros(5) }));
-        production.event(&event(6, Observed::Parts { added: 3, total: 9 }));
-        production.event(&event(7, Observed::PartsReset { from: 9, to: 0 }));
+        production.event(&event(6, Observed::Parts { counter: 4, added: 3, total: 9 }));
+        production.event(&event(7, Observed::PartsReset { counter: 4, from: 9, to: 0 }));
+        // Another counter, which had its place before.
+        production.event(&event(8, Observed::Parts { counter: 5, added: 90, total: 90 }));
+        production.event(&event(9, Observed::PartsReset { counter: 5, from: 90, to: 0 }));
         let figures = production.finish(&[], &[]);
         assert_eq!((figures.cycles, figures.cycles_at_least, figures.cycle_times.len()), (11, true, 10));
         let shares = [1, 50, 90, 91, 100].map(|percent| figures.percentile(percent));
@@ -320,7 +329,7 @@ mod tests {
             let series = |values: &BTreeMap<i64, Option<i64>>| -> Vec<Sample> {
                 values.iter().map(|(time, value)| value.map_or(gap(*time), |value| whole(*time, value))).collect()
             };
-            let mut production = Production::new(Micros(from), Micros(to), read_until.map(Micros));
+            let mut production = Production::new(Micros(from), Micros(to), read_until.map(Micros), Some(4));
             spans.iter().for_each(|(begin, end)| production.event(&unseen(*begin, *end)));
             let figures = production.finish(&series(&mode), &series(&alarm));
             prop_assert_eq!(figures.seen() + figures.unseen, length);

@@ -295,16 +295,18 @@ impl Watcher {
     }
 
     fn parts(&mut self, value: &Value<'_>, out: &mut Vec<Event>) {
-        let Some(Reading::Counter(counter)) = value.reading else { return };
-        let total = counter.current;
+        let (Some(Reading::Counter(read)), Address::Counter(counter)) = (value.reading, value.address) else {
+            return;
+        };
+        let total = read.current;
         let Some(from) = self.follow(|watcher| (&mut watcher.counter, watcher.late), value, |_| total) else {
             return;
         };
         let observed = match total.checked_sub(from) {
             Some(0) => return,
-            Some(added) if added > 0 => Observed::Parts { added: added.unsigned_abs(), total },
+            Some(added) if added > 0 => Observed::Parts { counter, added: added.unsigned_abs(), total },
             // It went back, or it jumped by more than any counter counts.
-            Some(_) | None => Observed::PartsReset { from, to: total },
+            Some(_) | None => Observed::PartsReset { counter, from, to: total },
         };
         out.push(Event { time: value.time, observed });
     }

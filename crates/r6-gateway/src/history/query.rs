@@ -27,7 +27,7 @@ use crate::store::history::{Ask, Days, Entry, HistoryStore, Part};
 use series::Series;
 
 pub use events::{EventAnswer, EventPlace, EventQuestion};
-pub use production::{ProductionAnswer, ProductionQuestion};
+pub use production::{Opens, ProductionAnswer, ProductionQuestion};
 
 /// How many queries read at once. Each takes a thread and some megabytes.
 const MAX_QUERIES: usize = 4;
@@ -105,13 +105,12 @@ impl Reader {
         self.work(permit, move |store| events::answer(store, &question)).await
     }
 
-    /// Figures of production, computed in a thread of its own. `open`: the open samples of the mode and the
-    /// alarm.
+    /// Figures of production, computed in a thread of its own.
     pub async fn production(
         &self,
         permit: OwnedSemaphorePermit,
         question: ProductionQuestion,
-        open: (Open, Open),
+        open: Opens,
     ) -> Result<ProductionAnswer, StoreError> {
         self.work(permit, move |store| production::answer(store, &question, open)).await
     }

@@ -24,7 +24,7 @@ use super::refusal;
 use crate::clock::{self, text};
 use crate::core::production::Figures;
 use crate::core::watch::Before;
-use crate::history::query::{ProductionAnswer, ProductionQuestion};
+use crate::history::query::{Opens, ProductionAnswer, ProductionQuestion};
 
 /// The range if no begin is given.
 const USUAL_RANGE: Duration = Duration::from_secs(86_400);
@@ -98,12 +98,26 @@ pub async fn show(
         // Nothing of it was seen.
         Before::Never => Some(from),
     };
+    // Events are read from the disk alone. While it fails, samples in memory would go on without them.
+    let kept_until = robot.station.counts.history.kept_until();
+    let read_until = [read_until, kept_until].into_iter().flatten().min();
+    let counter = config.parts().and_then(|address| match address {
+        Address::Counter(number) => Some(number),
+        _ => None,
+    });
     let open = async |address| {
         let open = recorder.open(name.clone(), address).await;
         open.map_err(|error| refusal::of(error.into()))
     };
-    let open = (open(Address::CurMode).await?, open(Address::CurAlarm).await?);
-    let question = ProductionQuestion { robot: name.clone(), from, to, read_until };
+    let open = Opens {
+        mode: open(Address::CurMode).await?,
+        alarm: open(Address::CurAlarm).await?,
+        counter: match counter {
+            Some(number) => open(Address::Counter(number)).await?,
+            None => Vec::new(),
+        },
+    };
+    let question = ProductionQuestion { robot: name.clone(), from, to, read_until, counter };
     let answer = recorder.reader().production(permit, question, open).await;
     let ProductionAnswer { figures, unreadable, is_too_much } =
         answer.map_err(|error| refusal::of(error.into()))?;
@@ -131,8 +145,7 @@ pub async fn show(
             computed_from: from_words(["curMode", "curAlarm", "unseen"]),
         },
         parts: PartFigures {
-            // A counter that did not grow has counted nothing.
-            count: figures.parts.or(config.parts().map(|_| 0)),
+            count: figures.parts,
             resets: figures.part_resets,
             computed_from: config
                 .parts()
@@ -143,6 +156,7 @@ pub async fn show(
         },
         cycles: cycles(figures),
         alarms,
+        kept_until: kept_until.map(text),
         unreadable,
     }))
 }

@@ -2,6 +2,7 @@
 
 use r6_api::Alarm;
 use r6_api::gateway::Happened;
+use r6_proto::Address;
 use r6_proto::alarm::AlarmCode;
 
 use crate::clock;
@@ -23,12 +24,19 @@ pub fn happened(observed: Observed) -> Happened {
         Observed::CycleDone { count, at_least, ms, at } => {
             Happened::CycleDone { count, at_least, ms, at: clock::text(at) }
         }
-        Observed::Parts { added, total } => Happened::Parts { added, total },
-        Observed::PartsReset { from, to } => Happened::PartsReset { from, to },
+        Observed::Parts { counter, added, total } => Happened::Parts { counter: name(counter), added, total },
+        Observed::PartsReset { counter, from, to } => {
+            Happened::PartsReset { counter: name(counter), from, to }
+        }
         Observed::LinkLost {} => Happened::LinkLost {},
         Observed::LinkBack {} => Happened::LinkBack {},
         Observed::Unseen { from, to, because } => {
             Happened::Unseen { from: from.map(clock::text), to: clock::text(to), because }
         }
     }
+}
+
+/// The address of a counter.
+fn name(counter: u32) -> String {
+    Address::Counter(counter).to_string()
 }

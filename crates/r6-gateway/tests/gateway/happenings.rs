@@ -92,6 +92,7 @@ async fn parts_and_modes_are_read_in_pages_and_as_a_table() {
     let whole = hall.until_events("kind=parts,parts_reset", |events| events.len() == 4).await;
     let told: Vec<_> = whole.iter().map(|event| (event["added"].clone(), event["total"].clone())).collect();
     assert_eq!(told[..3], [(json!(3), json!(3)), (json!(2), json!(5)), (json!(1), json!(6))]);
+    assert!(whole.iter().all(|event| event["counter"] == "counter-0"), "{whole:#?}");
     assert_eq!(
         (&whole[3]["event"], &whole[3]["from"], &whole[3]["to"]),
         (&json!("parts_reset"), &json!(6), &json!(2))
@@ -121,7 +122,7 @@ async fn parts_and_modes_are_read_in_pages_and_as_a_table() {
     let table = reply.split_once("\r\n\r\n").unwrap().1;
     let lines: Vec<_> = table.lines().collect();
     assert!(lines[0].starts_with("id,time,event,") && lines.len() == 4, "{table}");
-    assert!(lines[1].contains(",parts,") && lines[1].ends_with(",3,3"), "{table}");
+    assert!(lines[1].contains(",parts,") && lines[1].ends_with(",counter-0,3,3"), "{table}");
 }
 
 #[tokio::test]

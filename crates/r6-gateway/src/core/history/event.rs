@@ -58,6 +58,8 @@ pub enum Observed {
     },
     /// The counter of parts grew.
     Parts {
+        /// The number of the counter: 4 for `counter-4`.
+        counter: u32,
         /// By how much.
         added: u64,
         /// What it counts now.
@@ -65,6 +67,8 @@ pub enum Observed {
     },
     /// The counter of parts went back.
     PartsReset {
+        /// The number of the counter.
+        counter: u32,
         /// What it counted before.
         from: i64,
         /// What it counts now.
@@ -214,8 +218,8 @@ mod tests {
             Observed::ModeChanged { from: 2, to: 7 },
             Observed::ProgramChanged { from: "a \"b\"".to_owned(), to: "部件".to_owned() },
             Observed::CycleDone { count: 1, at_least: false, ms: Some(12_300), at: Micros(5) },
-            Observed::Parts { added: 2, total: -7 },
-            Observed::PartsReset { from: 9, to: 0 },
+            Observed::Parts { counter: 4, added: 2, total: -7 },
+            Observed::PartsReset { counter: 4, from: 9, to: 0 },
             Observed::LinkLost {},
             Observed::LinkBack {},
             Observed::Unseen { from: Some(Micros(1)), to: time, because: UnseenBecause::Link },

@@ -150,11 +150,11 @@ fn parts_are_counted_and_a_reset_is_not_a_part() {
     let mut watcher = watcher();
     let mut one = |ms, total| seen(&poll(&mut watcher, ms, 1, 0, &[(PARTS, counter(total))]));
     assert_eq!(one(0, 373_266), []);
-    assert_eq!(one(100, 373_268), [Observed::Parts { added: 2, total: 373_268 }]);
-    assert_eq!(one(200, 3), [Observed::PartsReset { from: 373_268, to: 3 }]);
-    assert_eq!(one(300, 4), [Observed::Parts { added: 1, total: 4 }]);
-    assert_eq!(one(400, i64::MIN), [Observed::PartsReset { from: 4, to: i64::MIN }]);
-    assert_eq!(one(500, i64::MAX), [Observed::PartsReset { from: i64::MIN, to: i64::MAX }]);
+    assert_eq!(one(100, 373_268), [Observed::Parts { counter: 4, added: 2, total: 373_268 }]);
+    assert_eq!(one(200, 3), [Observed::PartsReset { counter: 4, from: 373_268, to: 3 }]);
+    assert_eq!(one(300, 4), [Observed::Parts { counter: 4, added: 1, total: 4 }]);
+    assert_eq!(one(400, i64::MIN), [Observed::PartsReset { counter: 4, from: 4, to: i64::MIN }]);
+    assert_eq!(one(500, i64::MAX), [Observed::PartsReset { counter: 4, from: i64::MIN, to: i64::MAX }]);
 }
 
 /// One step of a random history.
@@ -272,9 +272,9 @@ proptest! {
                         && let Some(from) = follows(&mut parts, ms, &new, &mut unread).filter(|from| *from != new)
                     {
                         expected.push(if new > from {
-                            Observed::Parts { added: (new - from).unsigned_abs(), total: new }
+                            Observed::Parts { counter: 4, added: (new - from).unsigned_abs(), total: new }
                         } else {
-                            Observed::PartsReset { from, to: new }
+                            Observed::PartsReset { counter: 4, from, to: new }
                         });
                     }
                     let mut told = Vec::new();

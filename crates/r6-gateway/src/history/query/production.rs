@@ -20,6 +20,23 @@ const MAX_EVENTS: usize = 500_000;
 /// How far behind the range to look for an event that says that its end was not seen: a week.
 const LOOK_BEHIND: i64 = 7 * 86_400_000_000;
 
+/// How many samples of the counter are looked at in one go for a value. Gaps that follow each other are rare.
+const LOOKED_AT: usize = 64;
+
+/// How often: more gaps than these are those of a counter that the robot does not have.
+const MAX_LOOKS: usize = 16;
+
+/// Samples that are not in the files.
+#[derive(Clone, Debug, Default)]
+pub struct Opens {
+    /// Those of the mode,
+    pub mode: Open,
+    /// of the alarm,
+    pub alarm: Open,
+    /// and of the counter of parts.
+    pub counter: Open,
+}
+
 /// What is asked for.
 #[derive(Clone, Debug)]
 pub struct ProductionQuestion {
@@ -29,14 +46,16 @@ pub struct ProductionQuestion {
     pub from: Micros,
     /// Its end, which does not belong to it.
     pub to: Micros,
-    /// Until when the robot was read; `None` if that is not known.
+    /// Until when the robot was read, and what was read is on the disk; `None` if that is not known.
     pub read_until: Option<Micros>,
+    /// The number of its counter of parts.
+    pub counter: Option<u32>,
 }
 
 /// What there is.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProductionAnswer {
-    /// The figures.
+    /// The figures. Parts are there if the counter of parts was read.
     pub figures: Figures,
     /// How many chunks, events and files cannot be read.
     pub unreadable: u64,
@@ -51,11 +70,11 @@ pub struct ProductionAnswer {
 pub(super) fn answer<S: HistoryStore>(
     store: &mut S,
     question: &ProductionQuestion,
-    (mode, alarm): (Open, Open),
+    Opens { mode, alarm, counter }: Opens,
 ) -> Result<ProductionAnswer, StoreError> {
-    let ProductionQuestion { robot, from, to, read_until } = question;
+    let ProductionQuestion { robot, from, to, read_until, counter: number } = question;
     let mut answer = ProductionAnswer::default();
-    let mut production = Production::new(*from, *to, *read_until);
+    let mut production = Production::new(*from, *to, *read_until, *number);
     let mut count = 0;
     let next = walk(store, robot, (*from, *to), None, &mut answer.unreadable, |kept| {
         kept.event.iter().for_each(|event| production.event(event));
@@ -82,7 +101,45 @@ pub(super) fn answer<S: HistoryStore>(
     if let [mode, alarm] = &series[..] {
         answer.figures = production.finish(mode, alarm);
     }
+    if let Some(number) = number
+        && answer.figures.parts.is_none()
+        && is_read(store, question, Address::Counter(*number), &counter)?
+    {
+        // A counter that did not grow has counted nothing.
+        answer.figures.parts = Some(0);
+    }
     Ok(answer)
+}
+
+/// Whether a value of a signal was read in the range.
+fn is_read<S: HistoryStore>(
+    store: &mut S,
+    question: &ProductionQuestion,
+    address: Address,
+    open: &Open,
+) -> Result<bool, StoreError> {
+    let ProductionQuestion { robot, from, to, .. } = question;
+    let mut cursor = None;
+    for _ in 0..MAX_LOOKS {
+        let question = Question {
+            robot: robot.clone(),
+            address,
+            from: *from,
+            to: *to,
+            bucket: None,
+            limit: LOOKED_AT,
+            cursor,
+        };
+        let read = samples(store, &question, open.clone())?;
+        if read.samples.iter().any(|sample| sample.state.gap().is_none()) {
+            return Ok(true);
+        }
+        if read.next <= cursor {
+            break;
+        }
+        cursor = read.next;
+    }
+    Ok(false)
 }
 
 /// All samples of a signal in the range, and whether these are all. One answer reads so many chunks at most, so
@@ -122,6 +179,8 @@ fn all<S: HistoryStore>(
 mod tests {
     use std::time::Duration;
 
+    use r6_api::gateway::Gap;
+
     use super::*;
     use crate::core::history::block::{Write, chunks};
     use crate::core::history::sample::{Interval, State};
@@ -151,9 +210,31 @@ mod tests {
             store.write(day, &[(robot.clone(), Write { chunks: made, ..Write::default() })]).unwrap();
         }
         let (from, to) = (Micros(0), Micros(31 * DAY));
-        let question = ProductionQuestion { robot, from, to, read_until: None };
-        let answer = answer(&mut store, &question, (Vec::new(), Vec::new())).unwrap();
+        let question = ProductionQuestion { robot, from, to, read_until: None, counter: None };
+        let answer = answer(&mut store, &question, Opens::default()).unwrap();
         assert!(!answer.is_too_much && answer.unreadable == 0);
         assert_eq!((answer.figures.running, answer.figures.unseen), (31 * DAY, 0));
+    }
+
+    #[test]
+    fn parts_are_zero_only_if_their_counter_was_read() {
+        let robot = RobotName::new("press").unwrap();
+        let mut store = MemoryDays::default();
+        let count = |time| Sample { time: Micros(time), state: State::Text("{}".into()) };
+        let gap = |time| Sample { time: Micros(time), state: State::Gap(Gap::None) };
+        let interval = Interval::of_period(Duration::from_millis(100));
+        let mut made = Vec::new();
+        for (number, sample) in [(4, count(MINUTE)), (5, gap(MINUTE))] {
+            let chunks = chunks(interval, &[sample]).into_iter();
+            made.extend(chunks.map(|chunk| (Address::Counter(number), chunk)));
+        }
+        store.write(0, &[(robot.clone(), Write { chunks: made, ..Write::default() })]).unwrap();
+        let mut parts = |counter, from| {
+            let (from, to) = (Micros(from), Micros(DAY));
+            let question = ProductionQuestion { robot: robot.clone(), from, to, read_until: None, counter };
+            answer(&mut store, &question, Opens::default()).unwrap().figures.parts
+        };
+        assert_eq!([parts(Some(4), 0), parts(Some(5), 0), parts(Some(6), 0)], [Some(0), None, None]);
+        assert_eq!((parts(None, 0), parts(Some(4), 60 * MINUTE)), (None, None), "nothing was read then");
     }
 }

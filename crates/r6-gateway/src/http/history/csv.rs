@@ -33,7 +33,7 @@ pub(super) fn table(history: &History) -> String {
 }
 
 /// The columns of a table of events. Each kind of event fills some of them.
-const EVENT_COLUMNS: [&str; 16] = [
+const EVENT_COLUMNS: [&str; 17] = [
     "id",
     "time",
     "event",
@@ -48,6 +48,7 @@ const EVENT_COLUMNS: [&str; 16] = [
     "at_least",
     "ms",
     "at",
+    "counter",
     "added",
     "total",
 ];
@@ -64,7 +65,9 @@ pub(super) fn event_table(page: &HistoryEvents) -> String {
             EVENT_COLUMNS.map(|column| match fields.get(column) {
                 None | Some(Value::Null) => String::new(),
                 // These are words and times of ours.
-                Some(Value::String(text)) if ["id", "time", "event", "because", "at"].contains(&column) => {
+                Some(Value::String(text))
+                    if ["id", "time", "event", "because", "at", "counter"].contains(&column) =>
+                {
                     text.clone()
                 }
                 Some(Value::String(text)) => quoted(text),
@@ -162,9 +165,9 @@ mod tests {
         let table = event_table(&page);
         let lines: Vec<_> = table.lines().collect();
         assert_eq!(lines[0], EVENT_COLUMNS.join(","));
-        assert_eq!(lines[1], "1-1-1,T,alarm_began,7,\"emergency stop\",\"release\",,,,,,,,,,");
-        assert_eq!(lines[2], "1-1-1,T,program_changed,,,,,\"'=1+1\",\"a,b\",,,,,,,");
-        assert_eq!(lines[3], "1-1-1,T,cycle_done,,,,,,,,1,true,,A,,");
+        assert_eq!(lines[1], "1-1-1,T,alarm_began,7,\"emergency stop\",\"release\",,,,,,,,,,,");
+        assert_eq!(lines[2], "1-1-1,T,program_changed,,,,,\"'=1+1\",\"a,b\",,,,,,,,");
+        assert_eq!(lines[3], "1-1-1,T,cycle_done,,,,,,,,1,true,,A,,,");
         assert_eq!(lines.len(), 4);
     }
 
