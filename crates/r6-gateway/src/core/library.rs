@@ -94,18 +94,38 @@ impl Condition {
     /// # Errors
     /// [`Unfit`].
     pub fn check(&self, present: Option<Tag>) -> Result<(), Unfit> {
-        // Weak tags never fit: they do not stand for these bytes.
-        let lists = |list: &str| {
-            present.is_some_and(|tag| {
-                let etag = tag.etag();
-                list.split(',').map(str::trim).any(|one| one == "*" || one == etag)
-            })
-        };
+        let lists = |list: &str| present.is_some_and(|tag| lists(list, &tag.etag()));
         match (present.is_some(), self.matches.as_deref(), self.none_matches.as_deref()) {
             (_, _, Some(tags)) if lists(tags) => Err(Unfit::NotThisVersion),
             (true, None, _) => Err(Unfit::NeedsIfMatch),
             (_, Some(tags), _) if !lists(tags) => Err(Unfit::NotThisVersion),
             (_, _, _) => Ok(()),
+        }
+    }
+}
+
+/// Whether a list of tags has this tag. `*` alone stands for any tag; a tag may have commas and stars in it. Weak
+/// tags never fit: they do not stand for these bytes. A text that is no list has no tag.
+fn lists(list: &str, etag: &str) -> bool {
+    if list.trim() == "*" {
+        return true;
+    }
+    let (mut rest, mut has) = (list, false);
+    loop {
+        rest = rest.trim_start_matches([',', ' ', '\t']);
+        if rest.is_empty() {
+            return has;
+        }
+        let tag = rest.strip_prefix("W/").unwrap_or(rest);
+        let is_strong = tag.len() == rest.len();
+        let Some((opaque, behind)) = tag.strip_prefix('"').and_then(|tag| tag.split_once('"')) else {
+            return false;
+        };
+        let own = etag.strip_prefix('"').and_then(|own| own.strip_suffix('"'));
+        has |= is_strong && own == Some(opaque);
+        rest = behind.trim_start_matches([' ', '\t']);
+        if !rest.is_empty() && !rest.starts_with(',') {
+            return false;
         }
     }
 }
@@ -145,6 +165,12 @@ mod tests {
             (Some("3-abababababababab"), None, another, another),
             (Some(""), None, another, another),
             (Some("*"), Some("*"), another, another),
+            // A tag with commas and a star in it, and lists that are none.
+            (Some("\"x,*,y\""), None, another, another),
+            (Some("\"a\", *"), None, another, another),
+            (Some("\"x,\",, \"3-abababababababab\" ,"), None, Ok(()), another),
+            (Some("\"3-abababababababab\" \"a\""), None, another, another),
+            (Some("\"3-abababababababab\", \"a"), None, another, another),
             (None, Some("\"9-00\""), needed, Ok(())),
         ] {
             assert_eq!(check(matches, none, Some(tag)), of_present, "{matches:?} {none:?}");
