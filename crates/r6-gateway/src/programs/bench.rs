@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use r6_api::Code;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::problem::Problem;
 
@@ -13,13 +13,18 @@ const AT_ONCE: usize = 2;
 
 /// A place for work that computes.
 #[derive(Clone, Debug)]
-pub struct Bench(Arc<Semaphore>);
+pub struct Bench {
+    places: Arc<Semaphore>,
+    /// A place of its own for programs that are to be stored: viewers that plan in a loop must not keep
+    /// engineers from that.
+    to_store: Arc<Semaphore>,
+}
 
 impl Bench {
     /// An empty one.
     #[must_use]
     pub fn new() -> Self {
-        Self(Arc::new(Semaphore::new(AT_ONCE)))
+        Self { places: Arc::new(Semaphore::new(AT_ONCE)), to_store: Arc::new(Semaphore::new(1)) }
     }
 
     /// Computes something on a thread of its own. It goes on to its end if the caller goes away, and takes
@@ -31,17 +36,37 @@ impl Bench {
         &self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Problem> {
-        let place = Arc::clone(&self.0).try_acquire_owned();
-        let place = place.map_err(|_| {
-            Problem::new(Code::Overloaded, "other programs are being checked or planned: ask again")
-        })?;
-        let done = tokio::task::spawn_blocking(move || {
-            let done = work();
-            drop(place);
-            done
-        });
-        done.await.map_err(|_| Problem::new(Code::Overloaded, "it was not computed: the gateway ends"))
+        on(place(&self.places)?, work).await
     }
+
+    /// The same for a program that is to be stored, which has a place more.
+    ///
+    /// # Errors
+    /// `overloaded` if that is taken too, or if the process ends.
+    pub async fn compute_to_store<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, Problem> {
+        on(place(&self.to_store).or_else(|_| place(&self.places))?, work).await
+    }
+}
+
+fn place(of: &Arc<Semaphore>) -> Result<OwnedSemaphorePermit, Problem> {
+    Arc::clone(of)
+        .try_acquire_owned()
+        .map_err(|_| Problem::new(Code::Overloaded, "other programs are being checked or planned: ask again"))
+}
+
+async fn on<T: Send + 'static>(
+    place: OwnedSemaphorePermit,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Problem> {
+    let done = tokio::task::spawn_blocking(move || {
+        let done = work();
+        drop(place);
+        done
+    });
+    done.await.map_err(|_| Problem::new(Code::Overloaded, "it was not computed: the gateway ends"))
 }
 
 #[cfg(test)]
@@ -69,6 +94,7 @@ mod tests {
             running.push((task, release));
         }
         assert_eq!(bench.compute(|| 1).await.unwrap_err().code, Code::Overloaded);
+        assert_eq!(bench.compute_to_store(|| 1).await.unwrap(), 1, "this has a place of its own");
         // A caller that goes away leaves its place to the work that goes on.
         running[0].0.abort();
         assert_eq!(bench.compute(|| 1).await.unwrap_err().code, Code::Overloaded);
