@@ -14,6 +14,8 @@ pub struct Waiting {
     events: Vec<Event>,
     /// Since when events are lost that were not told of.
     lost_from: Option<Micros>,
+    /// The begin of the gap at the end of what was taken last.
+    told_from: Option<Micros>,
 }
 
 impl Waiting {
@@ -38,11 +40,18 @@ impl Waiting {
         self.events.is_empty() && self.lost_from.is_none()
     }
 
+    /// How many events wait.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.events.len()
+    }
+
     /// What to hand over now, at this time. If events were lost, an event at the end says so.
     #[must_use]
     pub fn take(&mut self, now: Micros) -> Vec<Event> {
         let mut events = std::mem::take(&mut self.events);
-        if let Some(from) = self.lost_from.take() {
+        self.told_from = self.lost_from.take();
+        if let Some(from) = self.told_from {
             let (to, because) = (now.max(from), UnseenBecause::Lost);
             events.push(Event { time: to, observed: Observed::Unseen { from: Some(from), to, because } });
         }
@@ -51,14 +60,11 @@ impl Waiting {
 
     /// What was taken last could not be handed over.
     pub fn put_back(&mut self, mut events: Vec<Event>) {
-        // What says that events were lost is made anew, up to the time when it is handed over.
-        let gap = |event: &mut Event| {
-            matches!(event.observed, Observed::Unseen { because: UnseenBecause::Lost, .. })
-        };
-        if let Some(event) = events.pop_if(gap)
-            && let Observed::Unseen { from, .. } = event.observed
-        {
-            self.lost_from = from;
+        // What says that events were lost is made anew, up to the time when it is handed over. Others may say
+        // so too, of readings.
+        if let Some(from) = self.told_from.take() {
+            events.pop();
+            self.lost_from = Some(from);
         }
         self.events = events;
     }
@@ -69,6 +75,19 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn a_gap_of_readings_that_comes_back_is_an_event_like_others() {
+        let mut waiting = Waiting::default();
+        let (from, because) = (Some(Micros(1)), UnseenBecause::Lost);
+        let gap = Event { time: Micros(2), observed: Observed::Unseen { from, to: Micros(2), because } };
+        assert_eq!(waiting.note(vec![gap.clone()]), 0);
+        let taken = waiting.take(Micros(3));
+        waiting.put_back(taken);
+        let later = Event { time: Micros(4), observed: Observed::LinkLost {} };
+        assert_eq!(waiting.note(vec![later.clone()]), 0, "nothing was lost of the events");
+        assert_eq!(waiting.take(Micros(5)), [gap, later]);
+    }
 
     proptest! {
         /// Each event is handed over once and in order, or counted as lost and covered by a gap that is told.
