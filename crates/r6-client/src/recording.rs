@@ -2,8 +2,6 @@
 //!
 //! A subscription has the latest values. A recording has the values of each poll, in their order.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use r6_proto::Reading;
@@ -11,14 +9,14 @@ use r6_proto::address::Address;
 use tokio::sync::mpsc;
 
 use crate::robot::Robot;
-use crate::tap::{Polled, Tap};
+use crate::tap::{Poll, Polled, Tap};
 
 /// The values of each poll: [`Robot::record`]. Dropping it ends that.
 #[derive(Debug)]
 pub struct Recording {
     robot: Robot,
-    polls: mpsc::Receiver<Vec<Polled>>,
-    lost: Arc<AtomicU64>,
+    polls: mpsc::Receiver<Poll>,
+    lost: u64,
 }
 
 /// A value that a poll has read.
@@ -39,8 +37,8 @@ impl Robot {
     /// nothing itself. `None` if the handle is closed, or if there are eight recordings already.
     #[must_use]
     pub fn record(&self) -> Option<Recording> {
-        let (tap, polls, lost) = Tap::new();
-        self.hub().board.tap(tap).then(|| Recording { robot: self.clone(), polls, lost })
+        let (tap, polls) = Tap::new();
+        self.hub().board.tap(tap).then(|| Recording { robot: self.clone(), polls, lost: 0 })
     }
 }
 
@@ -50,7 +48,8 @@ impl Recording {
     ///
     /// 1024 polls wait for a late reader. Then values are lost and counted: [`Self::lost`].
     pub async fn next(&mut self) -> Option<Vec<Recorded>> {
-        let values = self.polls.recv().await?;
+        let Poll { values, lost } = self.polls.recv().await?;
+        self.lost = lost;
         let now = self.robot.now();
         let recorded = |Polled { address, reading, at, connection }| Recorded {
             address,
@@ -61,9 +60,10 @@ impl Recording {
         Some(values.into_iter().map(recorded).collect())
     }
 
-    /// How many values were lost because the reader was late.
+    /// How many values were lost because the reader was late, up to the poll that [`Self::next`] gave last: if
+    /// this grows with a poll, the values that were lost came just before it.
     #[must_use]
     pub fn lost(&self) -> u64 {
-        self.lost.load(Ordering::Relaxed)
+        self.lost
     }
 }

@@ -32,16 +32,24 @@ pub struct Polled {
 /// Where a recording gets its values from.
 #[derive(Debug)]
 pub struct Tap {
-    polls: mpsc::Sender<Vec<Polled>>,
+    polls: mpsc::Sender<Poll>,
     lost: Arc<AtomicU64>,
+}
+
+/// The values of a poll.
+#[derive(Debug)]
+pub struct Poll {
+    /// The values.
+    pub values: Vec<Polled>,
+    /// How many values of earlier polls were lost.
+    pub lost: u64,
 }
 
 impl Tap {
     /// A tap, and what comes out of it.
-    pub fn new() -> (Self, mpsc::Receiver<Vec<Polled>>, Arc<AtomicU64>) {
+    pub fn new() -> (Self, mpsc::Receiver<Poll>) {
         let (polls, waiting) = mpsc::channel(MAX_WAITING);
-        let lost = Arc::<AtomicU64>::default();
-        (Self { polls, lost: Arc::clone(&lost) }, waiting, lost)
+        (Self { polls, lost: Arc::default() }, waiting)
     }
 
     /// Hands on the values of a poll. Returns whether somebody still records.
@@ -52,9 +60,10 @@ impl Tap {
             let connection = result.connection();
             Some(Polled { address: *address, reading: value.as_ref().ok().cloned(), at, connection })
         });
-        match self.polls.try_send(values.collect()) {
+        let poll = Poll { values: values.collect(), lost: self.lost.load(Ordering::Relaxed) };
+        match self.polls.try_send(poll) {
             Ok(()) => true,
-            Err(TrySendError::Full(values)) => {
+            Err(TrySendError::Full(Poll { values, .. })) => {
                 self.lost.fetch_add(values.len() as u64, Ordering::Relaxed);
                 true
             }
