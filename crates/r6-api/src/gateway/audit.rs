@@ -152,6 +152,8 @@ pub enum Happened {
     LinkLost {},
     /// The robot answers again. In streams, `link_up` says that.
     LinkBack {},
+    /// More happened in this second than is told live. The history has all of it.
+    MoreHappened {},
     /// The gateway did not see the robot for a time. What changed meanwhile has no event.
     Unseen {
         /// The last reading before; `null` if the gateway does not know since when.

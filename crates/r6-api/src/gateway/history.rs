@@ -93,7 +93,7 @@ pub enum Gap {
     None,
     /// It was read and could not be kept: the disk or the gateway was too slow, or the disk failed.
     Lost,
-    /// The gateway ended, or stopped reading this robot.
+    /// The gateway ended, or stopped reading this robot, or another robot answers in its place.
     Ended,
     /// The clock of the gateway was set. Times before and behind this sample do not fit together.
     ClockStepped,
@@ -187,9 +187,12 @@ pub enum UnseenBecause {
     Lost,
     /// The robot answered without a value that events come from.
     Unread,
+    /// Another robot answered at its address, until an engineer accepted it.
+    AnotherRobot,
 }
 
 impl UnseenBecause {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Link, Self::Late, Self::Start, Self::Lost, Self::Unread];
+    pub const ALL: [Self; 6] =
+        [Self::Link, Self::Late, Self::Start, Self::Lost, Self::Unread, Self::AnotherRobot];
 }

@@ -72,7 +72,7 @@ pub struct RobotWanted {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(minimum = 20, maximum = 3_600_000, example = 100))]
     pub period_ms: Option<u64>,
-    /// Query addresses to read besides the usual ones, 200 at most.
+    /// Query addresses to read besides the usual ones, 200 at most. The first counter counts parts.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(max_items = 200))]
     pub read: Vec<String>,

@@ -7,6 +7,7 @@
 //! - [`point`]: the place in a stream, as a text that a client sends back.
 //! - [`follower`]: what a reader has, and what it gets of each robot.
 
+pub mod flood;
 pub mod follower;
 pub mod numbers;
 pub mod point;

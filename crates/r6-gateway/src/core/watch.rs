@@ -64,6 +64,8 @@ pub struct Watcher {
     is_lost: bool,
     /// Whether readings were lost since the last one.
     has_missed: bool,
+    /// Whether another robot answered since the last one.
+    is_replaced: bool,
     /// In the present poll: the last reading of a value that was not read for too long.
     unread: Option<(Instant, Micros)>,
     mode: Slot<i64>,
@@ -137,6 +139,7 @@ impl Watcher {
             last: None,
             is_lost: false,
             has_missed: false,
+            is_replaced: false,
             unread: None,
             mode: Slot(None),
             alarm: Slot(None),
@@ -180,11 +183,28 @@ impl Watcher {
         out
     }
 
+    /// Another robot answers in place of this one, as was noticed at this time. What it says is not taken in.
+    /// Returns that from the last reading on nothing of this robot was seen, once.
+    #[must_use]
+    pub fn replaced(&mut self, time: Micros) -> Option<Event> {
+        if std::mem::replace(&mut self.is_replaced, true) {
+            return None;
+        }
+        let from = match (self.last, self.before) {
+            (Some(last), _) => Some(last.time),
+            (None, Before::Seen(from)) => from,
+            // Nothing was ever seen, so there is nothing that this ends.
+            (None, Before::Never) => return None,
+        };
+        let because = UnseenBecause::AnotherRobot;
+        Some(Event { time, observed: Observed::Unseen { from, to: time, because } })
+    }
+
     /// Looks whether a reading is overdue.
     #[must_use]
     pub fn look(&mut self, now: Instant, time: Micros) -> Option<Event> {
         let is_overdue = self.last.is_some_and(|last| now.since(last.at) > self.mode_late);
-        if self.is_lost || !is_overdue {
+        if self.is_lost || self.is_replaced || !is_overdue {
             return None;
         }
         self.is_lost = true;
@@ -198,11 +218,13 @@ impl Watcher {
 
     /// Looks whether this reading follows the one before.
     fn arrive(&mut self, connection: u64, first: &Value<'_>, out: &mut Vec<Event>) {
+        let was_replaced = std::mem::take(&mut self.is_replaced);
         let Some(last) = self.last else {
             // What was lost before the first reading is within what was not seen.
             self.has_missed = false;
             if let Before::Seen(from) = self.before {
-                unseen(from, first, UnseenBecause::Start, out);
+                let because = if was_replaced { UnseenBecause::AnotherRobot } else { UnseenBecause::Start };
+                unseen(from, first, because, out);
             }
             return;
         };
@@ -217,6 +239,7 @@ impl Watcher {
         let has_missed = std::mem::take(&mut self.has_missed);
         let is_late = first.at.since(last.at) > self.mode_late;
         let because = match (was_lost, has_missed, is_late) {
+            _ if was_replaced => UnseenBecause::AnotherRobot,
             (true, _, _) => UnseenBecause::Link,
             (false, true, _) => UnseenBecause::Lost,
             (false, false, true) => UnseenBecause::Late,

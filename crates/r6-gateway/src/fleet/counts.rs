@@ -17,10 +17,23 @@ pub struct Counts {
     unknown: AtomicU64,
     confirmed: AtomicU64,
     not_confirmed: AtomicU64,
+    events_skipped: AtomicU64,
     /// The clients of the raw port.
     pub raw: RawCounts,
     /// The samples of its values.
     pub history: Arc<RobotCounts>,
+}
+
+impl Counts {
+    /// An event was not told live: too many came.
+    pub fn skip_event(&self) {
+        self.events_skipped.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How many events were not told live.
+    pub fn events_skipped(&self) -> u64 {
+        self.events_skipped.load(Ordering::Relaxed)
+    }
 }
 
 /// The counts of the clients of one robot's raw port.

@@ -48,6 +48,8 @@ pub async fn keep(station: Arc<Station>, mut end: watch::Receiver<bool>) {
 
 async fn run(station: &Station) {
     let config = station.config();
+    // Numbers of connections begin anew.
+    station.introduced(None);
     let robot = connect(station, &config).await;
     station.robot.send_replace(Some(robot.clone()));
     match subscribe(&robot, &config) {
@@ -159,6 +161,7 @@ async fn introduce(station: &Station, robot: &Robot, connection: u64) -> Option<
         return None;
     }
     station.seat(|seat, _| seat.identified(identity(&found)));
+    station.introduced(Some(connection));
     Some(connection)
 }
 

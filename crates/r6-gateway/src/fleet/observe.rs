@@ -1,5 +1,6 @@
 //! What happens at one robot, from the values of each poll.
 
+use r6_api::gateway::Happened;
 use r6_client::Recorded;
 use r6_proto::time::Instant;
 
@@ -8,6 +9,7 @@ use super::station::{MODE_PERIOD, Station};
 use crate::clock;
 use crate::core::history::event::{Event, Kind};
 use crate::core::history::sample::Micros;
+use crate::core::live::flood::{Flood, Passage};
 use crate::core::watch::{Before, Value, Watcher};
 use crate::live::happened::happened;
 
@@ -15,6 +17,7 @@ use crate::live::happened::happened;
 pub(super) struct Observer<'s> {
     station: &'s Station,
     watcher: Watcher,
+    flood: Flood,
 }
 
 impl<'s> Observer<'s> {
@@ -23,6 +26,7 @@ impl<'s> Observer<'s> {
         Self {
             station,
             watcher: Watcher::new(config.period, config.period.min(MODE_PERIOD), config.parts(), before),
+            flood: Flood::default(),
         }
     }
 
@@ -41,14 +45,21 @@ impl<'s> Observer<'s> {
             Value { address: *address, reading: reading.as_ref(), by: now.max(at), at, time: time(at).kept() }
         });
         let events = self.watcher.take(connection, &poll.collect::<Vec<_>>());
-        self.publish(&events);
+        self.publish(now, &events);
         events
     }
 
     /// Looks whether values are overdue.
     pub fn look(&mut self, now: Instant, time: impl Fn(Instant) -> Micros) -> Option<Event> {
         let event = self.watcher.look(now, time(now).kept());
-        self.publish(event.as_slice());
+        self.publish(now, event.as_slice());
+        event
+    }
+
+    /// Another robot answers in place of this one.
+    pub fn replaced(&mut self, now: Instant, time: impl Fn(Instant) -> Micros) -> Option<Event> {
+        let event = self.watcher.replaced(time(now).kept());
+        self.publish(now, event.as_slice());
         event
     }
 
@@ -57,11 +68,21 @@ impl<'s> Observer<'s> {
         self.watcher.miss();
     }
 
-    fn publish(&self, events: &[Event]) {
+    fn publish(&mut self, now: Instant, events: &[Event]) {
         // The seat publishes the link: it knows sooner.
         let news = events.iter().filter(|event| !matches!(event.kind(), Kind::LinkLost | Kind::LinkBack));
         for Event { time, observed } in news.cloned() {
-            self.station.publish_of(clock::text(time), happened(observed));
+            // What the seat publishes, such as leases, has no limit: persons make that, not values.
+            let passage = self.flood.event(now);
+            if passage != Passage::Told {
+                self.station.counts.skip_event();
+            }
+            let happened = match passage {
+                Passage::Told => happened(observed),
+                Passage::More => Happened::MoreHappened {},
+                Passage::Skipped => continue,
+            };
+            self.station.publish_of(clock::text(time), happened);
         }
     }
 }

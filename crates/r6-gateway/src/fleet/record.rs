@@ -1,6 +1,6 @@
 //! Keeps the values of one robot: every poll, of which the history keeps the changes; and what happens.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use r6_proto::time::Instant;
 
 use super::config::RobotConfig;
 use super::observe::Observer;
-use super::station::Station;
+use super::station::{Answers, Station};
 use crate::clock;
 use crate::core::history::change::ChangeOnly;
 use crate::core::history::event::Event;
@@ -27,6 +27,13 @@ const LOOK: Duration = Duration::from_millis(500);
 /// How long after its time a value is missing, if none comes: as for live values, which are stale then.
 const OVERDUE: Duration = Duration::from_millis(1500);
 
+/// How many polls wait until the robot has said who it is, which takes some polls: a second at the shortest
+/// period. Then the oldest is dropped.
+const MAX_HELD: usize = 50;
+
+/// How often to look whether it has.
+const LOOK_AT_HELD: Duration = Duration::from_millis(20);
+
 /// Watches what is read of the robot, and keeps it if a history is kept, until the handle is closed or this
 /// is dropped.
 pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfig) {
@@ -40,39 +47,74 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
     let mut feed =
         recorder.clone().map(|recorder| Feed::new(recorder, config, Arc::clone(&station.counts.history)));
     let time = |at| recorder.as_ref().map_or_else(|| time_of_system(at), |recorder| recorder.time(at));
-    let mut lost = 0;
+    let (mut lost, mut held) = (0, VecDeque::new());
     loop {
         let values = tokio::select! {
             values = polls.next() => match values {
                 Some(values) => Some(values),
                 None => return,
             },
-            () = tokio::time::sleep(LOOK) => None,
+            () = tokio::time::sleep(if held.is_empty() { LOOK } else { LOOK_AT_HELD }) => None,
         };
-        if polls.lost() != lost {
-            // What was lost may be older or younger than these values: both are treated alike.
-            observer.miss();
+        let now = clock::now();
+        let is_poll = values.is_some();
+        if let Some(values) = values {
+            let newly_lost = polls.lost().saturating_sub(std::mem::replace(&mut lost, polls.lost()));
+            if held.len() >= MAX_HELD {
+                held.pop_front();
+                observer.miss();
+            }
+            held.push_back(Poll { at: now, values, lost: newly_lost });
+        }
+        while let Some(poll) = held.front() {
+            let Some(connection) = poll.values.first().map(|value| value.connection) else {
+                held.pop_front();
+                continue;
+            };
+            let answers = station.answers(connection);
+            if answers == Answers::Unknown {
+                break;
+            }
+            let Some(Poll { at, values, lost }) = held.pop_front() else { break };
+            if lost > 0 {
+                observer.miss();
+                feed.iter_mut().for_each(|feed| feed.lose(lost, at));
+            }
+            if answers == Answers::Gone {
+                observer.miss();
+                continue;
+            }
+            if answers == Answers::Another {
+                // Its values are not those of this robot.
+                let event = observer.replaced(at, time);
+                feed.iter_mut().for_each(|feed| feed.replaced(event.iter().cloned().collect(), at));
+                continue;
+            }
+            let events = observer.take(at, &values, time);
+            if let Some(feed) = &mut feed {
+                feed.note(events);
+                feed.take(at, values);
+            }
         }
         let now = clock::now();
-        let events = match &values {
-            Some(values) => observer.take(now, values, time),
+        if !is_poll {
             // Only now: while polls wait, what they bring is not overdue.
-            None => observer.look(now, time).into_iter().collect(),
-        };
-        let Some(feed) = &mut feed else {
-            lost = polls.lost();
-            continue;
-        };
-        feed.note(events);
-        if let Some(values) = values {
-            feed.take(now, values);
+            let event = observer.look(now, time);
+            feed.iter_mut().for_each(|feed| feed.note(event.iter().cloned().collect()));
         }
-        feed.look(clock::now());
-        if polls.lost() != lost {
-            feed.lose(polls.lost() - lost, clock::now());
-            lost = polls.lost();
+        if let Some(feed) = &mut feed {
+            feed.look(now);
         }
     }
+}
+
+/// A poll that waits until the robot has said who it is.
+struct Poll {
+    /// When it came.
+    at: Instant,
+    values: Vec<Recorded>,
+    /// How many values before it were lost.
+    lost: u64,
 }
 
 /// The time of day at a moment, by the clock of the system now.
@@ -192,11 +234,25 @@ impl Feed {
         }
     }
 
-    /// Values were lost before they came here.
+    /// Values were lost behind those that were taken last.
     fn lose(&mut self, count: u64, now: Instant) {
         self.counts.lose(count);
-        self.lost_from.get_or_insert(self.recorder.time(now));
+        let behind = Micros(self.until.0.saturating_add(100));
+        let from = if self.until == Micros::default() { self.recorder.time(now) } else { behind };
+        self.lost_from.get_or_insert(from);
         self.notice(now);
+    }
+
+    /// Another robot answers in place of this one: from now on its values are not known.
+    fn replaced(&mut self, events: Vec<Event>, now: Instant) {
+        self.note(events);
+        let time = self.recorder.time(now);
+        for (address, signal) in &mut self.signals {
+            let gap = signal.filter.gap(time, Gap::Ended);
+            self.samples.extend(gap.map(|sample| (*address, sample)));
+            signal.asked_at = None;
+        }
+        self.hand_over(now);
     }
 
     fn hand_over(&mut self, now: Instant) {
@@ -244,5 +300,6 @@ impl Drop for Feed {
             self.samples.extend(gap.map(|sample| (*address, sample)));
         }
         self.hand_over(now);
+        self.counts.lose_events(self.events.count());
     }
 }

@@ -1,5 +1,6 @@
 //! What the gateway knows of one robot, and who may send commands to it.
 
+use std::cmp::Ordering::{Equal, Greater, Less};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -114,6 +115,19 @@ pub struct By {
     pub source: Option<String>,
 }
 
+/// Who answers at the address of a robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Answers {
+    /// The robot that the name stands for.
+    This,
+    /// Another one, which was not accepted.
+    Another,
+    /// It did not say yet.
+    Unknown,
+    /// There is a later connection: this one is over.
+    Gone,
+}
+
 /// One robot.
 #[derive(Debug)]
 pub struct Station {
@@ -136,6 +150,8 @@ pub struct Station {
     /// Stops and commands that stop have places of their own: a stop must not wait for pauses.
     pub(super) stops: Semaphore,
     pub(super) stop_commands: Semaphore,
+    /// The connection over which the robot last said who it is, plus one; 0 before that.
+    introduced_on: AtomicU64,
     /// The connection over which the robot answers, for clients that must not outlive it.
     pub(crate) link: watch::Sender<Option<u64>>,
     /// Which readings show the effect of all commands.
@@ -179,6 +195,7 @@ impl Station {
             queries: Semaphore::new(MAX_QUERIES),
             stops: Semaphore::new(MAX_STOPS as usize),
             stop_commands: Semaphore::new(MAX_STOPS as usize),
+            introduced_on: AtomicU64::new(0),
             link: watch::Sender::new(None),
             fresh: Mutex::default(),
             asking: AsyncMutex::default(),
@@ -208,6 +225,26 @@ impl Station {
         }
         *self.config.lock().unwrap_or_else(PoisonError::into_inner) = config;
         self.shared.wake_readers();
+    }
+
+    /// Over this connection the robot said who it is; `None`: over none yet.
+    pub(super) fn introduced(&self, connection: Option<u64>) {
+        let number = connection.map_or(0, |connection| connection.saturating_add(1));
+        self.introduced_on.store(number, Ordering::SeqCst);
+    }
+
+    /// Who answers over this connection.
+    pub(super) fn answers(&self, connection: u64) -> Answers {
+        // Before the seat: what the robot says goes there first.
+        let introduced_on = self.introduced_on.load(Ordering::SeqCst);
+        if self.seat(|seat, _| seat.identity_change().is_some()) {
+            return Answers::Another;
+        }
+        match introduced_on.cmp(&connection.saturating_add(1)) {
+            Less => Answers::Unknown,
+            Equal => Answers::This,
+            Greater => Answers::Gone,
+        }
     }
 
     /// Uses the seat. If permits became void, the commands that have not left yet are taken back before this

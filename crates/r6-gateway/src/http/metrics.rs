@@ -74,6 +74,7 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
     }
     links(&mut text, &seen);
     raw(&mut text, &seen);
+    live(&mut text, &seen);
     if let Some(recorder) = &state.shared.history {
         history(&mut text, &seen);
         if caller.grant().only.is_none() {
@@ -116,6 +117,16 @@ fn raw(text: &mut String, seen: &[&Arc<Station>]) {
             let label = format!(",cause=\"{cause}\"");
             sample(text, "r6_gateway_raw_closed_total", station.name(), &label, count);
         }
+    }
+}
+
+/// The events that readers of streams did not get.
+fn live(text: &mut String, seen: &[&Arc<Station>]) {
+    let skipped = "Events that were not told live: the robot had more than 20 in a second.";
+    family(text, "r6_gateway_live_events_skipped_total", "counter", skipped);
+    for station in seen {
+        let skipped = station.counts.events_skipped();
+        sample(text, "r6_gateway_live_events_skipped_total", station.name(), "", skipped);
     }
 }
 

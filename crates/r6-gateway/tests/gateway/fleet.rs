@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
-use r6_controller::RobotModel;
+use r6_controller::{PanelAction, RobotModel};
 use r6_gateway::RobotConfig;
 use r6_sim::{SimSettings, Simulation, VirtualController};
 use serde_json::json;
@@ -118,9 +118,28 @@ async fn a_robot_that_is_exchanged_while_the_gateway_is_off_is_noticed_too() {
     let other = VirtualController::builder().model(model).start().await.unwrap();
     let config = RobotConfig::new(name("press"), other.address().to_string());
     let hall = hall.again(vec![config], vec![other]).await;
-    hall.until("press", |state| !state["identity_changed"].is_null()).await;
+    let state = hall.until("press", |state| !state["identity_changed"].is_null()).await;
     let (status, problem) = hall.post(&hall.operator, "/v1/robots/press/lease", &json!({})).await;
     assert_eq!((status, &problem["code"]), (409, &json!("identity_changed")));
+
+    // What it does is not told as what the other one did, until it is accepted.
+    let told = hall.until_events("kind=unseen", |events| !events.is_empty()).await;
+    assert_eq!((told.len(), &told[0]["because"]), (1, &json!("another_robot")), "{told:#?}");
+    let before = hall.get(&hall.viewer, "/v1/robots/press/production").await;
+    hall.robots[0].handle().operate(&PanelAction::EmergencyStop).unwrap();
+    hall.until("press", |state| signal(state, "curAlarm")["value"] == 7).await;
+    tokio::time::sleep(Duration::from_millis(600)).await;
+    let after = hall.get(&hall.viewer, "/v1/robots/press/production").await;
+    assert_eq!((&after["seen_ms"], &after["alarms"]["codes"]), (&before["seen_ms"], &json!(0)), "{after:#}");
+
+    let found = &state["identity_changed"]["found"];
+    assert_eq!(hall.post(&hall.engineer, "/v1/robots/press/accept-identity", found).await.0, 204);
+    let told = hall.until_events("kind=unseen", |events| events.len() > 1).await;
+    assert_eq!((&told[1]["because"], &told[1]["from"]), (&json!("another_robot"), &told[0]["from"]));
+    hall.robots[0].handle().operate(&PanelAction::ReleaseEmergencyStop).unwrap();
+    let lease = hall.lease(&hall.operator, "press").await;
+    assert_eq!(hall.command(&hall.operator, "press", &lease, "clearAlarm").await.0, 200);
+    hall.until_events("kind=alarm_ended", |events| events.len() == 1).await;
 }
 
 #[tokio::test]

@@ -146,6 +146,29 @@ fn a_robot_that_is_read_seldom_is_lost_when_its_mode_does_not_come() {
 }
 
 #[test]
+fn another_robot_is_not_seen_until_it_is_accepted() {
+    let mut watcher = watcher();
+    let mode = |mode| [(Address::CurMode, Reading::Integer(mode))];
+    let because = UnseenBecause::AnotherRobot;
+    assert_eq!(watcher.replaced(time(50, 0)), None, "nothing was seen before");
+    assert_eq!(poll(&mut watcher, 100, 1, 0, &mode(7)), []);
+    let unseen = Observed::Unseen { from: Some(time(100, 0)), to: time(200, 0), because };
+    assert_eq!(watcher.replaced(time(200, 0)), Some(Event { time: time(200, 0), observed: unseen }));
+    assert_eq!(watcher.replaced(time(300, 0)), None, "it is told once");
+    assert_eq!(watcher.look(at(9_000), Micros(0)), None, "the link is not lost");
+    // Accepted, over the same connection.
+    let unseen = Observed::Unseen { from: Some(time(100, 0)), to: time(400, 0), because };
+    assert_eq!(seen(&poll(&mut watcher, 400, 1, 0, &mode(2))), [unseen]);
+    assert_eq!(seen(&poll(&mut watcher, 500, 1, 0, &mode(7))), [Observed::ModeChanged { from: 2, to: 7 }]);
+    // After a restart it is still there, and was never seen.
+    let mut watcher = Watcher::new(PERIOD, PERIOD, None, Before::Seen(Some(Micros(5))));
+    let unseen = Observed::Unseen { from: Some(Micros(5)), to: time(200, 0), because };
+    assert_eq!(watcher.replaced(time(200, 0)), Some(Event { time: time(200, 0), observed: unseen }));
+    let unseen = Observed::Unseen { from: Some(Micros(5)), to: time(300, 0), because };
+    assert_eq!(seen(&poll(&mut watcher, 300, 1, 0, &mode(2))), [unseen]);
+}
+
+#[test]
 fn parts_are_counted_and_a_reset_is_not_a_part() {
     let mut watcher = watcher();
     let mut one = |ms, total| seen(&poll(&mut watcher, ms, 1, 0, &[(PARTS, counter(total))]));
