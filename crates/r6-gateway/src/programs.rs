@@ -1,6 +1,6 @@
 //! Programs without a robot: their check and their plan.
 //!
-//! - [`check`]: all mistakes of a text, and where its steps can run.
+//! - [`check`]: the mistakes of a text together, and where its steps can run.
 //! - [`plan`]: what an arm would do, played on a virtual clock by `r6-plot`. No robot is asked.
 //! - [`bench`]: where both compute, so that they delay nothing else.
 

@@ -37,7 +37,7 @@ const SAMPLE_MS: (u32, u32) = (2, 10_000);
 /// The farthest position of an axis to begin at, degrees or mm: beyond all arms.
 const FARTHEST: f64 = 1e6;
 
-/// Checks the text of a program. Nothing is stored, and no robot is asked. All mistakes are told, and where
+/// Checks the text of a program. Nothing is stored, and no robot is asked. Mistakes are told together, the first 20 of them and how many more, and where
 /// each step can run.
 #[utoipa::path(
     post,
@@ -157,7 +157,8 @@ pub struct Which {
     version: Option<u64>,
 }
 
-/// A program that the gateway keeps. The header `ETag` is what `If-Match` takes to change it.
+/// A program that the gateway keeps. The header `ETag` is what `If-Match` takes to change it, if this is its
+/// latest version. That of an earlier one is refused there.
 #[utoipa::path(
     get,
     path = "/v1/programs/{program}",
@@ -275,7 +276,7 @@ pub async fn put(
             steps: checked.steps.len() as u64,
         }
     };
-    let new = state.bench.compute(read).await.map_err(refusal::of)?;
+    let new = state.bench.compute_to_store(read).await.map_err(refusal::of)?;
     let work = tokio::spawn(async move { state.shared.keeper.put_program(new, condition).await });
     let kept = work.await.map_err(refusal::of_lost_work)?.map_err(|error| refusal::of(error.into()))?;
     let status = if kept.tag.version == 1 { StatusCode::CREATED } else { StatusCode::OK };

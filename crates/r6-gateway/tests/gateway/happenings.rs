@@ -1,5 +1,6 @@
 //! What happens to a robot is kept, told live, and read again later.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use r6_api::gateway::Role;
@@ -151,7 +152,8 @@ async fn a_robot_that_was_lost_and_a_restart_are_told_as_unseen() {
 #[tokio::test]
 async fn each_cycle_of_a_program_is_told_once() {
     let text = "[[step]]\ndo = \"axis-move\"\nto = [8, 0, 0, 0, 0, 0]\nspeed = 100\n\
-                [[step]]\ndo = \"axis-move\"\nto = [-8, 0, 0, 0, 0, 0]\nspeed = 100\n";
+                [[step]]\ndo = \"axis-move\"\nto = [-8, 0, 0, 0, 0, 0]\nspeed = 100\n\
+                [[step]]\ndo = \"counter\"\nnumber = 0\nby = 1\n";
     let program = Program::read("short", text).unwrap();
     let builder = VirtualController::builder().program(program).unwrap().stands(StartState::Auto);
     let hall = Hall::with(vec![builder.start().await.unwrap()]).await;
@@ -166,6 +168,12 @@ async fn each_cycle_of_a_program_is_told_once() {
     assert!(told.iter().all(|event| event["count"] == 1 && event["ms"].is_u64()), "{told:#?}");
     let last = told.last().unwrap()["ms"].as_f64().unwrap();
     assert!((last - real.last_cycle_seconds * 1000.0).abs() < 1.0, "{last} {}", real.last_cycle_seconds);
+    // The program counts its cycles. The last one may have ended too shortly before the stop to be proved.
+    let counted = hall.get(&hall.viewer, "/v1/robots/press/query?address=counter-0").await;
+    let counted = counted["signals"][0]["value"]["current"].as_u64().unwrap();
+    assert!((counted - 1..=counted).contains(&(told.len() as u64)), "{counted}: {told:#?}");
+    let ids: BTreeSet<_> = told.iter().map(|event| event["id"].as_str().unwrap()).collect();
+    assert_eq!(ids.len(), told.len(), "{told:#?}");
 }
 
 #[tokio::test]

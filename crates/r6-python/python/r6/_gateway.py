@@ -231,7 +231,7 @@ class Gateway:
         return self._ask("GET", path, lambda answer: list(answer["entries"]))
 
     def check(self, program: str) -> dict[str, Any]:
-        """All mistakes of the text of a program, and where each step can run: what ``POST /v1/programs/check``
+        """The mistakes of the text of a program (the first 20, and how many more), and where each step can run: what ``POST /v1/programs/check``
         answers. ``["ok"]`` says whether there is no mistake. Nothing is sent to a robot.
         """
         return self._ask("POST", "/v1/programs/check", dict, {"program": program})

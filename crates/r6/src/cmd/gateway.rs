@@ -49,6 +49,7 @@ In hall.toml, for each robot:
   address = \"192.168.1.10\"
   period_ms = 100                      how often its values are read
   read = [\"Addr-800\", \"counter-1\"]     values to read besides the usual ones
+  parts = \"counter-1\"                  the counter of parts; the first counter of read if it is missing
   model = \"BRTIRUS0707A\"               the model of its arm, for plans; `r6 plot --help` has all
 
 What is kept of values, and for how long; it holds from the next start:
