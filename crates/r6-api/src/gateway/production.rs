@@ -27,8 +27,8 @@ pub struct Production {
     pub parts: PartFigures,
     /// The alarms.
     pub alarms: AlarmFigures,
-    /// Until when what was read is on the disk; `null` if the gateway has written nothing yet. What is behind it
-    /// counts as unseen: while the disk fails, events wait in memory.
+    /// Until when what was read is on the disk; `null` if the gateway has written nothing yet. What is behind
+    /// it counts as unseen: while the disk fails, events wait in memory.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub kept_until: Option<String>,
     /// How many chunks, events and files of the range cannot be read.
@@ -101,7 +101,7 @@ pub struct CycleFigures {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct PartFigures {
-    /// How many; `null` if no counter of this robot is the counter of parts, or if it was not read in the range.
+    /// How many; `null` if the robot has no counter of parts, or if that was not read in the range.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub count: Option<u64>,
     /// How often the counter went back. Parts just before that may be missing.

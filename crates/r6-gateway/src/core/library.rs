@@ -104,8 +104,8 @@ impl Condition {
     }
 }
 
-/// Whether a list of tags has this tag. `*` alone stands for any tag; a tag may have commas and stars in it. Weak
-/// tags never fit: they do not stand for these bytes. A text that is no list has no tag.
+/// Whether a list of tags has this tag. `*` alone stands for any tag; a tag may have commas and stars.
+/// Weak tags never fit: they do not stand for these bytes. A text that is no list has no tag.
 fn lists(list: &str, etag: &str) -> bool {
     if list.trim() == "*" {
         return true;

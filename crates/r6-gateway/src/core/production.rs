@@ -77,8 +77,8 @@ pub struct Production {
 }
 
 impl Production {
-    /// Nothing is known of this range. What is behind `read_until` was not read yet. `counter`: the number of the
-    /// counter of parts. What other counters counted, which had its place before, is not parts.
+    /// Nothing is known of this range. What is behind `read_until` was not read yet. `counter`: the number of
+    /// the counter of parts. What other counters counted, which had its place before, is not parts.
     #[must_use]
     pub fn new(from: Micros, to: Micros, read_until: Option<Micros>, counter: Option<u32>) -> Self {
         let to = to.max(from);

@@ -37,8 +37,8 @@ const SAMPLE_MS: (u32, u32) = (2, 10_000);
 /// The farthest position of an axis to begin at, degrees or mm: beyond all arms.
 const FARTHEST: f64 = 1e6;
 
-/// Checks the text of a program. Nothing is stored, and no robot is asked. Mistakes are told together, the first 20 of them and how many more, and where
-/// each step can run.
+/// Checks the text of a program. Nothing is stored, and no robot is asked. Mistakes are told
+/// together, the first 20 of them and how many more, and where each step can run.
 #[utoipa::path(
     post,
     path = "/v1/programs/check",

@@ -6,8 +6,8 @@
 //! - `lastCycle` changed: at least one cycle ended. If the last one took as long as the time between the
 //!   readings, it began before the first reading, so it is the only one.
 //! - `lastCycle` is the same and `curCycle` fell: a cycle of the same time ended, or one was broken off. It
-//!   counts only if a program ran at both readings, if no mode between them said that none runs, if the sum of
-//!   the times fits, and if there are at least two readings in a cycle. What remains: a program that was
+//!   counts only if a program ran at both readings, if no mode between them said that none runs, if the sum
+//!   of the times fits, and if there are at least two readings in a cycle. What remains: a program that was
 //!   stopped just before the end of a cycle and started again before the mode was read looks the same.
 //!
 //! A controller reads its times between the question and the reply, so the time between two readings is only

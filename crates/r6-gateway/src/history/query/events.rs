@@ -79,8 +79,8 @@ pub(super) fn answer<S: HistoryStore>(
 
 /// Goes through the events of a robot in the order of time, until `each` says that it is enough. Returns the
 /// place of the last event then; `None` if there are no more. Of an event that stands in two files, because a
-/// write failed half-way, the first one counts. Events of one poll have one time, so an event is compared with
-/// all others of its time.
+/// write failed half-way, the first one counts. Events of one poll have one time, so an event is compared
+/// with all others of its time.
 pub(super) fn walk<S: HistoryStore>(
     store: &mut S,
     robot: &RobotName,
@@ -141,8 +141,8 @@ pub(super) fn walk<S: HistoryStore>(
     Ok(None)
 }
 
-/// The events of the time of a place up to this place: earlier pages told them. A poll has a dozen at most, so
-/// one read of each file has them all.
+/// The events of the time of a place up to this place: earlier pages told them. A poll has a dozen at most,
+/// so one read of each file has them all.
 fn told<S: HistoryStore>(
     store: &mut S,
     robot: &RobotName,
