@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
-use r6_api::gateway::{AuditRecord, Deed};
+use r6_api::gateway::Deed;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -20,13 +20,16 @@ use crate::files;
 use crate::gateway::HISTORY;
 use crate::shell;
 use crate::store::history::file_names;
-use crate::store::{self, Sqlite, StoreError};
+use crate::store::{self, Author, Sqlite, StoreError};
 
 /// What lists the files of a backup.
-const LIST: &str = "backup.json";
+pub const LIST: &str = "backup.json";
 
 /// The version of the list.
 const FORMAT: u32 = 1;
+
+/// What an unfinished backup has, locked while it is made: a later one of the same name takes its place.
+const UNFINISHED: &str = "unfinished";
 
 /// The longest list: 10 years of history with a few files for each day.
 const MAX_LIST_BYTES: u64 = 4 * 1024 * 1024;
@@ -107,7 +110,8 @@ struct Listed {
 /// before it is copied.
 ///
 /// # Errors
-/// [`BackupError`]. What was copied by then stays in a folder beside it, whose name ends with `.part`.
+/// [`BackupError`]. What was copied by then stays in a folder beside it, whose name ends with `.part`. The next
+/// backup with this name removes it.
 pub fn backup(
     data: &Path,
     to: &Path,
@@ -115,14 +119,14 @@ pub fn backup(
     mut progress: impl FnMut(&str),
 ) -> Result<Backup, BackupError> {
     // It has to be one, before anything is made.
-    drop(Sqlite::open_existing(data)?);
+    drop(Sqlite::open_to_read(data, false)?);
     if to.exists() {
         return Err(BackupError::NotEmpty(to.to_owned()));
     }
     let mut name = to.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let part = to.with_file_name(name);
-    empty(&part)?;
+    let unfinished = begin(&part)?;
     let (mut listed, mut problems) = (Vec::new(), Vec::new());
     for name in certificate::FILES {
         let name = format!("{}/{name}", certificate::FOLDER);
@@ -160,12 +164,14 @@ pub fn backup(
     let text = serde_json::to_vec_pretty(&list)
         .map_err(|error| BackupError::File(path.clone(), io::Error::other(error)))?;
     files::write(&path, &text).map_err(|error| BackupError::File(path, error))?;
+    drop(unfinished);
+    remove(&part.join(UNFINISHED))?;
     std::fs::rename(&part, to).map_err(|error| BackupError::File(to.to_owned(), error))?;
     Ok(told(list, problems))
 }
 
-/// Makes the folder of a gateway of a backup. A stop holds for each robot of it then: what happened to them
-/// since the backup is not known.
+/// Makes the folder of a gateway of a backup. A stop holds for each robot then, also for those that the backup
+/// does not name: what happened to them since is not known. Numbers of leases go on a million higher.
 ///
 /// # Errors
 /// [`BackupError`]. `control.db` is made last: without it, the folder is not that of a gateway.
@@ -189,8 +195,7 @@ pub fn restore(data: &Path, from: &Path, mut progress: impl FnMut(&str)) -> Resu
     let mut problems = Vec::new();
     entries(&half, &mut problems)?;
     let deed = Deed::Restored { made: list.made.clone(), entries: list.entries };
-    let (time, actor) = (clock::time_of_day(), "command line".to_owned());
-    let record = AuditRecord { time, actor, source: None, robot: None, deed };
+    let record = Author::shell(clock::time_of_day()).record(deed);
     let mut store = Sqlite::open_existing(&half)?;
     store.stop_all(&record)?;
     store.close()?;
@@ -231,10 +236,28 @@ fn entries(folder: &Path, problems: &mut Vec<String>) -> Result<u64, BackupError
         Ok(verified) => Ok(verified.entries),
         Err(StoreError::Broken(broken)) => {
             problems.push(format!("the audit log is NOT whole: {broken}"));
-            Ok(Sqlite::open_existing(folder)?.last_number()?)
+            Ok(Sqlite::open_to_read(folder, false)?.last_number()?)
         }
         Err(error) => Err(error.into()),
     }
+}
+
+/// Makes the folder of an unfinished backup, in place of one that was left. The file is locked until it is
+/// dropped.
+fn begin(part: &Path) -> Result<File, BackupError> {
+    let path = part.join(UNFINISHED);
+    let failed = |error| BackupError::File(path.clone(), error);
+    if path.is_file() {
+        // Without the lock, another process makes this backup now.
+        let left = File::open(&path).map_err(failed)?;
+        left.try_lock().map_err(|_| BackupError::NotEmpty(part.to_owned()))?;
+        std::fs::remove_dir_all(part).map_err(|error| BackupError::File(part.to_owned(), error))?;
+    }
+    empty(part)?;
+    files::make_file(&path).map_err(failed)?;
+    let file = File::open(&path).map_err(failed)?;
+    file.try_lock().map_err(|_| BackupError::NotEmpty(part.to_owned()))?;
+    Ok(file)
 }
 
 /// Makes a folder, unless it is there and empty.
@@ -331,9 +354,29 @@ mod tests {
         assert_eq!(std::fs::read_to_string(new.join("tls/key.pem")).unwrap(), "key");
         assert_eq!(crate::list_tokens(&new).unwrap().len(), 1);
         assert_eq!(crate::verify(&new).unwrap().entries, 2, "and the entry that says so");
+        let last = Sqlite::open_existing(&new).unwrap().entries(1, 1).unwrap().remove(0);
+        assert!(last.body.contains("restored") && last.body.contains("\"actor\":\"shell\""), "{}", last.body);
         let mut store = Sqlite::open_existing(&new).unwrap();
         let seat = store.seat(&RobotName::new("press").unwrap()).unwrap();
-        assert_eq!((seat.number, seat.stopped), (7, true));
+        assert_eq!((seat.number, seat.stopped), (1_000_007, true), "no number is given out twice");
+        // It was added to the configuration and never answered, or it comes later.
+        let silent = RobotName::new("silent").unwrap();
+        let seat = store.seat(&silent).unwrap();
+        assert_eq!((seat.number, seat.stopped, seat.identity), (1_000_000, true, None));
+        // Its own seat holds once there is one.
+        store.save_seat(&silent, &Saved { number: 1_000_001, stopped: false, identity: None }).unwrap();
+        let seat = store.seat(&silent).unwrap();
+        assert_eq!((seat.number, seat.stopped), (1_000_001, false));
+        store.close().unwrap();
+        // A backup of the restored folder, restored: the same again.
+        let (second, newest) = (parent.path().join("second"), parent.path().join("newest"));
+        backup(&new, &second, false, |_| ()).unwrap();
+        restore(&newest, &second, |_| ()).unwrap();
+        let mut store = Sqlite::open_existing(&newest).unwrap();
+        let seats =
+            ["press", "silent", "new"].map(|name| store.seat(&RobotName::new(name).unwrap()).unwrap());
+        assert!(seats.iter().all(|seat| seat.stopped), "{seats:?}");
+        assert_eq!(seats.map(|seat| seat.number), [2_000_007, 2_000_001, 2_000_000]);
         let names: Vec<_> =
             std::fs::read_dir(&new).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert!(!names.iter().any(|name| name == "restored"), "{names:?}");
@@ -375,6 +418,77 @@ mod tests {
         std::fs::write(path("b/tls/key.pem"), "yek").unwrap();
         assert!(failed(restore(&path("n"), &path("b"), |_| ())).contains("has changed"));
         assert!(!path("n").exists());
+    }
+
+    #[test]
+    fn a_backup_is_only_read_afterwards() {
+        let (parent, data) = folder();
+        let to = parent.path().join("a backup 100% #1?");
+        backup(&data, &to, false, |_| ()).unwrap();
+        // An older r6 made it: without users and programs. Its log was verified by it, which left this journal.
+        let control = to.join("control.db");
+        let old = rusqlite::Connection::open(&control).unwrap();
+        old.execute_batch(
+            "DROP TABLE user; DROP TABLE link; DROP TABLE program; ALTER TABLE robot DROP COLUMN model;
+             PRAGMA user_version = 1; PRAGMA journal_mode = WAL;",
+        )
+        .unwrap();
+        drop(old);
+        let files = || {
+            let files = std::fs::read_dir(&to).unwrap().map(|entry| entry.unwrap().file_name());
+            files.collect::<std::collections::BTreeSet<_>>()
+        };
+        let (bytes, names) = (std::fs::read(&control).unwrap(), files());
+        assert_eq!(crate::verify(&to).unwrap().entries, 1);
+        assert_eq!(crate::list_tokens(&to).unwrap().len(), 1);
+        assert!(crate::list_users(&to).unwrap().is_empty());
+        assert!(std::fs::read(&control).unwrap() == bytes, "the tables are those of the older r6");
+        assert_eq!(files(), names, "nothing is made beside it");
+        // The same for a folder that is no backup.
+        std::fs::remove_file(to.join(LIST)).unwrap();
+        assert_eq!(crate::verify(&to).unwrap().entries, 1);
+        assert!(std::fs::read(&control).unwrap() == bytes);
+        let newer = rusqlite::Connection::open(&control).unwrap();
+        newer.execute_batch("PRAGMA user_version = 99").unwrap();
+        drop(newer);
+        assert!(crate::verify(&to).unwrap_err().to_string().contains("of a newer r6 (tables 99)"));
+    }
+
+    #[test]
+    fn what_a_failed_backup_left_is_replaced_and_nothing_else() {
+        let (parent, data) = folder();
+        let (to, part) = (parent.path().join("b"), parent.path().join("b.part"));
+        // The disk was full, or the power failed.
+        let under_way = begin(&part).unwrap();
+        std::fs::write(part.join("control.db"), "half").unwrap();
+        let failed = backup(&data, &to, false, |_| ()).unwrap_err();
+        assert!(matches!(failed, BackupError::NotEmpty(_)), "another process makes it now: {failed}");
+        drop(under_way);
+        let made = backup(&data, &to, false, |_| ()).unwrap();
+        assert_eq!((made.files, part.exists(), to.join(UNFINISHED).exists()), (2, false, false));
+        // A folder of somebody else.
+        std::fs::remove_dir_all(&to).unwrap();
+        std::fs::create_dir(&part).unwrap();
+        std::fs::write(part.join("letter"), "mine").unwrap();
+        assert!(matches!(backup(&data, &to, false, |_| ()), Err(BackupError::NotEmpty(_))));
+        assert!(part.join("letter").exists());
+    }
+
+    #[test]
+    fn a_restore_that_fails_half_way_leaves_no_gateway() {
+        let (parent, data) = folder();
+        let (to, new) = (parent.path().join("b"), parent.path().join("new"));
+        backup(&data, &to, false, |_| ()).unwrap();
+        // The checksums fit, and the file is no store: the backup was made by a broken program.
+        std::fs::write(to.join("control.db"), [7; 4096]).unwrap();
+        let mut listed: List = serde_json::from_slice(&std::fs::read(to.join(LIST)).unwrap()).unwrap();
+        listed.files = listed.files.into_iter().map(|file| list(&to, file.name).unwrap()).collect();
+        std::fs::write(to.join(LIST), serde_json::to_vec(&listed).unwrap()).unwrap();
+        let failed = restore(&new, &to, |_| ()).unwrap_err();
+        assert!(matches!(failed, BackupError::Store(StoreError::Unreadable(_))), "{failed}");
+        assert!(!new.join("control.db").exists(), "no robot could be moved with it");
+        assert!(crate::verify(&new).unwrap_err().to_string().contains("there is no"));
+        assert!(matches!(restore(&new, &to, |_| ()), Err(BackupError::NotEmpty(_))));
     }
 
     #[test]

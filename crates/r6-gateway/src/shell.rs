@@ -5,6 +5,7 @@ use std::path::Path;
 use r6_api::gateway::Role;
 
 use crate::accounts;
+use crate::backup;
 use crate::clock;
 use crate::core::account::{Account, UserName, Wish};
 use crate::core::chain::Verifier;
@@ -45,7 +46,7 @@ pub fn revoke_token(folder: &Path, number: i64) -> Result<bool, StoreError> {
 /// # Errors
 /// [`StoreError`].
 pub fn list_tokens(folder: &Path) -> Result<Vec<Token>, StoreError> {
-    Sqlite::open_existing(folder)?.tokens()
+    to_read(folder)?.tokens()
 }
 
 /// Makes a user without a password: [`make_link`] lets the user set one.
@@ -86,7 +87,7 @@ pub fn make_link(folder: &Path, name: UserName) -> Result<String, StoreError> {
 /// # Errors
 /// [`StoreError`].
 pub fn list_users(folder: &Path) -> Result<Vec<Account>, StoreError> {
-    let users = Sqlite::open_existing(folder)?.users()?;
+    let users = to_read(folder)?.users()?;
     Ok(users.into_iter().map(|user| user.account).collect())
 }
 
@@ -99,12 +100,17 @@ pub struct Verified {
     pub head: String,
 }
 
-/// Checks the audit log from its first entry to its last.
+/// The store of a folder that is only read. A backup is written by no other process.
+fn to_read(folder: &Path) -> Result<Sqlite, StoreError> {
+    Sqlite::open_to_read(folder, folder.join(backup::LIST).is_file())
+}
+
+/// Checks the audit log from its first entry to its last. Nothing is changed, also if an older r6 made the file.
 ///
 /// # Errors
 /// [`StoreError::Broken`] with the first entry that is wrong; other errors if it cannot be read.
 pub fn verify(folder: &Path) -> Result<Verified, StoreError> {
-    let mut store = Sqlite::open_existing(folder)?;
+    let mut store = to_read(folder)?;
     let mut verifier = Verifier::default();
     loop {
         let page = store.entries(verifier.head().0, MAX_PAGE)?;

@@ -226,7 +226,8 @@ impl Author {
         Self { time, actor: "shell".to_owned(), source: None }
     }
 
-    fn record(&self, deed: Deed) -> AuditRecord {
+    /// A record about no robot.
+    pub fn record(&self, deed: Deed) -> AuditRecord {
         let Self { time, actor, source } = self.clone();
         AuditRecord { time, actor, source, robot: None, deed }
     }

@@ -127,6 +127,11 @@ pub fn counted(count: usize, word: &str) -> String {
     if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") }
 }
 
+/// `1 entry`, `2 entries`.
+pub fn entries(count: u64) -> String {
+    if count == 1 { "1 entry".to_owned() } else { format!("{count} entries") }
+}
+
 /// `1 instruction`, `2 instructions`.
 pub fn instructions(count: usize) -> String {
     counted(count, "instruction")
@@ -228,6 +233,7 @@ mod tests {
     #[test]
     fn one_of_a_thing_has_no_s() {
         assert_eq!([0, 1, 2].map(|count| counted(count, "line")), ["0 lines", "1 line", "2 lines"]);
+        assert_eq!([0, 1, 2].map(entries), ["0 entries", "1 entry", "2 entries"]);
         assert_eq!([1, 2].map(lost_lines), ["(1 line was lost)", "(2 lines were lost)"]);
     }
 

@@ -2,7 +2,7 @@
 
 mod programs;
 
-use std::path::Path;
+use std::path::{Path, PathBuf, absolute};
 use std::time::Duration;
 
 use r6_api::gateway::{AuditRecord, RobotIdentity};
@@ -28,11 +28,19 @@ pub const FILE: &str = "control.db";
 /// the version of a file.
 const TABLES: [&str; 3] = [CONTROL, PROGRAMS, USERS];
 
+/// The version from which on there are users.
+const USERS_SINCE: usize = 3;
+
 /// How long a write waits for another process, such as `r6 gateway token`: its transactions take
 /// milliseconds.
 const BUSY: Duration = Duration::from_secs(5);
 
-/// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it.
+/// How much a restore adds to the numbers of leases, so that no number is given out twice: the gateway may have
+/// given out more since the backup was made. A lease lasts 2 s at least, so a million of them take 23 days.
+const LEASES_SINCE_BACKUP: u64 = 1_000_000;
+
+/// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat with
+/// the name '', which is the name of no robot, is how robots begin that have no seat yet.
 const CONTROL: &str = "
 CREATE TABLE audit (
     number INTEGER PRIMARY KEY,
@@ -130,11 +138,31 @@ impl Sqlite {
     /// # Errors
     /// [`StoreError::Unavailable`] without a file.
     pub fn open_existing(folder: &Path) -> Result<Self, StoreError> {
-        let path = folder.join(FILE);
-        if !path.is_file() {
-            return Err(StoreError::Unavailable(format!("there is no {}", path.display())));
+        Self::at(&existing(folder)?)
+    }
+
+    /// Opens the store of a folder to read it, and changes nothing in it: no tables of this version are made. A
+    /// file that `is_still` is written by no other process: with it, nothing is made beside it either, and the
+    /// folder can be on a medium that cannot be written.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`] without a file, or if it is of a newer r6.
+    pub fn open_to_read(folder: &Path, is_still: bool) -> Result<Self, StoreError> {
+        let path = existing(folder)?;
+        let flags =
+            OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
+        let connection = Connection::open_with_flags(uri(&path, is_still)?, flags)?;
+        connection.busy_timeout(BUSY)?;
+        let store = Self { connection };
+        if store.version()? > TABLES.len() {
+            return Err(newer(&path, store.version()?));
         }
-        Self::at(&path)
+        Ok(store)
+    }
+
+    /// How many of the versions of tables the file has.
+    fn version(&self) -> Result<usize, StoreError> {
+        Ok(self.connection.query_row("PRAGMA user_version", [], |row| row.get(0))?)
     }
 
     fn at(path: &Path) -> Result<Self, StoreError> {
@@ -146,8 +174,7 @@ impl Sqlite {
         let transaction = store.write()?;
         let version: usize = transaction.query_row("PRAGMA user_version", [], |row| row.get(0))?;
         let Some(missing) = TABLES.get(version..) else {
-            let told = format!("{} is of a newer r6 (tables {version})", path.display());
-            return Err(StoreError::Unavailable(told));
+            return Err(newer(path, version));
         };
         for tables in missing {
             transaction.execute_batch(tables)?;
@@ -159,13 +186,21 @@ impl Sqlite {
         Ok(store)
     }
 
-    /// Lets a stop hold for each robot, and says so in the audit log.
+    /// Lets a stop hold for each robot, raises the numbers of leases, and says so in the audit log. Robots
+    /// without a seat are meant too: those of the configuration that never answered, and those that come later.
     ///
     /// # Errors
     /// [`StoreError`].
     pub fn stop_all(&mut self, record: &AuditRecord) -> Result<(), StoreError> {
         let transaction = self.write()?;
-        transaction.execute("UPDATE seat SET stopped = 1", [])?;
+        transaction.execute(
+            "INSERT INTO seat (robot, lease_number, stopped) VALUES ('', 0, 1) ON CONFLICT DO NOTHING",
+            [],
+        )?;
+        transaction.execute(
+            "UPDATE seat SET stopped = 1, lease_number = lease_number + ?1",
+            [LEASES_SINCE_BACKUP],
+        )?;
         append_in(&transaction, std::slice::from_ref(record))?;
         transaction.commit()?;
         Ok(())
@@ -192,6 +227,29 @@ impl Sqlite {
     fn write(&mut self) -> Result<Transaction<'_>, StoreError> {
         Ok(self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?)
     }
+}
+
+/// The file of a folder.
+fn existing(folder: &Path) -> Result<PathBuf, StoreError> {
+    let path = folder.join(FILE);
+    if path.is_file() {
+        return Ok(path);
+    }
+    Err(StoreError::Unavailable(format!("there is no {}", path.display())))
+}
+
+fn newer(path: &Path, version: usize) -> StoreError {
+    StoreError::Unavailable(format!("{} is of a newer r6 (tables {version})", path.display()))
+}
+
+/// A path as SQLite reads it with options.
+fn uri(path: &Path, is_still: bool) -> Result<String, StoreError> {
+    let failed = |why: String| StoreError::Unavailable(format!("{}: {why}", path.display()));
+    let whole = absolute(path).map_err(|error| failed(error.to_string()))?;
+    let text = whole.to_str().ok_or_else(|| failed("its name is not in UTF-8".to_owned()))?;
+    let escaped = text.replace('\\', "/").replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+    let options = if is_still { "?immutable=1" } else { "" };
+    Ok(format!("file:///{}{options}", escaped.trim_start_matches('/')))
 }
 
 /// Copies a file of SQLite that others may write meanwhile. `to` is an empty file, or is not there.
@@ -359,6 +417,10 @@ impl Store for Sqlite {
     }
 
     fn users(&mut self) -> Result<Vec<StoredUser>, StoreError> {
+        // A file that is only read can be older than users.
+        if self.version()? < USERS_SINCE {
+            return Ok(Vec::new());
+        }
         users_in(&self.connection)
     }
 
@@ -425,7 +487,10 @@ impl Store for Sqlite {
     fn seat(&mut self, robot: &RobotName) -> Result<Saved, StoreError> {
         let row = self
             .connection
-            .prepare_cached("SELECT lease_number, stopped, identity FROM seat WHERE robot = ?1")?
+            .prepare_cached(
+                "SELECT lease_number, stopped, identity FROM seat WHERE robot IN (?1, '')
+                 ORDER BY robot = '' LIMIT 1",
+            )?
             .query_row([robot.as_str()], |row| {
                 Ok((row.get(0)?, row.get(1)?, row.get::<_, Option<String>>(2)?))
             })

@@ -2,10 +2,10 @@
 
 use futures_util::StreamExt as _;
 use futures_util::stream::FuturesUnordered;
-use r6_gateway::RobotConfig;
+use r6_gateway::{Gateway, RobotConfig};
 use serde_json::json;
 
-use crate::support::{Hall, commands, name, ready_to_start, signal};
+use crate::support::{Hall, call, commands, name, ready_to_start, settings, signal};
 
 #[tokio::test]
 async fn a_stop_without_lease_stops_a_moving_arm_and_holds_until_it_is_cleared() {
@@ -100,4 +100,22 @@ async fn a_stop_beyond_the_limit_is_answered_at_once_and_not_confirmed() {
     let audit = hall.audit().await;
     let count = |what: &str| audit.iter().filter(|entry| entry["what"] == what).count();
     assert!(count("stop_began") >= 17 && count("stop") >= 17, "{audit:#?}");
+}
+
+#[tokio::test]
+async fn after_a_restore_every_robot_is_stopped_also_one_that_never_answered() {
+    let hall = Hall::start().await;
+    let (folder, backup) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let (data, backup) = (folder.path().join("data"), backup.path().join("backup"));
+    r6_gateway::backup(hall.data.path(), &backup, false, |_| ()).unwrap();
+    r6_gateway::restore(&data, &backup, |_| ()).unwrap();
+    // Only the configuration has it, and the backup has no seat of it.
+    let silent = RobotConfig::new(name("silent"), "127.0.0.1:9".to_owned());
+    let press = RobotConfig::new(name("press"), hall.robots[0].address().to_string());
+    let gateway = Gateway::start(settings(&data, vec![silent, press])).await.unwrap();
+    for robot in ["silent", "press"] {
+        let path = format!("/v1/robots/{robot}");
+        let (status, state) = call(gateway.address(), &hall.viewer, "GET", &path, None).await;
+        assert_eq!((status, &state["stopped"]), (200, &json!(true)), "{robot}: {state}");
+    }
 }

@@ -294,7 +294,7 @@ fn a_backup_of_a_gateway_that_runs_becomes_the_folder_of_another_where_a_stop_ho
     assert_eq!(running.end("TERM"), Some(0));
     let restored = r6(&["gateway", "restore", "--data", &new, "--from", &backup]);
     assert_eq!(restored.code, 0, "{restored:?}");
-    assert!(restored.err.contains("a stop holds for each robot"), "{restored:?}");
+    assert!(restored.err.contains("a stop holds for every robot"), "{restored:?}");
 
     // The same certificate; without it for the request.
     let (mut running, _) = gateway(&new, &["--robot", &press, "--tls"]);

@@ -16,9 +16,10 @@ const SILENT_FOR: Duration = Duration::from_secs(1);
 /// Copy the folder of a gateway, while it runs or not
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The backup is a folder with everything: users and tokens, leases, robots, the audit log, the history, and a \
-certificate that the gateway made. Only its owner can read it, and it has the private key: keep it safe. What \
-the gateway writes while it is made may be missing in it.
+The backup is a folder with all of DIR: users and tokens, leases, robots, the audit log, the history, and a \
+certificate that the gateway made. Files outside of DIR are not in it: copy the --config file and those of \
+--tls-cert and --tls-key yourself. Only its owner can read the backup, and it has the private key: keep it safe. \
+What the gateway writes while it is made may be missing in it.
 
 Run this as the user of the gateway. `r6 gateway verify --data BACKUP` checks the audit log of a backup.
 
@@ -45,7 +46,7 @@ pub struct BackupArgs {
 #[command(after_help = "\
 Nothing is overwritten: DIR is a new folder, or an empty one. Each file of the backup is checked before that.
 
-Afterwards a stop holds for each robot of the backup, because it does not know what happened since. Look at the \
+Afterwards a stop holds for every robot, because the backup does not know what happened since. Look at the \
 robots, then clear their stops. Tokens that were revoked after the backup was made are valid again: `r6 gateway \
 token --list` prints all. All leases have ended.
 
@@ -67,13 +68,12 @@ pub struct RestoreArgs {
 pub fn backup(args: &BackupArgs) -> Result<Exit, Failure> {
     let made = r6_gateway::backup(&args.data, &args.to, !args.without_history, progress("copying"));
     let made = made.map_err(failed)?;
-    let entries = output::counted(usize::try_from(made.entries).unwrap_or(usize::MAX), "entry");
     let text = format!(
         "{}: {}, {} MB, an audit log of {}",
         args.to.display(),
         output::counted(made.files, "file"),
         made.bytes.div_ceil(1_000_000),
-        entries.replace("entrys", "entries"),
+        output::entries(made.entries),
     );
     tell(&made, text, args.json)
 }
@@ -83,9 +83,7 @@ pub fn restore(args: &RestoreArgs) -> Result<Exit, Failure> {
     let made = r6_gateway::restore(&args.data, &args.from, progress("checking")).map_err(failed)?;
     let text = format!("{} is as it was at {}", args.data.display(), made.made);
     let exit = tell(&made, text, args.json)?;
-    output::note(
-        "r6: a stop holds for each robot of the backup; tokens that were revoked since are valid again",
-    );
+    output::note("r6: a stop holds for every robot; tokens that were revoked since are valid again");
     Ok(exit)
 }
 

@@ -37,10 +37,10 @@ pub fn run(args: &VerifyArgs) -> Result<Exit, Failure> {
             Ok(Exit::Done)
         }
         Ok(verified) => {
-            let entries = if verified.entries == 1 { "entry" } else { "entries" };
+            let entries = output::entries(verified.entries);
             output::line(format_args!(
-                "the audit log is whole: {} {entries}, the last hash is {}",
-                verified.entries, verified.head
+                "the audit log is whole: {entries}, the last hash is {}",
+                verified.head
             ));
             Ok(Exit::Done)
         }
