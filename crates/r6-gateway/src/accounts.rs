@@ -102,18 +102,49 @@ impl Accounts {
     }
 
     async fn refresh(&self) -> Result<(), StoreError> {
-        self.read_now(&self.reading.lock().await).await
+        let _turn = self.reading.lock().await;
+        let users = self.keeper.users().await?.into_iter();
+        self.hold(users.map(|user| (user.account.name.clone(), Arc::new(user))).collect());
+        Ok(())
     }
 
-    async fn read_now(&self, _turn: &tokio::sync::MutexGuard<'_, ()>) -> Result<(), StoreError> {
-        let users = self.keeper.users().await?.into_iter();
-        let users: BTreeMap<_, _> = users.map(|user| (user.account.name.clone(), Arc::new(user))).collect();
+    /// Writes a change. It holds in memory before this returns, also if the disk fails right after it: then
+    /// sessions of the state before have ended, except `going_on`, which is a session of the user.
+    async fn write(
+        &self,
+        change: UserChange,
+        author: Author,
+        going_on: Option<&SessionId>,
+    ) -> Result<Decided, StoreError> {
+        let name = change.name.clone();
+        let time = author.time.clone();
+        // An older state that is read meanwhile must not take its place.
+        let _turn = self.reading.lock().await;
+        let (decided, stamp) = self.keeper.change_user(change, author).await?;
+        let mut users = self.users.read().unwrap_or_else(PoisonError::into_inner).clone();
+        match &decided {
+            Decided::Same => return Ok(decided),
+            Decided::Removed => drop(users.remove(&name)),
+            Decided::Made(account) | Decided::Changed(account) => {
+                let created = users.get(&name).map_or(time, |user| user.created.clone());
+                let user = StoredUser { account: account.clone(), created, stamp };
+                users.insert(name, Arc::new(user));
+            }
+        }
+        if let Some(id) = going_on {
+            self.sessions().renew(id, stamp);
+        }
+        self.hold(users);
+        Ok(decided)
+    }
+
+    /// Makes these the users, and ends the sessions of those that changed.
+    fn hold(&self, users: BTreeMap<UserName, Arc<StoredUser>>) {
         self.sessions().retain(clock::now(), |name| {
             users.get(name).filter(|user| is_enabled(user)).map(|user| user.stamp)
         });
         lock(&self.rates).retain(|name, _| users.contains_key(name));
         *self.users.write().unwrap_or_else(PoisonError::into_inner) = users;
-        Ok(())
     }
 
     /// All users, in the order of their names.
@@ -159,8 +190,7 @@ impl Accounts {
         let id = secret::hash(text);
         let session = self.sessions().request(&id, clock::now())?;
         let user = self.user(&session.user).filter(|user| is_enabled(user) && user.stamp <= session.stamp)?;
-        let csrf = Secret(secret::derived("r6 csrf 1", text));
-        Some(SignedIn { id, user, csrf, ends: session.ends() })
+        Some(SignedIn { id, user, csrf: csrf(text), ends: session.ends() })
     }
 
     /// Whether a session is open. To look is no request.
@@ -187,15 +217,15 @@ impl Accounts {
         }
     }
 
-    /// Makes a user, changes or removes it. When this returns, sessions of the state before have ended.
+    /// Makes a user, changes or removes it. When this returns, sessions of the state before have ended. After
+    /// an error nothing was changed; if the disk failed at the very end of the write, the change may hold,
+    /// and the sessions end within a second after the disk can be read.
     ///
     /// # Errors
     /// `last_admin`, `no_such_user`, `no_room`, `bad_value`, `overloaded`, `store_unavailable`.
     pub async fn change(&self, name: UserName, wish: Wish, author: Author) -> Result<Decided, Problem> {
         let change = UserChange { name, wish, link: None, if_stamp: None };
-        let (decided, _) = self.keeper.change_user(change, author).await?;
-        self.after_change().await;
-        Ok(decided)
+        Ok(self.write(change, author, None).await?)
     }
 
     /// The hash of a new password.
@@ -226,7 +256,7 @@ impl Accounts {
         if !self.check(&attempt, old, account.password.as_ref()).await? {
             return Err(self.failed(account.name.as_str(), source));
         }
-        lock(&self.sign_ins).give_back(&attempt);
+        lock(&self.sign_ins).was_right(&attempt, &account.name, clock::now());
         let hash = self.hash(new).await?;
         let change = UserChange {
             name: account.name.clone(),
@@ -234,13 +264,7 @@ impl Accounts {
             link: None,
             if_stamp: Some(*stamp),
         };
-        // The session goes on before the users are read again, which ends the others.
-        let turn = self.reading.lock().await;
-        let (_, stamp) = self.keeper.change_user(change, author).await?;
-        self.sessions().renew(&signed_in.id, stamp);
-        if let Err(error) = self.read_now(&turn).await {
-            tracing::error!(%error, "the users could not be read again");
-        }
+        self.write(change, author, Some(&signed_in.id)).await?;
         Ok(())
     }
 
@@ -253,11 +277,19 @@ impl Accounts {
         let attempt = lock(&self.sign_ins).begin_with_secret(source.ip(), clock::now());
         let attempt = attempt.map_err(Problem::too_many)?;
         let hash = secret::hash(&secret.0);
-        let link = self.keeper.link(hash, seconds()).await?.ok_or(StoreError::LinkVoid)?;
-        // Who has the secret is no stranger.
+        let link = self.keeper.link(hash, seconds()).await;
+        if link.is_err() {
+            // The secret was not looked at.
+            lock(&self.sign_ins).give_back(&attempt);
+        }
+        let link = link?.ok_or(StoreError::LinkVoid)?;
+        // The caller has the secret: the try was no guess.
         lock(&self.sign_ins).give_back(&attempt);
         let name = UserName::new(&name)
             .ok_or_else(|| Problem::new(Code::BadValue, format!("name: a user has {}", UserName::WANTED)))?;
+        if link.user.as_ref().is_some_and(|user| *user != name) {
+            return Err(StoreError::LinkVoid.into());
+        }
         let password = self.hash(password).await?;
         let wish = match link.user {
             None => Wish::FirstAdmin(password),
@@ -266,8 +298,7 @@ impl Accounts {
         let change = UserChange { name, wish, link: Some((hash, seconds())), if_stamp: None };
         let source = Some(source.to_string());
         let author = Author { time: clock::time_of_day(), actor: "link".to_owned(), source };
-        self.keeper.change_user(change, author).await?;
-        self.after_change().await;
+        self.write(change, author, None).await?;
         Ok(())
     }
 
@@ -282,13 +313,6 @@ impl Accounts {
             Ok(()) => Ok(Some(text)),
             Err(StoreError::Denied(account::Denied::HasAdmin)) => Ok(None),
             Err(error) => Err(error),
-        }
-    }
-
-    /// The change is on the disk. If the users cannot be read now, that is done twice a second anyway.
-    async fn after_change(&self) {
-        if let Err(error) = self.refresh().await {
-            tracing::error!(%error, "the users could not be read again");
         }
     }
 
@@ -321,6 +345,11 @@ impl Accounts {
     fn sessions(&self) -> MutexGuard<'_, Sessions> {
         lock(&self.sessions)
     }
+}
+
+/// What proves that a page belongs to the session with this secret.
+pub fn csrf(text: &str) -> Secret {
+    Secret(secret::derived("r6 csrf 1", text))
 }
 
 /// Draws a one-time link: its secret, and what is kept of it.

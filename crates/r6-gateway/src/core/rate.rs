@@ -1,19 +1,25 @@
-//! How many requests a token may make.
+//! How many requests a token may make, and other things that come at a limited rate.
 
 use std::time::Duration;
 
 use r6_proto::time::Instant;
 
-/// The time of one request: 100 a second in the long run.
-const INTERVAL: Duration = Duration::from_millis(10);
+/// How fast something may come.
+#[derive(Clone, Copy, Debug)]
+pub struct Limit {
+    /// The time of each in the long run.
+    pub interval: Duration,
+    /// How many may come at once after a pause.
+    pub burst: u32,
+}
 
-/// How many requests may come at once after a pause.
-const BURST: u32 = 200;
+/// Requests: 100 a second in the long run.
+const REQUESTS: Limit = Limit { interval: Duration::from_millis(10), burst: 200 };
 
-/// The rate of one token. It remembers one time, whatever happens.
+/// The rate of one token or user. It remembers one time, whatever happens.
 #[derive(Clone, Copy, Debug)]
 pub struct Rate {
-    /// When all requests so far would be over, one each [`INTERVAL`].
+    /// When all so far would be over, one each interval.
     over: Instant,
 }
 
@@ -29,14 +35,30 @@ impl Rate {
     /// # Errors
     /// It comes too early, and is not counted: how long to wait.
     pub fn request(&mut self, now: Instant) -> Result<(), Duration> {
-        let over = self.over.max(now) + INTERVAL;
-        let ahead = over.since(now);
-        let most = INTERVAL * BURST;
-        if ahead > most {
-            return Err(ahead - most);
+        let wait = self.wait(now, REQUESTS);
+        if !wait.is_zero() {
+            return Err(wait);
         }
-        self.over = over;
+        self.count(now, REQUESTS);
         Ok(())
+    }
+
+    /// How long the next one has to wait.
+    #[must_use]
+    pub fn wait(&self, now: Instant, limit: Limit) -> Duration {
+        let ahead = (self.over.max(now) + limit.interval).since(now);
+        ahead.saturating_sub(limit.interval * limit.burst)
+    }
+
+    /// Counts one, whether it came too early or not.
+    pub fn count(&mut self, now: Instant, limit: Limit) {
+        self.over = self.over.max(now) + limit.interval;
+    }
+
+    /// Whether it is as if nothing had come yet.
+    #[must_use]
+    pub fn is_idle(&self, now: Instant) -> bool {
+        self.over <= now
     }
 }
 
@@ -67,7 +89,7 @@ mod tests {
             }
             for (first, from) in passed.iter().enumerate() {
                 for (number, to) in (1_u32..).zip(&passed[first..]) {
-                    prop_assert!(INTERVAL * number <= to.since(*from) + INTERVAL * BURST);
+                    prop_assert!(REQUESTS.interval * number <= to.since(*from) + REQUESTS.interval * REQUESTS.burst);
                 }
             }
         }
@@ -78,9 +100,9 @@ mod tests {
         let mut rate = Rate::default();
         let now = Instant::ORIGIN + Duration::from_secs(1);
         let burst = |rate: &mut Rate, now| (0..1_000).filter(|_| rate.request(now).is_ok()).count();
-        assert_eq!(burst(&mut rate, now), BURST as usize);
-        assert_eq!(rate.request(now), Err(INTERVAL));
+        assert_eq!(burst(&mut rate, now), REQUESTS.burst as usize);
+        assert_eq!(rate.request(now), Err(REQUESTS.interval));
         assert_eq!(burst(&mut rate, now + Duration::from_millis(50)), 5);
-        assert_eq!(burst(&mut rate, now + Duration::from_secs(60)), BURST as usize);
+        assert_eq!(burst(&mut rate, now + Duration::from_secs(60)), REQUESTS.burst as usize);
     }
 }
