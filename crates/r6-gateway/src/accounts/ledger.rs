@@ -10,6 +10,7 @@ use std::time::Duration;
 use r6_api::Code;
 use r6_api::gateway::{AuditRecord, Deed};
 use tokio::sync::{Mutex as AsyncMutex, Notify, watch};
+use tokio::time::{Interval, MissedTickBehavior};
 
 use crate::clock;
 use crate::core::account::UserName;
@@ -117,10 +118,11 @@ impl Ledger {
     /// Writes records as they come, for as long as it is polled.
     pub async fn keep(&self) {
         let mut store_failed = false;
+        let mut look = tokio::time::interval(LOOK);
+        look.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            tokio::select! {
-                () = self.wake.notified(), if !store_failed => {}
-                () = tokio::time::sleep(LOOK) => self.count(lock(&self.failures).due(clock::now())),
+            if self.is_due(&mut look, store_failed).await {
+                self.count(lock(&self.failures).due(clock::now()));
             }
             let written = self.write().await;
             if let Err(error) = &written
@@ -129,6 +131,16 @@ impl Ledger {
                 tracing::error!(%error, "the store failed: records about users wait");
             }
             store_failed = written.is_err();
+        }
+    }
+
+    /// Waits for a record or for the time to look for counts: whether it is this time. Records that come
+    /// without end do not delay it.
+    async fn is_due(&self, look: &mut Interval, store_failed: bool) -> bool {
+        tokio::select! {
+            biased;
+            _ = look.tick() => true,
+            () = self.wake.notified(), if !store_failed => false,
         }
     }
 
@@ -170,4 +182,27 @@ impl Ledger {
 
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Sqlite;
+
+    #[tokio::test]
+    async fn records_that_come_without_end_do_not_delay_the_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let ledger = Ledger::new(Keeper::start(Sqlite::open(folder.path()).unwrap()).unwrap());
+        let mut look = tokio::time::interval(Duration::from_millis(100));
+        let begun = std::time::Instant::now();
+        let mut due = 0;
+        // A record is always there: a wait that begins anew after each would never end.
+        while due < 3 {
+            ledger.wake.notify_one();
+            due += u32::from(ledger.is_due(&mut look, false).await);
+            assert!(begun.elapsed() < Duration::from_secs(20), "{due}");
+            tokio::task::yield_now().await;
+        }
+        assert!(begun.elapsed() >= Duration::from_millis(150));
+    }
 }
