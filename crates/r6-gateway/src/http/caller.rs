@@ -13,7 +13,7 @@ use r6_api::Code;
 use r6_http::{Peer, Refusal};
 
 use super::{State, cookie};
-use crate::accounts::SignedIn;
+use crate::accounts::{self, SignedIn};
 use crate::clock;
 use crate::core::role::{Grant, Right};
 use crate::fleet::station::{By, Station};
@@ -121,9 +121,9 @@ impl Caller {
         let source = parts.extensions.get::<Peer>().map(|peer| peer.0);
         let mut headers = parts.headers.get_all(AUTHORIZATION).iter();
         let text = match (headers.next(), headers.next()) {
-            (None, _) => match cookie::session(&parts.headers) {
-                Some(text) => return Self::of_session(&text, parts, state, source),
-                None => None,
+            (None, _) => match &cookie::candidates(&parts.headers, state.is_secure)[..] {
+                [] => None,
+                texts => return Self::of_session(texts, parts, state, source),
             },
             (Some(header), None) => header.to_str().ok().and_then(|header| header.split_once(' ')),
             (Some(_), Some(_)) => None,
@@ -141,30 +141,35 @@ impl Caller {
         Ok(Self { who: Who::Token(token), source })
     }
 
-    /// The caller with this cookie. Browsers send cookies by themselves. So a request that is no `GET` has to
-    /// prove that its page belongs to the session, and a WebSocket, which has no such header, has to name the
-    /// page's origin; whether that is ours was checked before (`r6-http/src/access.rs`).
+    /// The caller with these cookies, which a page of another port of this host can add to: the session of
+    /// which the request has the proof, or the first that is open. Browsers send cookies by themselves. So a
+    /// request that is no `GET` has to prove that its page belongs to the session, and a WebSocket, which has
+    /// no such header, has to name the page's origin; whether that is ours was checked before
+    /// (`r6-http/src/access.rs`).
     fn of_session(
-        text: &str,
+        texts: &[&str],
         parts: &Parts,
         state: &State,
         source: Option<SocketAddr>,
     ) -> Result<Self, Refusal> {
-        let signed_in = state.accounts.session(text).ok_or_else(|| {
+        let is_read = matches!(parts.method, Method::GET | Method::HEAD);
+        let mut sent = parts.headers.get_all(CSRF_HEADER).iter();
+        let sent = match (sent.next().and_then(|header| header.to_str().ok()), sent.next()) {
+            (Some(sent), None) => sent,
+            _ => "",
+        };
+        let open: Vec<_> = texts.iter().filter(|text| state.accounts.is_open(&secret::hash(text))).collect();
+        let proved = open.iter().find(|text| secret::is_same(sent, &accounts::csrf(text).0));
+        if proved.is_none() && !is_read && !open.is_empty() {
+            let message = "send the header `X-CSRF-Token` with the `csrf` of `GET /v1/session`";
+            return Err(Refusal::new(StatusCode::FORBIDDEN, Code::BadCsrf, message));
+        }
+        let text = proved.or_else(|| open.first());
+        let signed_in = text.and_then(|text| state.accounts.session(text)).ok_or_else(|| {
             let message = "the session has ended: sign in again with `POST /v1/session`";
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoSession, message)
         })?;
-        if !matches!(parts.method, Method::GET | Method::HEAD) {
-            let mut sent = parts.headers.get_all(CSRF_HEADER).iter();
-            let sent = match (sent.next().and_then(|header| header.to_str().ok()), sent.next()) {
-                (Some(sent), None) => sent,
-                _ => "",
-            };
-            if !secret::is_same(sent, &signed_in.csrf.0) {
-                let message = "send the header `X-CSRF-Token` with the `csrf` of `GET /v1/session`";
-                return Err(Refusal::new(StatusCode::FORBIDDEN, Code::BadCsrf, message));
-            }
-        } else if parts.headers.contains_key(UPGRADE) && !parts.headers.contains_key(ORIGIN) {
+        if is_read && parts.headers.contains_key(UPGRADE) && !parts.headers.contains_key(ORIGIN) {
             let message = "with a cookie, a WebSocket needs the header `Origin`";
             return Err(Refusal::new(StatusCode::FORBIDDEN, Code::ForeignOrigin, message));
         }

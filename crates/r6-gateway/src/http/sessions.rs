@@ -18,9 +18,9 @@ use super::{State, cookie, refusal};
 use crate::accounts::SignedIn;
 use crate::clock;
 
-/// Signs a user in: sets the cookie `r6_session`. The answer has the `csrf` that every later request with the
-/// cookie needs in `X-CSRF-Token`, unless it is a `GET`. A session ends 15 minutes after its last request, or
-/// after 8 hours. Wrong passwords make the next tries wait.
+/// Signs a user in: sets the cookie `r6_session`; with TLS it is `__Host-r6_session`. The answer has the
+/// `csrf` that every later request with the cookie needs in `X-CSRF-Token`, unless it is a `GET`. A session
+/// ends 15 minutes after its last request, or after 8 hours. Wrong passwords make the next tries wait.
 #[utoipa::path(
     post,
     path = "/v1/session",
