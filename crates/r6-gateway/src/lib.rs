@@ -71,7 +71,8 @@ pub use crate::http::openapi;
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
 pub use crate::shell::{
-    Verified, add_user, disable_user, list_tokens, list_users, make_link, make_token, revoke_token, verify,
+    Verified, add_user, disable_user, has_certificate, list_tokens, list_users, make_link, make_token,
+    revoke_token, verify,
 };
 pub use crate::store::{StoreError, Token};
 

@@ -6,6 +6,7 @@ use r6_api::gateway::Role;
 
 use crate::accounts;
 use crate::backup;
+use crate::certificate;
 use crate::clock;
 use crate::core::account::{Account, UserName, Wish};
 use crate::core::chain::Verifier;
@@ -82,6 +83,13 @@ pub fn make_link(folder: &Path, name: UserName) -> Result<String, StoreError> {
     Ok(format!("#{}&{name}", secret.0))
 }
 
+/// Whether the folder has a certificate that the gateway made: then it speaks TLS, unless its settings
+/// changed.
+#[must_use]
+pub fn has_certificate(folder: &Path) -> bool {
+    folder.join(certificate::FOLDER).join(certificate::FILES[0]).is_file()
+}
+
 /// The users, in the order of their names.
 ///
 /// # Errors
@@ -105,7 +113,8 @@ fn to_read(folder: &Path) -> Result<Sqlite, StoreError> {
     Sqlite::open_to_read(folder, folder.join(backup::LIST).is_file())
 }
 
-/// Checks the audit log from its first entry to its last. Nothing is changed, also if an older r6 made the file.
+/// Checks the audit log from its first entry to its last. Nothing is changed, also if an older r6 made the
+/// file.
 ///
 /// # Errors
 /// [`StoreError::Broken`] with the first entry that is wrong; other errors if it cannot be read.

@@ -1,7 +1,8 @@
-//! Access to a server without a login: programs on this machine may use it, web pages from elsewhere may not.
+//! Access to a server by its host and origin: programs may use it, web pages from elsewhere may not.
 //!
-//! There is no login. A web page can make a browser on this machine send requests here. Such a request has a
-//! foreign `Origin`, or names a host of the attacker that resolves to 127.0.0.1. Both are refused.
+//! This stands before a login, if the server has one, and is all there is if it has none. A web page can make
+//! a browser send requests here. Such a request has a foreign `Origin`, or names a host of the attacker that
+//! resolves to this machine. Both are refused.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -9,7 +10,7 @@ use std::sync::Arc;
 use axum::extract::{Request, State};
 use axum::http::header::{HOST, ORIGIN};
 use axum::http::uri::Authority;
-use axum::http::{HeaderMap, Uri};
+use axum::http::{HeaderMap, Method, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
@@ -23,6 +24,7 @@ pub struct Site {
     listens: IpAddr,
     names: Arc<[String]>,
     is_secure: bool,
+    page: Option<&'static str>,
 }
 
 impl Site {
@@ -30,7 +32,7 @@ impl Site {
     /// `localhost`, without TLS.
     #[must_use]
     pub fn new(address: SocketAddr) -> Self {
-        Self { listens: address.ip(), names: Arc::default(), is_secure: false }
+        Self { listens: address.ip(), names: Arc::default(), is_secure: false, page: None }
     }
 
     /// It is reached by these host names, too. A web page from elsewhere cannot make them lead here, unless
@@ -44,6 +46,13 @@ impl Site {
     #[must_use]
     pub fn with_tls(self, is_secure: bool) -> Self {
         Self { is_secure, ..self }
+    }
+
+    /// Links elsewhere, in a mail for example, may open the page at this path in a tab of its own. It must
+    /// not change or tell anything by being opened.
+    #[must_use]
+    pub fn with_page(self, path: &'static str) -> Self {
+        Self { page: Some(path), ..self }
     }
 
     /// Whether it is reached with TLS.
@@ -69,13 +78,13 @@ impl Site {
 
 /// Lets a request through, or refuses it with 403: a layer for `axum::middleware::from_fn_with_state`.
 pub async fn guard(State(site): State<Site>, request: Request, next: Next) -> Response {
-    match check(&site, request.uri(), request.headers()) {
+    match check(&site, request.method(), request.uri(), request.headers()) {
         Ok(()) => next.run(request).await,
         Err(problem) => problem.into_response(),
     }
 }
 
-fn check(site: &Site, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal> {
+fn check(site: &Site, method: &Method, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal> {
     let mut hosts = headers.get_all(HOST).iter();
     let host = match (hosts.next().and_then(|host| host.to_str().ok()), hosts.next()) {
         (Some(host), None) => host,
@@ -99,8 +108,17 @@ fn check(site: &Site, uri: &Uri, headers: &HeaderMap) -> Result<(), Refusal> {
     let own = format!("{scheme}://{host}");
     let same_origin = |origin: &[u8]| origin.eq_ignore_ascii_case(own.as_bytes());
     let same_site = |site: &[u8]| matches!(site, b"same-origin" | b"none");
+    // A person followed a link. Scripts and frames of other pages cannot read what is opened so.
+    let is_only = |name: &str, wanted: &str| {
+        let mut values = headers.get_all(name).iter();
+        values.next().is_some_and(|value| value == wanted) && values.next().is_none()
+    };
+    let is_opened = site.page == Some(uri.path())
+        && method == Method::GET
+        && is_only("sec-fetch-mode", "navigate")
+        && is_only("sec-fetch-dest", "document");
     if headers.get_all(ORIGIN).iter().any(|origin| !same_origin(origin.as_bytes()))
-        || headers.get_all("sec-fetch-site").iter().any(|site| !same_site(site.as_bytes()))
+        || !is_opened && headers.get_all("sec-fetch-site").iter().any(|site| !same_site(site.as_bytes()))
     {
         return Err(Refusal::foreign(Code::ForeignOrigin, "pages of a browser cannot use this server"));
     }
@@ -122,7 +140,7 @@ mod tests {
         for (name, value) in headers {
             map.append::<axum::http::HeaderName>(name, value);
         }
-        check(&Site::new(SocketAddr::new(listens, 9770)), &uri.parse().unwrap(), &map).is_ok()
+        check(&Site::new(SocketAddr::new(listens, 9770)), &Method::GET, &uri.parse().unwrap(), &map).is_ok()
     }
 
     #[test]
@@ -185,11 +203,44 @@ mod tests {
     }
 
     #[test]
+    fn a_link_in_a_mail_opens_the_page_and_nothing_else() {
+        let site = Site::new(SocketAddr::new(LOOPBACK, 9780)).with_page("/setup");
+        let passes = |method: &Method, path: &str, headers: &[(&'static str, &str)]| {
+            let usual = [("host", "localhost:9780"), ("sec-fetch-site", "cross-site")];
+            let headers = usual.iter().chain(headers);
+            let headers = headers.map(|(name, value)| (name.parse().unwrap(), value.parse().unwrap()));
+            check(&site, method, &path.parse().unwrap(), &headers.collect()).is_ok()
+        };
+        let opened = [("sec-fetch-mode", "navigate"), ("sec-fetch-dest", "document")];
+        assert!(passes(&Method::GET, "/setup", &opened));
+        for path in ["/setup.js", "/setup/", "/v1/setup", "/", "/v1/robots"] {
+            assert!(!passes(&Method::GET, path, &opened), "{path}");
+        }
+        assert!(!passes(&Method::POST, "/setup", &opened));
+        assert!(!passes(&Method::GET, "/setup", &[]), "a script");
+        let [mode, dest] = opened;
+        for wrong in [
+            [mode, ("sec-fetch-dest", "iframe")],
+            [("sec-fetch-mode", "no-cors"), dest],
+            [("sec-fetch-mode", "cors"), ("sec-fetch-dest", "empty")],
+        ] {
+            assert!(!passes(&Method::GET, "/setup", &wrong), "{wrong:?}");
+        }
+        assert!(!passes(&Method::GET, "/setup", &[mode, dest, ("origin", "http://evil.example")]));
+        assert!(!passes(&Method::GET, "/setup", &[mode, dest, ("host", "evil.example")]));
+        let plain = Site { page: None, ..site.clone() };
+        let headers = [("host", "localhost"), ("sec-fetch-site", "cross-site"), mode, dest];
+        let headers = headers.map(|(name, value)| (name.parse().unwrap(), value.parse().unwrap()));
+        let headers = headers.into_iter().collect();
+        assert!(check(&plain, &Method::GET, &"/setup".parse().unwrap(), &headers).is_err());
+    }
+
+    #[test]
     fn a_server_goes_by_the_names_that_it_was_given_and_by_its_scheme() {
         let site = Site::new(SocketAddr::new(CELL, 9780)).with_names(["hall.example".to_owned()]);
         let passes = |site: &Site, headers: &[(&'static str, &str)]| {
             let headers = headers.iter().map(|(name, value)| (name.parse().unwrap(), value.parse().unwrap()));
-            check(site, &"/".parse().unwrap(), &headers.collect()).is_ok()
+            check(site, &Method::GET, &"/".parse().unwrap(), &headers.collect()).is_ok()
         };
         assert!(passes(&site, &[("host", "Hall.example:9780")]));
         assert!(passes(&site, &[("host", "hall.example"), ("origin", "http://hall.example")]));

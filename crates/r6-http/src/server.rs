@@ -31,8 +31,8 @@ const MAX_CONNECTIONS: usize = 64;
 /// without end.
 const MAX_OF_ONE_PEER: usize = 32;
 
-/// How long the head of a request may take, from the opening of the connection or the answer to the request
-/// before. Clients send it in one piece.
+/// How long the head of a request may take, from the opening of the connection, with TLS from the end of the
+/// handshake, or from the answer to the request before. Clients send it in one piece.
 const HEAD_TIME: Duration = Duration::from_secs(2);
 
 /// The longest head of a request, and the most that is read at once.

@@ -24,7 +24,8 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; connect-src 'self';
                       form-action 'none'; frame-ancestors 'none'";
 
 /// The page of a one-time link. The secret of the link is behind the `#` of its address: a browser sends it
-/// to no server, and the page takes it out of the address.
+/// to no server when it opens the page, and the page takes it out of the address. A link in a mail may open
+/// it.
 #[utoipa::path(get, path = "/setup", security(()), responses(
     (status = 200, description = "The page", content_type = "text/html"),
     (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
@@ -53,7 +54,7 @@ fn headers(content_type: &'static str) -> [(HeaderName, &'static str); 5] {
 }
 
 /// Uses a one-time link: makes the first admin, or gives the user of the link a new password. A link is valid
-/// once, for an hour; that of the first admin also ends with the gateway.
+/// once, for an hour; that of the first admin also ends with the gateway. The sessions of the user end.
 #[utoipa::path(
     post,
     path = "/v1/setup",

@@ -26,9 +26,9 @@ pub async fn list(_manager: Manager<ManageUsers>, Of(state): Of<State>) -> Json<
     Json(Users { users: state.accounts.users().iter().map(|user| shown(user)).collect() })
 }
 
-/// Makes a user, or changes the user of this name. All sessions of the user end. Leases stay until they end
-/// by themselves. Without `password` the old password stays; a new user cannot sign in until a password is
-/// set.
+/// Makes a user, or changes the user of this name. If something changes, all sessions of the user end. Leases
+/// stay until they end by themselves. Without `password` the old password stays; a new user cannot sign in
+/// until a password is set.
 #[utoipa::path(
     put,
     path = "/v1/users/{name}",

@@ -16,7 +16,7 @@ use crate::output::{self, table::Table};
 #[command(after_help = "\
 A new user has no password yet: the link that is printed lets the user set one. A link works once and for an \
 hour. It does not matter whether the gateway runs. Open the link in a browser on a computer that reaches the \
-gateway, with --url if that is not this one.
+gateway, with --url if that is not this one or the gateway has a certificate of your own.
 
 An admin who forgot the password: --link NAME. If no admin can sign in, a gateway that starts prints a link \
 that makes one.
@@ -26,7 +26,7 @@ Roles are those of tokens: `r6 gateway token --help`. Admins change users over H
 Examples:
   r6 gateway user --add anna --role operator
   r6 gateway user --add ben --role engineer --robot press-4
-  r6 gateway user --link anna --url http://192.168.1.2:9780
+  r6 gateway user --link anna --url https://hall-pc.local:9780
   r6 gateway user --list
   r6 gateway user --disable ben")]
 pub struct UserArgs {
@@ -52,9 +52,9 @@ pub struct UserArgs {
     /// Print a link with which the user with this name sets a new password
     #[arg(long, value_name = "NAME", conflicts_with = "add")]
     link: Option<String>,
-    /// The address of the gateway in links
-    #[arg(long, value_name = "URL", default_value_t = format!("http://{DEFAULT_LISTEN}"))]
-    url: String,
+    /// The address of the gateway in links [default: this machine; https if the folder has a certificate]
+    #[arg(long, value_name = "URL")]
+    url: Option<String>,
 }
 
 /// Makes, lists or disables users, or makes a link.
@@ -86,7 +86,12 @@ fn link(args: &UserArgs, name: UserName) -> Result<Exit, Failure> {
     let link = r6_gateway::make_link(&args.data, name).map_err(|error| {
         Failure::usage(error).advise("`r6 gateway user --list` prints the users of this folder")
     })?;
-    output::line(format_args!("{}/setup{link}", args.url.trim_end_matches('/')));
+    let here = || {
+        let scheme = if r6_gateway::has_certificate(&args.data) { "https" } else { "http" };
+        format!("{scheme}://{DEFAULT_LISTEN}")
+    };
+    let url = args.url.clone().unwrap_or_else(here);
+    output::line(format_args!("{}/setup{link}", url.trim_end_matches('/')));
     Ok(Exit::Done)
 }
 
