@@ -4,7 +4,9 @@ use std::fmt;
 use std::io;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use r6_http::{BadCertificate, Tls};
 use rcgen::{CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, KeyPair, KeyUsagePurpose};
@@ -23,6 +25,16 @@ const MAX_BYTES: u64 = 1024 * 1024;
 
 /// How often the files are looked at. A program that renews certificates need not tell the gateway.
 const LOOK: Duration = Duration::from_secs(2);
+
+/// From how long before its end on the log tells of it: time for people to get another one.
+const TOLD_BEFORE: i64 = 30 * 86_400;
+
+/// How often the log tells that a certificate ends soon or has ended.
+const TOLD_EVERY: Duration = Duration::from_secs(86_400);
+
+/// The year before which no clock is right. A computer without a battery begins in 1970, and a certificate
+/// that is made then ends before clients look at it.
+const FIRST_YEAR: i32 = 2026;
 
 /// How many years a certificate is valid that the gateway makes.
 const YEARS: i32 = 10;
@@ -51,6 +63,10 @@ pub struct Certificate {
     files: CertificateFiles,
     fingerprint: String,
     missing: Vec<String>,
+    /// The end of the certificate that is used now, in seconds since 1970.
+    expires: Arc<AtomicI64>,
+    /// The hash of the files that were read at the start.
+    read: [u8; 32],
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,6 +91,8 @@ pub enum CertificateError {
     },
     /// None could be made for these names.
     Make(rcgen::Error),
+    /// None was made, because the clock of the machine says this year.
+    Clock(i32),
 }
 
 impl fmt::Display for CertificateError {
@@ -89,6 +107,9 @@ impl fmt::Display for CertificateError {
                 missing.display()
             ),
             Self::Make(error) => write!(f, "no certificate can be made: {error}"),
+            Self::Clock(year) => {
+                write!(f, "no certificate is made while the clock of this machine says {year}: set the clock")
+            }
         }
     }
 }
@@ -112,7 +133,7 @@ impl Certificate {
             TlsSettings::Files { certificate, key } => {
                 CertificateFiles { certificate: certificate.clone(), key: key.clone() }
             }
-            TlsSettings::Made => made(&data.join(FOLDER), &hosts(listens, names))?,
+            TlsSettings::Made => made(&data.join(FOLDER), &hosts(listens, names), SystemTime::now())?,
         };
         let (certificate, key) = files.read()?;
         let bad = |error| CertificateError::Bad(files.certificate.clone(), error);
@@ -123,9 +144,10 @@ impl Certificate {
                 missing.push(name.clone());
             }
         }
-        let fingerprint = r6_http::first_der(&certificate).map_err(bad)?;
-        let fingerprint = fingerprint_of(&fingerprint);
-        Ok(Some(Self { tls, files, fingerprint, missing }))
+        let der = r6_http::first_der(&certificate).map_err(bad)?;
+        let (fingerprint, expires) = (fingerprint_of(&der), Arc::new(AtomicI64::new(end_of(&der))));
+        let read = hash(&(certificate, key));
+        Ok(Some(Self { tls, files, fingerprint, missing, expires, read }))
     }
 
     /// The file with the certificate, which clients can be told to trust.
@@ -146,32 +168,65 @@ impl Certificate {
         &self.missing
     }
 
+    /// When the certificate that is used now ends, in seconds since 1970. Clients refuse it from then on.
+    #[must_use]
+    pub fn expires(&self) -> i64 {
+        self.expires.load(Ordering::Relaxed)
+    }
+
+    /// What people have to know about the end of the certificate at this time, in seconds since 1970; `None`
+    /// if it is valid for long.
+    fn ending(&self, now: i64) -> Option<String> {
+        let left = self.expires().saturating_sub(now);
+        let file = self.path().display();
+        if left > TOLD_BEFORE {
+            return None;
+        }
+        let what = if left <= 0 {
+            "has expired: clients refuse it".to_owned()
+        } else {
+            format!("expires in {} days", left / 86_400)
+        };
+        Some(format!("the certificate {file} {what}; put another one there, or make a new one"))
+    }
+
     /// What the server needs.
     pub(crate) fn tls(&self) -> Tls {
         self.tls.clone()
     }
 
     /// Looks at the files again and again, and uses what they say. If they cannot be used, the last ones go
-    /// on.
+    /// on. Tells once a day that the certificate ends soon or has ended.
     pub(crate) async fn follow(self) {
-        let mut last = self.files.read().ok();
+        // Files that changed since the start are used, too.
+        let mut last = Some(self.read);
+        let mut told: Option<Instant> = None;
         loop {
+            if told.is_none_or(|told| told.elapsed() >= TOLD_EVERY)
+                && let Some(text) = self.ending(seconds(SystemTime::now()))
+            {
+                tracing::warn!("{text}");
+                told = Some(Instant::now());
+            }
             tokio::time::sleep(LOOK).await;
             let files = self.files.clone();
             let Ok(read) = tokio::task::spawn_blocking(move || files.read()).await else { continue };
             match read {
                 // Two files are not changed at once. A half of the change is tried once, and fails.
-                Ok(read) if last.as_ref() != Some(&read) => {
+                Ok(read) if last != Some(hash(&read)) => {
                     match self.tls.replace(&read.0, &read.1) {
                         Ok(()) => {
-                            tracing::info!(file = %self.path().display(), "the certificate has changed")
+                            let end = r6_http::first_der(&read.0).map_or(0, |der| end_of(&der));
+                            self.expires.store(end, Ordering::Relaxed);
+                            told = None;
+                            tracing::info!(file = %self.path().display(), "the certificate has changed");
                         }
                         Err(error) => tracing::error!(
                             file = %self.path().display(), %error,
                             "the certificate has changed and cannot be used: the last one goes on"
                         ),
                     }
-                    last = Some(read);
+                    last = Some(hash(&read));
                 }
                 Ok(_) => {}
                 Err(error) => {
@@ -194,13 +249,14 @@ impl CertificateFiles {
 }
 
 /// The certificate in this folder. It is made if it is not there.
-fn made(folder: &Path, names: &[String]) -> Result<CertificateFiles, CertificateError> {
+fn made(folder: &Path, names: &[String], now: SystemTime) -> Result<CertificateFiles, CertificateError> {
     let files = CertificateFiles { certificate: folder.join("certificate.pem"), key: folder.join("key.pem") };
     match (files.certificate.exists(), files.key.exists()) {
         (true, true) => return Ok(files),
         (true, false) => {
             return Err(CertificateError::Half { there: files.certificate, missing: files.key });
         }
+        (false, _) if year(now) < FIRST_YEAR => return Err(CertificateError::Clock(year(now))),
         // A key alone: the process ended before it wrote the certificate. No client trusts this key yet.
         (false, true) => {
             let failed = |error| CertificateError::File(files.key.clone(), error);
@@ -212,7 +268,7 @@ fn made(folder: &Path, names: &[String]) -> Result<CertificateFiles, Certificate
         let path = path.to_owned();
         move |error| CertificateError::File(path, error)
     };
-    let (certificate, key) = make(names, SystemTime::now()).map_err(CertificateError::Make)?;
+    let (certificate, key) = make(names, now).map_err(CertificateError::Make)?;
     files::make_folder(folder).map_err(failed(folder))?;
     files::write(&files.key, key.as_bytes()).map_err(failed(&files.key))?;
     files::write(&files.certificate, certificate.as_bytes()).map_err(failed(&files.certificate))?;
@@ -250,6 +306,26 @@ fn make(names: &[String], now: SystemTime) -> Result<(String, String), rcgen::Er
 fn year(time: SystemTime) -> i32 {
     let text = humantime::format_rfc3339_seconds(time.max(UNIX_EPOCH)).to_string();
     text.split('-').next().and_then(|year| year.parse().ok()).unwrap_or(1970)
+}
+
+/// A time in seconds since 1970.
+fn seconds(time: SystemTime) -> i64 {
+    let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_secs()).unwrap_or(i64::MAX)
+}
+
+/// When a certificate in DER ends, in seconds since 1970. Of one that cannot be read, which TLS would not
+/// have taken, this is 0: it counts as expired.
+fn end_of(der: &[u8]) -> i64 {
+    x509_parser::parse_x509_certificate(der).map_or(0, |(_, read)| read.validity().not_after.timestamp())
+}
+
+/// The hash of a certificate and its key. The key itself is not kept.
+fn hash((certificate, key): &(Vec<u8>, Vec<u8>)) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    hash.update(Sha256::digest(certificate));
+    hash.update(key);
+    hash.finalize().into()
 }
 
 /// The SHA-256 of a certificate in DER, as browsers show it.
@@ -330,6 +406,65 @@ mod tests {
             let error = Certificate::open(&settings, data.path(), LISTENS, &names()).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
         }
+    }
+
+    #[test]
+    fn its_end_is_known_and_told_in_time() {
+        let data = tempfile::tempdir().unwrap();
+        let open = || Certificate::open(&TlsSettings::Made, data.path(), LISTENS, &names()).unwrap().unwrap();
+        let made = open();
+        let end = made.expires();
+        // The first of January of the year in ten years.
+        let (now, day) = (seconds(SystemTime::now()), 86_400);
+        assert_eq!(year(UNIX_EPOCH + Duration::from_secs(end.unsigned_abs())), year(SystemTime::now()) + 10);
+        assert!(end > now + 9 * 365 * day && made.ending(now).is_none());
+        assert_eq!(made.ending(end - 31 * day), None);
+        let soon = made.ending(end - 29 * day - 1).unwrap();
+        assert!(soon.contains("certificate.pem expires in 29 days"), "{soon}");
+        for late in [end, end + day] {
+            let late = made.ending(late).unwrap();
+            assert!(late.contains("has expired"), "{late}");
+        }
+        // A certificate of one's own that has ended is used, because a stop has to go, and is told.
+        let old = make(&names(), UNIX_EPOCH + Duration::from_secs(1_000_000_000)).unwrap();
+        let files = made.files.clone();
+        std::fs::write(&files.certificate, old.0).unwrap();
+        std::fs::write(&files.key, old.1).unwrap();
+        let old = open();
+        assert_eq!(old.expires(), 1_293_840_000, "2011-01-01");
+        assert!(old.ending(now).unwrap().contains("has expired"));
+        assert_eq!(end_of(b"no certificate"), 0);
+    }
+
+    #[test]
+    fn none_is_made_while_the_clock_is_wrong() {
+        let data = tempfile::tempdir().unwrap();
+        let folder = data.path().join("tls");
+        let error = made(&folder, &names(), UNIX_EPOCH + Duration::from_secs(7)).unwrap_err().to_string();
+        assert!(error.contains("says 1970: set the clock"), "{error}");
+        assert!(!folder.exists());
+        made(&folder, &names(), SystemTime::now()).unwrap();
+        // One that is there is used: the gateway must start.
+        made(&folder, &names(), UNIX_EPOCH).unwrap();
+    }
+
+    #[tokio::test]
+    async fn files_that_change_before_the_first_look_are_used() {
+        let data = tempfile::tempdir().unwrap();
+        let open = Certificate::open(&TlsSettings::Made, data.path(), LISTENS, &names()).unwrap().unwrap();
+        let (old, files) = (open.expires(), open.files.clone());
+        let (certificate, key) = make(&names(), UNIX_EPOCH + Duration::from_secs(1_000_000_000)).unwrap();
+        std::fs::write(&files.certificate, certificate).unwrap();
+        std::fs::write(&files.key, key).unwrap();
+        let follows = tokio::spawn(open.clone().follow());
+        let begun = Instant::now();
+        while open.expires() == old {
+            assert!(begun.elapsed() < Duration::from_secs(20), "the new files are used");
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        follows.abort();
+        let text = format!("{open:?}");
+        assert!(!text.contains("PRIVATE"), "{text}");
     }
 
     #[test]

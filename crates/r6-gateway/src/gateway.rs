@@ -175,9 +175,18 @@ impl Gateway {
         };
         let (tokens, robot_settings) = (Arc::new(tokens), settings.robot_settings);
         let (is_secure, bench) = (certificate.is_some(), Bench::new());
-        let state = State { fleet, tokens, accounts, shared, is_secure, robot_settings, bench };
+        let state = State {
+            fleet,
+            tokens,
+            accounts,
+            shared,
+            is_secure,
+            certificate: certificate.clone(),
+            robot_settings,
+            bench,
+        };
         let mut server = JoinSet::new();
-        let site = Site::new(address).with_names(settings.names).with_tls(is_secure);
+        let site = Site::new(address).with_names(settings.names).with_tls(is_secure).with_page("/setup");
         let tls = certificate.as_ref().map(Certificate::tls);
         server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
         server.spawn(follow(certificate.clone()));

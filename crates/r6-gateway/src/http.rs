@@ -41,6 +41,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use crate::accounts::Accounts;
+use crate::certificate::Certificate;
 use crate::fleet::Fleet;
 use crate::fleet::station::Shared;
 use crate::http::caller::Caller;
@@ -61,6 +62,8 @@ pub struct State {
     pub shared: Arc<Shared>,
     /// Whether clients speak TLS with the gateway.
     pub is_secure: bool,
+    /// The certificate for that.
+    pub certificate: Option<Certificate>,
     /// How to communicate with robots that are added.
     pub robot_settings: RobotSettings,
     /// Where programs are checked and planned.
@@ -89,8 +92,8 @@ impl Modify for Schemes {
         let scheme = SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer));
         let components = api.components.get_or_insert_default();
         components.add_security_scheme("token", scheme);
-        let about = "Set by POST /v1/session. A request that is no GET also needs the header X-CSRF-Token with the `csrf` \
-                     of the session.";
+        let about = "Set by POST /v1/session. With TLS its name is __Host-r6_session. A request that is no GET \
+                     also needs the header X-CSRF-Token with the `csrf` of the session.";
         let cookie = ApiKey::Cookie(ApiKeyValue::with_description(cookie::NAME, about));
         components.add_security_scheme("session", SecurityScheme::ApiKey(cookie));
     }

@@ -81,6 +81,12 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
             files(&mut text, recorder.counts(), recorder.is_paused());
         }
     }
+    if let Some(certificate) = state.certificate.as_ref().filter(|_| caller.grant().only.is_none()) {
+        let name = "r6_gateway_certificate_expires_timestamp_seconds";
+        family(&mut text, name, "gauge", "When the certificate of the gateway ends.");
+        // To write to a text cannot fail.
+        let _ = writeln!(text, "{name} {}", certificate.expires());
+    }
     ([(CONTENT_TYPE, FORMAT)], text)
 }
 

@@ -20,7 +20,7 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, ServerName};
 use tokio_rustls::rustls::{ClientConfig, RootCertStore};
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 
-use crate::support::{PATIENCE, call, name, settings};
+use crate::support::{PASSWORD, PATIENCE, call, name, settings};
 
 /// A gateway with TLS and one robot, `press`, and a token of a viewer.
 async fn start(data: &Path, tls: TlsSettings, robot: &VirtualController) -> (Gateway, String) {
@@ -92,6 +92,58 @@ async fn a_client_that_trusts_the_certificate_is_served_under_its_names_only() {
     assert_eq!((status, &problem["code"]), (403, &Value::from("foreign_origin")));
     let error = connect(address, "other.example", &made.certificate).await.unwrap_err();
     assert!(error.to_string().contains("not valid for name"), "{error}");
+}
+
+/// One request of a client that trusts the certificate: head and body.
+async fn exchange(made: &Made, method: &str, path: &str, headers: &str, body: &str) -> String {
+    let mut stream = connect(made.gateway.address(), "localhost", &made.certificate).await.unwrap();
+    let head = format!(
+        "{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{headers}\
+         Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    stream.write_all(head.as_bytes()).await.unwrap();
+    let mut reply = String::new();
+    stream.read_to_string(&mut reply).await.unwrap();
+    reply
+}
+
+#[tokio::test]
+async fn with_tls_the_cookie_has_a_name_that_only_this_host_can_set() {
+    let made = made().await;
+    let admin = r6_gateway::make_token(made.data.path(), Role::Admin, None, String::new()).unwrap().1;
+    let bearer = format!("Authorization: Bearer {admin}\r\n");
+    let wanted = format!("{{\"role\":\"viewer\",\"password\":\"{PASSWORD}\"}}");
+    let user = exchange(&made, "PUT", "/v1/users/anna", &bearer, &wanted).await;
+    assert!(user.starts_with("HTTP/1.1 201"), "{user}");
+    let asked = format!("{{\"name\":\"anna\",\"password\":\"{PASSWORD}\"}}");
+    let signed_in = exchange(&made, "POST", "/v1/session", "", &asked).await;
+    let cookie = signed_in.lines().find_map(|line| line.strip_prefix("set-cookie: ")).unwrap();
+    let (cookie, attributes) = cookie.split_once(';').unwrap();
+    assert!(cookie.starts_with("__Host-r6_session="), "{cookie}");
+    assert_eq!(attributes, " HttpOnly; SameSite=Strict; Path=/; Secure");
+    let show = async |cookie: &str| {
+        exchange(&made, "GET", "/v1/session", &format!("Cookie: {cookie}\r\n"), "").await
+    };
+    assert!(show(cookie).await.starts_with("HTTP/1.1 200"));
+    let plain = show(cookie.strip_prefix("__Host-").unwrap()).await;
+    assert!(plain.starts_with("HTTP/1.1 401"), "any page of this host could have set it: {plain}");
+}
+
+#[tokio::test]
+async fn tokens_of_all_robots_see_when_the_certificate_ends() {
+    let made = made().await;
+    let metrics = async |token: &str| {
+        exchange(&made, "GET", "/metrics", &format!("Authorization: Bearer {token}\r\n"), "").await
+    };
+    let name = "r6_gateway_certificate_expires_timestamp_seconds ";
+    let of_all = metrics(&made.token).await;
+    let end: i64 = of_all.lines().find_map(|line| line.strip_prefix(name)).unwrap().parse().unwrap();
+    assert_eq!(end, made.gateway.certificate().unwrap().expires());
+    let press = Some(crate::support::name("press"));
+    let of_one = r6_gateway::make_token(made.data.path(), Role::Viewer, press, String::new()).unwrap().1;
+    let of_one = metrics(&of_one).await;
+    assert!(of_one.contains("r6_gateway_robot_up") && !of_one.contains(name), "{of_one}");
 }
 
 #[tokio::test]
