@@ -110,8 +110,8 @@ struct Listed {
 /// before it is copied.
 ///
 /// # Errors
-/// [`BackupError`]. What was copied by then stays in a folder beside it, whose name ends with `.part`. The next
-/// backup with this name removes it.
+/// [`BackupError`]. What was copied by then stays in a folder beside it, whose name ends with `.part`. The
+/// next backup with this name removes it.
 pub fn backup(
     data: &Path,
     to: &Path,
@@ -170,8 +170,8 @@ pub fn backup(
     Ok(told(list, problems))
 }
 
-/// Makes the folder of a gateway of a backup. A stop holds for each robot then, also for those that the backup
-/// does not name: what happened to them since is not known. Numbers of leases go on a million higher.
+/// Makes the folder of a gateway of a backup. A stop holds for each robot then, also for those that the
+/// backup does not name: what happened to them since is not known. Numbers of leases go on a million higher.
 ///
 /// # Errors
 /// [`BackupError`]. `control.db` is made last: without it, the folder is not that of a gateway.
@@ -425,7 +425,8 @@ mod tests {
         let (parent, data) = folder();
         let to = parent.path().join("a backup 100% #1?");
         backup(&data, &to, false, |_| ()).unwrap();
-        // An older r6 made it: without users and programs. Its log was verified by it, which left this journal.
+        // An older r6 made it: without users and programs. Its log was verified by it, which left this
+        // journal.
         let control = to.join("control.db");
         let old = rusqlite::Connection::open(&control).unwrap();
         old.execute_batch(

@@ -35,8 +35,9 @@ const USERS_SINCE: usize = 3;
 /// milliseconds.
 const BUSY: Duration = Duration::from_secs(5);
 
-/// How much a restore adds to the numbers of leases, so that no number is given out twice: the gateway may have
-/// given out more since the backup was made. A lease lasts 2 s at least, so a million of them take 23 days.
+/// How much a restore adds to the numbers of leases, so that no number is given out twice: the gateway may
+/// have given out more since the backup was made. A lease lasts 2 s at least, so a million of them take 23
+/// days.
 const LEASES_SINCE_BACKUP: u64 = 1_000_000;
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat with
@@ -141,9 +142,9 @@ impl Sqlite {
         Self::at(&existing(folder)?)
     }
 
-    /// Opens the store of a folder to read it, and changes nothing in it: no tables of this version are made. A
-    /// file that `is_still` is written by no other process: with it, nothing is made beside it either, and the
-    /// folder can be on a medium that cannot be written.
+    /// Opens the store of a folder to read it, and changes nothing in it: no tables of this version are made.
+    /// A file that `is_still` is written by no other process: with it, nothing is made beside it either, and
+    /// the folder can be on a medium that cannot be written.
     ///
     /// # Errors
     /// [`StoreError::Unavailable`] without a file, or if it is of a newer r6.
@@ -187,7 +188,8 @@ impl Sqlite {
     }
 
     /// Lets a stop hold for each robot, raises the numbers of leases, and says so in the audit log. Robots
-    /// without a seat are meant too: those of the configuration that never answered, and those that come later.
+    /// without a seat are meant too: those of the configuration that never answered, and those that come
+    /// later.
     ///
     /// # Errors
     /// [`StoreError`].
