@@ -136,16 +136,22 @@ pub struct User {
 pub struct UserWanted {
     /// What the user may do.
     pub role: Role,
-    /// The only robot; all robots if it is missing.
+    /// The only robot; `null` for all robots. If it is missing, it stays; a new user is for all robots.
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(value_type = Option<String>))]
+    pub robot: Option<Option<String>>,
+    /// Whether the user cannot sign in. If it is missing, it stays; a new user can.
     #[serde(default)]
-    pub robot: Option<String>,
-    /// Whether the user cannot sign in.
-    #[serde(default)]
-    pub disabled: bool,
+    pub disabled: Option<bool>,
     /// A new password, 12 to 128 characters. If it is missing, the password stays.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(value_type = Option<String>, format = Password))]
     pub password: Option<Secret>,
+}
+
+/// A field that is there, also with `null`.
+fn present<'de, D: serde::Deserializer<'de>>(field: D) -> Result<Option<Option<String>>, D::Error> {
+    Deserialize::deserialize(field).map(Some)
 }
 
 /// The tokens that are not revoked.

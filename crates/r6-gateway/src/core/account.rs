@@ -8,6 +8,7 @@ use std::fmt;
 
 use r6_api::gateway::Role;
 
+use crate::core::name::RobotName;
 use crate::core::role::Grant;
 
 /// The most accounts. They are all held in memory, and listed at once.
@@ -107,12 +108,15 @@ pub enum Wish {
     Add(Grant),
     /// Make the first admin, with this password. Refused if there is an admin.
     FirstAdmin(PasswordHash),
-    /// Make an account, or change the account of this name. Without a password, the old password stays.
+    /// Make an account, or change the account of this name. What is `None` stays as it is; a new account is
+    /// for all robots, and is not disabled.
     Put {
-        /// What it allows.
-        grant: Grant,
+        /// Its role.
+        role: Role,
+        /// The only robot, or `None` for all.
+        only: Option<Option<RobotName>>,
         /// Whether it is disabled.
-        disabled: bool,
+        disabled: Option<bool>,
         /// The new password.
         password: Option<PasswordHash>,
     },
@@ -193,12 +197,15 @@ pub fn decide(accounts: &[Account], name: &UserName, wish: &Wish) -> Result<Deci
             disabled: false,
             password: Some(password.clone()),
         }),
-        Wish::Put { grant, disabled, password } => Some(Account {
-            name: name.clone(),
-            grant: grant.clone(),
-            disabled: *disabled,
-            password: password.clone().or_else(|| present.and_then(|account| account.password.clone())),
-        }),
+        Wish::Put { role, only, disabled, password } => {
+            let only = only.clone().or_else(|| present.map(|account| account.grant.only.clone()));
+            Some(Account {
+                name: name.clone(),
+                grant: Grant { role: *role, only: only.flatten() },
+                disabled: disabled.or_else(|| present.map(|account| account.disabled)).unwrap_or(false),
+                password: password.clone().or_else(|| present.and_then(|account| account.password.clone())),
+            })
+        }
         Wish::Disable => Some(Account { disabled: true, ..present_or()? }),
         Wish::Password(password) => Some(Account { password: Some(password.clone()), ..present_or()? }),
         Wish::Remove => {
@@ -226,7 +233,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::core::name::RobotName;
 
     #[test]
     fn a_name_cannot_be_taken_for_another_actor() {
@@ -278,8 +284,12 @@ mod tests {
         prop_oneof![
             grants().prop_map(Wish::Add),
             hash().prop_map(Wish::FirstAdmin),
-            (grants(), any::<bool>(), prop::option::of(hash()))
-                .prop_map(|(grant, disabled, password)| Wish::Put { grant, disabled, password }),
+            (grants(), any::<[bool; 3]>(), prop::option::of(hash())).prop_map(
+                |(Grant { role, only }, [told_only, told_disabled, disabled], password)| {
+                    let (only, disabled) = (told_only.then_some(only), told_disabled.then_some(disabled));
+                    Wish::Put { role, only, disabled, password }
+                }
+            ),
             Just(Wish::Disable),
             hash().prop_map(Wish::Password),
             Just(Wish::Remove),

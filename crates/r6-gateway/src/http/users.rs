@@ -13,7 +13,6 @@ use super::described::{OfBody, OfChange, OfRight};
 use super::{State, refusal};
 use crate::core::account::{Decided, UserName, Wish};
 use crate::core::name::RobotName;
-use crate::core::role::Grant;
 use crate::problem;
 use crate::store::StoredUser;
 
@@ -57,14 +56,14 @@ pub async fn put(
     let UserWanted { role, robot, disabled, password } = wanted;
     let name = UserName::new(&manager.named)
         .ok_or_else(|| bad_value(format!("name: a user has {}", UserName::WANTED)))?;
-    let grant = Grant { role, only: only(robot)? };
+    let only = robot.map(only).transpose()?;
     let author = manager.caller.author();
     let work = tokio::spawn(async move {
         let password = match password {
             Some(password) => Some(state.accounts.hash(password).await?),
             None => None,
         };
-        state.accounts.change(name, Wish::Put { grant, disabled, password }, author).await
+        state.accounts.change(name, Wish::Put { role, only, disabled, password }, author).await
     });
     let decided = work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?;
     Ok(if matches!(decided, Decided::Made(_)) { StatusCode::CREATED } else { StatusCode::NO_CONTENT })

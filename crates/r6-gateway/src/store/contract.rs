@@ -123,7 +123,10 @@ fn tokens_are_added_revoked_and_audited() {
 fn users_are_made_changed_removed_and_audited() {
     on_each(|store| {
         let by = &author();
-        let put = |role, only, password| Wish::Put { grant: grant(role, only), disabled: false, password };
+        let put = |role, only, password| {
+            let only = Some(grant(role, only).only);
+            Wish::Put { role, only, disabled: Some(false), password }
+        };
         let made = store.change_user(&change("ben", put(Role::Viewer, Some("press"), None)), by).unwrap();
         assert!(matches!(made, (Decided::Made(_), 1)));
         let first = change("anna", Wish::FirstAdmin(password("a")));

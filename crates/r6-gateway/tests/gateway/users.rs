@@ -241,6 +241,24 @@ async fn a_user_changes_the_own_password_and_stays_signed_in_here_alone() {
 }
 
 #[tokio::test]
+async fn what_a_change_does_not_name_stays() {
+    let hall = Hall::start().await;
+    let ben = || async { hall.get(&hall.admin, "/v1/users").await["users"][0].clone() };
+    let first = json!({ "role": "operator", "robot": "press", "disabled": true });
+    assert_eq!(put(&hall, "ben", &first).await.0, 201);
+    assert_eq!(put(&hall, "ben", &json!({ "role": "viewer" })).await.0, 204);
+    let now = ben().await;
+    let told = (&now["role"], &now["robot"], &now["disabled"]);
+    assert_eq!(told, (&json!("viewer"), &json!("press"), &json!(true)));
+    let wanted = json!({ "role": "viewer", "robot": null, "password": PASSWORD });
+    assert_eq!(put(&hall, "ben", &wanted).await.0, 204);
+    let now = ben().await;
+    assert_eq!((&now["robot"], &now["disabled"]), (&json!(null), &json!(true)));
+    assert_eq!(put(&hall, "ben", &json!({ "role": "viewer", "disabled": false })).await.0, 204);
+    assert_eq!(ben().await["disabled"], false);
+}
+
+#[tokio::test]
 async fn the_last_admin_stays() {
     let hall = Hall::start().await;
     hall.user("anna", Role::Admin).await;
