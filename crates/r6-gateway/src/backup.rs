@@ -242,8 +242,8 @@ fn entries(folder: &Path, problems: &mut Vec<String>) -> Result<u64, BackupError
     }
 }
 
-/// Makes the folder of an unfinished backup, in place of one that was left. The file is locked until it is
-/// dropped.
+/// Makes the folder of an unfinished backup, in place of the last unfinished one. The file is locked until it
+/// is dropped.
 fn begin(part: &Path) -> Result<File, BackupError> {
     let path = part.join(UNFINISHED);
     let failed = |error| BackupError::File(path.clone(), error);

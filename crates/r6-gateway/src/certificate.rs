@@ -314,8 +314,8 @@ fn seconds(time: SystemTime) -> i64 {
     i64::try_from(since.as_secs()).unwrap_or(i64::MAX)
 }
 
-/// When a certificate in DER ends, in seconds since 1970. Of one that cannot be read, which TLS would not
-/// have taken, this is 0: it counts as expired.
+/// When a certificate in DER ends, in seconds since 1970. If it cannot be read, so that TLS would not have
+/// taken it, this is 0: it counts as expired.
 fn end_of(der: &[u8]) -> i64 {
     x509_parser::parse_x509_certificate(der).map_or(0, |(_, read)| read.validity().not_after.timestamp())
 }
@@ -444,7 +444,7 @@ mod tests {
         assert!(error.contains("says 1970: set the clock"), "{error}");
         assert!(!folder.exists());
         made(&folder, &names(), SystemTime::now()).unwrap();
-        // One that is there is used: the gateway must start.
+        // A certificate from before is used: the gateway must start.
         made(&folder, &names(), UNIX_EPOCH).unwrap();
     }
 

@@ -40,8 +40,8 @@ const BUSY: Duration = Duration::from_secs(5);
 /// days.
 const LEASES_SINCE_BACKUP: u64 = 1_000_000;
 
-/// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat with
-/// the name '', which is the name of no robot, is how robots begin that have no seat yet.
+/// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
+/// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
 const CONTROL: &str = "
 CREATE TABLE audit (
     number INTEGER PRIMARY KEY,

@@ -172,7 +172,7 @@ async fn streams_end_with_their_session() {
     let hall = Hall::start().await;
     let address = hall.gateway.address();
     for how in ["sign out", "disable", "role", "robot", "password", "remove", "command line"] {
-        let wanted = json!({ "role": "viewer", "password": PASSWORD });
+        let wanted = json!({ "role": "viewer", "robot": null, "disabled": false, "password": PASSWORD });
         let (status, _) = put(&hall, "anna", &wanted).await;
         assert!(status == 201 || status == 204, "{status}");
         let anna = hall.browser("anna").await;
