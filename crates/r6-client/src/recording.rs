@@ -60,8 +60,8 @@ impl Recording {
         Some(values.into_iter().map(recorded).collect())
     }
 
-    /// How many values were lost because the reader was late, up to the poll that [`Self::next`] gave last: if
-    /// it grows with a poll, the values that were lost came just before it.
+    /// How many values were lost because the reader was late, up to the poll that [`Self::next`] gave last.
+    /// If it grows with a poll, the values that were lost came just before it.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost

@@ -167,8 +167,9 @@ def test_a_stop_holds_until_it_is_cleared(operator: r6.Gateway) -> None:
 
 
 def test_what_happened_and_the_figures_are_read_later(operator: r6.Gateway) -> None:
-    # The stop of the test before has changed the mode.
+    # A stop changes the mode, here or in a test before.
     arm = operator.robot("arm")
+    arm.stop()
     end = monotonic() + 30
     while not (modes := list(arm.history_events(kinds=["mode_changed"]))):
         assert monotonic() < end, list(arm.history_events())
