@@ -37,7 +37,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     std::fs::rename(&part, path)
 }
 
-/// Reads a file that is not longer than so many bytes.
+/// Reads a file of at most `longest` bytes.
 ///
 /// # Errors
 /// What the system says, that it is longer, or that it is no file: to open a pipe could wait for ever.

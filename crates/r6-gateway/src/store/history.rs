@@ -118,7 +118,7 @@ pub trait HistoryStore: Send {
     /// [`StoreError`].
     fn tails(&mut self, part: Part) -> Result<Vec<Tail>, StoreError>;
 
-    /// The chunks of a signal in a part, in the order of their begins, at most so many.
+    /// The chunks of a signal in a part, in the order of their begins: the first `most`.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -136,7 +136,7 @@ pub trait HistoryStore: Send {
     /// [`StoreError`].
     fn bytes(&mut self, part: Part, rows: &[i64]) -> Result<Vec<Option<Vec<u8>>>, StoreError>;
 
-    /// The events of a robot in a part, in the order of their times and rows, at most so many.
+    /// The events of a robot in a part, in the order of their times and rows: the first `most`.
     ///
     /// # Errors
     /// [`StoreError`].

@@ -23,8 +23,8 @@ pub const MAX_SPAN: Duration = Duration::from_secs(600);
 /// How many rows the tail of a robot has before it is written anew as one row: about a minute.
 const MAX_TAIL_ROWS: usize = 256;
 
-/// If one block of a robot is full, those with so many samples are sealed too: the tail has to be written
-/// anew once for all of them.
+/// If one block of a robot is full, the others with at least this number of samples are sealed too: the tail
+/// has to be written anew once for all of them.
 const ALSO_SEALED: usize = MAX_SAMPLES / 2;
 
 /// What a reader has to know of a chunk to pass over its bytes.

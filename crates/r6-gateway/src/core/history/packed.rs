@@ -47,7 +47,7 @@ pub(super) fn put_integers(out: &mut Vec<u8>, numbers: &[i64]) {
     }
 }
 
-/// Reads so many numbers.
+/// Reads `count` numbers.
 pub(super) fn integers(reader: &mut Reader<'_>, count: usize) -> Result<Vec<i64>, BadChunk> {
     let way = reader.byte()?;
     match way {

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 /// The longest text that is kept: names of programs are shorter, and 512 of these still fit into a chunk.
 pub const MAX_TEXT: usize = 1024;
 
-/// A signal without a sample for so many of its intervals has no value any more: five halves.
+/// A signal without a sample for 2.5 of its intervals has no value any more. In halves of an interval.
 const HELD_HALVES: i64 = 5;
 
 /// A time of day: microseconds since 1970, UTC.

@@ -183,12 +183,12 @@ fn parts_are_counted_and_a_reset_is_not_a_part() {
 /// One step of a random history.
 #[derive(Clone, Debug)]
 enum Step {
-    /// A poll so many ms after the last step. Each value may be missing.
+    /// A poll, and how many ms it comes after the last step. Each value may be missing.
     Poll(u64, Option<i64>, Option<i64>, Option<i64>, Option<u8>),
     Look(u64),
     /// The connection is a new one from here on.
     Reconnect,
-    /// Somebody sets the clock by so many µs.
+    /// Somebody sets the clock on, or back, by this number of µs.
     SetClock(i64),
     /// Readings are lost.
     Miss,

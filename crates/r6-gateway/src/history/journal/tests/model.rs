@@ -10,7 +10,7 @@ use crate::store::history::Days;
 
 #[derive(Clone, Debug)]
 enum Step {
-    /// A sample of a signal, so many µs after the last one; now and then it is late.
+    /// A sample of a signal, and how many µs it comes after the last one; now and then it is late.
     Sample(usize, i64, i64),
     /// Many samples at once.
     Burst(usize, i64, u16),
