@@ -5,10 +5,11 @@
 //! one reading transaction, so the gateway may go on meanwhile. `control.db` is copied last, so that the
 //! audit log of a backup knows everything that made the rest.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use r6_api::gateway::Deed;
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,7 @@ use crate::clock;
 use crate::files;
 use crate::gateway::HISTORY;
 use crate::shell;
-use crate::store::history::file_names;
+use crate::store::history::{file_names, is_file_name};
 use crate::store::{self, Author, Sqlite, StoreError};
 
 /// What lists the files of a backup.
@@ -181,7 +182,8 @@ pub fn restore(data: &Path, from: &Path, mut progress: impl FnMut(&str)) -> Resu
     for file in &list.files {
         progress(&file.name);
         let path = from.join(&file.name);
-        if self::list(from, file.name.clone())?.sha256 != file.sha256 {
+        let found = self::list(from, file.name.clone())?;
+        if (found.bytes, &found.sha256) != (file.bytes, &file.sha256) {
             return Err(BackupError::Changed(path));
         }
     }
@@ -218,16 +220,34 @@ fn read_list(from: &Path) -> Result<List, BackupError> {
     if list.format != FORMAT {
         return Err(no(format!("it has format {}, and this version reads {FORMAT}", list.format)));
     }
-    // A list from elsewhere must not make files outside of the folder.
-    let is_inside =
-        |name: &str| Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
-    if let Some(file) = list.files.iter().find(|file| !is_inside(&file.name)) {
-        return Err(no(format!("{LIST} names `{}`, which is outside of the folder", file.name)));
+    // A list from elsewhere must not make files outside of the folder, nor the log of a database, which would be
+    // played over it. `told` adds up the sizes.
+    let mut names = BTreeSet::new();
+    let mut bytes = 0_u64;
+    for file in &list.files {
+        if !is_of_a_backup(&file.name) {
+            return Err(no(format!("{LIST} names `{}`, which a backup does not have", file.name)));
+        }
+        if !names.insert(&file.name) {
+            return Err(no(format!("{LIST} names `{}` twice", file.name)));
+        }
+        let sum = bytes.checked_add(file.bytes);
+        bytes = sum.ok_or_else(|| no(format!("{LIST}: no disk has files of these sizes")))?;
     }
     if !list.files.iter().any(|file| file.name == store::FILE) {
         return Err(no(format!("{} is not in it", store::FILE)));
     }
     Ok(list)
+}
+
+/// Whether this is the name of a file that [`backup`] writes.
+fn is_of_a_backup(name: &str) -> bool {
+    match name.split_once('/') {
+        None => name == store::FILE,
+        Some((certificate::FOLDER, name)) => certificate::FILES.contains(&name),
+        Some((HISTORY, name)) => is_file_name(name),
+        Some(_) => false,
+    }
 }
 
 /// How many entries the audit log of a folder has. A log that is not whole is a problem, but is kept.
@@ -301,6 +321,10 @@ fn remove(path: &Path) -> Result<(), BackupError> {
 fn list(folder: &Path, name: String) -> Result<Listed, BackupError> {
     let path = folder.join(&name);
     let failed = |error| BackupError::File(path.clone(), error);
+    // To open a pipe could wait for ever.
+    if !std::fs::metadata(&path).map_err(failed)?.is_file() {
+        return Err(failed(io::Error::other("it is not a file")));
+    }
     let mut file = File::open(&path).map_err(failed)?;
     let (mut hash, mut bytes, mut block) = (Sha256::new(), 0, vec![0; 64 * 1024]);
     loop {
@@ -405,9 +429,15 @@ mod tests {
         let list = std::fs::read_to_string(path("b/backup.json")).unwrap();
         for (from, to, part) in [
             ("\"format\": 1", "\"format\": 2", "format 2"),
-            ("tls/key.pem", "../data/tls/key.pem", "outside of the folder"),
-            ("tls/key.pem", "/etc/passwd", "outside of the folder"),
-            ("\"control.db\"", "\"other.db\"", "control.db is not in it"),
+            ("tls/key.pem", "../data/tls/key.pem", "which a backup does not have"),
+            ("tls/key.pem", "/etc/passwd", "which a backup does not have"),
+            ("tls/key.pem", "history/../../key.db", "which a backup does not have"),
+            ("tls/key.pem", "control.db-wal", "which a backup does not have"),
+            ("tls/key.pem", "history/2026-11-25.db-wal", "which a backup does not have"),
+            ("tls/key.pem", "control.db", "names `control.db` twice"),
+            ("\"bytes\": 3", "\"bytes\": 18446744073709551615", "these sizes"),
+            ("\"bytes\": 3", "\"bytes\": 4", "has changed"),
+            ("\"control.db\"", "\"tls/certificate.pem\"", "control.db is not in it"),
             ("{", "", "backup.json: "),
         ] {
             std::fs::write(path("b/backup.json"), list.replacen(from, to, 1)).unwrap();
@@ -417,6 +447,9 @@ mod tests {
         std::fs::write(path("b/backup.json"), &list).unwrap();
         std::fs::write(path("b/tls/key.pem"), "yek").unwrap();
         assert!(failed(restore(&path("n"), &path("b"), |_| ())).contains("has changed"));
+        std::fs::remove_file(path("b/tls/key.pem")).unwrap();
+        std::fs::create_dir(path("b/tls/key.pem")).unwrap();
+        assert!(failed(restore(&path("n"), &path("b"), |_| ())).contains("it is not a file"));
         assert!(!path("n").exists());
     }
 

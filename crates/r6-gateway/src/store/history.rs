@@ -18,7 +18,7 @@ use crate::core::history::event::Event;
 use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
 
-pub use days::{Days, file_names};
+pub use days::{Days, file_names, is_file_name};
 #[cfg(test)]
 pub use memory::MemoryDays;
 

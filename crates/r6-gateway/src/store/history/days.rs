@@ -283,6 +283,11 @@ pub fn file_names(folder: &Path) -> Result<Vec<String>, StoreError> {
     Ok(files.map(|(part, _)| file_name(part)).collect())
 }
 
+/// Whether this is the name of a file of the history.
+pub fn is_file_name(name: &str) -> bool {
+    part_of(name).is_some()
+}
+
 fn file_name(part: Part) -> String {
     let seconds = u64::try_from(part.day).unwrap_or(0).saturating_mul(86_400);
     let time = UNIX_EPOCH.checked_add(Duration::from_secs(seconds)).unwrap_or(SystemTime::UNIX_EPOCH);
