@@ -2,9 +2,11 @@
 //!
 //! This file is a table of contents. Every subcommand is one file in `cmd`; `output` lays out what users see.
 
+mod by_gateway;
 mod cmd;
 mod exit;
 mod hint;
+mod http_client;
 mod limits;
 mod logs;
 mod output;
@@ -22,6 +24,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use r6::units;
 
+use crate::by_gateway::ByGateway;
 use crate::exit::{Exit, Failure};
 use crate::logs::Usual;
 use crate::robot::RobotArgs;
@@ -39,6 +42,8 @@ use crate::robot::RobotArgs;
 struct Cli {
     #[command(flatten)]
     robot: RobotArgs,
+    #[command(flatten)]
+    gateway: ByGateway,
     #[command(flatten)]
     logs: logs::LogArgs,
     #[command(subcommand)]
@@ -70,11 +75,14 @@ enum Subcommands {
 const OFFLINE: [&str; 9] =
     ["up", "sim", "discover", "plot", "panel", "alarm", "inspect", "completions", "man"];
 
+/// Options that say which robot is asked, and how.
+const OF_ROBOTS: [&str; 7] =
+    ["robot", "type_key", "ds_id", "gateway_url", "token_file", "ca_file", "insecure_http"];
+
 /// The whole command line, for the parser, the completions and the man pages.
 fn command_line() -> clap::Command {
     let mut command = Cli::command();
-    let of_robots =
-        |argument: &&clap::Arg| ["robot", "type_key", "ds_id"].contains(&argument.get_id().as_str());
+    let of_robots = |argument: &&clap::Arg| OF_ROBOTS.contains(&argument.get_id().as_str());
     let of_robots: Vec<_> = command.get_arguments().filter(of_robots).cloned().collect();
     for name in OFFLINE {
         // `discover` asks robots, but not the robot of --robot.
@@ -105,7 +113,8 @@ fn parse() -> Result<(Cli, ArgMatches), Box<clap::Error>> {
 
 /// Starts the log and runs the subcommand.
 fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
-    hint::remember(cli.robot.address(), robot_typed, &cli.robot.wire_options());
+    let options = cli.robot.wire_options() + &cli.gateway.options();
+    hint::remember(cli.robot.address(), robot_typed, &options);
     cli.robot.remember();
     if robot_typed && let Some(refused) = asks_no_robot(&cli.subcommand, cli.robot.address()) {
         return Err(refused);
@@ -221,7 +230,25 @@ fn without_moves(mut error: clap::Error) -> Box<clap::Error> {
     Box::new(error)
 }
 
+/// Runs a subcommand that asks a gateway in place of a controller.
+fn run_by_gateway(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
+    let name = robot_typed.then(|| cli.robot.address().to_owned());
+    let gateway = cli.gateway.for_robot(name);
+    match cli.subcommand {
+        Subcommands::Status(args) => cmd::block_on(cmd::status::run_by_gateway(args, gateway)),
+        Subcommands::Query(args) => cmd::block_on(cmd::query::run_by_gateway(args, gateway)),
+        Subcommands::Watch(args) => cmd::block_on(cmd::watch::run_by_gateway(args, gateway)),
+        Subcommands::Command(args) => cmd::block_on(cmd::command::run_by_gateway(args, gateway)),
+        Subcommands::Stop(args) => cmd::block_on(cmd::stop::run_by_gateway(args, gateway)),
+        _ => Err(Failure::usage("this command does not go over a gateway")
+            .advise("status, query, watch, command and stop do; leave --gateway-url out")),
+    }
+}
+
 fn run(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
+    if cli.gateway.url().is_some() {
+        return run_by_gateway(cli, robot_typed);
+    }
     let robot = cli.robot;
     match cli.subcommand {
         Subcommands::Up(args) => cmd::block_on(cmd::up::run(args)),

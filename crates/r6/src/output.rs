@@ -5,6 +5,7 @@
 
 pub mod alarm;
 pub mod ending;
+pub mod hall;
 pub mod panel;
 pub mod plot;
 pub mod problem;

@@ -4,15 +4,18 @@ mod arguments;
 mod wording;
 
 use clap::Args;
+use r6_api::gateway::{CommandRequest, Lease};
 use r6_client::Robot;
 use r6_proto::message::command::{ArgumentInfo, COMMANDS, CommandInfo};
-use r6_proto::{Address, CommandName};
+use r6_proto::{Address, Command, CommandName, Effect};
 
+use crate::by_gateway::ByGateway;
 use crate::exit::{Exit, Failure};
 use crate::hint;
 use crate::output::problem::Code;
 use crate::output::{self, table::Table};
 use crate::robot::RobotArgs;
+use crate::waiting;
 use crate::words::CommandWord;
 
 /// Send one command, with its arguments in everyday units
@@ -57,45 +60,84 @@ pub struct CommandArgs {
 
 /// Sends the command and prints the answer.
 pub async fn run(args: CommandArgs, robot: RobotArgs) -> Result<Exit, Failure> {
-    let Some(word) = &args.name else {
+    let Some(command) = read(&args)? else {
         list(args.json);
         return Ok(Exit::Done);
     };
-    let name = named(word)?;
-    let command = arguments::read(name, &args.arguments)
-        .map_err(|problem| Failure::usage(format!("{name}: {problem}")).advise(usage(name.info())))?;
+    let name = command.name();
     robot
         .ask(async |robot| {
             if name.starts() && !args.run_leftover {
                 check_list(robot, name).await?;
             }
-            let (means, wire) = (wording::words(&command), wording::on_the_wire(&command));
-            let scaled = wording::is_scaled(&command);
-            let accepted = robot.command(command).await?;
-            output::acts();
+            let accepted = robot.command(command.clone()).await?;
             let milliseconds = output::readings::milliseconds(accepted.after);
-            if args.json {
-                output::json(&r6_api::CommandAccepted {
-                    robot: robot.address().to_owned(),
-                    command: name.word().to_owned(),
-                    accepted: true,
-                    after_ms: milliseconds,
-                    means,
-                    on_the_wire: wire,
-                });
-            } else {
-                let means = means.map(|means| format!(": {means}")).unwrap_or_default();
-                let told = scaled || means.is_empty();
-                let wire = if told && !wire.is_empty() {
-                    format!("; on the wire {}", quoted(&wire))
-                } else {
-                    String::new()
-                };
-                output::line(format_args!("{name} accepted after {milliseconds:.1} ms{means}{wire}"));
-            }
+            show_accepted(robot.address(), &command, milliseconds, args.json);
             Ok(Exit::Done)
         })
         .await
+}
+
+/// Sends the command through a gateway, with a lease of its own, and prints the answer.
+pub async fn run_by_gateway(args: CommandArgs, gateway: ByGateway) -> Result<Exit, Failure> {
+    let Some(command) = read(&args)? else {
+        list(args.json);
+        return Ok(Exit::Done);
+    };
+    let robot = gateway.robot().await?;
+    let request = CommandRequest {
+        command: command.name().word().to_owned(),
+        arguments: arguments::in_words(&command, &args.arguments),
+        lease: None,
+        run_leftover: args.run_leftover,
+    };
+    let waiting = format!("waiting for an answer of {}", robot.name());
+    let done = waiting::told(&waiting, async {
+        match command.name().effect() {
+            Effect::Stops => robot.command(&request).await,
+            Effect::Reads | Effect::Changes | Effect::Moves => {
+                let with = async |lease: &Lease| {
+                    let request = CommandRequest { lease: Some(lease.lease.clone()), ..request };
+                    robot.command(&request).await
+                };
+                robot.with_lease(with).await
+            }
+        }
+    });
+    let done = done.await?;
+    show_accepted(robot.name(), &command, done.after_ms, args.json);
+    Ok(Exit::Done)
+}
+
+/// The command of the command line; `None` if none was given.
+fn read(args: &CommandArgs) -> Result<Option<Command<'static>>, Failure> {
+    let Some(word) = &args.name else { return Ok(None) };
+    let name = named(word)?;
+    let read = arguments::read(name, &args.arguments);
+    read.map(Some).map_err(|problem| Failure::usage(format!("{name}: {problem}")).advise(usage(name.info())))
+}
+
+/// Prints that a robot accepted a command.
+fn show_accepted(robot: &str, command: &Command<'_>, milliseconds: f64, json: bool) {
+    output::acts();
+    let name = command.name();
+    let (means, wire) = (wording::words(command), wording::on_the_wire(command));
+    if json {
+        output::json(&r6_api::CommandAccepted {
+            robot: robot.to_owned(),
+            command: name.word().to_owned(),
+            accepted: true,
+            after_ms: milliseconds,
+            means,
+            on_the_wire: wire,
+        });
+        return;
+    }
+    let means = means.map(|means| format!(": {means}")).unwrap_or_default();
+    let told = wording::is_scaled(command) || means.is_empty();
+    let wire =
+        if told && !wire.is_empty() { format!("; on the wire {}", quoted(&wire)) } else { String::new() };
+    output::line(format_args!("{name} accepted after {milliseconds:.1} ms{means}{wire}"));
 }
 
 fn quoted(words: &[String]) -> String {

@@ -1,12 +1,14 @@
 //! `r6 query`: reads values once.
 
 use clap::Args;
-use r6_client::QueryResult;
 use r6_proto::{ADDRESSES, Address};
 
+use crate::by_gateway::ByGateway;
 use crate::exit::{Exit, Failure};
-use crate::output::{self, readings, table::Table};
+use crate::output::readings::{self, Readings};
+use crate::output::{self, table::Table};
 use crate::robot::RobotArgs;
+use crate::waiting;
 use crate::words::AddressWord;
 
 /// Read values once
@@ -44,24 +46,40 @@ pub async fn run(args: QueryArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     robot
         .ask(async |robot| {
             let result = robot.query(&args.addresses).await?;
-            if args.json {
-                output::json(&readings::sample(robot.address(), &result));
-            } else {
-                output::line(readings::table(&result));
-            }
-            Ok(report_missing(&result, &[]))
+            Ok(show(robot.address(), &Readings::from(&result), args.json))
         })
         .await
 }
 
+/// Reads the values through a gateway, and prints them.
+pub async fn run_by_gateway(args: QueryArgs, gateway: ByGateway) -> Result<Exit, Failure> {
+    if args.list {
+        list(args.json);
+        return Ok(Exit::Done);
+    }
+    let robot = gateway.robot().await?;
+    let waiting = format!("waiting for an answer of {}", robot.name());
+    let result = waiting::told(&waiting, robot.query(&args.addresses)).await?;
+    Ok(show(robot.name(), &result, args.json))
+}
+
+fn show(robot: &str, result: &Readings, json: bool) -> Exit {
+    if json {
+        output::json(&readings::sample(robot, result));
+    } else {
+        output::line(readings::table(result));
+    }
+    report_missing(result, &[])
+}
+
 /// Says on stderr which addresses have no value and why, except those in `said`. Returns the exit code of a
 /// run that only reads.
-pub fn report_missing(result: &QueryResult, said: &[Address]) -> Exit {
+pub fn report_missing(result: &Readings, said: &[Address]) -> Exit {
     let mut exit = Exit::Done;
-    for (address, error) in readings::problems(result) {
+    for (address, why) in readings::problems(result) {
         exit = Exit::Refused;
         if !said.contains(&address) {
-            output::note(format_args!("r6: {}", readings::problem_text(address, error)));
+            output::note(format_args!("r6: {why}"));
         }
     }
     exit

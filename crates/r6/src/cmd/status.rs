@@ -3,9 +3,11 @@
 use clap::Args;
 use r6_client::Readiness;
 
+use crate::by_gateway::ByGateway;
 use crate::exit::{Exit, Failure};
-use crate::output::{self, status};
+use crate::output::{self, hall, status};
 use crate::robot::RobotArgs;
+use crate::waiting;
 
 /// Show the machine at a glance, and whether it takes motion
 #[derive(Debug, Args)]
@@ -18,11 +20,16 @@ length of its list and its program (the pendant's port does), and --remote-progr
 another program runs, that is NOT READY. The exit code is 1 for NOT READY, \
 and 0 for UNKNOWN and READY; with --json, `ready` is true, false, or null for UNKNOWN.
 
+With --gateway-url it shows what the gateway knows: its robots, or with --robot NAME one robot with its values \
+and how old they are. The exit code is 1 if a robot cannot be reached, is stopped, or was exchanged.
+
 Examples:
   r6 status
   r6 status --remote-program wait-for-pc
   r6 -r 192.168.1.10 status
-  r6 status --json")]
+  r6 status --json
+  r6 -g http://127.0.0.1:9780 status             all robots of a gateway
+  r6 -g http://127.0.0.1:9780 -r press-4 status")]
 pub struct StatusArgs {
     /// Print one JSON object, units in the names
     #[arg(long)]
@@ -49,4 +56,31 @@ pub async fn run(args: StatusArgs, robot: RobotArgs) -> Result<Exit, Failure> {
             })
         })
         .await
+}
+
+/// Prints what a gateway knows: all its robots, or the robot that was typed with its values.
+pub async fn run_by_gateway(args: StatusArgs, gateway: ByGateway) -> Result<Exit, Failure> {
+    if args.remote_program.is_some() {
+        return Err(Failure::usage(
+            "--remote-program asks the controller itself, so it does not go with --gateway-url",
+        ));
+    }
+    let waiting = format!("waiting for an answer of {}", gateway.url().unwrap_or_default());
+    if !gateway.has_robot() {
+        let robots = waiting::told(&waiting, gateway.gateway()?.robots()).await?;
+        if args.json {
+            output::json_pretty(&robots);
+        } else {
+            output::line(hall::robots(&robots));
+        }
+        return Ok(hall::exit(robots.robots.iter()));
+    }
+    let robot = gateway.robot().await?;
+    let state = waiting::told(&waiting, robot.state()).await?;
+    if args.json {
+        output::json_pretty(&state);
+    } else {
+        output::line(hall::robot(&state));
+    }
+    Ok(hall::exit([&state.summary].into_iter()))
 }

@@ -1,9 +1,10 @@
 //! `r6 stop`: ends the motion and clears the list.
 
 use clap::Args;
-use r6_client::{Invalid, NotSent, RequestError, Robot, StopReport};
+use r6_client::{Invalid, NotSent, RequestError, StopReport};
 use r6_proto::printable;
 
+use crate::by_gateway::ByGateway;
 use crate::exit::{Exit, Failure};
 use crate::hint;
 use crate::output;
@@ -34,10 +35,17 @@ if stdout cannot be written: the stop was sent, and its result could not be told
 
 Ctrl-C and a closed terminal do not end a stop that is under way; Ctrl-C twice does, with exit code 4.
 
+With --gateway-url the gateway stops the robot. The stop holds: after it, nothing that moves the robot is \
+sent by the gateway, until `r6 stop --clear` or another holder of its lease clears it.
+
 Examples:
   r6 stop
-  r6 stop --json")]
+  r6 stop --json
+  r6 -g http://127.0.0.1:9780 -r press-4 stop")]
 pub struct StopArgs {
+    /// Let the robot of a gateway move again after a stop, in place of a stop (with --gateway-url)
+    #[arg(long)]
+    clear: bool,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -45,13 +53,19 @@ pub struct StopArgs {
 
 /// Stops and prints what was seen.
 pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
+    if args.clear {
+        return Err(Failure::usage(
+            "--clear is for the robots of a gateway, where a stop holds until it is cleared",
+        )
+        .advise("name the gateway with --gateway-url URL; a controller itself does not hold a stop"));
+    }
     let connected = robot.connect().await.map_err(|error| match error {
         RequestError::Invalid(why) => Invalid::NotStopped(Box::new(why)).into(),
         RequestError::NotSent(why) => NotSent::NotStopped(Box::new(why)).into(),
         RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
     })?;
     output::acts();
-    let result = stop(&connected).await?;
+    let result = to_its_end(connected.stop()).await?;
     let result = result.map_err(|error| robot::told_of(&connected, error.into()));
     let address = connected.address().to_owned();
     connected.close().await;
@@ -68,10 +82,49 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     Ok(if report.confirmed { Exit::Done } else { Exit::Unknown })
 }
 
-/// Stops the arm. The first signal does not interrupt the stop; the second ends this program.
-async fn stop(robot: &Robot) -> Result<Result<StopReport, RequestError>, Failure> {
+/// Stops a robot of a gateway, or clears its stop, and prints what the gateway answers.
+pub async fn run_by_gateway(args: StopArgs, gateway: ByGateway) -> Result<Exit, Failure> {
+    let robot = gateway
+        .robot()
+        .await
+        .map_err(|failure| failure.lead("the stop was not sent").with_code(Code::NotStopped))?;
+    output::acts();
+    let name = printable(robot.name()).to_string();
+    if args.clear {
+        robot.with_lease(async |lease| robot.clear_stopped(&lease.lease).await).await?;
+        if args.json {
+            output::json(&serde_json::json!({ "robot": name, "cleared": true }));
+        } else {
+            output::line(format_args!("{name}: the stop is cleared; commands and programs are sent again"));
+        }
+        return Ok(Exit::Done);
+    }
+    let stopped = to_its_end(robot.stop()).await?.map_err(|failure| {
+        let failure = failure.with_code(Code::NotStopped);
+        match failure.exit() {
+            Exit::Unknown => failure.advise(format!(
+                "use the emergency stop if the arm moves; `{}` stops again",
+                hint::r6("stop")
+            )),
+            Exit::Done | Exit::Refused | Exit::Usage | Exit::NoReply => failure.lead("the stop was not sent"),
+        }
+    })?;
+    if args.json {
+        output::json(&serde_json::json!({
+            "robot": name, "confirmed": stopped.confirmed, "took_ms": stopped.took_ms,
+        }));
+    } else {
+        output::line(format_args!("{name} stands, seen after {:.1} ms", stopped.took_ms));
+        output::line(format_args!("nothing moves until the stop is cleared: `{}`", hint::r6("stop --clear")));
+        output::line(NO_EMERGENCY_STOP);
+    }
+    Ok(if stopped.confirmed { Exit::Done } else { Exit::Unknown })
+}
+
+/// Waits for a stop. The first signal does not interrupt it; the second ends this program.
+async fn to_its_end<T>(stop: impl Future<Output = T>) -> Result<T, Failure> {
     let mut ending = Ending::watch()?;
-    let stop = waiting::told(UNDER_WAY, robot.stop());
+    let stop = waiting::told(UNDER_WAY, stop);
     tokio::pin!(stop);
     let mut is_signalled = false;
     loop {

@@ -5,13 +5,16 @@ use std::time::{Duration, SystemTime};
 
 use clap::Args;
 use crossterm::{cursor, queue, terminal};
-use r6_client::{QueryResult, RequestError, Robot};
+use r6_client::{RequestError, Robot};
 use r6_proto::{Address, printable};
 use tokio::time::MissedTickBehavior;
 
+use crate::by_gateway::{ByGateway, GatewayRobot};
 use crate::cmd::query;
 use crate::exit::{Exit, Failure};
-use crate::output::{self, problem, readings};
+use crate::output;
+use crate::output::problem::{self, Code};
+use crate::output::readings::{self, Readings};
 use crate::robot::{self, RobotArgs};
 use crate::signals::Ending;
 use crate::units;
@@ -54,13 +57,69 @@ pub async fn run(args: WatchArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     let mut seen = Seen::default();
     robot
         .with(async |robot| {
+            let source = Source::Controller(robot);
             tokio::select! {
-                result = watch(&args, robot, &mut seen) => result,
+                result = watch(&args, &source, &mut seen) => result,
                 () = ending.signalled() => Ok(seen.last),
                 () = output::fails() => Ok(seen.last),
             }
         })
         .await
+}
+
+/// Reads through a gateway and prints until Ctrl-C or the last of `--times`.
+pub async fn run_by_gateway(args: WatchArgs, gateway: ByGateway) -> Result<Exit, Failure> {
+    let mut ending = Ending::watch()?;
+    let mut seen = Seen::default();
+    let robot = gateway.robot().await?;
+    let source = Source::Gateway(&robot);
+    tokio::select! {
+        result = watch(&args, &source, &mut seen) => result,
+        () = ending.signalled() => Ok(seen.last),
+        () = output::fails() => Ok(seen.last),
+    }
+}
+
+/// Where the values come from.
+enum Source<'a> {
+    Controller(&'a Robot),
+    Gateway(&'a GatewayRobot),
+}
+
+impl Source<'_> {
+    /// The robot, as the output names it.
+    fn name(&self) -> &str {
+        match self {
+            Self::Controller(robot) => robot.address(),
+            Self::Gateway(robot) => robot.name(),
+        }
+    }
+
+    /// Reads once. The failure comes with whether there is no sense in another try, if nothing was read yet.
+    async fn query(&self, addresses: &[Address]) -> Result<Readings, (Failure, bool)> {
+        match self {
+            Self::Controller(robot) => match robot.query(addresses).await {
+                Ok(result) => Ok(Readings::from(&result)),
+                Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) => {
+                    Err((error.into(), true))
+                }
+                Err(error) => Err((error.into(), false)),
+            },
+            Self::Gateway(robot) => robot.query(addresses).await.map_err(|failure| {
+                // The gateway answers, and its robot may come back.
+                let may_pass = failure.exit() == Exit::NoReply && failure.code() != Code::Unreachable;
+                (failure, !may_pass)
+            }),
+        }
+    }
+
+    /// A failure after a reading, with the advice for this robot.
+    fn told_of(&self, failure: Failure) -> Failure {
+        match self {
+            Self::Controller(robot) => robot::told_of(robot, failure),
+            Self::Gateway(_) => failure,
+        }
+    }
 }
 
 /// The results of the readings so far.
@@ -78,7 +137,7 @@ struct Seen {
     worst: Exit,
 }
 
-async fn watch(args: &WatchArgs, robot: &Robot, seen: &mut Seen) -> Result<Exit, Failure> {
+async fn watch(args: &WatchArgs, robot: &Source<'_>, seen: &mut Seen) -> Result<Exit, Failure> {
     let mut view = View::of(args);
     let mut ticks = tokio::time::interval(args.every);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -87,7 +146,7 @@ async fn watch(args: &WatchArgs, robot: &Robot, seen: &mut Seen) -> Result<Exit,
         match robot.query(&args.addresses).await {
             Ok(result) => {
                 seen.reached = true;
-                view.show(robot.address(), &result);
+                view.show(robot.name(), &result);
                 seen.last = query::report_missing(&result, &seen.missing);
                 seen.missing.extend(readings::problems(&result).map(|(address, _)| address));
                 seen.missing.sort_unstable();
@@ -95,12 +154,10 @@ async fn watch(args: &WatchArgs, robot: &Robot, seen: &mut Seen) -> Result<Exit,
             }
             // The robot never answered, so there is no robot here. A robot that answered before may come
             // back.
-            Err(error @ (RequestError::NotSent(_) | RequestError::Invalid(_))) if !seen.reached => {
-                return Err(error.into());
-            }
-            Err(error) => {
-                let failure = robot::told_of(robot, Failure::from(error));
-                view.show_failure(robot.address(), &failure);
+            Err((failure, true)) if !seen.reached => return Err(failure),
+            Err((failure, _)) => {
+                let failure = robot.told_of(failure);
+                view.show_failure(robot.name(), &failure);
                 seen.failed += 1;
                 seen.last = failure.exit();
             }
@@ -142,7 +199,7 @@ impl View {
         }
     }
 
-    fn show(&mut self, robot: &str, result: &QueryResult) {
+    fn show(&mut self, robot: &str, result: &Readings) {
         match self {
             Self::Json => output::json(&readings::sample(robot, result)),
             Self::Screen { lines } => {

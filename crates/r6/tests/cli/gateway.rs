@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::support::{Robot, Running, TempFile, hostile, r6};
 
 /// One request: the status and the body.
-fn call(gateway: &str, token: &str, method: &str, path: &str, body: &str) -> (u16, Value) {
+pub(crate) fn call(gateway: &str, token: &str, method: &str, path: &str, body: &str) -> (u16, Value) {
     let host = gateway.strip_prefix("http://").unwrap();
     let mut stream = TcpStream::connect(host).unwrap();
     let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n");
@@ -24,12 +24,12 @@ fn call(gateway: &str, token: &str, method: &str, path: &str, body: &str) -> (u1
     (status, serde_json::from_str(body).unwrap_or(Value::Null))
 }
 
-fn get(gateway: &str, token: &str, path: &str) -> (u16, Value) {
+pub(crate) fn get(gateway: &str, token: &str, path: &str) -> (u16, Value) {
     call(gateway, token, "GET", path, "")
 }
 
 /// A gateway of this folder with this robot, and its URL.
-fn gateway(data: &str, more: &[&str]) -> (Running, String) {
+pub(crate) fn gateway(data: &str, more: &[&str]) -> (Running, String) {
     let start = [["gateway", "--listen", "127.0.0.1:0", "--data", data].as_slice(), more].concat();
     let mut gateway = Running::start_with_pipes(&start);
     let line = gateway.line();
@@ -46,12 +46,12 @@ fn setup_link(gateway: &mut Running) -> String {
 }
 
 /// A token of this folder.
-fn token(data: &str, role: &str) -> String {
+pub(crate) fn token(data: &str, role: &str) -> String {
     r6(&["gateway", "token", "--data", data, "--role", role]).out.trim().to_owned()
 }
 
 /// Asks until `done` returns something.
-fn until<T>(mut done: impl FnMut() -> Option<T>) -> T {
+pub(crate) fn until<T>(mut done: impl FnMut() -> Option<T>) -> T {
     let begun = Instant::now();
     loop {
         if let Some(done) = done() {

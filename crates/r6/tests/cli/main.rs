@@ -1,6 +1,7 @@
 //! The built binary as users run it: its help, the commands that need no robot, and all others against `r6
 //! sim`.
 
+mod by_gateway;
 mod crowded;
 mod ends;
 mod forged;

@@ -35,6 +35,7 @@ fn command(args: &[&str]) -> Command {
         .args(args)
         .env_remove("R6_ROBOT")
         .env_remove("R6_PANEL")
+        .env_remove("R6_TOKEN")
         .env_remove("RUST_LOG")
         .env("COLUMNS", "110")
         // Few threads, as on a small machine, so that a blocked thread is noticed.

@@ -24,6 +24,16 @@ pub fn read(name: CommandName, words: &[String]) -> Result<Command<'static>, Str
     typed.map_err(|error| error.to_string())
 }
 
+/// The words of a command as a gateway reads them: a signal's name is board and point there.
+pub fn in_words(command: &Command<'_>, words: &[String]) -> Vec<String> {
+    match command {
+        Command::ModifyOutput { board, point, on } => {
+            [board.to_string(), point.to_string(), u8::from(*on).to_string()].into()
+        }
+        _ => words.to_vec(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use r6_proto::RegisterIndex;

@@ -2,21 +2,19 @@
 
 use std::time::Duration;
 
-use http_body_util::{BodyExt, Full, Limited};
+use http_body_util::Full;
 use hyper::body::Bytes;
-use hyper::client::conn::http1;
 use hyper::header::{CONTENT_TYPE, HOST};
 use hyper::http::uri::Authority;
 use hyper::{Method, Request, StatusCode};
-use hyper_util::rt::TokioIo;
 use r6_api::Problem;
 use r6_api::panel::{Action, Snapshot};
 use r6_sim::panel::DEFAULT_PORT;
-use tokio::net::TcpStream;
 
 use crate::exit::{Exit, Failure};
+use crate::http_client::{HttpClient, Lost, in_path};
 
-/// How long a connection or a reply may take. The panel runs on this machine or nearby.
+/// How long a reply may take. The panel runs on this machine or nearby.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The longest reply that is read. A state has about two thousand bytes.
@@ -25,8 +23,7 @@ const MAX_REPLY_BYTES: usize = 64 * 1024;
 /// A client of one panel.
 #[derive(Debug)]
 pub struct Panel {
-    /// Host and port.
-    address: String,
+    http: HttpClient,
 }
 
 impl Panel {
@@ -41,7 +38,8 @@ impl Panel {
             // `host:abc` has no valid port. It is an error and does not fall back to the default port.
             None => (told.as_str() == told.host()).then(|| format!("{}:{DEFAULT_PORT}", told.host())),
         });
-        address.map(|address| Self { address }).ok_or_else(|| {
+        let http = |address| HttpClient::new(address, PATIENCE, MAX_REPLY_BYTES);
+        address.map(|address| Self { http: http(address) }).ok_or_else(|| {
             Failure::usage(format!("--panel: `{url}` is no panel's address"))
                 .advise("write it as http://127.0.0.1:9770 or 127.0.0.1:9770")
         })
@@ -68,26 +66,23 @@ impl Panel {
 
     /// Sends a request. `lost`: how the run ends if no reply comes.
     async fn ask(&self, method: Method, path: &str, body: Bytes, lost: Exit) -> Result<Snapshot, Failure> {
-        let stream = self.connect().await?;
         let kind = if method == Method::PUT { "text/plain; charset=utf-8" } else { "application/json" };
         let request = Request::builder()
             .method(method)
             .uri(path)
-            .header(HOST, &self.address)
+            .header(HOST, self.http.authority())
             .header(CONTENT_TYPE, kind)
             .body(Full::new(body))
             .map_err(|error| Failure::usage(format!("no such request: {error}")))?;
-        let exchange = exchange(stream, request);
+        let address = self.http.authority();
         let no_reply = |why: &str| {
-            Failure::no_reply(format!("{} gave no reply to {path}: {why}", self.address)).with_exit(lost)
+            Failure::no_reply(format!("{address} gave no reply to {path}: {why}")).with_exit(lost)
         };
-        let (status, body) = match tokio::time::timeout(PATIENCE, exchange).await {
-            Ok(Ok(reply)) => reply,
-            Ok(Err(why)) => return Err(no_reply(&why)),
-            Err(_) => {
-                return Err(no_reply(&format!(
-                    "none came within {PATIENCE:?}; the port of a robot is not that of its panel"
-                )));
+        let (status, body) = match self.http.ask(request).await {
+            Ok(reply) => reply,
+            Err(Lost::NotConnected(why)) => return Err(unreachable(address, &why)),
+            Err(Lost::NoReply(why)) => {
+                return Err(no_reply(&why).advise("the port of a robot is not that of its panel"));
             }
         };
         if status.is_success() {
@@ -104,50 +99,13 @@ impl Panel {
             Err(_) => Err(no_reply(&format!("status {status}, which is not a panel's"))),
         }
     }
-
-    async fn connect(&self) -> Result<TcpStream, Failure> {
-        let unreachable = |why: String| {
-            Failure::no_reply(format!("no panel at {}: {why}", self.address)).advise(
-                "where `r6 up` or `r6 sim --panel` runs already, name the panel that it shows with --panel ADDR:PORT (or R6_PANEL; \
-                 R6_ROBOT does not count here); else start one; real machines have no panel",
-            )
-        };
-        match tokio::time::timeout(PATIENCE, TcpStream::connect(&self.address)).await {
-            Ok(Ok(stream)) => Ok(stream),
-            Ok(Err(error)) => Err(unreachable(error.to_string())),
-            Err(_) => Err(unreachable(format!("no connection within {PATIENCE:?}"))),
-        }
-    }
 }
 
-/// Escapes a name for use as one segment of a path.
-fn in_path(name: &str) -> String {
-    name.bytes().fold(String::new(), |mut path, byte| {
-        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
-            path.push(char::from(byte));
-        } else {
-            path.push_str(&format!("%{byte:02X}"));
-        }
-        path
-    })
-}
-
-/// Sends one request and reads its reply, on its own connection.
-async fn exchange(stream: TcpStream, request: Request<Full<Bytes>>) -> Result<(StatusCode, Bytes), String> {
-    let (mut sender, connection) =
-        http1::handshake(TokioIo::new(stream)).await.map_err(|error| error.to_string())?;
-    let reply = async {
-        let reply = sender.send_request(request).await.map_err(|error| error.to_string())?;
-        let status = reply.status();
-        let body = Limited::new(reply.into_body(), MAX_REPLY_BYTES).collect().await;
-        Ok((status, body.map_err(|error| error.to_string())?.to_bytes()))
-    };
-    // The reply comes only while the connection is polled. If the connection ends early, the reply ends too.
-    let mut reply = std::pin::pin!(reply);
-    tokio::select! {
-        reply = &mut reply => reply,
-        _ = connection => reply.await,
-    }
+fn unreachable(address: &str, why: &str) -> Failure {
+    Failure::no_reply(format!("no panel at {address}: {why}")).advise(
+        "where `r6 up` or `r6 sim --panel` runs already, name the panel that it shows with --panel ADDR:PORT (or R6_PANEL; \
+         R6_ROBOT does not count here); else start one; real machines have no panel",
+    )
 }
 
 #[cfg(test)]
@@ -162,7 +120,7 @@ mod tests {
             ("localhost", "localhost:9770"),
             ("[::1]:1", "[::1]:1"),
         ] {
-            assert_eq!(Panel::at(url).unwrap().address, address);
+            assert_eq!(Panel::at(url).unwrap().http.authority(), address);
         }
         for wrong in [
             "",

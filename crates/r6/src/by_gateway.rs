@@ -1,0 +1,414 @@
+//! Robots that are reached by a gateway (`--gateway-url URL`): its requests, and what its answers mean for an
+//! exit code.
+
+use std::net::IpAddr;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use http_body_util::Full;
+use hyper::body::Bytes;
+use hyper::header::{AUTHORIZATION, CONTENT_TYPE, HOST};
+use hyper::{Method, Request, StatusCode, Uri};
+use r6_api::gateway::{
+    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Queried, RobotState, Robots, Stopped,
+    WithLease,
+};
+use r6_api::{Code, Problem};
+use r6_gateway::DEFAULT_PORT;
+use r6_proto::{Address, printable};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::exit::{Exit, Failure};
+use crate::http_client::{HttpClient, Lost, in_path};
+use crate::output::readings::Readings;
+use crate::text_file;
+
+/// How long an answer may take. A stop is answered within 20 s, and a query within 10 s.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// The longest answer: a thousand robots without their values have 800 bytes each.
+const MAX_REPLY_BYTES: usize = 4 * 1024 * 1024;
+
+/// The longest file with a token: a header of `curl -H @FILE` around 64 digits.
+const MAX_TOKEN_FILE: usize = 1024;
+
+/// The longest file with certificates: those of a company have some hundred kilobytes.
+const MAX_CERTIFICATES: usize = 4 * 1024 * 1024;
+
+/// The variable of the environment that may have the token.
+const TOKEN: &str = "R6_TOKEN";
+
+/// Whether a gateway is asked in place of a controller, and how.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Global options")]
+pub struct ByGateway {
+    /// Ask a gateway (`r6 gateway`) in place of the controller; --robot is then a name there
+    #[arg(short = 'g', long = "gateway-url", id = "gateway_url", global = true, value_name = "URL")]
+    url: Option<String>,
+    /// The file with a token for --gateway-url; without it the token is in R6_TOKEN
+    #[arg(long, global = true, value_name = "FILE", hide_short_help = true)]
+    token_file: Option<PathBuf>,
+    /// The certificate (PEM) of the gateway or of its issuer, for https
+    #[arg(long, global = true, value_name = "FILE", hide_short_help = true)]
+    ca_file: Option<PathBuf>,
+    /// Send the token without TLS to another machine: everyone on the network can read it
+    #[arg(long, global = true, hide_short_help = true)]
+    insecure_http: bool,
+    /// The name of the robot that was typed.
+    #[arg(skip)]
+    robot: Option<String>,
+}
+
+impl ByGateway {
+    /// The URL of the gateway; `None` if a controller is asked.
+    pub fn url(&self) -> Option<&str> {
+        self.url.as_deref()
+    }
+
+    /// For the robot that was typed; `None` where no name was.
+    pub fn for_robot(self, name: Option<String>) -> Self {
+        Self { robot: name, ..self }
+    }
+
+    /// Whether the name of a robot was typed.
+    pub fn has_robot(&self) -> bool {
+        self.robot.is_some()
+    }
+
+    /// The options as they have to be typed again.
+    pub fn options(&self) -> String {
+        let Some(url) = &self.url else { return String::new() };
+        let file = |option: &str, path: &Option<PathBuf>| {
+            path.as_ref().map_or_else(String::new, |path| format!(" {option} {}", path.display()))
+        };
+        let insecure = if self.insecure_http { " --insecure-http" } else { "" };
+        let (token, ca) = (file("--token-file", &self.token_file), file("--ca-file", &self.ca_file));
+        format!(" --gateway-url {url}{token}{ca}{insecure}")
+    }
+
+    /// The gateway. Nothing is sent yet.
+    pub fn gateway(&self) -> Result<Gateway, Failure> {
+        let url = self.url.as_deref().unwrap_or_default();
+        let wrong = || {
+            Failure::usage(format!("--gateway-url: `{url}` is not the URL of a gateway"))
+                .advise("write it as http://127.0.0.1:9780 or https://hall-pc.local:9780")
+        };
+        let uri: Uri = url.parse().map_err(|_| wrong())?;
+        let host = uri.host().filter(|host| !host.is_empty()).ok_or_else(wrong)?;
+        let is_plain = match uri.scheme_str() {
+            Some("http") => true,
+            Some("https") => false,
+            Some(_) | None => return Err(wrong()),
+        };
+        let has_more = uri.path() != "/" || uri.query().is_some();
+        if has_more || uri.authority().is_none_or(|authority| authority.as_str().contains('@')) {
+            return Err(wrong());
+        }
+        if is_plain && !self.insecure_http && !is_this_machine(host) {
+            return Err(Failure::usage(format!(
+                "--gateway-url: everyone on the way to {host} could read the token"
+            ))
+            .advise("use https, or --insecure-http on a network where nobody listens"));
+        }
+        let port = match uri.port() {
+            Some(port) => port.as_str().parse().map_err(|_| wrong())?,
+            None => DEFAULT_PORT,
+        };
+        let http = HttpClient::new(format!("{host}:{port}"), PATIENCE, MAX_REPLY_BYTES);
+        let http = if is_plain {
+            http
+        } else {
+            let path = self.ca_file.as_ref().ok_or_else(|| {
+                Failure::usage("--gateway-url: https needs --ca-file FILE").advise(
+                    "the file is DATA/tls/certificate.pem of the gateway, or the certificate of the issuer of its own",
+                )
+            })?;
+            let wrong = |why: String| Failure::usage(format!("--ca-file {}: {why}", path.display()));
+            let trusted = text_file::read(path, "a certificate", MAX_CERTIFICATES).map_err(wrong)?;
+            http.with_tls(host.trim_matches(['[', ']']), trusted.as_bytes()).map_err(wrong)?
+        };
+        Ok(Gateway { http, token: self.token()? })
+    }
+
+    /// The robot that was typed, or the only robot of the gateway.
+    pub async fn robot(&self) -> Result<GatewayRobot, Failure> {
+        let gateway = self.gateway()?;
+        let name = match &self.robot {
+            Some(name) => name.clone(),
+            None => {
+                let mut robots = gateway.robots().await?.robots;
+                match (robots.pop(), robots.is_empty()) {
+                    (Some(only), true) => only.name,
+                    (None, _) => {
+                        return Err(Failure::usage("the gateway has no robot that this token may see"));
+                    }
+                    (Some(last), false) => {
+                        robots.push(last);
+                        let names: Vec<_> = robots.iter().map(|robot| robot.name.as_str()).collect();
+                        return Err(Failure::usage("the gateway has several robots: name one with --robot")
+                            .advise(shortened(&names)));
+                    }
+                }
+            }
+        };
+        Ok(GatewayRobot { gateway, name })
+    }
+
+    fn token(&self) -> Result<String, Failure> {
+        let (source, text) = match &self.token_file {
+            Some(path) => {
+                let source = format!("--token-file {}", path.display());
+                let text = text_file::read(path, "a token", MAX_TOKEN_FILE);
+                (source.clone(), text.map_err(|why| Failure::usage(format!("{source}: {why}")))?)
+            }
+            None => {
+                let text = std::env::var(TOKEN).map_err(|_| {
+                    Failure::usage("--gateway-url needs a token").advise(format!(
+                        "`r6 gateway token --data DIR --role operator` makes one: keep it in a file for --token-file, or in {TOKEN}"
+                    ))
+                })?;
+                (TOKEN.to_owned(), text)
+            }
+        };
+        // Also as `curl -H @FILE` reads it.
+        let text = text.trim();
+        let token = text.strip_prefix("Authorization: Bearer ").unwrap_or(text);
+        if token.is_empty() || !token.bytes().all(|byte| byte.is_ascii_graphic()) {
+            return Err(Failure::usage(format!("{source} has no token in it")));
+        }
+        Ok(token.to_owned())
+    }
+}
+
+/// The first names, and how many more there are.
+fn shortened(names: &[&str]) -> String {
+    const SHOWN: usize = 8;
+    let shown = names.get(..SHOWN).unwrap_or(names).join(", ");
+    match names.len().saturating_sub(SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
+fn is_this_machine(host: &str) -> bool {
+    let address = host.trim_matches(['[', ']']).parse::<IpAddr>();
+    host == "localhost" || address.is_ok_and(|address| address.is_loopback())
+}
+
+/// A gateway, and the token for it.
+pub struct Gateway {
+    http: HttpClient,
+    token: String,
+}
+
+impl Gateway {
+    /// Host and port.
+    pub fn authority(&self) -> &str {
+        self.http.authority()
+    }
+
+    /// All robots that the token may see.
+    pub async fn robots(&self) -> Result<Robots, Failure> {
+        self.read("/v1/robots").await
+    }
+
+    async fn read<T: DeserializeOwned>(&self, path: &str) -> Result<T, Failure> {
+        let body = self.ask(Method::GET, path, &(), Exit::NoReply).await?;
+        serde_json::from_slice(&body).map_err(|error| self.unclear(path, &error.to_string(), Exit::NoReply))
+    }
+
+    /// Sends one request, and returns the body of a good answer. `lost`: how the run ends without an answer.
+    async fn ask(
+        &self,
+        method: Method,
+        path: &str,
+        body: &impl Serialize,
+        lost: Exit,
+    ) -> Result<Bytes, Failure> {
+        let is_read = method == Method::GET;
+        let body = if is_read { Vec::new() } else { serde_json::to_vec(body).unwrap_or_default() };
+        let request = Request::builder()
+            .method(method)
+            .uri(path)
+            .header(HOST, self.authority())
+            .header(AUTHORIZATION, format!("Bearer {}", self.token))
+            .header(CONTENT_TYPE, "application/json")
+            .body(Full::new(Bytes::from(body)))
+            .map_err(|error| Failure::usage(format!("no such request: {error}")))?;
+        match self.http.ask(request).await {
+            Ok((status, body)) if status.is_success() => Ok(body),
+            Ok((status, body)) => Err(match serde_json::from_slice::<Problem>(&body) {
+                Ok(problem) => failure(status, problem),
+                Err(_) => self.unclear(path, &format!("status {status}, and no problem of a gateway"), lost),
+            }),
+            Err(Lost::NotConnected(why)) => {
+                Err(Failure::no_reply(format!("no gateway at {}: {why}", self.authority()))
+                    .with_code(Code::Unreachable)
+                    .advise("`r6 gateway` says where it listens when it starts"))
+            }
+            Err(Lost::NoReply(why)) => Err(self.unclear(path, &why, lost)),
+        }
+    }
+
+    /// The failure for an answer that is missing or cannot be read.
+    fn unclear(&self, path: &str, why: &str, lost: Exit) -> Failure {
+        let what = format!("{} gave no answer to {path} that can be read: {why}", self.authority());
+        match lost {
+            Exit::Unknown => {
+                Failure::unknown(what).advise("it may have acted: look at the machine before going on")
+            }
+            lost => Failure::no_reply(what).with_exit(lost),
+        }
+    }
+}
+
+/// What a problem of the gateway means for the run.
+fn failure(status: StatusCode, problem: Problem) -> Failure {
+    let Problem { code, message } = problem;
+    let failure = match (code, status.as_u16()) {
+        (Code::OutcomeUnknown | Code::NotStopped, _) => Failure::unknown(message),
+        (Code::NoReply | Code::NoConnection | Code::Unreachable, _) => Failure::no_reply(message),
+        (_, 401) => Failure::usage(message)
+            .advise("`r6 gateway token` makes tokens, and `r6 gateway token --list` shows them"),
+        // What the caller may not do, and what cannot be done now: nothing was sent.
+        (_, 403 | 409 | 412 | 423 | 429 | 503) => Failure::refused(message),
+        _ => Failure::usage(message),
+    };
+    failure.with_code(code)
+}
+
+/// A robot behind a gateway.
+pub struct GatewayRobot {
+    gateway: Gateway,
+    name: String,
+}
+
+impl GatewayRobot {
+    /// Its name at the gateway.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn path(&self, what: &str) -> String {
+        format!("/v1/robots/{}{what}", in_path(&self.name))
+    }
+
+    /// What the gateway knows of it, with the values that it reads.
+    pub async fn state(&self) -> Result<RobotState, Failure> {
+        self.gateway.read(&self.path("")).await
+    }
+
+    /// Has the gateway read these values now.
+    pub async fn query(&self, addresses: &[Address]) -> Result<Readings, Failure> {
+        let words: Vec<_> = addresses.iter().map(ToString::to_string).collect();
+        let path = self.path(&format!("/query?address={}", in_path(&words.join(","))));
+        let begun = Instant::now();
+        let told: Queried = self.gateway.read(&path).await?;
+        let value = |address: &Address| {
+            let word = address.to_string();
+            let signal = told.signals.iter().find(|signal| signal.address == word);
+            let problem = || told.problems.iter().find(|problem| problem.address == word);
+            signal.and_then(|signal| signal.value.clone()).ok_or_else(|| match problem() {
+                Some(problem) => printable(&problem.reason).to_string(),
+                None => "the gateway says nothing of it".to_owned(),
+            })
+        };
+        let rows = addresses.iter().map(|address| (*address, value(address))).collect();
+        Ok(Readings::of_gateway(rows, begun.elapsed()))
+    }
+
+    /// Sends a command that needs no lease, or with the lease of the caller. It is sent once.
+    pub async fn command(&self, request: &CommandRequest) -> Result<CommandDone, Failure> {
+        self.post("/commands", request).await
+    }
+
+    /// Stops the robot; the answer comes when the arm is proved to stand.
+    pub async fn stop(&self) -> Result<Stopped, Failure> {
+        self.post("/stop", &serde_json::Map::new()).await
+    }
+
+    /// Takes the lease that is free, does the work with it, and gives it back.
+    pub async fn with_lease<T>(
+        &self,
+        work: impl AsyncFnOnce(&Lease) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let lease: Lease = self.post("/lease", &LeaseRequest::default()).await?;
+        let done = work(&lease).await;
+        // It ends by itself within 10 s if this fails.
+        let with = WithLease { lease: lease.lease };
+        let _ = self.gateway.ask(Method::DELETE, &self.path("/lease"), &with, Exit::Unknown).await;
+        done
+    }
+
+    /// Lets the robot move again after a stop.
+    pub async fn clear_stopped(&self, lease: &LeaseKey) -> Result<(), Failure> {
+        let with = WithLease { lease: lease.clone() };
+        self.gateway.ask(Method::POST, &self.path("/clear-stopped"), &with, Exit::Unknown).await.map(drop)
+    }
+
+    async fn post<T: DeserializeOwned>(&self, what: &str, body: &impl Serialize) -> Result<T, Failure> {
+        let path = self.path(what);
+        let answer = self.gateway.ask(Method::POST, &path, body, Exit::Unknown).await?;
+        serde_json::from_slice(&answer)
+            .map_err(|error| self.gateway.unclear(&path, &error.to_string(), Exit::Unknown))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn by(url: &str) -> ByGateway {
+        ByGateway { url: Some(url.to_owned()), token_file: Some("/no/token".into()), ..ByGateway::default() }
+    }
+
+    fn refused(by: &ByGateway) -> String {
+        by.gateway().err().map(|failure| failure.to_string()).unwrap_or_default()
+    }
+
+    #[test]
+    fn a_url_that_is_wrong_or_would_show_the_token_is_refused_before_anything_is_sent() {
+        for wrong in [
+            "",
+            "hall-pc",
+            "ftp://hall-pc",
+            "http://",
+            "http://a/v1",
+            "http://me@127.0.0.1",
+            "127.0.0.1:9780",
+        ] {
+            assert!(
+                refused(&by(wrong)).contains("is not the URL of a gateway"),
+                "{wrong}: {}",
+                refused(&by(wrong))
+            );
+        }
+        assert!(refused(&by("http://hall-pc.local:9780")).contains("could read the token"));
+        assert!(refused(&by("https://hall-pc.local")).contains("needs --ca-file"));
+        for here in ["http://127.0.0.1:9780", "http://localhost", "http://[::1]:9780"] {
+            assert!(refused(&by(here)).contains("--token-file /no/token: the file cannot be read"), "{here}");
+        }
+        let insecure = ByGateway { insecure_http: true, ..by("http://hall-pc.local:9780") };
+        assert!(refused(&insecure).contains("/no/token"));
+    }
+
+    #[test]
+    fn a_problem_tells_whether_something_may_have_acted() {
+        let exit = |status: u16, code: Code| {
+            let status = StatusCode::from_u16(status).unwrap();
+            failure(status, Problem { code, message: "no".to_owned() }).exit()
+        };
+        assert_eq!(exit(504, Code::OutcomeUnknown), Exit::Unknown);
+        assert_eq!(exit(504, Code::NotStopped), Exit::Unknown);
+        assert_eq!(exit(504, Code::NoReply), Exit::NoReply);
+        assert_eq!(exit(503, Code::Unreachable), Exit::NoReply);
+        assert_eq!(exit(503, Code::StoreUnavailable), Exit::Refused);
+        assert_eq!(exit(409, Code::Leased), Exit::Refused);
+        assert_eq!(exit(403, Code::NotAllowed), Exit::Refused);
+        assert_eq!(exit(401, Code::NoToken), Exit::Usage);
+        assert_eq!(exit(404, Code::NoSuchRobot), Exit::Usage);
+        assert_eq!(exit(422, Code::BadCommand), Exit::Usage);
+    }
+}

@@ -1,0 +1,91 @@
+//! Robots as a gateway knows them.
+
+use r6_api::gateway::{LeaseHolder, RobotLink, RobotState, RobotSummary, Robots, SignalQuality};
+use r6_proto::printable;
+
+use crate::exit::Exit;
+use crate::hint;
+use crate::output::table::Table;
+
+/// 1 if a robot cannot be reached, is stopped, or was exchanged.
+pub fn exit<'a>(mut robots: impl Iterator<Item = &'a RobotSummary>) -> Exit {
+    let is_fine = |robot: &RobotSummary| {
+        robot.link == RobotLink::Up && !robot.stopped && robot.identity_changed.is_none()
+    };
+    if robots.all(is_fine) { Exit::Done } else { Exit::Refused }
+}
+
+/// A table of all robots.
+pub fn robots(robots: &Robots) -> String {
+    if robots.robots.is_empty() {
+        return "the gateway has no robot that this token may see".to_owned();
+    }
+    let mut table = Table::new();
+    table.row([&"ROBOT", &"ADDRESS", &"LINK", &"LEASE", &"STATE"]);
+    for robot in &robots.robots {
+        table.row([&robot.name, &robot.address, &link(robot), &lease(robot.lease.as_ref()), &state(robot)]);
+    }
+    table.to_string()
+}
+
+/// One robot with its values.
+pub fn robot(told: &RobotState) -> String {
+    let robot = &told.summary;
+    let mut head = Table::new();
+    head.row([&"link", &link(robot)]);
+    if let Some(identity) = &robot.identity {
+        let unknown = || "?".to_owned();
+        let name = identity.machine_name.clone().unwrap_or_else(unknown);
+        let firmware = identity.firmware.clone().unwrap_or_else(unknown);
+        head.row([&"machine", &format!("{name}, firmware {firmware}")]);
+    }
+    head.row([&"model", &robot.model.as_deref().unwrap_or("not configured")]);
+    head.row([&"lease", &lease(robot.lease.as_ref())]);
+    head.row([&"state", &state(robot)]);
+    let mut values = Table::with_right_columns(&[1, 4]);
+    values.row([&"ADDRESS", &"VALUE", &"UNIT", &"QUALITY", &"AGE"]);
+    for signal in &told.signals {
+        let value = signal.value.as_ref().and_then(|value| serde_json::to_value(value).ok());
+        let value = match value {
+            None => "-".to_owned(),
+            Some(serde_json::Value::String(text)) => text,
+            Some(value) => value.to_string(),
+        };
+        let quality = match signal.quality {
+            SignalQuality::Fresh => "fresh",
+            SignalQuality::Stale => "STALE",
+            SignalQuality::None => "none",
+        };
+        let age = signal.age_ms.map_or_else(String::new, |age| format!("{age} ms"));
+        values.row([&signal.address, &value, &signal.unit.as_deref().unwrap_or(""), &quality, &age]);
+    }
+    let name = format!("{} at {}", printable(&robot.name), printable(&robot.address));
+    let mut text = format!("{name}\n\n{head}\n\n{values}");
+    if robot.stopped {
+        text.push_str(&format!("\n\na stop holds; `{}` clears it", hint::r6("stop --clear")));
+    }
+    text
+}
+
+fn link(robot: &RobotSummary) -> &'static str {
+    match robot.link {
+        RobotLink::Up => "up",
+        RobotLink::Down => "DOWN",
+    }
+}
+
+fn lease(lease: Option<&LeaseHolder>) -> String {
+    match lease {
+        None => "free".to_owned(),
+        Some(held) => format!("{}, {} s left", held.holder, held.expires_in_ms.div_ceil(1000)),
+    }
+}
+
+fn state(robot: &RobotSummary) -> &'static str {
+    match robot {
+        RobotSummary { identity_changed: Some(_), .. } => "ANOTHER ROBOT answers",
+        RobotSummary { stops_under_way: 1.., .. } => "a stop is under way",
+        RobotSummary { stopped: true, .. } => "STOPPED",
+        _ => "not stopped",
+    }
+}

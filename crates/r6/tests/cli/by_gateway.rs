@@ -1,0 +1,219 @@
+//! `r6 -g URL`: the same commands over a gateway.
+
+use r6_testkit::hostile::{Character, Delays};
+use serde_json::Value;
+use std::time::Duration;
+
+use crate::gateway::{gateway, get, token, until};
+use crate::support::{Outcome, Robot, Running, TempFile, hostile, r6};
+
+/// A gateway with robots, as the holder of a token sees it.
+struct Hall {
+    _folder: tempfile::TempDir,
+    _running: Running,
+    data: String,
+    url: String,
+    token: TempFile,
+}
+
+impl Hall {
+    /// A gateway with these robots (`NAME=ADDRESS`), which are up, and a token of this role. `name` is
+    /// unique among the tests.
+    fn start(name: &str, robots: &[&str], role: &str, more: &[&str]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("data").display().to_string();
+        let mut options: Vec<_> = robots.iter().flat_map(|robot| ["--robot", robot]).collect();
+        options.extend(more);
+        let (running, url) = gateway(&data, &options);
+        let secret = token(&data, role);
+        let hall =
+            Self { _folder: folder, _running: running, data, url, token: TempFile::new(name, &secret) };
+        if more.is_empty() {
+            for robot in robots {
+                let path = format!("/v1/robots/{}", robot.split('=').next().unwrap());
+                until(|| (get(&hall.url, &secret, &path).1["link"] == "up").then_some(()));
+            }
+        }
+        hall
+    }
+
+    fn r6(&self, args: &[&str]) -> Outcome {
+        r6(&[&["-g", &self.url, "--token-file", self.token.path()], args].concat())
+    }
+
+    /// The same with a new token of another role.
+    fn r6_as(&self, role: &str, args: &[&str]) -> Outcome {
+        let file =
+            TempFile::new(&format!("{role}-{}", args.join("-").replace('/', "")), &token(&self.data, role));
+        r6(&[&["-g", &self.url, "--token-file", file.path()], args].concat())
+    }
+}
+
+/// The code of the problem on stdout.
+fn code(outcome: &Outcome) -> Value {
+    outcome.json()["code"].clone()
+}
+
+#[test]
+fn values_states_and_commands_go_over_a_gateway_as_to_the_robot_itself() {
+    let robot = Robot::start(&[]);
+    let hall = Hall::start("hall-1", &[&format!("press={}", robot.address())], "operator", &[]);
+
+    let addresses = ["query", "version", "axis-0", "curMode", "counter-0", "Addr-800", "curAlarm", "ioIn-0"];
+    let known: Vec<_> = addresses.into_iter().filter(|word| *word != "ioIn-0").collect();
+    let (direct, over) = (robot.r6(&known), hall.r6(&known));
+    assert_eq!((over.code, &over.out), (direct.code, &direct.out), "{}", over.err);
+    let [direct, over] = [
+        robot.r6(&[&known[..], &["--json"]].concat()).json(),
+        hall.r6(&[&known[..], &["--json"]].concat()).json(),
+    ];
+    assert_eq!(over["values"], direct["values"]);
+    assert_eq!(over["robot"], "press");
+
+    let missing = hall.r6(&["query", "counter-9", "--json"]);
+    assert_eq!(missing.code, robot.r6(&["query", "counter-9", "--json"]).code, "{missing:?}");
+
+    let all = hall.r6(&["status"]);
+    assert_eq!(all.code, 0, "{all:?}");
+    assert!(
+        all.out.lines().any(|line| line.starts_with("press  ") && line.contains("up  free  not stopped")),
+        "{}",
+        all.out
+    );
+    let one = hall.r6(&["-r", "press", "status"]);
+    assert_eq!(one.code, 0, "{one:?}");
+    assert!(one.out.lines().any(|line| line.starts_with("axis-0 ") && line.contains("fresh")), "{}", one.out);
+    assert_eq!(hall.r6(&["-r", "press", "status", "--json"]).json()["name"], "press");
+
+    let watched = hall.r6(&["watch", "axis-0", "--times", "2", "--every", "20ms", "--json"]);
+    assert_eq!((watched.code, watched.out.lines().count()), (0, 2), "{watched:?}");
+
+    let done = hall.r6(&["command", "rewriteData", "800", "77", "0"]);
+    assert_eq!(done.code, 0, "{done:?}");
+    assert!(done.out.starts_with("rewriteData accepted after "), "{}", done.out);
+    assert_eq!(robot.value("Addr-800"), 77);
+    let done = hall.r6(&["command", "modifyGSPD", "5"]);
+    assert!(done.out.ends_with("ms: global speed 5 %; on the wire \"50\"\n"), "{}", done.out);
+    let done = hall.r6(&["command", "modifyOutput", "Y013", "on", "--json"]);
+    assert_eq!(done.code, 0, "{done:?}");
+    assert_eq!(
+        hall.r6(&["-r", "press", "status", "--json"]).json()["lease"],
+        Value::Null,
+        "it is given back"
+    );
+}
+
+#[test]
+fn a_stop_holds_until_it_is_cleared() {
+    let robot = Robot::start(&[]);
+    let hall = Hall::start("hall-2", &[&format!("press={}", robot.address())], "operator", &[]);
+    let stopped = hall.r6(&["stop"]);
+    assert_eq!(stopped.code, 0, "{stopped:?}");
+    assert!(
+        stopped.out.starts_with("press stands, seen after ") && stopped.out.contains("stop --clear`"),
+        "{}",
+        stopped.out
+    );
+    assert!(stopped.out.contains("not an emergency stop"));
+
+    let refused = hall.r6(&["command", "clearAlarmContinue", "--json"]);
+    assert_eq!((refused.code, code(&refused)), (1, "stopped".into()), "{refused:?}");
+    let status = hall.r6(&["-r", "press", "status"]);
+    assert_eq!(status.code, 1);
+    assert!(
+        status.out.contains("STOPPED") && status.out.contains("--robot press --gateway-url"),
+        "{}",
+        status.out
+    );
+
+    let cleared = hall.r6(&["stop", "--clear", "--json"]);
+    assert_eq!((cleared.code, cleared.json()["cleared"].clone()), (0, true.into()), "{cleared:?}");
+    assert_eq!(hall.r6(&["status"]).code, 0);
+    // What stops needs no lease, and holds too.
+    assert_eq!(hall.r6(&["command", "actionStop"]).code, 0);
+    assert_eq!(hall.r6(&["status", "--json"]).json()["robots"][0]["stopped"], true);
+
+    let none = robot.r6(&["stop", "--clear"]);
+    assert_eq!(none.code, 2);
+    assert!(none.err.contains("--clear is for the robots of a gateway"), "{}", none.err);
+}
+
+#[test]
+fn what_is_refused_says_why_and_nothing_is_sent() {
+    let robots = [Robot::start(&[]), Robot::start(&[])];
+    let [press, saw] = ["press", "saw"].map(str::to_owned);
+    let names = [format!("{press}={}", robots[0].address()), format!("{saw}={}", robots[1].address())];
+    let hall = Hall::start("hall-3", &[&names[0], &names[1]], "operator", &[]);
+
+    for args in [["stop", "--json"], ["query", "axis-0"]] {
+        let which = hall.r6(&args);
+        assert_eq!(which.code, 2, "{which:?}");
+        assert!(
+            which.err.contains("name one with --robot") && which.err.contains("press, saw"),
+            "{}",
+            which.err
+        );
+    }
+    let unknown = hall.r6(&["-r", "pres", "query", "axis-0", "--json"]);
+    assert_eq!((unknown.code, code(&unknown)), (2, "no_such_robot".into()), "{unknown:?}");
+    let viewer = hall.r6_as("viewer", &["-r", "press", "command", "rewriteData", "800", "1", "0", "--json"]);
+    assert_eq!((viewer.code, code(&viewer)), (1, "not_allowed".into()), "{viewer:?}");
+    assert_eq!(hall.r6_as("viewer", &["-r", "press", "query", "axis-0"]).code, 0);
+    assert_eq!(robots[0].value("Addr-800"), 0);
+
+    let wrong = TempFile::new("hall-3-wrong", "Authorization: Bearer 00ff");
+    let wrong = r6(&["-g", &hall.url, "--token-file", wrong.path(), "status", "--json"]);
+    assert_eq!((wrong.code, code(&wrong)), (2, "no_token".into()), "{wrong:?}");
+    let none = r6(&["-g", &hall.url, "status"]);
+    assert_eq!(none.code, 2);
+    assert!(none.err.contains("R6_TOKEN"), "{}", none.err);
+
+    let admin = token(&hall.data, "admin");
+    let (status, _) = crate::gateway::call(&hall.url, &admin, "POST", "/v1/robots/press/lease", "{}");
+    assert_eq!(status, 200);
+    let leased = hall.r6(&["-r", "press", "command", "rewriteData", "800", "1", "0", "--json"]);
+    assert_eq!((leased.code, code(&leased)), (1, "leased".into()), "{leased:?}");
+    for args in [&["-r", "press", "plot", "a.toml"][..], &["panel", "status"], &["up"]] {
+        let other = hall.r6(args);
+        assert_eq!(other.code, 2, "{args:?}: {other:?}");
+    }
+
+    let url = hall.url.clone();
+    let token = TempFile::new("hall-3-gone", &admin);
+    drop(hall);
+    let gone = r6(&["-g", &url, "--token-file", token.path(), "-r", "press", "stop", "--json"]);
+    assert_eq!((gone.code, code(&gone)), (3, "not_stopped".into()), "{gone:?}");
+    assert!(gone.json()["message"].as_str().unwrap().starts_with("the stop was not sent; "), "{gone:?}");
+    let gone = r6(&["-g", &url, "--token-file", token.path(), "watch", "axis-0", "--times", "3", "--json"]);
+    assert_eq!((gone.code, code(&gone)), (3, "unreachable".into()), "{gone:?}");
+}
+
+#[test]
+fn an_outcome_that_the_gateway_does_not_know_is_exit_code_4() {
+    let delays = Delays { command: Duration::from_secs(60), ..Delays::default() };
+    let (robot, controller) = hostile(Character { arms_itself: true, delays, ..Character::default() });
+    let hall = Hall::start("hall-4", &[&format!("press={robot}")], "operator", &[]);
+    let outcome = hall.r6(&["command", "rewriteData", "800", "1", "0", "--json"]);
+    assert_eq!((outcome.code, code(&outcome)), (4, "outcome_unknown".into()), "{outcome:?}");
+    drop(controller);
+}
+
+#[test]
+fn tls_is_checked_against_the_file() {
+    let robot = Robot::start(&[]);
+    let robots = format!("press={}", robot.address());
+    let hall = Hall::start("hall-5", &[&robots], "viewer", &["--tls"]);
+    let other = Hall::start("hall-6", &[&robots], "viewer", &["--tls"]);
+    let certificate = |hall: &Hall| format!("{}/tls/certificate.pem", hall.data);
+    assert!(hall.url.starts_with("https://"));
+    until(|| {
+        let told = hall.r6(&["--ca-file", &certificate(&hall), "query", "curMode", "--json"]);
+        (told.code == 0).then_some(())
+    });
+    let foreign = hall.r6(&["--ca-file", &certificate(&other), "query", "curMode", "--json"]);
+    assert_eq!((foreign.code, code(&foreign)), (3, "unreachable".into()), "{foreign:?}");
+    assert!(foreign.err.contains("TLS: "), "{}", foreign.err);
+    assert_eq!(hall.r6(&["query", "curMode"]).code, 2, "the system's certificates are not asked");
+    let no_file = hall.r6(&["--ca-file", hall.token.path(), "query", "curMode"]);
+    assert!(no_file.err.contains("no certificate in PEM"), "{}", no_file.err);
+}
