@@ -16,6 +16,7 @@ mod metrics;
 mod production;
 mod programs;
 mod query;
+mod range;
 mod refusal;
 mod robots;
 mod sessions;
