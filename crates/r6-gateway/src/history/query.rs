@@ -26,6 +26,8 @@ use crate::store::StoreError;
 use crate::store::history::{Ask, Days, Entry, HistoryStore, Part};
 use series::Series;
 
+#[cfg(test)]
+pub use events::answer as events_of;
 pub use events::{EventAnswer, EventPlace, EventQuestion};
 pub use production::{Opens, ProductionAnswer, ProductionQuestion};
 
