@@ -29,9 +29,11 @@ fn status(code: Code) -> StatusCode {
     match code {
         Code::NoToken | Code::NoSession | Code::WrongPassword => StatusCode::UNAUTHORIZED,
         Code::NotAllowed | Code::BadCsrf => StatusCode::FORBIDDEN,
-        Code::NoSuchRobot | Code::NoSuchProgram | Code::NoSuchUser | Code::NoSuchToken => {
-            StatusCode::NOT_FOUND
-        }
+        Code::NoSuchRobot
+        | Code::NoSuchProgram
+        | Code::NoSuchUser
+        | Code::NoSuchToken
+        | Code::NoSuchAlarm => StatusCode::NOT_FOUND,
         Code::LinkVoid => StatusCode::GONE,
         Code::NeedsIfMatch => StatusCode::PRECONDITION_REQUIRED,
         Code::NotThisVersion => StatusCode::PRECONDITION_FAILED,
