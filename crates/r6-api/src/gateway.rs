@@ -4,6 +4,7 @@
 //! Times are RFC 3339 in UTC with microseconds. Durations end in `_ms`.
 
 mod account;
+mod alarm;
 mod audit;
 mod command;
 mod history;
@@ -11,12 +12,16 @@ mod live;
 mod production;
 mod program;
 mod robot;
+mod settings;
 
 use serde::{Deserialize, Serialize};
 
 pub use account::{
     PasswordChange, Secret, Session, Setup, SignIn, Token, TokenMade, TokenWanted, Tokens, User, UserWanted,
     Users,
+};
+pub use alarm::{
+    AcknowledgeRequest, Acknowledged, RobotAlarm, RobotAlarmState, RobotAlarms, ShelveRequest, Shelved,
 };
 pub use audit::{Audit, AuditEntry, AuditRecord, CommandOutcome, Deed, Event, Happened, LeaseEnd};
 pub use command::{CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease};
@@ -28,7 +33,8 @@ pub use live::{
     LiveSubscribe, LiveSubscribed,
 };
 pub use production::{
-    AlarmFigure, AlarmFigures, Availability, CycleFigures, PartFigures, Production, StateFigures,
+    AlarmFigure, AlarmFigures, Availability, CycleFigures, PartFigures, Production, ProductionByShift,
+    ProductionFigures, StateFigures,
 };
 pub use program::{
     PlanEnd, PlanProblem, PlanProblemType, PlanRequest, PlanSample, PlannedAxis, PlannedStep, ProgramChecked,
@@ -39,6 +45,7 @@ pub use robot::{
     IdentityChange, LeaseHolder, ManagedBy, RobotIdentity, RobotLink, RobotState, RobotSummary, RobotWanted,
     Robots, Signal, SignalQuality,
 };
+pub use settings::{HallSettings, Settings, Shift, ShiftSpan, Weekday};
 
 /// What a token or a user may do. Each role allows everything that the roles before it allow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

@@ -4,7 +4,9 @@
 //!   It alone makes a [`seat::Permit`], without which no command leaves.
 //! - [`role`]: which role may do what.
 //! - [`chain`]: the hash chain of the audit log.
+//! - [`hall`]: the time zone of the hall, and which instants a shift has.
 //! - [`history`]: which values are kept, and how.
+//! - [`alarms`]: the alarms of a robot, acknowledged and shelved.
 //! - [`account`]: users, their names, and which change of them is allowed.
 //! - [`session`]: the sessions of users.
 //! - [`sign_in`]: how often passwords can be tried.
@@ -18,7 +20,9 @@
 //! - [`production`]: figures of production, from values and events.
 
 pub mod account;
+pub mod alarms;
 pub mod chain;
+pub mod hall;
 pub mod history;
 pub mod library;
 pub mod live;

@@ -9,12 +9,15 @@
 //! - [`command`]: leases, commands, stops and the acceptance of another robot.
 //! - [`query`]: asks the robot for values that are not read again and again.
 //! - [`counts`]: what happened, counted.
+//! - [`alarms`]: the alarms of a robot, acknowledged and shelved; [`desk`] has them and saves them.
 //! - [`clerk`]: the task that ends leases in time, and writes down what need not be written first.
 
+mod alarms;
 pub mod clerk;
 pub mod command;
 pub mod config;
 pub mod counts;
+pub mod desk;
 pub mod link;
 mod observe;
 pub mod query;
@@ -33,9 +36,8 @@ use tokio::task::JoinHandle;
 
 use crate::core::live::follower::Top;
 use crate::core::name::RobotName;
-use crate::core::seat::Saved;
 use crate::fleet::config::RobotConfig;
-use crate::fleet::station::{Shared, Station};
+use crate::fleet::station::{Kept, Shared, Station};
 
 /// How long the task of a robot may take to end. It waits for commands for 3 s and for a stop for 17 s, or
 /// writes for 5 s.
@@ -83,7 +85,7 @@ impl Work {
 }
 
 impl Post {
-    fn start(config: RobotConfig, saved: Saved, shared: &Arc<Shared>) -> Self {
+    fn start(config: RobotConfig, saved: Kept, shared: &Arc<Shared>) -> Self {
         let station = Arc::new(Station::new(config, saved, Arc::clone(shared)));
         let link = Work::start(|end| link::keep(Arc::clone(&station), end));
         let clerk = Work::start(|end| clerk::work(Arc::clone(&station), end));
@@ -104,10 +106,9 @@ impl Post {
 
 impl Fleet {
     /// Starts to look after these robots, each as it was saved.
-    pub fn start(robots: Vec<(Saved, RobotConfig)>, shared: Arc<Shared>) -> Self {
-        let post = |(saved, config): (Saved, RobotConfig)| {
-            (config.name.clone(), Post::start(config, saved, &shared))
-        };
+    pub fn start(robots: Vec<(Kept, RobotConfig)>, shared: Arc<Shared>) -> Self {
+        let post =
+            |(saved, config): (Kept, RobotConfig)| (config.name.clone(), Post::start(config, saved, &shared));
         let posts = RwLock::new(robots.into_iter().map(post).collect());
         Self { posts, shared, ended: AsyncMutex::new(false) }
     }

@@ -17,16 +17,18 @@ use tokio::task::JoinSet;
 use crate::accounts::Accounts;
 use crate::certificate::{Certificate, CertificateError, TlsSettings};
 use crate::clock;
+use crate::core::hall::Hall;
 use crate::core::raw::policy::RawPolicy;
 use crate::fleet::Fleet;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roster::{self, Changes};
-use crate::fleet::station::Shared;
+use crate::fleet::station::{Kept, Shared};
 use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, State};
 use crate::problem::Problem;
 use crate::programs::bench::Bench;
 use crate::raw_port::{self, Door, RawPort, SharedPolicy};
+use crate::settings::Settings;
 use crate::store::{Keeper, Sqlite, Store, StoreError};
 use crate::tokens::{REFRESH, Tokens};
 
@@ -54,6 +56,8 @@ pub struct GatewaySettings {
     pub raw: Vec<RawPort>,
     /// Who may do what on them.
     pub raw_policy: RawPolicy,
+    /// The time zone and the shifts, if the file has them.
+    pub hall: Option<Hall>,
     /// What is kept of values.
     pub history: HistorySettings,
     /// Host names by which clients reach the gateway, besides the addresses of this machine.
@@ -154,7 +158,10 @@ impl Gateway {
         store.append(&records)?;
         // A link that an earlier start printed ends with it.
         store.remove_setup_link()?;
-        let saved = robots.into_iter().map(|robot| Ok((store.seat(&robot.name)?, robot)));
+        let saved = robots.into_iter().map(|robot| {
+            let (seat, alarms) = (store.seat(&robot.name)?, store.alarms(&robot.name)?);
+            Ok((Kept { seat, alarms }, robot))
+        });
         let saved = saved.collect::<Result<Vec<_>, StoreError>>()?;
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
         let history = settings.history;
@@ -163,6 +170,7 @@ impl Gateway {
         let shared = Arc::new(Shared::new(keeper, history, epoch()));
         let tokens = Tokens::read(shared.keeper.clone()).await?;
         let accounts = Arc::new(Accounts::read(shared.keeper.clone()).await?);
+        let hall = Arc::new(Settings::read(shared.keeper.clone(), settings.hall).await?);
 
         let fleet = Arc::new(Fleet::start(saved, Arc::clone(&shared)));
         let raw_policy = SharedPolicy::new(settings.raw_policy);
@@ -183,6 +191,7 @@ impl Gateway {
             is_secure,
             certificate: certificate.clone(),
             robot_settings,
+            settings: hall,
             bench,
         };
         let mut server = JoinSet::new();
@@ -241,6 +250,12 @@ impl Gateway {
     /// Makes these rules those of all raw ports, from the next frame of each client on.
     pub fn set_raw_policy(&self, policy: RawPolicy) {
         self.raw_policy.set(policy);
+    }
+
+    /// Makes the time zone and the shifts of the file these. Without, those that were stored over the API
+    /// hold.
+    pub fn set_hall(&self, hall: Option<Hall>) {
+        self.state.settings.set_file(hall);
     }
 
     /// How many robots it looks after.

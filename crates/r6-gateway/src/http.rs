@@ -3,12 +3,15 @@
 //! Everything needs a token or a session (`caller.rs`), except `/healthz`, signing in and one-time links.
 //! What a route does runs to its end even if its caller hangs up.
 
+mod alarms;
 mod audit;
 mod body;
 mod caller;
 mod commands;
 mod cookie;
+mod csv;
 mod described;
+mod etag;
 mod health;
 mod history;
 mod leases;
@@ -16,9 +19,11 @@ mod metrics;
 mod production;
 mod programs;
 mod query;
+mod range;
 mod refusal;
 mod robots;
 mod sessions;
+mod settings;
 mod setup;
 mod streams;
 mod tokens;
@@ -47,6 +52,7 @@ use crate::fleet::station::Shared;
 use crate::http::caller::Caller;
 use crate::http::described::OfToken;
 use crate::programs::bench::Bench;
+use crate::settings::Settings;
 use crate::tokens::Tokens;
 
 /// What the routes work on.
@@ -66,6 +72,8 @@ pub struct State {
     pub certificate: Option<Certificate>,
     /// How to communicate with robots that are added.
     pub robot_settings: RobotSettings,
+    /// The settings of the hall.
+    pub settings: Arc<Settings>,
     /// Where programs are checked and planned.
     pub bench: Bench,
 }
@@ -121,12 +129,17 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(commands::accept_identity))
         .routes(routes!(streams::events))
         .routes(routes!(streams::live))
+        .routes(routes!(alarms::all))
+        .routes(routes!(alarms::show))
+        .routes(routes!(alarms::acknowledge))
+        .routes(routes!(alarms::shelve, alarms::unshelve))
         .routes(routes!(audit::page))
         .routes(routes!(history::show))
         .routes(routes!(history::events::show))
         .routes(routes!(production::show))
         .routes(routes!(sessions::sign_in, sessions::show, sessions::sign_out))
         .routes(routes!(sessions::change_password))
+        .routes(routes!(settings::show, settings::put))
         .routes(routes!(setup::page))
         .routes(routes!(setup::script))
         .routes(routes!(setup::set_up))

@@ -30,6 +30,7 @@
 //! - `history`: values and events that are kept, by a thread and in files of their own.
 //! - `programs`: programs without a robot: their check and their plan.
 //! - `accounts`: users, their passwords and sessions.
+//! - `settings`: the time zone and the shifts of the hall.
 //! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
 //! - `raw_port`: the robots' own protocol, for old scripts.
@@ -53,6 +54,7 @@ mod problem;
 mod programs;
 mod raw_port;
 mod secret;
+mod settings;
 mod shell;
 mod store;
 mod tokens;
@@ -60,6 +62,7 @@ mod tokens;
 pub use crate::backup::{Backup, BackupError, backup, restore};
 pub use crate::certificate::{Certificate, CertificateError, TlsSettings};
 pub use crate::core::account::{Account, PasswordHash, UserName};
+pub use crate::core::hall::{Hall, Mistake as HallMistake};
 pub use crate::core::name::RobotName;
 pub use crate::core::raw::policy::{RawAllow, RawPolicy, RawRule, RawSource};
 pub use crate::core::role::Grant;

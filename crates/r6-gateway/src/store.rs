@@ -1,4 +1,4 @@
-//! What the gateway keeps: tokens, users, the audit log, the state of the seats, robots and programs.
+//! What the gateway keeps: tokens, users, the audit log, the state of the seats, alarms, robots and programs.
 //!
 //! [`Store`] is the contract; every implementation passes the same tests (`contract.rs`). Nothing outside
 //! this folder knows SQL. The gateway talks to its store through a [`Keeper`], a thread of its own, so that
@@ -18,6 +18,7 @@ use std::fmt;
 use r6_api::gateway::{AuditRecord, Deed, Role};
 
 use crate::core::account::{self, Account, Decided, Denied, UserName, Wish};
+use crate::core::alarms;
 use crate::core::chain::{Broken, Hash};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
@@ -123,6 +124,36 @@ pub trait Store: Send {
     /// [`StoreError`].
     fn save_seat(&mut self, robot: &RobotName, saved: &Saved) -> Result<(), StoreError>;
 
+    /// What was saved of a robot's alarms; the default if nothing was.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn alarms(&mut self, robot: &RobotName) -> Result<alarms::Saved, StoreError>;
+
+    /// Saves the alarms of a robot, and appends these records to the audit log, both or neither.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn save_alarms(
+        &mut self,
+        robot: &RobotName,
+        saved: &alarms::Saved,
+        records: &[AuditRecord],
+    ) -> Result<(), StoreError>;
+
+    /// The settings of the hall that were put last; `None` if none were.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn settings(&mut self) -> Result<Option<StoredSettings>, StoreError>;
+
+    /// Puts the settings of the hall in the place of those before, and appends a record to the audit log,
+    /// both or neither.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn put_settings(&mut self, settings: &StoredSettings, record: &AuditRecord) -> Result<(), StoreError>;
+
     /// The robots that were put, in the order of their names.
     ///
     /// # Errors
@@ -181,6 +212,15 @@ pub trait Store: Send {
         condition: &Condition,
         by: &Author,
     ) -> Result<(), LibraryError>;
+}
+
+/// The settings of the hall in the store.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoredSettings {
+    /// The number of their version, from 1.
+    pub version: u64,
+    /// The settings, JSON.
+    pub text: String,
 }
 
 /// A robot that was added through the API.

@@ -182,6 +182,45 @@ def test_what_happened_and_the_figures_are_read_later(operator: r6.Gateway) -> N
         list(arm.history_events(kinds=["part"]))
 
 
+def test_alarms_are_listed_acknowledged_and_shelved(
+    hall: Hall, operator: r6.Gateway, controller: r6.Simulator
+) -> None:
+    arm = operator.robot("arm")
+    engineer = r6.Gateway(hall.url, token=hall.token("--role", "engineer")).robot("arm")
+    assert arm.alarms(active=True) == [] == operator.alarms(active=True)
+    controller.emergency_stop()
+    try:
+        end = monotonic() + 30
+        while not (alarms := operator.alarms(active=True)):
+            assert monotonic() < end
+            sleep(0.02)
+        assert (alarms[0]["robot"], alarms[0]["code"], alarms[0]["acknowledged"]) == ("arm", 7, None)
+        number = alarms[0]["id"]
+        told = arm.acknowledge(number, "guard door")
+        assert told["acknowledged"]["comment"] == "guard door"
+        assert arm.acknowledge(number)["acknowledged"] == told["acknowledged"], "the first one stays"
+        with pytest.raises(r6.NotSent) as refused:
+            arm.shelve(number, 60, "worn")
+        assert refused.value.reason == "not_allowed"
+        assert engineer.shelve(number, 60, "worn")["shelved"]["reason"] == "worn"
+        assert arm.alarms()[0]["shelved"]["reason"] == "worn"
+        assert engineer.unshelve(number)["shelved"] is None
+        with pytest.raises(r6.InvalidRequest, match="for_ms"):
+            engineer.shelve(number, 8 * 3600 + 1, "worn")
+        with pytest.raises(r6.R6Error) as missing:
+            arm.acknowledge(7)
+        assert missing.value.reason == "no_such_alarm"
+    finally:
+        controller.release_emergency_stop()
+        with arm.lease() as lease:
+            lease.command("clearAlarm")
+    end = monotonic() + 30
+    while operator.alarms(active=True):
+        assert monotonic() < end
+        sleep(0.02)
+    assert arm.alarms()[0]["state"] == "ended"
+
+
 def test_streams_tell_values_and_events(operator: r6.Gateway, controller: r6.Simulator) -> None:
     changes = operator.live(robot="arm", signals=["curAlarm"])
     first = next(changes)

@@ -177,6 +177,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "programs",
         "raw_port",
         "secret",
+        "settings",
         "shell",
         "store",
         "tokens",

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{IdentityChange, RobotIdentity, Role, UnseenBecause};
+use super::{IdentityChange, RobotIdentity, Role, Shift, UnseenBecause};
 use crate::Code;
 
 /// Something that happened, in the stream of `GET /v1/events`.
@@ -102,6 +102,42 @@ pub enum Happened {
         /// For how long it was read; `null` if its begin was not seen.
         #[cfg_attr(feature = "openapi", schema(required = true))]
         lasted_ms: Option<u64>,
+    },
+    /// Somebody acknowledged an alarm. Nothing changed at the robot.
+    AlarmAcknowledged {
+        /// The number of the alarm.
+        alarm: u64,
+        /// Its code.
+        code: u32,
+        /// Its meaning, in a few words.
+        text: String,
+        /// Who acknowledged it.
+        by: String,
+        /// What they said; `null` if nothing.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        comment: Option<String>,
+    },
+    /// The alarms of a code were shelved. Nothing changed at the robot. The end of the time has no event.
+    AlarmShelved {
+        /// The code.
+        code: u32,
+        /// Its meaning, in a few words.
+        text: String,
+        /// Who shelved it.
+        by: String,
+        /// Until when.
+        until: String,
+        /// Why.
+        reason: String,
+    },
+    /// The alarms of a code were taken from the shelf.
+    AlarmUnshelved {
+        /// The code.
+        code: u32,
+        /// Its meaning, in a few words.
+        text: String,
+        /// Who took it away.
+        by: String,
     },
     /// `curMode` changed.
     ModeChanged {
@@ -411,6 +447,39 @@ pub enum Deed {
     },
     /// The robot was removed.
     RobotRemoved {},
+    /// An alarm was acknowledged.
+    AlarmAcknowledged {
+        /// Its number.
+        alarm: u64,
+        /// Its code.
+        code: u32,
+        /// What was said about it; `null` if nothing.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        comment: Option<String>,
+    },
+    /// The alarms of a code were shelved.
+    AlarmShelved {
+        /// The code.
+        code: u32,
+        /// Until when.
+        until: String,
+        /// Why.
+        reason: String,
+    },
+    /// The alarms of a code were taken from the shelf.
+    AlarmUnshelved {
+        /// The code.
+        code: u32,
+    },
+    /// The settings of the hall are these from now on.
+    SettingsChanged {
+        /// The number of their version.
+        version: u64,
+        /// The time zone.
+        time_zone: String,
+        /// The shifts.
+        shifts: Vec<Shift>,
+    },
     /// A version of a program was stored.
     ProgramStored {
         /// The name of the program.

@@ -165,8 +165,12 @@ pub struct HistoryEvent {
     /// Its id, which does not change: the number of its day, that of the file of this day, that in the file.
     #[cfg_attr(feature = "openapi", schema(example = "20782-1-57"))]
     pub id: String,
-    /// When the value that shows it was asked for.
+    /// When the value that shows it was asked for; never before the time of the event before it.
     pub time: String,
+    /// When the value was asked for, if that is before the time of an event that was noticed earlier; absent
+    /// otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub true_time: Option<String>,
     /// What.
     #[serde(flatten)]
     pub happened: Happened,

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::ShiftSpan;
+
 /// What a robot did in a range of time. Time that the gateway did not see is counted as unseen, never as
 /// anything else.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -13,6 +15,9 @@ pub struct Production {
     pub from: String,
     /// Its end, which does not belong to it.
     pub to: String,
+    /// The shift whose figures these are; absent if no shift was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shift: Option<ShiftSpan>,
     /// How much of the range was seen.
     pub seen_ms: f64,
     /// How much was not. Both together are the range.
@@ -33,6 +38,31 @@ pub struct Production {
     pub kept_until: Option<String>,
     /// How many chunks, events and files of the range cannot be read.
     pub unreadable: u64,
+}
+
+/// What a robot did in each shift that begins in a range of time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct ProductionByShift {
+    /// The robot.
+    pub robot: String,
+    /// The begin of the range.
+    pub from: String,
+    /// Its end, which does not belong to it.
+    pub to: String,
+    /// The figures of each shift, whole or up to now, in the order of time.
+    pub shifts: Vec<Production>,
+}
+
+/// The figures of one range, or of each shift with `by=shift`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(untagged)]
+pub enum ProductionFigures {
+    /// Of one range or one shift.
+    One(Box<Production>),
+    /// Of each shift.
+    ByShift(ProductionByShift),
 }
 
 /// The time in each state. All together are `seen_ms`.

@@ -67,6 +67,7 @@ pub fn serve_gateway(robots: &[String]) {
         robot_settings: RobotSettings::default(),
         raw: Vec::new(),
         raw_policy: RawPolicy::default(),
+        hall: None,
         history: HistorySettings::default(),
         names: Vec::new(),
         tls: TlsSettings::Off,

@@ -21,5 +21,6 @@ pub mod merge;
 mod packed;
 pub mod sample;
 pub mod tail;
+pub mod turns;
 pub mod waiting;
 pub mod wall;

@@ -236,12 +236,12 @@ mod tests {
     }
 
     fn event(time: i64, observed: Observed) -> Event {
-        Event { time: Micros(time), observed }
+        Event::new(Micros(time), observed)
     }
 
     fn unseen(from: Option<i64>, to: i64) -> Event {
         let (from, to) = (from.map(Micros), Micros(to));
-        Event { time: to, observed: Observed::Unseen { from, to, because: UnseenBecause::Link } }
+        Event::new(to, Observed::Unseen { from, to, because: UnseenBecause::Link })
     }
 
     fn cycle(time: i64, ms: u64) -> Event {

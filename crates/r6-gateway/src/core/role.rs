@@ -14,6 +14,10 @@ pub enum Right {
     Stop,
     /// Hold the lease, and with it send commands that change or move.
     Command,
+    /// Acknowledge an alarm. It needs no lease.
+    AcknowledgeAlarm,
+    /// Shelve the alarms of a code for a time.
+    ShelveAlarm,
     /// Accept another robot at an address.
     AcceptIdentity,
     /// Read the audit log.
@@ -26,6 +30,8 @@ pub enum Right {
     Configure,
     /// Change users and tokens. It is for no robot, so a grant for one robot never has it.
     ManageUsers,
+    /// Change the settings of the hall. It is for no robot, so a grant for one robot never has it.
+    ManageSettings,
 }
 
 impl Right {
@@ -44,9 +50,11 @@ impl Right {
     pub fn lowest_role(self) -> Role {
         match self {
             Self::Read => Role::Viewer,
-            Self::Stop | Self::Command => Role::Operator,
-            Self::AcceptIdentity | Self::ReadAudit | Self::StorePrograms => Role::Engineer,
-            Self::TakeLease | Self::Configure | Self::ManageUsers => Role::Admin,
+            Self::Stop | Self::Command | Self::AcknowledgeAlarm => Role::Operator,
+            Self::AcceptIdentity | Self::ReadAudit | Self::StorePrograms | Self::ShelveAlarm => {
+                Role::Engineer
+            }
+            Self::TakeLease | Self::Configure | Self::ManageUsers | Self::ManageSettings => Role::Admin,
         }
     }
 }
@@ -84,18 +92,27 @@ mod tests {
             Right::Read,
             Right::Stop,
             Right::Command,
+            Right::AcknowledgeAlarm,
+            Right::ShelveAlarm,
             Right::AcceptIdentity,
             Right::ReadAudit,
             Right::StorePrograms,
             Right::TakeLease,
             Right::Configure,
             Right::ManageUsers,
+            Right::ManageSettings,
         ];
         for (role, allowed) in [
-            (Role::Viewer, [true, false, false, false, false, false, false, false, false]),
-            (Role::Operator, [true, true, true, false, false, false, false, false, false]),
-            (Role::Engineer, [true, true, true, true, true, true, false, false, false]),
-            (Role::Admin, [true; 9]),
+            (
+                Role::Viewer,
+                [true, false, false, false, false, false, false, false, false, false, false, false],
+            ),
+            (
+                Role::Operator,
+                [true, true, true, true, false, false, false, false, false, false, false, false],
+            ),
+            (Role::Engineer, [true, true, true, true, true, true, true, true, false, false, false, false]),
+            (Role::Admin, [true; 12]),
         ] {
             let all = Grant { role, only: None };
             let one = Grant { role, only: RobotName::new("press") };

@@ -18,6 +18,7 @@ use r6_proto::{Address, OperationMode, Reading};
 
 use super::history::event::{Event, Observed};
 use super::history::sample::{MAX_TEXT, Micros};
+use super::history::turns::Turns;
 
 /// A value that a poll has read.
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +76,8 @@ pub struct Watcher {
     cycle: Slot<cycle::Reading>,
     /// Whether a mode was read since the last reading of the cycle in which no program runs.
     has_stood: bool,
+    /// Where events stand.
+    turns: Turns,
 }
 
 /// The last reading of any value.
@@ -147,6 +150,7 @@ impl Watcher {
             counter: Slot(None),
             cycle: Slot(None),
             has_stood: false,
+            turns: Turns::default(),
         }
     }
 
@@ -158,11 +162,11 @@ impl Watcher {
         let (Some(first), Some(newest)) =
             (poll.iter().min_by_key(|value| value.at), poll.iter().max_by_key(|value| value.at))
         else {
-            return out;
+            return Vec::new();
         };
         // A late reply of an earlier connection says nothing about now.
         if self.last.is_some_and(|last| connection < last.connection) {
-            return out;
+            return Vec::new();
         }
         self.arrive(connection, first, &mut out);
         if self.last.is_none_or(|last| newest.at > last.at || connection > last.connection) {
@@ -180,13 +184,13 @@ impl Watcher {
         if let Some((_, from)) = self.unread.take() {
             unseen(Some(from), newest, UnseenBecause::Unread, &mut out);
         }
-        out
+        out.into_iter().map(|(at, event)| self.turns.place(at, event)).collect()
     }
 
-    /// Another robot answers in place of this one, as was noticed at this time. What it says is not taken in.
-    /// Returns that from the last reading on nothing of this robot was seen, once.
+    /// Another robot answers in place of this one, as was noticed now, at this time of day. What it says is
+    /// not taken in. Returns that from the last reading on nothing of this robot was seen, once.
     #[must_use]
-    pub fn replaced(&mut self, time: Micros) -> Option<Event> {
+    pub fn replaced(&mut self, now: Instant, time: Micros) -> Option<Event> {
         if std::mem::replace(&mut self.is_replaced, true) {
             return None;
         }
@@ -197,7 +201,8 @@ impl Watcher {
             (None, Before::Never) => return None,
         };
         let because = UnseenBecause::AnotherRobot;
-        Some(Event { time, observed: Observed::Unseen { from, to: time, because } })
+        let event = Event::new(time, Observed::Unseen { from, to: time, because });
+        Some(self.turns.place(now, event))
     }
 
     /// Looks whether a reading is overdue.
@@ -208,7 +213,7 @@ impl Watcher {
             return None;
         }
         self.is_lost = true;
-        Some(Event { time, observed: Observed::LinkLost {} })
+        Some(self.turns.place(now, Event::new(time, Observed::LinkLost {})))
     }
 
     /// Readings were lost since the last one: the next one is a new beginning.
@@ -217,7 +222,7 @@ impl Watcher {
     }
 
     /// Looks whether this reading follows the one before.
-    fn arrive(&mut self, connection: u64, first: &Value<'_>, out: &mut Vec<Event>) {
+    fn arrive(&mut self, connection: u64, first: &Value<'_>, out: &mut Vec<(Instant, Event)>) {
         let was_replaced = std::mem::take(&mut self.is_replaced);
         let Some(last) = self.last else {
             // What was lost before the first reading is within what was not seen.
@@ -230,11 +235,11 @@ impl Watcher {
         };
         let is_new = connection != last.connection;
         if is_new && !self.is_lost {
-            out.push(Event { time: first.time, observed: Observed::LinkLost {} });
+            out.push((first.at, Event::new(first.time, Observed::LinkLost {})));
         }
         let was_lost = std::mem::take(&mut self.is_lost) || is_new;
         if was_lost {
-            out.push(Event { time: first.time, observed: Observed::LinkBack {} });
+            out.push((first.at, Event::new(first.time, Observed::LinkBack {})));
         }
         let has_missed = std::mem::take(&mut self.has_missed);
         let is_late = first.at.since(last.at) > self.mode_late;
@@ -275,16 +280,16 @@ impl Watcher {
         }
     }
 
-    fn mode(&mut self, value: &Value<'_>, out: &mut Vec<Event>) {
+    fn mode(&mut self, value: &Value<'_>, out: &mut Vec<(Instant, Event)>) {
         let Some(Reading::Integer(to)) = value.reading else { return };
         self.has_stood |= !is_running(*to);
         let before = self.follow(|watcher| (&mut watcher.mode, watcher.mode_late), value, |_| *to);
         if let Some(from) = before.filter(|from| from != to) {
-            out.push(Event { time: value.time, observed: Observed::ModeChanged { from, to: *to } });
+            out.push((value.at, Event::new(value.time, Observed::ModeChanged { from, to: *to })));
         }
     }
 
-    fn alarm(&mut self, value: &Value<'_>, out: &mut Vec<Event>) {
+    fn alarm(&mut self, value: &Value<'_>, out: &mut Vec<(Instant, Event)>) {
         let Some(Reading::Integer(code)) = value.reading else { return };
         let Ok(code) = u32::try_from(*code) else { return };
         let next = |before: Option<&Alarm>| match before {
@@ -298,14 +303,14 @@ impl Watcher {
             let lasted = before.since.map(|since| value.at.since(since).as_millis());
             let lasted_ms = lasted.and_then(|lasted| u64::try_from(lasted).ok());
             let observed = Observed::AlarmEnded { code: before.code, lasted_ms };
-            out.push(Event { time: value.time, observed });
+            out.push((value.at, Event::new(value.time, observed)));
         }
         if code != 0 {
-            out.push(Event { time: value.time, observed: Observed::AlarmBegan { code } });
+            out.push((value.at, Event::new(value.time, Observed::AlarmBegan { code })));
         }
     }
 
-    fn program(&mut self, value: &Value<'_>, out: &mut Vec<Event>) {
+    fn program(&mut self, value: &Value<'_>, out: &mut Vec<(Instant, Event)>) {
         let Some(Reading::Text(to)) = value.reading else { return };
         // Longer texts are not kept in samples either.
         if to.len() > MAX_TEXT {
@@ -313,11 +318,11 @@ impl Watcher {
         }
         let before = self.follow(|watcher| (&mut watcher.program, watcher.late), value, |_| to.clone());
         if let Some(from) = before.filter(|from| from != to) {
-            out.push(Event { time: value.time, observed: Observed::ProgramChanged { from, to: to.clone() } });
+            out.push((value.at, Event::new(value.time, Observed::ProgramChanged { from, to: to.clone() })));
         }
     }
 
-    fn parts(&mut self, value: &Value<'_>, out: &mut Vec<Event>) {
+    fn parts(&mut self, value: &Value<'_>, out: &mut Vec<(Instant, Event)>) {
         let (Some(Reading::Counter(read)), Address::Counter(counter)) = (value.reading, value.address) else {
             return;
         };
@@ -331,10 +336,10 @@ impl Watcher {
             // It went back, or it jumped by more than any counter counts.
             Some(_) | None => Observed::PartsReset { counter, from, to: total },
         };
-        out.push(Event { time: value.time, observed });
+        out.push((value.at, Event::new(value.time, observed)));
     }
 
-    fn cycle(&mut self, last: &Value<'_>, current: Option<&Value<'_>>, out: &mut Vec<Event>) {
+    fn cycle(&mut self, last: &Value<'_>, current: Option<&Value<'_>>, out: &mut Vec<(Instant, Event)>) {
         let Some(Reading::Decimal(seconds)) = last.reading else { return };
         let current = current.filter(|current| current.at == last.at).and_then(|current| {
             if let Some(Reading::Decimal(seconds)) = current.reading { Some(*seconds) } else { None }
@@ -349,13 +354,13 @@ impl Watcher {
         let Some(done) = cycle::between(&before, &now) else { return };
         let cycle::Done { count, at_least, ms, ended_before } = done;
         let at = last.time.after(last.by.since(last.at)).before(ended_before).kept();
-        out.push(Event { time: last.time, observed: Observed::CycleDone { count, at_least, ms, at } });
+        out.push((last.at, Event::new(last.time, Observed::CycleDone { count, at_least, ms, at })));
     }
 }
 
-fn unseen(from: Option<Micros>, value: &Value<'_>, because: UnseenBecause, out: &mut Vec<Event>) {
+fn unseen(from: Option<Micros>, value: &Value<'_>, because: UnseenBecause, out: &mut Vec<(Instant, Event)>) {
     let observed = Observed::Unseen { from, to: value.time, because };
-    out.push(Event { time: value.time, observed });
+    out.push((value.at, Event::new(value.time, observed)));
 }
 
 /// Whether a program runs by itself in this mode.

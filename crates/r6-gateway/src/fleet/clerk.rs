@@ -25,7 +25,10 @@ pub async fn work(station: Arc<Station>, mut end: watch::Receiver<bool>) {
             () = station.to_write.notified(), if !store_failed => store_failed = !write(&station).await,
             () = tokio::time::sleep(wait) => {
                 station.seat(|seat, now| seat.handle_timeout(now));
-                store_failed = store_failed && !write(&station).await;
+                // At most once a second, also for alarms that come and go at each reading.
+                if station.tidy_alarms() || store_failed {
+                    store_failed = !write(&station).await;
+                }
             }
             () = ended(&mut end) => break,
         }
@@ -44,7 +47,8 @@ pub(super) async fn ended(end: &mut watch::Receiver<bool>) {
 async fn write(station: &Station) -> bool {
     let written = async {
         station.write_pending().await?;
-        station.save().await
+        station.save().await?;
+        station.save_alarms().await
     };
     match written.await {
         Ok(()) => true,

@@ -58,7 +58,7 @@ impl<'s> Observer<'s> {
 
     /// Another robot answers in place of this one.
     pub fn replaced(&mut self, now: Instant, time: impl Fn(Instant) -> Micros) -> Option<Event> {
-        let event = self.watcher.replaced(time(now).kept());
+        let event = self.watcher.replaced(now, time(now).kept());
         self.publish(now, event.as_slice());
         event
     }
@@ -71,7 +71,7 @@ impl<'s> Observer<'s> {
     fn publish(&mut self, now: Instant, events: &[Event]) {
         // The seat publishes the link: it knows sooner.
         let news = events.iter().filter(|event| !matches!(event.kind(), Kind::LinkLost | Kind::LinkBack));
-        for Event { time, observed } in news.cloned() {
+        for Event { time, observed, .. } in news.cloned() {
             // What the seat publishes, such as leases, has no limit: persons make that, not values.
             let passage = self.flood.event(now);
             if passage != Passage::Told {

@@ -86,11 +86,13 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
             }
             if answers == Answers::Another {
                 // Its values are not those of this robot.
+                station.replace_alarms();
                 let event = observer.replaced(at, time);
                 feed.iter_mut().for_each(|feed| feed.replaced(event.iter().cloned().collect(), at));
                 continue;
             }
             let events = observer.take(at, &values, time);
+            station.read_alarm(at, &values, &events, time);
             if let Some(feed) = &mut feed {
                 feed.note(events);
                 feed.take(at, values);

@@ -12,7 +12,7 @@ use r6_api::gateway::{AuditRecord, Deed, Happened, LeaseEnd, ManagedBy};
 use r6_client::{Address, RobotSettings};
 
 use super::config::RobotConfig;
-use super::station::{By, millis};
+use super::station::{By, Kept, millis};
 use super::{Fleet, Post, Work, link};
 use crate::clock;
 use crate::core::name::RobotName;
@@ -161,7 +161,9 @@ impl Fleet {
 
     async fn add(&self, robot: RobotConfig) -> Result<(), Problem> {
         let name = robot.name.clone();
-        let saved = self.shared.keeper.seat(name.clone()).await?;
+        let keeper = &self.shared.keeper;
+        let (seat, alarms) = (keeper.seat(name.clone()).await?, keeper.alarms(name.clone()).await?);
+        let saved = Kept { seat, alarms };
         let post = Post::start(robot, saved, &self.shared);
         post.station.publish(Happened::RobotAdded {});
         {

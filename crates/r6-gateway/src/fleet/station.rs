@@ -16,6 +16,7 @@ use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
 
 use crate::clock;
+use crate::core::alarms;
 use crate::core::live::follower::{Step, Top};
 use crate::core::live::numbers::Span;
 use crate::core::name::RobotName;
@@ -23,6 +24,7 @@ use crate::core::raw::fresh::Freshness;
 use crate::core::seat::{Noticed, Saved, Seat};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
+use crate::fleet::desk::Desk;
 use crate::history::Recorder;
 use crate::live::board::Board;
 use crate::live::news::News;
@@ -106,6 +108,15 @@ impl Shared {
     }
 }
 
+/// What the store has of a robot.
+#[derive(Clone, Debug, Default)]
+pub struct Kept {
+    /// Of its seat.
+    pub seat: Saved,
+    /// Of its alarms.
+    pub alarms: alarms::Saved,
+}
+
 /// Who asks for something.
 #[derive(Clone, Debug)]
 pub struct By {
@@ -138,6 +149,8 @@ pub struct Station {
     pub counts: Counts,
     held: Mutex<Held>,
     board: Mutex<Board>,
+    /// Its alarms.
+    pub(super) desk: Desk,
     /// The client's handle, once there was a connection to the present address.
     pub(super) robot: watch::Sender<Option<Robot>>,
     /// Wakes the task that keeps the connection.
@@ -178,7 +191,8 @@ struct Held {
 impl Station {
     /// A robot as it was saved.
     #[must_use]
-    pub fn new(config: RobotConfig, saved: Saved, shared: Arc<Shared>) -> Self {
+    pub fn new(config: RobotConfig, saved: Kept, shared: Arc<Shared>) -> Self {
+        let Kept { seat: saved, alarms } = saved;
         let seat = Seat::new(saved.clone(), FRESH_FOR);
         let held = Held { seat, permission: Permission::new(), stored: saved, pending: VecDeque::new() };
         Self {
@@ -188,6 +202,7 @@ impl Station {
             shared,
             counts: Counts::default(),
             held: Mutex::new(held),
+            desk: Desk::new(alarms),
             robot: watch::Sender::new(None),
             try_now: Notify::new(),
             to_write: Notify::new(),

@@ -18,7 +18,7 @@ use super::recorder::Batch;
 use crate::core::history::block::{OpenBlocks, Write};
 use crate::core::history::event::{Event, Observed};
 use crate::core::history::sample::{Interval, Micros, Sample, State};
-use crate::core::history::tail;
+use crate::core::history::{tail, turns};
 use crate::core::name::RobotName;
 use crate::core::watch::Before;
 use crate::store::StoreError;
@@ -91,6 +91,8 @@ pub(super) struct Journal<S> {
     is_recovered: bool,
     /// When each robot was read last.
     seen: BTreeMap<RobotName, Micros>,
+    /// Where the last event of each robot stands.
+    last_events: BTreeMap<RobotName, Micros>,
     /// Whether there are files that were not looked through for that.
     has_older: bool,
     /// How much was written since the size of the files was looked at.
@@ -112,6 +114,7 @@ impl<S: HistoryStore> Journal<S> {
             events_size: 0,
             is_recovered: false,
             seen: BTreeMap::new(),
+            last_events: BTreeMap::new(),
             has_older: false,
             // The limits are looked at before the first write.
             written: u64::MAX,
@@ -123,7 +126,9 @@ impl<S: HistoryStore> Journal<S> {
     pub fn take(&mut self, now: Instant, batch: Batch) {
         let Batch { robot, time, interval, samples, events, counts } = batch;
         self.note_seen(&robot, time);
+        let mut last_event = self.last_events.get(&robot).copied();
         let is_full = self.size >= self.settings.memory && self.counts.paused.load(Ordering::Relaxed);
+        let name = robot.clone();
         let entry = self.robots.entry(robot);
         let robot = entry.or_insert_with(|| Robot {
             blocks: OpenBlocks::default(),
@@ -137,9 +142,11 @@ impl<S: HistoryStore> Journal<S> {
         let most = self.settings.memory / EVENT_SHARE;
         let gap = robot.events_lost.take_if(|_| self.events_size < most).map(|from| {
             let because = UnseenBecause::Lost;
-            Event { time, observed: Observed::Unseen { from: Some(from), to: time, because } }
+            Event::new(time, Observed::Unseen { from: Some(from), to: time, because })
         });
         for event in gap.into_iter().chain(events) {
+            let event = turns::behind(last_event, event);
+            last_event = Some(event.time);
             if self.events_size >= most {
                 robot.counts.lose_events(1);
                 robot.events_lost.get_or_insert(event.time);
@@ -148,6 +155,12 @@ impl<S: HistoryStore> Journal<S> {
             robot.counts.keep_events(1);
             self.events_size += event.size();
             robot.events.push(event);
+        }
+        if let Some(last) = last_event {
+            if self.last_events.len() >= MAX_SEEN && !self.last_events.contains_key(&name) {
+                self.last_events.pop_first();
+            }
+            self.last_events.insert(name, last);
         }
         if is_full {
             robot.counts.lose(samples.len() as u64);

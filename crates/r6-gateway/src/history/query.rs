@@ -26,6 +26,8 @@ use crate::store::StoreError;
 use crate::store::history::{Ask, Days, Entry, HistoryStore, Part};
 use series::Series;
 
+#[cfg(test)]
+pub use events::answer as events_of;
 pub use events::{EventAnswer, EventPlace, EventQuestion};
 pub use production::{Opens, ProductionAnswer, ProductionQuestion};
 
@@ -105,14 +107,15 @@ impl Reader {
         self.work(permit, move |store| events::answer(store, &question)).await
     }
 
-    /// Figures of production, computed in a thread of its own.
+    /// Figures of production in several ranges of one robot, in the order of time, computed in a thread of
+    /// its own.
     pub async fn production(
         &self,
         permit: OwnedSemaphorePermit,
-        question: ProductionQuestion,
+        questions: Vec<ProductionQuestion>,
         open: Opens,
-    ) -> Result<ProductionAnswer, StoreError> {
-        self.work(permit, move |store| production::answer(store, &question, open)).await
+    ) -> Result<Vec<ProductionAnswer>, StoreError> {
+        self.work(permit, move |store| production::answers(store, &questions, &open)).await
     }
 
     /// Answers in a thread of its own. `open` are the samples that are not in the files; they are asked for

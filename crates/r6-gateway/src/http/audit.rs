@@ -3,7 +3,6 @@
 use axum::Json;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State as Of};
-use axum::http::StatusCode;
 use r6_api::gateway::{Audit, AuditEntry};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
@@ -13,7 +12,8 @@ use utoipa::IntoParams;
 use super::State;
 use super::caller::Caller;
 use super::described::OfRight;
-use super::refusal;
+use super::range::check_limit;
+use super::refusal::{self, bad_value};
 use crate::core::role::Right;
 use crate::problem;
 use crate::store::MAX_PAGE;
@@ -51,11 +51,8 @@ pub async fn page(
     let grant = caller.grant();
     let own = grant.only.as_ref().map_or("", |only| only.as_str());
     caller.must(Right::ReadAudit, own)?;
-    let bad_value = |message: String| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadValue, message);
     let Query(Page { after, limit }) = page.map_err(|error| bad_value(error.body_text()))?;
-    if !(1..=MAX_PAGE).contains(&limit) {
-        return Err(bad_value(format!("limit is from 1 to {MAX_PAGE}")));
-    }
+    check_limit(limit, MAX_PAGE)?;
     // SQLite takes signed numbers only. No log gets that long.
     let after = after.min(u64::MAX >> 1);
     let entries = state.shared.keeper.entries(after, limit).await;

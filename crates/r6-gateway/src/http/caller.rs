@@ -211,12 +211,18 @@ needs! {
     Stop
     /// Holding the lease.
     Command
+    /// Acknowledging an alarm.
+    AcknowledgeAlarm
+    /// Shelving the alarms of a code.
+    ShelveAlarm
     /// Accepting another robot.
     AcceptIdentity
     /// Adding, changing and removing robots.
     Configure
     /// Changing users and tokens.
     ManageUsers
+    /// Changing the settings of the hall.
+    ManageSettings
     /// Storing and removing programs.
     StorePrograms
 }

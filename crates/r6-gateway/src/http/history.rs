@@ -1,9 +1,8 @@
 //! The history of a robot: its values, and what happened to it ([`events`]).
 
-mod csv;
 pub mod events;
 
-use std::time::{Duration, UNIX_EPOCH};
+use std::time::Duration;
 
 use axum::Json;
 use axum::extract::rejection::QueryRejection;
@@ -21,8 +20,10 @@ use utoipa::IntoParams;
 
 use super::State;
 use super::caller::{Read, Robot};
+use super::csv;
 use super::described::OfRight;
-use super::refusal;
+use super::range::{Lengths, check_limit, shown};
+use super::refusal::{self, bad_value};
 use crate::clock::{self, text};
 use crate::core::history::buckets::Bucket;
 use crate::core::history::sample::{Micros, Sample};
@@ -33,11 +34,12 @@ use crate::history::query::{Answer, Question};
 /// The most samples or buckets of one answer: a megabyte of JSON.
 const MAX_LIMIT: usize = 10_000;
 
-/// The range if no begin is given.
-const USUAL_RANGE: Duration = Duration::from_secs(3600);
-
-/// The longest range: ten years.
-const LONGEST_RANGE: Duration = Duration::from_secs(10 * 366 * 86_400);
+/// An hour if no begin is given, and ten years at most.
+const LENGTHS: Lengths = Lengths {
+    usual: Duration::from_secs(3600),
+    longest: Duration::from_secs(10 * 366 * 86_400),
+    longest_words: "ten years",
+};
 
 /// The narrowest bucket: robots are read every 20 ms at most.
 const NARROWEST_BUCKET: Duration = Duration::from_millis(1);
@@ -115,9 +117,7 @@ pub async fn show(
     let answer = recorder.reader().answer(permit, question.clone(), open).await;
     let answer = answer.map_err(|error| refusal::of(error.into()))?;
     if answer.is_too_wide {
-        return Err(bad_value(
-            "a bucket of this width has too many samples: ask for a narrower one".to_owned(),
-        ));
+        return Err(bad_value("a bucket of this width has too many samples: ask for a narrower one"));
     }
     let page = page(&robot.station, &question, answer);
     if !wants_csv(&headers) {
@@ -128,7 +128,7 @@ pub async fn show(
 
 /// The history of this gateway.
 pub(super) fn recorder(state: &State) -> Result<&Recorder, Refusal> {
-    let off = || bad_value("the file of this gateway says that no history is kept".to_owned());
+    let off = || bad_value("the file of this gateway says that no history is kept");
     state.shared.history.as_ref().ok_or_else(off)
 }
 
@@ -141,19 +141,15 @@ pub(super) fn permit(recorder: &Recorder) -> Result<OwnedSemaphorePermit, Refusa
 }
 
 /// A table, and the place where it goes on.
-fn table(table: String, next_cursor: Option<String>) -> Response {
+pub(super) fn table(table: String, next_cursor: Option<String>) -> Response {
     let mut response = ([(CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], table).into_response();
     let next = next_cursor.and_then(|cursor| HeaderValue::from_str(&cursor).ok());
     response.headers_mut().extend(next.map(|next| (NEXT_CURSOR, next)));
     response
 }
 
-pub(super) fn bad_value(message: String) -> Refusal {
-    Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadValue, message)
-}
-
 /// Whether the caller wants a table. Without a wish it is JSON.
-fn wants_csv(headers: &HeaderMap) -> bool {
+pub(super) fn wants_csv(headers: &HeaderMap) -> bool {
     let accept = headers.get(ACCEPT).and_then(|accept| accept.to_str().ok()).unwrap_or_default();
     let is_wanted =
         |kind: &&str| kind.split(';').all(|part| part.trim().trim_end_matches(['0', '.']) != "q=");
@@ -167,19 +163,8 @@ fn question(range: Range, station: &Station, recorder: &Recorder) -> Result<Ques
     let address = Address::parse(&range.signal)
         .map_err(|_| bad_value(format!("`{}` is no query address", shown(&range.signal))))?;
     let now = recorder.time(clock::now());
-    let to = time("to", range.to.as_deref())?.unwrap_or(now);
-    let from = time("from", range.from.as_deref())?.unwrap_or_else(|| to.min(now).before(USUAL_RANGE));
-    // Without `from` the range moves on with the time, and the place to read on at may be left of it by now.
-    let place = range.cursor.as_ref().and_then(|text| text.strip_prefix('t')?.parse().ok()).map(Micros);
-    let from = place
-        .filter(|place| range.from.is_none() && to.before(LONGEST_RANGE) < *place)
-        .map_or(from, |place| from.min(place));
-    let wanted = to;
-    // There is nothing behind now.
-    let to = to.min(now).max(from);
-    if from > wanted || to.before(LONGEST_RANGE) > from {
-        return Err(bad_value("from is a time before to, and at most ten years before".to_owned()));
-    }
+    let cursor = range.cursor.as_ref().and_then(|text| text.strip_prefix('t')?.parse().ok()).map(Micros);
+    let of_time = LENGTHS.range((range.from.as_deref(), range.to.as_deref()), cursor, now)?;
     let bucket = range.bucket.as_ref().map(|text| {
         let width = humantime::parse_duration(text)
             .ok()
@@ -187,15 +172,10 @@ fn question(range: Range, station: &Station, recorder: &Recorder) -> Result<Ques
         let width = width.and_then(|width| i64::try_from(width.as_micros()).ok());
         width.ok_or_else(|| bad_value(format!("bucket: `{}` is not a width such as 10s or 1m", shown(text))))
     });
-    if !(1..=MAX_LIMIT).contains(&range.limit) {
-        return Err(bad_value(format!("limit is from 1 to {MAX_LIMIT}")));
-    }
-    let cursor = range.cursor.as_ref().map(|text| {
-        let place = text.strip_prefix('t').and_then(|text| text.parse().ok()).map(Micros);
-        let place = place.filter(|place| (from..=to).contains(place));
-        place.ok_or_else(|| bad_value(format!("`{}` is no cursor of this range", shown(text))))
-    });
-    let (bucket, cursor) = (bucket.transpose()?, cursor.transpose()?);
+    check_limit(range.limit, MAX_LIMIT)?;
+    of_time.check_cursor(range.cursor.as_deref(), cursor)?;
+    let bucket = bucket.transpose()?;
+    let super::range::Range { from, to } = of_time;
     let robot = station.config().name;
     Ok(Question { robot, address, from, to, bucket, limit: range.limit, cursor })
 }
@@ -230,26 +210,6 @@ fn page(station: &Station, question: &Question, answer: Answer) -> History {
         unreadable_chunks: answer.unreadable,
         next_cursor: answer.next.map(|next| format!("t{}", next.0)),
     }
-}
-
-/// What a caller wrote, for the answer.
-fn shown(text: &str) -> String {
-    text.chars().take(48).collect()
-}
-
-/// A time of a query.
-pub(super) fn time(name: &str, text: Option<&str>) -> Result<Option<Micros>, Refusal> {
-    let read = |text| {
-        let shown = shown(text);
-        let wrong = || bad_value(format!("{name}: `{shown}` is not a time such as 2026-11-25T06:00:00Z"));
-        instant(text).ok_or_else(wrong)
-    };
-    text.map(read).transpose()
-}
-
-fn instant(text: &str) -> Option<Micros> {
-    let time = humantime::parse_rfc3339(text).ok()?.duration_since(UNIX_EPOCH).ok()?;
-    i64::try_from(time.as_micros()).ok().map(Micros)
 }
 
 #[cfg(test)]

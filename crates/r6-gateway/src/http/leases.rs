@@ -10,10 +10,9 @@ use r6_http::Refusal;
 use super::body::{Json, key};
 use super::caller::{Command, Robot};
 use super::described::{OfBody, OfChange};
-use super::refusal;
+use super::refusal::{self, bad_value};
 use crate::core::role::Right;
 use crate::core::seat::{LONGEST_LEASE, SHORTEST_LEASE, USUAL_LEASE};
-use crate::problem;
 
 /// The longest reason for taking a lease, in bytes.
 const MAX_REASON: usize = 200;
@@ -44,7 +43,7 @@ pub async fn acquire(
     let lasts = duration_ms.map_or(USUAL_LEASE, Duration::from_millis);
     if !(SHORTEST_LEASE..=LONGEST_LEASE).contains(&lasts) {
         let [shortest, longest] = [SHORTEST_LEASE, LONGEST_LEASE].map(|lasts| lasts.as_millis());
-        return Err(bad_value(&format!("duration_ms is from {shortest} to {longest}")));
+        return Err(bad_value(format!("duration_ms is from {shortest} to {longest}")));
     }
     let (station, by) = (robot.station, robot.caller.by());
     let lease = match (renew, take_because) {
@@ -52,7 +51,7 @@ pub async fn acquire(
         (Some(held), None) => key(&held).and_then(|key| station.renew(key, lasts)).map_err(refusal::of)?,
         (None, Some(because)) => {
             if because.trim().is_empty() || because.len() > MAX_REASON {
-                return Err(bad_value(&format!("take_because is a reason of 1 to {MAX_REASON} bytes")));
+                return Err(bad_value(format!("take_because is a reason of 1 to {MAX_REASON} bytes")));
             }
             if let Err(refused) = robot.caller.must(Right::TakeLease, station.name()) {
                 station.note_refused(&by, "take the lease", Code::NotAllowed);
@@ -87,8 +86,4 @@ pub async fn acquire(
 pub async fn release(robot: Robot<Command>, Json(held): Json<WithLease>) -> Result<StatusCode, Refusal> {
     let released = key(&held.lease).and_then(|key| robot.station.release(key));
     released.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
-}
-
-fn bad_value(message: &str) -> Refusal {
-    refusal::of(problem::Problem::new(Code::BadValue, message))
 }

@@ -3,9 +3,8 @@
 use axum::Json;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State as Of};
-use axum::http::header::{ETAG, IF_MATCH, IF_NONE_MATCH};
-use axum::http::{HeaderMap, HeaderName, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
 use r6_api::gateway::{
     PlanRequest, ProgramChecked, ProgramPlan, ProgramText, ProgramVersion, ProgramVersions, ProgramWanted,
     Programs, StoredProgram,
@@ -17,13 +16,14 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use utoipa::IntoParams;
 
+use super::State;
 use super::body::WithProgram;
 use super::caller::{Caller, Manager, StorePrograms};
 use super::described::{OfBody, OfChange, OfToken};
-use super::{State, refusal};
-use crate::core::library::{Condition, ProgramName};
+use super::etag::{condition, with_etag};
+use super::refusal::{self, bad_value};
+use crate::core::library::ProgramName;
 use crate::core::role::Right;
-use crate::problem;
 use crate::programs::plan::Wish;
 use crate::programs::{check as checking, model, plan as planning};
 use crate::store::{Kept, NewVersion};
@@ -98,7 +98,7 @@ fn wish(caller: &Caller, state: &State, request: PlanRequest) -> Result<Wish, Re
     }
     let global_speed = global_speed_percent.unwrap_or(100.0);
     if !(global_speed > 0.0 && global_speed <= 100.0) {
-        return Err(bad_value("global_speed_percent is above 0 and at most 100".to_owned()));
+        return Err(bad_value("global_speed_percent is above 0 and at most 100"));
     }
     let sample_ms = sample_ms.unwrap_or(USUAL_SAMPLE_MS);
     let (shortest, longest) = SAMPLE_MS;
@@ -315,10 +315,6 @@ pub async fn remove(
     removed.map(|()| StatusCode::NO_CONTENT).map_err(|error| refusal::of(error.into()))
 }
 
-fn bad_value(message: String) -> Refusal {
-    refusal::of(problem::Problem::new(Code::BadValue, message))
-}
-
 fn no_such(name: &ProgramName) -> Refusal {
     Refusal::not_found(Code::NoSuchProgram, format!("there is no program `{name}`, or not this version"))
 }
@@ -327,22 +323,6 @@ fn no_such(name: &ProgramName) -> Refusal {
 fn known(path: Result<Path<String>, PathRejection>) -> Result<ProgramName, Refusal> {
     let name = path.ok().and_then(|Path(name)| ProgramName::new(&name));
     name.ok_or_else(|| Refusal::not_found(Code::NoSuchProgram, "there is no program of this name"))
-}
-
-/// Which version a change is for. Several headers of one name are one list.
-fn condition(headers: &HeaderMap) -> Result<Condition, Refusal> {
-    let list = |name: HeaderName| {
-        let all = headers.get_all(&name).iter().map(|value| value.to_str());
-        let all = all.collect::<Result<Vec<_>, _>>();
-        let all =
-            all.map_err(|_| bad_value(format!("`{name}` has no tags such as \"3-9f86d081884c7d65\"")))?;
-        Ok((!all.is_empty()).then(|| all.join(",")))
-    };
-    Ok(Condition { matches: list(IF_MATCH)?, none_matches: list(IF_NONE_MATCH)? })
-}
-
-fn with_etag(status: StatusCode, etag: String, body: &impl serde::Serialize) -> Response {
-    (status, [(ETAG, etag)], Json(body)).into_response()
 }
 
 /// A version as the contract has it.

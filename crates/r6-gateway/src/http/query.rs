@@ -3,8 +3,8 @@
 use axum::Json;
 use axum::extract::Query;
 use axum::extract::rejection::QueryRejection;
+use r6_api::Problem;
 use r6_api::gateway::Queried;
-use r6_api::{Code, Problem};
 use r6_client::Address;
 use r6_http::Refusal;
 use serde::Deserialize;
@@ -12,9 +12,8 @@ use utoipa::IntoParams;
 
 use super::caller::{Read, Robot};
 use super::described::OfRight;
-use super::refusal;
+use super::refusal::{self, bad_value};
 use crate::fleet::query::MAX_ADDRESSES;
-use crate::problem;
 
 /// Which values.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -46,7 +45,6 @@ pub async fn show(
     robot: Robot<Read>,
     wanted: Result<Query<Wanted>, QueryRejection>,
 ) -> Result<Json<Queried>, Refusal> {
-    let bad_value = |message: String| refusal::of(problem::Problem::new(Code::BadValue, message));
     let Query(Wanted { address }) = wanted.map_err(|error| bad_value(error.body_text()))?;
     let names: Vec<_> = address.split(',').map(str::trim).collect();
     if names.len() > MAX_ADDRESSES {

@@ -14,6 +14,11 @@ pub fn of(problem: Problem) -> Refusal {
     }
 }
 
+/// `bad_value`: a value of the request is wrong.
+pub fn bad_value(message: impl Into<String>) -> Refusal {
+    of(Problem::new(Code::BadValue, message))
+}
+
 /// Work that was given up, because the process ends.
 pub fn of_lost_work(_: tokio::task::JoinError) -> Refusal {
     let message = "the gateway ended before the answer: whether it was done is not known";
@@ -24,9 +29,11 @@ fn status(code: Code) -> StatusCode {
     match code {
         Code::NoToken | Code::NoSession | Code::WrongPassword => StatusCode::UNAUTHORIZED,
         Code::NotAllowed | Code::BadCsrf => StatusCode::FORBIDDEN,
-        Code::NoSuchRobot | Code::NoSuchProgram | Code::NoSuchUser | Code::NoSuchToken => {
-            StatusCode::NOT_FOUND
-        }
+        Code::NoSuchRobot
+        | Code::NoSuchProgram
+        | Code::NoSuchUser
+        | Code::NoSuchToken
+        | Code::NoSuchAlarm => StatusCode::NOT_FOUND,
         Code::LinkVoid => StatusCode::GONE,
         Code::NeedsIfMatch => StatusCode::PRECONDITION_REQUIRED,
         Code::NotThisVersion => StatusCode::PRECONDITION_FAILED,

@@ -7,10 +7,11 @@ use r6_api::gateway::{User, UserWanted, Users};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
 
+use super::State;
 use super::body;
 use super::caller::{ManageUsers, Manager};
 use super::described::{OfBody, OfChange, OfRight};
-use super::{State, refusal};
+use super::refusal::{self, bad_value};
 use crate::core::account::{Decided, UserName, Wish};
 use crate::core::name::RobotName;
 use crate::problem;
@@ -101,10 +102,6 @@ pub(super) fn only(robot: Option<String>) -> Result<Option<RobotName>, Refusal> 
         RobotName::new(&robot).ok_or_else(|| bad_value(format!("robot: it has to be {}", RobotName::WANTED)))
     };
     robot.map(read).transpose()
-}
-
-pub(super) fn bad_value(message: String) -> Refusal {
-    refusal::of(problem::Problem::new(Code::BadValue, message))
 }
 
 fn shown(user: &StoredUser) -> User {

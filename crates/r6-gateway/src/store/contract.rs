@@ -4,10 +4,12 @@ use r6_api::gateway::{AuditRecord, CommandOutcome, Deed, ProgramType, RobotIdent
 
 use super::{
     Author, Keeper, Kept, LibraryError, Link, Memory, NewToken, NewVersion, Sqlite, Store, StoreError,
-    StoredRobot, UserChange,
+    StoredRobot, StoredSettings, UserChange,
 };
 use crate::core::account::{Decided, Denied, PasswordHash, UserName, Wish};
+use crate::core::alarms;
 use crate::core::chain::{Broken, Hash, Verifier};
+use crate::core::history::sample::Micros;
 use crate::core::library::{Condition, MAX_PROGRAMS, MAX_VERSIONS, ProgramName, Tag, Unfit};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
@@ -222,7 +224,10 @@ fn a_file_from_before_there_were_users_gets_their_tables() {
     store.append(&[intent()]).unwrap();
     drop(store);
     let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
-    raw.execute_batch("DROP TABLE user; DROP TABLE link; PRAGMA user_version = 2").unwrap();
+    raw.execute_batch(
+        "DROP TABLE user; DROP TABLE link; DROP TABLE alarm; DROP TABLE hall; PRAGMA user_version = 2",
+    )
+    .unwrap();
     let mut store = Sqlite::open_existing(folder.path()).unwrap();
     assert_eq!((store.users(), head(&mut store).unwrap().0), (Ok(Vec::new()), 1));
     raw.execute_batch("PRAGMA user_version = 1000").unwrap();
@@ -241,6 +246,70 @@ fn a_seat_is_kept_and_its_number_never_falls() {
         let cleared = Saved { stopped: false, identity: None, ..saved };
         store.save_seat(&press, &cleared).unwrap();
         assert_eq!((store.seat(&press), store.seat(&saw)), (Ok(cleared), Ok(Saved::default())));
+    });
+}
+
+#[test]
+fn alarms_are_kept_with_their_records_or_not_at_all() {
+    on_each(|store| {
+        let (press, saw) = (RobotName::new("press").unwrap(), RobotName::new("saw").unwrap());
+        assert_eq!(store.alarms(&press), Ok(alarms::Saved::default()));
+        let acknowledged =
+            alarms::Acknowledged {
+                by: "anna".to_owned(), at: Micros(9), comment: Some("\"部\"".to_owned())
+            };
+        let alarm = alarms::Alarm {
+            id: 5,
+            code: 7,
+            since: Micros(5),
+            begin_seen: true,
+            until: None,
+            acknowledged: Some(acknowledged),
+        };
+        let ended = alarms::Alarm { until: Some(Micros(4)), acknowledged: None, ..alarm.clone() };
+        let (by, reason) = ("ben".to_owned(), "worn".to_owned());
+        let shelf = alarms::Shelf { code: 7, by, at: Micros(6), until: Micros(8), reason };
+        let saved =
+            alarms::Saved { last_id: 5, active: Some(alarm), ended: vec![ended], shelves: vec![shelf] };
+        let comment = None;
+        let deed = Deed::AlarmAcknowledged { alarm: 5, code: 7, comment };
+        store.save_alarms(&press, &saved, &[record(deed.clone())]).unwrap();
+        assert_eq!(store.alarms(&press), Ok(saved.clone()));
+        assert_eq!(store.alarms(&saw), Ok(alarms::Saved::default()));
+        let later = alarms::Saved { active: None, ..saved };
+        store.save_alarms(&press, &later, &[]).unwrap();
+        assert_eq!(store.alarms(&press), Ok(later.clone()));
+        let told: Vec<_> = store.entries(0, 10).unwrap();
+        assert_eq!(told.len(), 1);
+        assert_eq!(serde_json::from_str::<AuditRecord>(&told[0].body).unwrap().deed, deed);
+        // A robot that is removed and added again has its numbers.
+        store.remove_robot(&press, &[]).unwrap();
+        assert_eq!(store.alarms(&press), Ok(later));
+    });
+}
+
+#[test]
+fn a_restore_forgets_what_was_acknowledged_and_shelved() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = Sqlite::open(folder.path()).unwrap();
+    let press = RobotName::new("press").unwrap();
+    store.save_alarms(&press, &alarms::Saved { last_id: 5, ..Default::default() }, &[]).unwrap();
+    store.stop_all(&record(Deed::GatewayStarted {})).unwrap();
+    assert_eq!(store.alarms(&press), Ok(alarms::Saved::default()));
+}
+
+#[test]
+fn settings_are_put_replaced_and_audited() {
+    on_each(|store| {
+        assert_eq!(store.settings(), Ok(None));
+        for version in 1..=2 {
+            let new = StoredSettings { version, text: format!("{{\"of\":{version}}}") };
+            let deed = Deed::SettingsChanged { version, time_zone: "UTC".to_owned(), shifts: Vec::new() };
+            store.put_settings(&new, &record(deed)).unwrap();
+            assert_eq!(store.settings(), Ok(Some(new)));
+        }
+        let told = store.entries(0, 10).unwrap();
+        assert!(told.len() == 2 && told[1].body.contains("\"settings_changed\",\"version\":2"), "{told:?}");
     });
 }
 
@@ -449,7 +518,7 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
     drop(store);
     // As r6 wrote it before there were programs.
     let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
-    let before = "DROP TABLE user; DROP TABLE link; DROP TABLE program;
+    let before = "DROP TABLE user; DROP TABLE link; DROP TABLE program; DROP TABLE alarm; DROP TABLE hall;
                   ALTER TABLE robot DROP COLUMN model; PRAGMA user_version = 1;";
     raw.execute_batch(before).unwrap();
     drop(raw);

@@ -8,9 +8,10 @@ use tokio::sync::oneshot;
 
 use super::{
     Author, Entry, Kept, LibraryError, Link, NewToken, NewVersion, Store, StoreError, StoredRobot,
-    StoredUser, Token, UserChange,
+    StoredSettings, StoredUser, Token, UserChange,
 };
 use crate::core::account::Decided;
+use crate::core::alarms;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::seat::Saved;
@@ -35,6 +36,10 @@ enum Job {
     Link([u8; 32], u64, Answer<Option<Link>>),
     Seat(RobotName, Answer<Saved>),
     SaveSeat(RobotName, Saved, Answer<()>),
+    Alarms(RobotName, Answer<alarms::Saved>),
+    SaveAlarms(RobotName, Box<alarms::Saved>, Vec<AuditRecord>, Answer<()>),
+    Settings(Answer<Option<StoredSettings>>),
+    PutSettings(StoredSettings, AuditRecord, Answer<()>),
     PutRobot(StoredRobot, AuditRecord, Answer<()>),
     RemoveRobot(RobotName, Vec<AuditRecord>, Answer<()>),
     Programs(Answer<Vec<Kept>>),
@@ -147,6 +152,43 @@ impl Keeper {
         self.ask(|answer| Job::Seat(robot, answer)).await
     }
 
+    /// As [`Store::alarms`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn alarms(&self, robot: RobotName) -> Result<alarms::Saved, StoreError> {
+        self.ask(|answer| Job::Alarms(robot, answer)).await
+    }
+
+    /// As [`Store::save_alarms`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn save_alarms(
+        &self,
+        robot: RobotName,
+        saved: alarms::Saved,
+        records: Vec<AuditRecord>,
+    ) -> Result<(), StoreError> {
+        self.ask(|answer| Job::SaveAlarms(robot, Box::new(saved), records, answer)).await
+    }
+
+    /// As [`Store::settings`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn settings(&self) -> Result<Option<StoredSettings>, StoreError> {
+        self.ask(Job::Settings).await
+    }
+
+    /// As [`Store::put_settings`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn put_settings(&self, new: StoredSettings, record: AuditRecord) -> Result<(), StoreError> {
+        self.ask(|answer| Job::PutSettings(new, record, answer)).await
+    }
+
     /// As [`Store::put_robot`].
     ///
     /// # Errors
@@ -247,6 +289,12 @@ fn keep(mut store: impl Store, waiting: &Receiver<Job>) {
             Job::PutLink(link, author, answer) => drop(answer.send(store.put_link(&link, &author))),
             Job::Link(hash, now, answer) => drop(answer.send(store.link(&hash, now))),
             Job::Seat(robot, answer) => drop(answer.send(store.seat(&robot))),
+            Job::Alarms(robot, answer) => drop(answer.send(store.alarms(&robot))),
+            Job::SaveAlarms(robot, saved, records, answer) => {
+                drop(answer.send(store.save_alarms(&robot, &saved, &records)));
+            }
+            Job::Settings(answer) => drop(answer.send(store.settings())),
+            Job::PutSettings(new, record, answer) => drop(answer.send(store.put_settings(&new, &record))),
             Job::PutRobot(robot, record, answer) => drop(answer.send(store.put_robot(&robot, &record))),
             Job::RemoveRobot(name, records, answer) => {
                 drop(answer.send(store.remove_robot(&name, &records)));

@@ -7,10 +7,11 @@ use r6_api::gateway::{AuditRecord, Deed};
 use super::library::removed;
 use super::{
     Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
-    StoredRobot, StoredUser, Token, UserChange, body, check_link, decide, link_made, token_made,
-    token_revoked, user_changed,
+    StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, check_link, decide, link_made,
+    token_made, token_revoked, user_changed,
 };
 use crate::core::account::{Decided, UserName};
+use crate::core::alarms;
 use crate::core::chain::{Hash, link};
 use crate::core::library::{Condition, MAX_VERSIONS, ProgramName};
 use crate::core::name::RobotName;
@@ -23,6 +24,8 @@ pub struct Memory {
     tokens: Vec<Token>,
     last_token: i64,
     seats: BTreeMap<RobotName, Saved>,
+    alarms: BTreeMap<RobotName, alarms::Saved>,
+    settings: Option<StoredSettings>,
     robots: BTreeMap<RobotName, StoredRobot>,
     /// The versions of each program, the oldest first.
     programs: BTreeMap<ProgramName, Vec<(Kept, String)>>,
@@ -132,6 +135,31 @@ impl Store for Memory {
 
     fn save_seat(&mut self, robot: &RobotName, saved: &Saved) -> Result<(), StoreError> {
         self.seats.insert(robot.clone(), saved.clone());
+        Ok(())
+    }
+
+    fn alarms(&mut self, robot: &RobotName) -> Result<alarms::Saved, StoreError> {
+        Ok(self.alarms.get(robot).cloned().unwrap_or_default())
+    }
+
+    fn save_alarms(
+        &mut self,
+        robot: &RobotName,
+        saved: &alarms::Saved,
+        records: &[AuditRecord],
+    ) -> Result<(), StoreError> {
+        self.append(records)?;
+        self.alarms.insert(robot.clone(), saved.clone());
+        Ok(())
+    }
+
+    fn settings(&mut self) -> Result<Option<StoredSettings>, StoreError> {
+        Ok(self.settings.clone())
+    }
+
+    fn put_settings(&mut self, settings: &StoredSettings, record: &AuditRecord) -> Result<(), StoreError> {
+        self.append(std::slice::from_ref(record))?;
+        self.settings = Some(settings.clone());
         Ok(())
     }
 

@@ -10,10 +10,11 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, Transactio
 
 use super::{
     Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
-    StoredRobot, StoredUser, Token, UserChange, body, check_link, decide, link_made, role, token_made,
-    token_revoked, user_changed,
+    StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, check_link, decide, link_made, role,
+    token_made, token_revoked, user_changed,
 };
 use crate::core::account::{Account, Decided, PasswordHash, UserName};
+use crate::core::alarms;
 use crate::core::chain::{Broken, Hash, link};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
@@ -26,7 +27,7 @@ pub const FILE: &str = "control.db";
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-const TABLES: [&str; 3] = [CONTROL, PROGRAMS, USERS];
+const TABLES: [&str; 4] = [CONTROL, PROGRAMS, USERS, ALARMS];
 
 /// The version from which on there are users.
 const USERS_SINCE: usize = 3;
@@ -114,6 +115,19 @@ CREATE TABLE link (
 ) STRICT;
 ";
 
+/// The alarms of each robot, and the settings of the hall, of which there is one row at most.
+const ALARMS: &str = "
+CREATE TABLE alarm (
+    robot TEXT PRIMARY KEY,
+    state TEXT NOT NULL
+) STRICT;
+CREATE TABLE hall (
+    one      INTEGER PRIMARY KEY CHECK (one = 1),
+    version  INTEGER NOT NULL,
+    settings TEXT NOT NULL
+) STRICT;
+";
+
 /// A store in `control.db` of a folder.
 #[derive(Debug)]
 pub struct Sqlite {
@@ -187,7 +201,8 @@ impl Sqlite {
         Ok(store)
     }
 
-    /// Lets a stop hold for each robot, raises the numbers of leases, and says so in the audit log. Robots
+    /// Lets a stop hold for each robot, raises the numbers of leases, forgets which alarms were acknowledged
+    /// and shelved, and says so in the audit log. Robots
     /// without a seat are meant too: those of the configuration that never answered, and those that come
     /// later.
     ///
@@ -203,6 +218,8 @@ impl Sqlite {
             "UPDATE seat SET stopped = 1, lease_number = lease_number + ?1",
             [LEASES_SINCE_BACKUP],
         )?;
+        // Whether an alarm ended and came again since is not known, so nothing is acknowledged any more.
+        transaction.execute("DELETE FROM alarm", [])?;
         append_in(&transaction, std::slice::from_ref(record))?;
         transaction.commit()?;
         Ok(())
@@ -514,6 +531,55 @@ impl Store for Sqlite {
              stopped = excluded.stopped, identity = excluded.identity",
             params![robot.as_str(), saved.number, saved.stopped, identity],
         )?;
+        transaction.commit()?;
+        Ok(())
+    }
+
+    fn alarms(&mut self, robot: &RobotName) -> Result<alarms::Saved, StoreError> {
+        let state: Option<String> = self
+            .connection
+            .prepare_cached("SELECT state FROM alarm WHERE robot = ?1")?
+            .query_row([robot.as_str()], |row| row.get(0))
+            .optional()?;
+        let saved = state.map(|text| serde_json::from_str(&text)).transpose();
+        let saved =
+            saved.map_err(|error| StoreError::Unreadable(format!("the alarms of {robot}: {error}")))?;
+        Ok(saved.unwrap_or_default())
+    }
+
+    fn save_alarms(
+        &mut self,
+        robot: &RobotName,
+        saved: &alarms::Saved,
+        records: &[AuditRecord],
+    ) -> Result<(), StoreError> {
+        let state = serde_json::to_string(saved);
+        let state = state.map_err(|error| StoreError::Unreadable(error.to_string()))?;
+        let transaction = self.write()?;
+        transaction.execute(
+            "INSERT INTO alarm (robot, state) VALUES (?1, ?2)
+             ON CONFLICT (robot) DO UPDATE SET state = excluded.state",
+            params![robot.as_str(), state],
+        )?;
+        append_in(&transaction, records)?;
+        transaction.commit()?;
+        Ok(())
+    }
+
+    fn settings(&mut self) -> Result<Option<StoredSettings>, StoreError> {
+        let mut select = self.connection.prepare_cached("SELECT version, settings FROM hall")?;
+        let row = select.query_row([], |row| Ok(StoredSettings { version: row.get(0)?, text: row.get(1)? }));
+        Ok(row.optional()?)
+    }
+
+    fn put_settings(&mut self, settings: &StoredSettings, record: &AuditRecord) -> Result<(), StoreError> {
+        let transaction = self.write()?;
+        transaction.execute(
+            "INSERT INTO hall (one, version, settings) VALUES (1, ?1, ?2)
+             ON CONFLICT (one) DO UPDATE SET version = excluded.version, settings = excluded.settings",
+            params![settings.version, settings.text],
+        )?;
+        append_in(&transaction, std::slice::from_ref(record))?;
         transaction.commit()?;
         Ok(())
     }

@@ -22,7 +22,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 41] = [
+const ROUTES: [(&str, &str, Needs); 48] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -64,6 +64,13 @@ const ROUTES: [(&str, &str, Needs); 41] = [
     ("GET", "/v1/robots/{name}/query", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/history/events", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/production", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/settings", Needs::Role(Role::Viewer)),
+    ("PUT", "/v1/settings", Needs::Role(Role::Admin)),
+    ("GET", "/v1/alarms", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/robots/{name}/alarms", Needs::Role(Role::Viewer)),
+    ("POST", "/v1/robots/{name}/alarms/{id}/acknowledge", Needs::Role(Role::Operator)),
+    ("POST", "/v1/robots/{name}/alarms/{id}/shelve", Needs::Role(Role::Engineer)),
+    ("DELETE", "/v1/robots/{name}/alarms/{id}/shelve", Needs::Role(Role::Engineer)),
 ];
 
 /// The routes of the description, methods in upper case.
@@ -81,7 +88,8 @@ fn described() -> Vec<(String, String)> {
 fn needs(method: &str, path: &str) -> (Needs, String) {
     let row = ROUTES.iter().find(|(m, p, _)| *m == method && *p == path);
     let Some((_, _, needs)) = row else { panic!("{method} {path} has no row in this test") };
-    (*needs, path.replace("{name}", "press").replace("{number}", "press").replace("{program}", "pick"))
+    let path = path.replace("{name}", "press").replace("{number}", "press").replace("{id}", "7");
+    (*needs, path.replace("{program}", "pick"))
 }
 
 /// The status of a request that is allowed, and that has a body with no field of the route.
@@ -89,8 +97,9 @@ fn of_nonsense(method: &str, path: &str) -> u16 {
     match (method, path) {
         // The robot is in the configuration, so it is not removed.
         ("DELETE", "/v1/robots/{name}") => 409,
-        // There is no such user, token or program.
+        // There is no such user, token, program or alarm.
         ("DELETE", "/v1/users/{name}" | "/v1/tokens/{number}" | "/v1/programs/{program}") => 404,
+        ("DELETE", "/v1/robots/{name}/alarms/{id}/shelve") => 404,
         _ => 422,
     }
 }

@@ -123,7 +123,7 @@ async fn parts_and_modes_are_read_in_pages_and_as_a_table() {
     let table = reply.split_once("\r\n\r\n").unwrap().1;
     let lines: Vec<_> = table.lines().collect();
     assert!(lines[0].starts_with("id,time,event,") && lines.len() == 4, "{table}");
-    assert!(lines[1].contains(",parts,") && lines[1].ends_with(",counter-0,3,3"), "{table}");
+    assert!(lines[1].contains(",parts,") && lines[1].ends_with(",counter-0,3,3,"), "{table}");
 }
 
 #[tokio::test]

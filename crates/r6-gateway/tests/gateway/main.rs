@@ -1,6 +1,7 @@
 //! A gateway over real sockets, in front of virtual controllers.
 
 mod access;
+mod alarms;
 mod commands;
 mod fleet;
 mod happenings;
@@ -12,6 +13,7 @@ mod programs;
 mod query;
 mod raw;
 mod roster;
+mod settings;
 mod sockets;
 mod stops;
 mod streams;

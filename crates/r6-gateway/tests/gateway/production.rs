@@ -80,7 +80,13 @@ async fn every_mistake_of_a_range_is_told() {
         ("from=2026-01-01T00:00:00Z&to=2026-02-01T00:00:01Z", "at most 31 days"),
         ("from=9999-01-01T00:00:00Z", "from is a time before to"),
         ("to=now", "to: `now`"),
-        ("shift=early", "shift"),
+        ("shift=early", "date: a shift needs the date"),
+        ("date=2026-11-25", "shift: a date needs the name"),
+        ("shift=early&date=2026-11-25", "shift: there is no `early`; the hall has no shifts"),
+        ("by=shift", "by: the hall has no shifts"),
+        ("by=day", "by: `day` is not known"),
+        ("by=shift&shift=early", "either by or shift"),
+        ("shift=early&date=2026-11-25&to=2026-11-25T00:00:00Z", "either from and to, or shift"),
     ] {
         let (status, problem) = hall.call(&hall.viewer, "GET", &format!("{PRODUCTION}?{query}"), None).await;
         assert_eq!((status, &problem["code"]), (422, &json!("bad_value")), "{query}: {problem}");
@@ -90,4 +96,102 @@ async fn every_mistake_of_a_range_is_told() {
     let path = format!("{PRODUCTION}?from=2020-01-01T00:00:00Z&to=2020-01-31T00:00:00Z");
     let figures = hall.get(&hall.viewer, &path).await;
     assert_eq!((&figures["seen_ms"], &figures["availability"]["value"]), (&json!(0.0), &json!(null)));
+}
+
+/// Shifts of 12 hours, one of which is under way, in a zone where the day is not that of UTC.
+fn two_shifts() -> Value {
+    let days = ["mon", "tue", "wed", "thu", "fri", "sat", "sun"];
+    json!({ "time_zone": "Asia/Shanghai", "shifts": [
+        { "name": "day", "days": days, "begin": "07:00", "end": "19:00" },
+        { "name": "night", "days": days, "begin": "19:00", "end": "07:00" },
+    ] })
+}
+
+#[tokio::test]
+async fn figures_of_shifts_are_those_of_their_instants() {
+    let hall = with_counter(VirtualController::start().await.unwrap()).await;
+    hall.set(&two_shifts()).await;
+    let lease = hall.lease(&hall.operator, "press").await;
+    assert_eq!(hall.command(&hall.operator, "press", &lease, "modifyCounter 0 3 -1").await.0, 200);
+    hall.until_production(|figures| figures["parts"]["count"] == 3).await;
+
+    let by = hall.get(&hall.viewer, &format!("{PRODUCTION}?by=shift")).await;
+    let shifts = by["shifts"].as_array().unwrap();
+    assert!((1..=3).contains(&shifts.len()), "{by:#}");
+    let last = shifts.last().unwrap();
+    let (name, date) = (last["shift"]["name"].as_str().unwrap(), last["shift"]["date"].as_str().unwrap());
+    assert_eq!((&last["shift"]["under_way"], &last["parts"]["count"]), (&json!(true), &json!(3)));
+    assert_eq!(last["shift"]["time_zone"], "Asia/Shanghai");
+    let begin = last["shift"]["begin"].as_str().unwrap();
+    assert!(begin[11..].starts_with(if name == "day" { "23:00:00" } else { "11:00:00" }), "{last:#}");
+    assert_eq!(last["from"], json!(begin));
+    assert!(last["to"].as_str() < last["shift"]["end"].as_str(), "up to now: {last:#}");
+    for shift in &shifts[..shifts.len() - 1] {
+        assert_eq!((&shift["shift"]["under_way"], &shift["to"]), (&json!(false), &shift["shift"]["end"]));
+        assert_eq!(shift["seen_ms"], 0.0, "the gateway was not there: {shift:#}");
+        assert_eq!(shift["unseen_ms"], 43_200_000.0);
+    }
+
+    let path = format!("{PRODUCTION}?shift={name}&date={date}");
+    let one = hall.get(&hall.viewer, &path).await;
+    assert_eq!((&one["shift"]["begin"], &one["parts"]["count"]), (&json!(begin), &json!(3)));
+    let total = number(&one["seen_ms"]) + number(&one["unseen_ms"]);
+    let same = hall.get(&hall.viewer, &format!("{PRODUCTION}?from={begin}")).await;
+    assert!(number(&same["seen_ms"]) + number(&same["unseen_ms"]) >= total, "{one:#} {same:#}");
+    assert_eq!((&same["shift"], &same["parts"]["count"]), (&json!(null), &json!(3)));
+
+    for (query, part) in [
+        ("shift=late&date=2026-11-25", "there is no `late`; the shifts are day, night"),
+        ("shift=day&date=25.11.2026", "date: `25.11.2026` is not a date"),
+        ("shift=day&date=9000-01-01", "has not begun"),
+        ("shift=day&date=0001-01-02", "before 1970"),
+    ] {
+        let (status, problem) = hall.call(&hall.viewer, "GET", &format!("{PRODUCTION}?{query}"), None).await;
+        assert_eq!((status, &problem["code"]), (422, &json!("bad_value")), "{query}: {problem}");
+        assert!(problem["message"].as_str().unwrap().contains(part), "{query}: {problem}");
+    }
+}
+
+#[tokio::test]
+async fn a_table_has_a_row_for_each_shift_and_a_month_is_too_many() {
+    let hall = Hall::start().await;
+    hall.set(&two_shifts()).await;
+    let table = async |query: &str| {
+        let headers = format!("Authorization: Bearer {}\r\nAccept: text/csv\r\n", hall.viewer);
+        let path = format!("{PRODUCTION}?{query}");
+        let answer = crate::support::request(hall.gateway.address(), &headers, "GET", &path, None).await;
+        assert!(answer.status == 200 && answer.head.contains("content-type: text/csv"), "{}", answer.head);
+        answer.body.as_str().unwrap().to_owned()
+    };
+    let told = table("by=shift&from=2026-01-01T00:00:00Z&to=2026-01-03T00:00:00Z").await;
+    let rows: Vec<Vec<_>> = told.lines().map(|line| line.split(',').collect()).collect();
+    assert!(rows.iter().all(|row| row.len() == 26), "{told}");
+    let shifts: Vec<_> = rows[1..].iter().map(|row| [row[0], row[1], row[2], row[5], row[7]]).collect();
+    let row = |name, date| ["press", name, date, "false", "43200000"];
+    let wanted = [
+        row("night", "2026-01-01"),
+        row("day", "2026-01-02"),
+        row("night", "2026-01-02"),
+        row("day", "2026-01-03"),
+    ];
+    assert_eq!(shifts, wanted);
+    assert_eq!(rows[1][3], "2026-01-01T11:00:00.000000Z");
+    let plain = table("from=2026-01-01T00:00:00Z&to=2026-01-03T00:00:00Z").await;
+    let cells: Vec<_> = plain.lines().nth(1).unwrap().split(',').collect();
+    assert_eq!((cells.len(), cells[1], cells[5], cells[7]), (26, "", "", "172800000"));
+
+    let mut many = two_shifts();
+    many["shifts"] = (0..12)
+        .map(|hour| {
+            json!({
+                "name": format!("s{hour}"), "days": ["mon", "tue", "wed", "thu", "fri", "sat", "sun"],
+                "begin": format!("{:02}:00", hour * 2), "end": format!("{:02}:00", hour * 2 + 2),
+            })
+        })
+        .collect();
+    hall.set(&many).await;
+    let path = format!("{PRODUCTION}?by=shift&from=2026-01-01T00:00:00Z&to=2026-01-31T00:00:00Z");
+    let (status, problem) = hall.call(&hall.viewer, "GET", &path, None).await;
+    assert_eq!((status, &problem["code"]), (422, &json!("bad_value")));
+    assert!(problem["message"].as_str().unwrap().contains("more than 100 shifts"), "{problem}");
 }

@@ -210,6 +210,7 @@ pub fn settings(data: &Path, robots: Vec<RobotConfig>) -> GatewaySettings {
         robot_settings: RobotSettings::default(),
         raw: Vec::new(),
         raw_policy: RawPolicy::default(),
+        hall: None,
         history: HistorySettings::default(),
         names: Vec::new(),
         tls: TlsSettings::Off,

@@ -225,6 +225,14 @@ class Gateway:
             happened = data.get("event", kind)
             yield GatewayEvent(number, happened, data.get("robot"), data.get("time"), data)
 
+    def alarms(self, *, active: bool = False) -> list[dict[str, Any]]:
+        """The alarms of all robots that the token may see: the active ones first, then those that ended within a
+        day, the latest first, at most 1000. With ``active`` only those that have not ended. ``["acknowledged"]``
+        and ``["shelved"]`` say by whom, or are ``None``.
+        """
+        path = f"/v1/alarms?{urlencode({'active': json.dumps(active), 'limit': 1000})}"
+        return self._ask("GET", path, _alarms)
+
     def audit(self, *, after: int = 0, limit: int = 100) -> list[dict[str, Any]]:
         """Entries of the audit log behind a number, oldest first, at most 1000. Engineers only."""
         path = f"/v1/audit?{urlencode({'after': after, 'limit': limit})}"
@@ -454,12 +462,49 @@ class GatewayRobot:
                 return
             asked |= more
 
-    def production(self, *, start: str | None = None, end: str | None = None) -> dict[str, Any]:
+    def production(
+        self,
+        *,
+        start: str | None = None,
+        end: str | None = None,
+        shift: str | None = None,
+        date: str | None = None,
+        by_shift: bool = False,
+    ) -> dict[str, Any]:
         """The figures of production from ``start`` to ``end``, RFC 3339 in UTC, at most 31 days; without them, the
-        last day. Times are in milliseconds. What was not seen is ``unseen_ms``, and in no state."""
-        asked = {"from": start, "to": end}
+        last day. Times are in milliseconds. What was not seen is ``unseen_ms``, and in no state.
+
+        With ``shift`` and ``date``, such as ``"night"`` and ``"2026-11-25"``, those of this shift. With
+        ``by_shift``, ``["shifts"]`` has those of each shift that begins in the range.
+        """
+        asked = {"from": start, "to": end, "shift": shift, "date": date, "by": "shift" if by_shift else None}
         query = urlencode({name: value for name, value in asked.items() if value is not None})
         return self._ask("GET", f"/production?{query}", dict)
+
+    def alarms(self, *, active: bool = False) -> list[dict[str, Any]]:
+        """The alarms of this robot, as ``Gateway.alarms`` has them: the active one, and those that ended within a
+        day, at most 30."""
+        return self._ask("GET", f"/alarms?{urlencode({'active': json.dumps(active), 'limit': 1000})}", _alarms)
+
+    def acknowledge(self, alarm: int, comment: str | None = None) -> dict[str, Any]:
+        """Says that somebody saw the alarm with this ``["id"]``, and returns the alarm. It changes nothing at the
+        robot and needs no lease. The first to acknowledge an alarm stays. Operators only.
+
+        ``NotSent`` or ``InvalidRequest``, as for other requests; without such an alarm, the reason is
+        ``no_such_alarm``.
+        """
+        body = {} if comment is None else {"comment": comment}
+        return self._ask("POST", f"/alarms/{int(alarm)}/acknowledge", _alarm, body, "changes")
+
+    def shelve(self, alarm: int, duration: float, reason: str) -> dict[str, Any]:
+        """Shelves the alarms of the code of this one at this robot for so many seconds, 1 to 28800, those that come
+        later too: they need no answer. It changes nothing at the robot and needs no lease. Engineers only."""
+        body = {"for_ms": round(duration * 1000), "reason": reason}
+        return self._ask("POST", f"/alarms/{int(alarm)}/shelve", _alarm, body, "changes")
+
+    def unshelve(self, alarm: int) -> dict[str, Any]:
+        """Takes the alarms of the code of this one from the shelf. Engineers only."""
+        return self._ask("DELETE", f"/alarms/{int(alarm)}/shelve", _alarm, None, "changes")
 
     def stop(self) -> float:
         """Stops the robot, and returns the seconds until it was proved that the arm stands. It needs no lease.
@@ -634,6 +679,17 @@ def _page(answer: Any) -> tuple[list[dict[str, Any]], dict[str, str] | None]:
     if cursor is None:
         return events, None
     return events, {"from": str(answer["from"]), "to": str(answer["to"]), "cursor": str(cursor)}
+
+
+def _alarm(answer: Any) -> dict[str, Any]:
+    """An alarm. What the caller decides by has to be there."""
+    if not {"id", "code", "state", "acknowledged", "shelved"} <= set(answer):
+        raise ValueError("an alarm without its state")
+    return dict(answer)
+
+
+def _alarms(answer: Any) -> list[dict[str, Any]]:
+    return [_alarm(alarm) for alarm in answer["alarms"]]
 
 
 def _nothing(answer: Any) -> None:

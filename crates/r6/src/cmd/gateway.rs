@@ -57,6 +57,15 @@ What is kept of values, and for how long; it holds from the next start:
   keep_days = 30                       today included
   max_mb = 10240                       all files together; the oldest values go first
 
+The time zone of the hall, and its shifts; over HTTP, an admin can change them only without these:
+  [hall]
+  time_zone = \"Europe/Berlin\"
+  [[shift]]
+  name = \"night\"
+  days = [\"mon\", \"tue\", \"wed\"]        the days on which it begins
+  begin = \"22:00\"
+  end = \"06:00\"                        of the next day
+
 How clients reach the gateway, as with --tls, --tls-cert and --host-name; it holds from the next start:
   [http]
   host_names = [\"hall-pc.local\"]
@@ -138,7 +147,7 @@ pub fn run(args: GatewayArgs, robot_typed: bool) -> Result<Exit, Failure> {
 
 async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let typed = if robot_typed { args.robots.as_slice() } else { &[] };
-    let Config { robots, mut raw, policy, history, http } = all(args.config.as_deref(), typed)?;
+    let Config { robots, mut raw, policy, hall, history, http } = all(args.config.as_deref(), typed)?;
     let tls = match (args.tls_cert, args.tls_key) {
         (Some(certificate), Some(key)) => TlsSettings::Files { certificate, key },
         _ if args.tls => TlsSettings::Made,
@@ -159,7 +168,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let raw_policy = policy.unwrap_or_default();
     let robot_settings = robot::settings();
     let settings =
-        GatewaySettings { listen, data, robots, robot_settings, raw, raw_policy, history, names, tls };
+        GatewaySettings { listen, data, robots, robot_settings, raw, raw_policy, hall, history, names, tls };
     let gateway = Gateway::start(settings).await.map_err(Failure::usage)?;
     tell_start(&gateway, &args.data);
     tell_raw(&gateway, rules);
@@ -249,12 +258,13 @@ async fn tell_link(gateway: &Gateway) {
 /// Reads the file again. A mistake in it changes nothing. Raw ports stay as they are until the next start;
 /// the rules change at once.
 async fn reread(gateway: &Gateway, path: &Path, typed: &[String]) {
-    let Config { robots, policy, .. } = match all(Some(path), typed) {
+    let Config { robots, policy, hall, .. } = match all(Some(path), typed) {
         Ok(config) => config,
         Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
     };
     // Before the robots, which may take their time: a source that is denied now commands nothing more.
     gateway.set_raw_policy(policy.unwrap_or_default());
+    gateway.set_hall(hall);
     match gateway.reload(robots).await {
         Ok(Changes { added, changed, removed }) => output::line(format_args!(
             "read {} again: {added} added, {changed} changed, {removed} removed, {} now",
@@ -262,7 +272,7 @@ async fn reread(gateway: &Gateway, path: &Path, typed: &[String]) {
             output::counted(gateway.robots(), "robot")
         )),
         Err(problem) => output::note(format_args!(
-            "r6: {}: the robots stay as they were, and the rules of raw ports changed: {}",
+            "r6: {}: the robots stay as they were, and the rules of raw ports and the shifts changed: {}",
             path.display(),
             problem.message
         )),

@@ -9,10 +9,21 @@ use super::sample::Micros;
 /// Something that was seen at a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Event {
-    /// When the value that shows it was asked for.
+    /// When the value that shows it was asked for; later, if an event that was noticed before stands there.
     pub time: Micros,
+    /// When the value was asked for, if that is not [`Self::time`].
+    pub true_time: Option<Micros>,
     /// What.
     pub observed: Observed,
+}
+
+/// What is kept of an event besides its time. The names stand in files: they never change.
+#[derive(Serialize, Deserialize)]
+struct Text<O> {
+    #[serde(flatten)]
+    observed: O,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    true_time: Option<Micros>,
 }
 
 /// What was seen. The names of the kinds and fields stand in files: they never change.
@@ -154,6 +165,19 @@ impl Kind {
 }
 
 impl Event {
+    /// Something that was seen at this time.
+    #[must_use]
+    pub fn new(time: Micros, observed: Observed) -> Self {
+        Self { time, true_time: None, observed }
+    }
+
+    /// The same event, which stands at this time and keeps its own.
+    #[must_use]
+    pub fn standing_at(self, time: Micros) -> Self {
+        let own = self.true_time.unwrap_or(self.time);
+        Self { time, true_time: (own != time).then_some(own), observed: self.observed }
+    }
+
     /// Its kind.
     #[must_use]
     pub fn kind(&self) -> Kind {
@@ -186,7 +210,8 @@ impl Event {
     #[must_use]
     pub fn encode(&self) -> (String, u32) {
         // Our own types always become JSON.
-        let text = serde_json::to_string(&self.observed).unwrap_or_default();
+        let text = Text { observed: &self.observed, true_time: self.true_time };
+        let text = serde_json::to_string(&text).unwrap_or_default();
         let crc = checksum(self.time, &text);
         (text, crc)
     }
@@ -195,8 +220,9 @@ impl Event {
     /// know.
     #[must_use]
     pub fn decode(time: Micros, text: &str, crc: u32) -> Option<Self> {
-        let observed = (checksum(time, text) == crc).then(|| serde_json::from_str(text).ok()).flatten()?;
-        Some(Self { time, observed })
+        let read = || serde_json::from_str::<Text<Observed>>(text).ok();
+        let Text { observed, true_time } = (checksum(time, text) == crc).then(read).flatten()?;
+        Some(Self { time, true_time, observed })
     }
 }
 
@@ -208,7 +234,11 @@ fn checksum(time: Micros, text: &str) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
 
     fn one_of_each() -> Vec<Event> {
         let time = Micros(1_764_000_000_000_100);
@@ -224,7 +254,7 @@ mod tests {
             Observed::LinkBack {},
             Observed::Unseen { from: Some(Micros(1)), to: time, because: UnseenBecause::Link },
         ];
-        all.map(|observed| Event { time, observed }).into()
+        all.map(|observed| Event::new(time, observed)).into()
     }
 
     #[test]
@@ -238,6 +268,20 @@ mod tests {
         }
         assert_eq!(events.len(), Kind::ALL.len());
         assert_eq!(Kind::of_word("alarm"), None);
+    }
+
+    #[test]
+    fn an_event_that_stands_elsewhere_keeps_its_own_time() {
+        for event in one_of_each() {
+            let (own, later, latest) = (event.time, event.time.after(SECOND), event.time.after(SECOND * 2));
+            let moved = event.standing_at(later);
+            assert_eq!((moved.time, moved.true_time), (later, Some(own)));
+            let (text, crc) = moved.encode();
+            assert_eq!(Event::decode(later, &text, crc), Some(moved.clone()), "{text}");
+            let again = moved.standing_at(latest);
+            assert_eq!((again.time, again.true_time), (latest, Some(own)));
+            assert_eq!(again.standing_at(own).true_time, None);
+        }
     }
 
     #[test]

@@ -53,7 +53,7 @@ impl Waiting {
         self.told_from = self.lost_from.take();
         if let Some(from) = self.told_from {
             let (to, because) = (now.max(from), UnseenBecause::Lost);
-            events.push(Event { time: to, observed: Observed::Unseen { from: Some(from), to, because } });
+            events.push(Event::new(to, Observed::Unseen { from: Some(from), to, because }));
         }
         events
     }
@@ -80,11 +80,11 @@ mod tests {
     fn a_gap_of_readings_that_comes_back_is_an_event_like_others() {
         let mut waiting = Waiting::default();
         let (from, because) = (Some(Micros(1)), UnseenBecause::Lost);
-        let gap = Event { time: Micros(2), observed: Observed::Unseen { from, to: Micros(2), because } };
+        let gap = Event::new(Micros(2), Observed::Unseen { from, to: Micros(2), because });
         assert_eq!(waiting.note(vec![gap.clone()]), 0);
         let taken = waiting.take(Micros(3));
         waiting.put_back(taken);
-        let later = Event { time: Micros(4), observed: Observed::LinkLost {} };
+        let later = Event::new(Micros(4), Observed::LinkLost {});
         assert_eq!(waiting.note(vec![later.clone()]), 0, "nothing was lost of the events");
         assert_eq!(waiting.take(Micros(5)), [gap, later]);
     }
@@ -100,7 +100,7 @@ mod tests {
             for (count, hands_over, works) in steps.into_iter().chain([(0, true, true)]) {
                 let events = (0..count).map(|_| {
                     time += 1;
-                    Event { time: Micros(time), observed: Observed::LinkLost {} }
+                    Event::new(Micros(time), Observed::LinkLost {})
                 });
                 lost += waiting.note(events.collect());
                 noted += count;

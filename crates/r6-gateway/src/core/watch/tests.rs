@@ -89,12 +89,31 @@ fn a_robot_that_is_lost_is_told_once_and_begins_anew() {
     assert_eq!(poll(&mut watcher, 10_000, 1, 0, &mode(2)), []);
     assert_eq!(watcher.look(at(10_000 + LATE_MS), Micros(0)), None);
     let lost = watcher.look(at(10_001 + LATE_MS), Micros(7));
-    assert_eq!(lost, Some(Event { time: Micros(7), observed: Observed::LinkLost {} }));
+    assert_eq!(lost, Some(Event::new(Micros(7), Observed::LinkLost {})));
     assert_eq!(watcher.look(at(20_000), Micros(8)), None);
     let because = UnseenBecause::Link;
     let unseen = Observed::Unseen { from: Some(time(10_000, 0)), to: time(21_000, 0), because };
     assert_eq!(seen(&poll(&mut watcher, 21_000, 1, 0, &mode(7))), [Observed::LinkBack {}, unseen]);
     assert_eq!(poll(&mut watcher, 21_100, 1, 0, &mode(7)), []);
+}
+
+#[test]
+fn a_late_answer_brings_the_link_back_behind_its_loss() {
+    let mut watcher = watcher();
+    let mode = |mode| [(Address::CurMode, Reading::Integer(mode))];
+    assert_eq!(poll(&mut watcher, 10_000, 1, 0, &mode(2)), []);
+    let lost = watcher.look(at(13_000), time(13_000, 0)).unwrap();
+    assert_eq!((lost.time, lost.true_time), (time(13_000, 0), None));
+    // It was asked for before the loss was noticed.
+    let events = poll(&mut watcher, 12_000, 1, 0, &mode(7));
+    let because = UnseenBecause::Link;
+    let unseen = Observed::Unseen { from: Some(time(10_000, 0)), to: time(12_000, 0), because };
+    assert_eq!(seen(&events), [Observed::LinkBack {}, unseen]);
+    for event in &events {
+        assert_eq!((event.time, event.true_time), (lost.time, Some(time(12_000, 0))));
+    }
+    let next = poll(&mut watcher, 13_100, 1, 0, &mode(2));
+    assert_eq!((next[0].time, next[0].true_time), (time(13_100, 0), None));
 }
 
 #[test]
@@ -150,11 +169,11 @@ fn another_robot_is_not_seen_until_it_is_accepted() {
     let mut watcher = watcher();
     let mode = |mode| [(Address::CurMode, Reading::Integer(mode))];
     let because = UnseenBecause::AnotherRobot;
-    assert_eq!(watcher.replaced(time(50, 0)), None, "nothing was seen before");
+    assert_eq!(watcher.replaced(at(50), time(50, 0)), None, "nothing was seen before");
     assert_eq!(poll(&mut watcher, 100, 1, 0, &mode(7)), []);
     let unseen = Observed::Unseen { from: Some(time(100, 0)), to: time(200, 0), because };
-    assert_eq!(watcher.replaced(time(200, 0)), Some(Event { time: time(200, 0), observed: unseen }));
-    assert_eq!(watcher.replaced(time(300, 0)), None, "it is told once");
+    assert_eq!(watcher.replaced(at(200), time(200, 0)), Some(Event::new(time(200, 0), unseen)));
+    assert_eq!(watcher.replaced(at(300), time(300, 0)), None, "it is told once");
     assert_eq!(watcher.look(at(9_000), Micros(0)), None, "the link is not lost");
     // Accepted, over the same connection.
     let unseen = Observed::Unseen { from: Some(time(100, 0)), to: time(400, 0), because };
@@ -163,7 +182,7 @@ fn another_robot_is_not_seen_until_it_is_accepted() {
     // After a restart it is still there, and was never seen.
     let mut watcher = Watcher::new(PERIOD, PERIOD, None, Before::Seen(Some(Micros(5))));
     let unseen = Observed::Unseen { from: Some(Micros(5)), to: time(200, 0), because };
-    assert_eq!(watcher.replaced(time(200, 0)), Some(Event { time: time(200, 0), observed: unseen }));
+    assert_eq!(watcher.replaced(at(200), time(200, 0)), Some(Event::new(time(200, 0), unseen)));
     let unseen = Observed::Unseen { from: Some(Micros(5)), to: time(300, 0), because };
     assert_eq!(seen(&poll(&mut watcher, 300, 1, 0, &mode(2))), [unseen]);
 }
@@ -303,7 +322,7 @@ proptest! {
                     let mut told = Vec::new();
                     let (mut alarms, mut gaps, mut links) = ((0, 0), Vec::new(), Vec::new());
                     for event in events {
-                        prop_assert_eq!(event.time, time(ms, offset));
+                        prop_assert_eq!(event.true_time.unwrap_or(event.time), time(ms, offset));
                         match event.observed {
                             Observed::AlarmEnded { code, lasted_ms } => {
                                 alarms.0 = i64::from(code);

@@ -8,7 +8,7 @@ mod odd_files;
 mod size;
 
 use super::*;
-use crate::history::query::{Answer, Question, answer};
+use crate::history::query::{Answer, EventAnswer, EventQuestion, Question, answer, events_of};
 use crate::store::history::{AskEvents, MemoryDays};
 
 pub(super) const SECOND: i64 = 1_000_000;
@@ -113,8 +113,44 @@ fn a_disk_that_fails_loses_nothing_while_memory_lasts_and_then_says_what() {
     }
 }
 
+#[test]
+fn a_reader_of_small_pages_misses_no_event_that_comes_late() {
+    let store = MemoryDays::default();
+    let counts = Arc::<RobotCounts>::default();
+    let mut journal = journal(store.clone(), settings());
+    let midnight = BASE + 360 * SECOND;
+    // A link is lost after midnight; the answer that brings it back was asked for before.
+    let times = [midnight - SECOND, midnight + SECOND, midnight - 2 * SECOND, midnight + SECOND, midnight];
+    let (mut after, mut read) = (None, Vec::new());
+    for (code, time) in (1..).zip(times) {
+        let events = vec![began(time, code)];
+        journal.take(Instant::ORIGIN, Batch { time: Micros(time), events, ..batch(Vec::new(), &counts) });
+        journal.flush(Instant::ORIGIN, Micros(time)).unwrap();
+        // It reads while the gateway writes, an event a page.
+        let question = EventQuestion {
+            robot: press(),
+            from: Micros(BASE),
+            to: Micros(BASE + 86_400 * SECOND),
+            kinds: Vec::new(),
+            limit: 1,
+            after,
+        };
+        let EventAnswer { events, next, .. } = events_of(&mut store.clone(), &question).unwrap();
+        after = next;
+        read.extend(events.into_iter().map(|(_, _, event)| event));
+    }
+    let codes = read.iter().map(|event| match event.observed {
+        Observed::AlarmBegan { code } => code,
+        _ => 0,
+    });
+    assert_eq!(codes.collect::<Vec<_>>(), [1, 2, 3, 4, 5], "{read:#?}");
+    let own = read.iter().map(|event| event.true_time.unwrap_or(event.time).0);
+    assert_eq!(own.collect::<Vec<_>>(), times);
+    assert!(read.windows(2).all(|pair| pair[0].time <= pair[1].time));
+}
+
 fn began(time: i64, code: u32) -> Event {
-    Event { time: Micros(time), observed: Observed::AlarmBegan { code } }
+    Event::new(Micros(time), Observed::AlarmBegan { code })
 }
 
 /// All events in the store.
@@ -150,7 +186,7 @@ fn a_disk_that_fails_loses_events_beyond_its_memory_and_says_so() {
         journal.flush(Instant::ORIGIN, Micros(BASE + 300)).unwrap();
         let first_lost = BASE + i64::try_from(kept).unwrap();
         let (from, to, because) = (Some(Micros(first_lost)), Micros(BASE + 300), UnseenBecause::Lost);
-        let gap = Event { time: to, observed: Observed::Unseen { from, to, because } };
+        let gap = Event::new(to, Observed::Unseen { from, to, because });
         let mut expected: Vec<_> = (BASE..first_lost).map(|time| began(time, 1)).collect();
         expected.extend([gap, began(BASE + 300, 2)]);
         assert_eq!(all_events(&mut store.clone()), expected, "each once, and the gap");

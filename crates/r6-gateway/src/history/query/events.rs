@@ -58,10 +58,7 @@ pub struct EventAnswer {
 ///
 /// # Errors
 /// [`StoreError`].
-pub(super) fn answer<S: HistoryStore>(
-    store: &mut S,
-    question: &EventQuestion,
-) -> Result<EventAnswer, StoreError> {
+pub fn answer<S: HistoryStore>(store: &mut S, question: &EventQuestion) -> Result<EventAnswer, StoreError> {
     let EventQuestion { robot, from, to, kinds, limit, after } = question;
     let mut answer = EventAnswer::default();
     let mut rows = 0;
@@ -222,7 +219,7 @@ mod tests {
                 } else {
                     Observed::ModeChanged { from: code, to: 0 }
                 };
-                let event = Event { time: Micros(day * DAY + second), observed };
+                let event = Event::new(Micros(day * DAY + second), observed);
                 if begins_part {
                     store.begin_part(day).unwrap();
                 }
@@ -242,7 +239,7 @@ mod tests {
     #[test]
     fn an_event_in_two_files_is_told_once() {
         let mut store = MemoryDays::default();
-        let event = Event { time: Micros(DAY), observed: Observed::AlarmBegan { code: 7 } };
+        let event = Event::new(Micros(DAY), Observed::AlarmBegan { code: 7 });
         for _ in 0..2 {
             let write = Write { events: vec![event.clone()], ..Write::default() };
             store.write(1, &[(robot(), write)]).unwrap();
@@ -254,7 +251,7 @@ mod tests {
     #[test]
     fn events_of_one_time_in_two_files_are_told_once_each() {
         let mut store = MemoryDays::default();
-        let event = |code| Event { time: Micros(DAY), observed: Observed::AlarmBegan { code } };
+        let event = |code| Event::new(Micros(DAY), Observed::AlarmBegan { code });
         let events = vec![event(7), event(8), event(9)];
         for _ in 0..2 {
             let write = Write { events: events.clone(), ..Write::default() };

@@ -63,14 +63,35 @@ pub struct ProductionAnswer {
     pub is_too_much: bool,
 }
 
-/// Answers a question.
+/// The first event behind a range that tells of a gap, and up to where it was looked for.
+#[derive(Clone, Debug)]
+struct NextGap {
+    looked_from: Micros,
+    event: Option<Event>,
+}
+
+/// Answers questions about one robot, which are in the order of time.
 ///
 /// # Errors
 /// [`StoreError`].
-pub(super) fn answer<S: HistoryStore>(
+pub(super) fn answers<S: HistoryStore>(
+    store: &mut S,
+    questions: &[ProductionQuestion],
+    open: &Opens,
+) -> Result<Vec<ProductionAnswer>, StoreError> {
+    let mut gap = None;
+    // The last one first: what is behind a range was read for the one behind it.
+    let answers = questions.iter().rev().map(|question| answer(store, question, open, &mut gap));
+    let mut answers = answers.collect::<Result<Vec<_>, _>>()?;
+    answers.reverse();
+    Ok(answers)
+}
+
+fn answer<S: HistoryStore>(
     store: &mut S,
     question: &ProductionQuestion,
-    Opens { mode, alarm, counter }: Opens,
+    Opens { mode, alarm, counter }: &Opens,
+    next_gap: &mut Option<NextGap>,
 ) -> Result<ProductionAnswer, StoreError> {
     let ProductionQuestion { robot, from, to, read_until, counter: number } = question;
     let mut answer = ProductionAnswer::default();
@@ -83,17 +104,22 @@ pub(super) fn answer<S: HistoryStore>(
     })?;
     answer.is_too_much = next.is_some();
     // The first event behind the range that tells a gap may tell that its end was not seen.
+    let known = next_gap.take().filter(|known| known.looked_from >= *to);
     let later = Micros(to.0.saturating_add(LOOK_BEHIND));
+    let later = known.as_ref().map_or(later, |known| known.looked_from.min(later));
+    let mut gap = None;
     walk(store, robot, (*to, later), None, &mut answer.unreadable, |kept| {
         let is_gap = |event: &Event| matches!(event.observed, Observed::Unseen { .. });
-        let gap = kept.event.filter(is_gap);
-        gap.iter().for_each(|event| production.event(event));
+        gap = kept.event.filter(is_gap);
         count += 1;
         gap.is_none() && count < MAX_EVENTS
     })?;
+    let gap = gap.or_else(|| known.and_then(|known| known.event));
+    gap.iter().for_each(|event| production.event(event));
+    *next_gap = Some(NextGap { looked_from: *to, event: gap });
     let mut series = Vec::new();
     for (address, open) in [(Address::CurMode, mode), (Address::CurAlarm, alarm)] {
-        let (samples, is_whole, unreadable) = all(store, question, address, &open)?;
+        let (samples, is_whole, unreadable) = all(store, question, address, open)?;
         answer.is_too_much |= !is_whole;
         answer.unreadable += unreadable;
         series.push(samples);
@@ -103,7 +129,7 @@ pub(super) fn answer<S: HistoryStore>(
     }
     if let Some(number) = number
         && answer.figures.parts.is_none()
-        && is_read(store, question, Address::Counter(*number), &counter)?
+        && is_read(store, question, Address::Counter(*number), counter)?
     {
         // A counter that did not grow has counted nothing.
         answer.figures.parts = Some(0);
@@ -211,9 +237,46 @@ mod tests {
         }
         let (from, to) = (Micros(0), Micros(31 * DAY));
         let question = ProductionQuestion { robot, from, to, read_until: None, counter: None };
-        let answer = answer(&mut store, &question, Opens::default()).unwrap();
+        let answer = answers(&mut store, &[question], &Opens::default()).unwrap().remove(0);
         assert!(!answer.is_too_much && answer.unreadable == 0);
         assert_eq!((answer.figures.running, answer.figures.unseen), (31 * DAY, 0));
+    }
+
+    #[test]
+    fn ranges_that_are_asked_for_together_are_as_if_asked_for_alone() {
+        let robot = RobotName::new("press").unwrap();
+        let mut store = MemoryDays::default();
+        let interval = Interval::of_period(Duration::from_millis(100));
+        let mut made = Vec::new();
+        for address in [Address::CurMode, Address::CurAlarm] {
+            let sample = |minute: i64| Sample { time: Micros(minute * MINUTE), state: State::Integer(0) };
+            let samples: Vec<_> = (0..600).map(sample).collect();
+            for samples in samples.chunks(10) {
+                made.extend(chunks(interval, samples).into_iter().map(|chunk| (address, chunk)));
+            }
+        }
+        let gap = |from: i64, to| {
+            let (from, to) = (Some(Micros(from * MINUTE)), Micros(to * MINUTE));
+            let because = r6_api::gateway::UnseenBecause::Link;
+            Event::new(to, Observed::Unseen { from, to, because })
+        };
+        // The first one begins two ranges before its end.
+        let events = vec![gap(95, 215), gap(310, 320), gap(449, 450)];
+        store.write(0, &[(robot.clone(), Write { chunks: made, events, ..Write::default() })]).unwrap();
+        let question = |from: i64| ProductionQuestion {
+            robot: robot.clone(),
+            from: Micros(from * MINUTE),
+            to: Micros((from + 60) * MINUTE),
+            read_until: None,
+            counter: None,
+        };
+        let questions: Vec<_> = (0..9).map(|hour| question(hour * 60)).collect();
+        let together = answers(&mut store, &questions, &Opens::default()).unwrap();
+        let unseen: Vec<_> = together.iter().map(|answer| answer.figures.unseen / MINUTE).collect();
+        assert_eq!(unseen, [0, 25, 60, 35, 0, 10, 0, 1, 0]);
+        for (question, answer) in questions.into_iter().zip(together) {
+            assert_eq!(answers(&mut store, &[question], &Opens::default()).unwrap(), [answer]);
+        }
     }
 
     #[test]
@@ -232,7 +295,7 @@ mod tests {
         let mut parts = |counter, from| {
             let (from, to) = (Micros(from), Micros(DAY));
             let question = ProductionQuestion { robot: robot.clone(), from, to, read_until: None, counter };
-            answer(&mut store, &question, Opens::default()).unwrap().figures.parts
+            answers(&mut store, &[question], &Opens::default()).unwrap().remove(0).figures.parts
         };
         assert_eq!([parts(Some(4), 0), parts(Some(5), 0), parts(Some(6), 0)], [Some(0), None, None]);
         assert_eq!((parts(None, 0), parts(Some(4), 60 * MINUTE)), (None, None), "nothing was read then");

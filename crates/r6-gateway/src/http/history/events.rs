@@ -13,9 +13,11 @@ use utoipa::IntoParams;
 
 use super::super::State;
 use super::super::caller::{Read, Robot};
+use super::super::csv;
 use super::super::described::OfRight;
-use super::super::refusal;
-use super::{LONGEST_RANGE, USUAL_RANGE, bad_value, csv, permit, recorder, shown, table, time, wants_csv};
+use super::super::range::{Range, check_limit, shown};
+use super::super::refusal::{self, bad_value};
+use super::{LENGTHS, permit, recorder, table, wants_csv};
 use crate::clock::{self, text};
 use crate::core::history::event::Kind;
 use crate::core::history::sample::Micros;
@@ -102,30 +104,13 @@ fn question(
 ) -> Result<EventQuestion, Refusal> {
     let Wanted { from, to, kind, limit, cursor } = wanted;
     let kinds = kind.iter().flat_map(|kinds| kinds.split(',')).map(one_kind).collect::<Result<_, _>>()?;
-    let end = time("to", to.as_deref())?.unwrap_or(now);
-    let place = cursor.as_deref().and_then(place);
-    let begin = match (time("from", from.as_deref())?, place) {
-        (Some(from), _) => from,
-        // Without `from` the range moves on with the time, and the place may be left of it by now.
-        (None, Some(place)) if end.min(now).before(LONGEST_RANGE) < place.time => {
-            end.min(now).before(USUAL_RANGE).min(place.time)
-        }
-        (None, _) => end.min(now).before(USUAL_RANGE),
-    };
-    // There is nothing behind now.
-    let to = end.min(now).max(begin);
-    if begin > end || to.before(LONGEST_RANGE) > begin {
-        return Err(bad_value("from is a time before to, and at most ten years before".to_owned()));
-    }
-    if !(1..=MAX_LIMIT).contains(&limit) {
-        return Err(bad_value(format!("limit is from 1 to {MAX_LIMIT}")));
-    }
-    if let Some(text) = cursor.as_deref()
-        && !place.is_some_and(|place| (begin..=to).contains(&place.time))
-    {
-        return Err(bad_value(format!("`{}` is no cursor of this range", shown(text))));
-    }
-    Ok(EventQuestion { robot, from: begin, to, kinds, limit, after: place })
+    let after = cursor.as_deref().and_then(place);
+    let place = after.map(|place| place.time);
+    let range = LENGTHS.range((from.as_deref(), to.as_deref()), place, now)?;
+    check_limit(limit, MAX_LIMIT)?;
+    range.check_cursor(cursor.as_deref(), place)?;
+    let Range { from, to } = range;
+    Ok(EventQuestion { robot, from, to, kinds, limit, after })
 }
 
 fn one_kind(word: &str) -> Result<Kind, Refusal> {
@@ -157,6 +142,7 @@ fn page(question: EventQuestion, answer: EventAnswer, kept_until: Option<String>
     let events = events.into_iter().map(|(part, row, event)| HistoryEvent {
         id: format!("{}-{}-{row}", part.day, part.number),
         time: text(event.time),
+        true_time: event.true_time.map(text),
         happened: happened(event.observed),
     });
     HistoryEvents {

@@ -91,7 +91,7 @@ fn tails_grow_and_are_replaced() {
 }
 
 fn began(time: i64, code: u32) -> Event {
-    Event { time: Micros(time), observed: Observed::AlarmBegan { code } }
+    Event::new(Micros(time), Observed::AlarmBegan { code })
 }
 
 fn with_events(events: &[Event]) -> Vec<(RobotName, Write)> {

@@ -1,5 +1,6 @@
 //! The file of a gateway: robots, raw ports, who may use these, HTTP, and the history.
 
+mod hall;
 mod history;
 mod http;
 
@@ -10,7 +11,7 @@ use r6_client::Address;
 use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_controller::RobotModel;
 use r6_gateway::{
-    HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotConfig,
+    Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotConfig,
     RobotName,
 };
 use r6_program::Mistakes;
@@ -35,6 +36,8 @@ pub struct Config {
     pub raw: Vec<RawPort>,
     /// `[[raw_rule]]`, if there is any.
     pub policy: Option<RawPolicy>,
+    /// `[hall]` and `[[shift]]`, if there is any.
+    pub hall: Option<Hall>,
     /// `[history]`.
     pub history: HistorySettings,
     /// `[http]`.
@@ -81,11 +84,13 @@ fn parse(text: &str) -> Result<Config, Mistakes> {
         rules.extend(inner.finish(read, &mut found));
     }
     let policy = (!rules.is_empty()).then(|| RawPolicy::new(rules));
+    let hall = fields.optional("hall", "a table: [hall]", |value| value.table());
+    let hall = hall::read(hall, &fields.tables("shift"), &mut found);
     let history = fields.optional("history", "a table: [history]", |value| value.table());
     let history = history.and_then(|table| history::read(table, &mut found)).unwrap_or_default();
     let http = fields.optional("http", "a table: [http]", |value| value.table());
     let http = http.and_then(|table| http::read(table, &mut found)).unwrap_or_default();
-    let config = fields.finish(Ok(Config { robots, raw, policy, history, http }), &mut found);
+    let config = fields.finish(Ok(Config { robots, raw, policy, hall, history, http }), &mut found);
     found.finish(config)
 }
 
@@ -149,6 +154,8 @@ fn address_of(node: &Node) -> Option<Address> {
 
 #[cfg(test)]
 mod tests {
+    use r6_api::gateway::Weekday;
+
     use super::*;
 
     #[test]
@@ -156,7 +163,8 @@ mod tests {
         let text = "[[robot]]\nname = \"press-4\"\naddress = \"192.168.1.10\"\nperiod_ms = 50\n\
                     read = [\"Addr-800\", \"counter-1\"]\nmodel = \"brtirus0707a\"\n\
                     [[robot]]\nname = \"saw\"\naddress = \"saw.hall:9761\"\n";
-        let Config { robots, raw, policy, history, http } = parse(text).unwrap();
+        let Config { robots, raw, policy, hall, history, http } = parse(text).unwrap();
+        assert!(hall.is_none());
         assert_eq!((history, http), (HistorySettings::default(), HttpSettings::default()));
         assert!(raw.is_empty() && policy.is_none());
         let [press, saw] = &robots[..] else { panic!("{robots:?}") };
@@ -185,6 +193,42 @@ mod tests {
         assert_eq!(history.deadband(Address::parse("axis-0").unwrap()), 0.05);
         assert_eq!(history.deadband(Address::parse("axis-1").unwrap()), 0.001);
         assert!(!parse("[history]\nkeep = false\n").unwrap().history.on);
+    }
+
+    #[test]
+    fn a_file_has_the_time_zone_and_the_shifts() {
+        let text = "[hall]\ntime_zone = \"Europe/Berlin\"\n\
+                    [[shift]]\nname = \"early\"\ndays = [\"mon\", \"sun\"]\nbegin = \"06:00\"\nend = \"14:00\"\n\
+                    [[shift]]\nname = \"night\"\ndays = [\"mon\"]\nbegin = \"22:00\"\nend = \"06:00\"\n";
+        let hall = parse(text).unwrap().hall.unwrap();
+        let settings = hall.settings();
+        assert_eq!((settings.time_zone.as_str(), settings.shifts.len()), ("Europe/Berlin", 2));
+        assert_eq!(settings.shifts[0].days, [Weekday::Mon, Weekday::Sun]);
+        let zone = parse("[hall]\ntime_zone = \"Asia/Shanghai\"\n").unwrap().hall.unwrap();
+        assert!(zone.settings().shifts.is_empty());
+    }
+
+    #[test]
+    fn every_mistake_of_the_shifts_is_told() {
+        let text = "[hall]\ntime_zone = \"Berlin\"\nzone = 1\n\
+                    [[shift]]\nname = \"early\"\ndays = [\"monday\"]\nbegin = \"06:00\"\nend = 14\n\
+                    [[shift]]\nname = \"A\"\ndays = [\"mon\"]\nbegin = \"6\"\nend = \"14:00\"\n\
+                    [[shift]]\nname = \"b\"\ndays = [\"mon\"]\nbegin = \"06:00\"\nend = \"14:00\"\n\
+                    [[shift]]\nname = \"c\"\ndays = [\"mon\"]\nbegin = \"13:59\"\nend = \"15:00\"\n";
+        assert_told(
+            text,
+            &[
+                ("hall.toml:2:", "`Berlin` is no time zone"),
+                ("hall.toml:3:", "`zone`"),
+                ("hall.toml:6:", "`days`"),
+                ("hall.toml:8:", "`end`"),
+                ("hall.toml:10:", "a shift has a name"),
+                ("hall.toml:12:", "`6` is not a time"),
+                ("hall.toml:22:", "on mon it overlaps with `b`"),
+            ],
+        );
+        let shift = "[[shift]]\nname = \"a\"\ndays = [\"mon\"]\nbegin = \"06:00\"\nend = \"14:00\"\n";
+        assert_told(shift, &[("hall.toml:1:", "needs the `time_zone` of [hall]")]);
     }
 
     #[test]

@@ -137,6 +137,7 @@ fn settings(
         raw: vec![port],
         raw_policy: RawPolicy::new(rules),
         // It goes with the folder.
+        hall: None,
         history: HistorySettings { max_bytes: 256 * 1024 * 1024, ..HistorySettings::default() },
         names: Vec::new(),
         // It is gone soon, and so is its token.

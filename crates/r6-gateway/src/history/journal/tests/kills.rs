@@ -24,7 +24,7 @@ fn samples(number: i64) -> Vec<(Address, Sample)> {
 /// The event of a number: about every third one has one.
 fn event(number: i64) -> Option<Event> {
     let time = Micros(BASE + number * 20_000);
-    (number % 3 == 0).then_some(Event { time, observed: Observed::ModeChanged { from: number, to: 0 } })
+    (number % 3 == 0).then_some(Event::new(time, Observed::ModeChanged { from: number, to: 0 }))
 }
 
 /// The process that is killed. It does nothing unless the test below starts it.

@@ -1,11 +1,11 @@
 //! The history as a table for spreadsheets.
 
 use r6_api::AddressValue;
-use r6_api::gateway::{History, HistoryBucket, HistoryEvents, HistorySample};
+use r6_api::gateway::{History, HistoryBucket, HistoryEvents, HistorySample, Production};
 use serde_json::Value;
 
 /// The table: a line of names, then a line for each sample or bucket. Lines end as RFC 4180 says.
-pub(super) fn table(history: &History) -> String {
+pub fn table(history: &History) -> String {
     let mut table = String::new();
     match &history.buckets {
         Some(buckets) => {
@@ -33,7 +33,7 @@ pub(super) fn table(history: &History) -> String {
 }
 
 /// The columns of a table of events. Each kind of event fills some of them.
-const EVENT_COLUMNS: [&str; 17] = [
+const EVENT_COLUMNS: [&str; 18] = [
     "id",
     "time",
     "event",
@@ -51,10 +51,11 @@ const EVENT_COLUMNS: [&str; 17] = [
     "counter",
     "added",
     "total",
+    "true_time",
 ];
 
 /// A table of events.
-pub(super) fn event_table(page: &HistoryEvents) -> String {
+pub fn event_table(page: &HistoryEvents) -> String {
     let mut table = String::new();
     line(&mut table, EVENT_COLUMNS.map(str::to_owned));
     for event in &page.events {
@@ -66,7 +67,7 @@ pub(super) fn event_table(page: &HistoryEvents) -> String {
                 None | Some(Value::Null) => String::new(),
                 // These are words and times of ours.
                 Some(Value::String(text))
-                    if ["id", "time", "event", "because", "at", "counter"].contains(&column) =>
+                    if ["id", "time", "event", "because", "at", "counter", "true_time"].contains(&column) =>
                 {
                     text.clone()
                 }
@@ -76,6 +77,83 @@ pub(super) fn event_table(page: &HistoryEvents) -> String {
         );
     }
     table
+}
+
+/// The columns of a table of figures.
+const PRODUCTION_COLUMNS: [&str; 26] = [
+    "robot",
+    "shift",
+    "date",
+    "from",
+    "to",
+    "under_way",
+    "seen_ms",
+    "unseen_ms",
+    "running_ms",
+    "waiting_ms",
+    "alarm_ms",
+    "manual_ms",
+    "other_ms",
+    "availability",
+    "parts",
+    "part_resets",
+    "cycles",
+    "cycles_at_least",
+    "cycles_timed",
+    "cycle_p50_ms",
+    "cycle_p90_ms",
+    "cycle_min_ms",
+    "cycle_max_ms",
+    "cycle_mean_ms",
+    "alarm_codes",
+    "unreadable",
+];
+
+/// A table of figures: a row for each range or shift.
+pub fn production_table(all: &[Production]) -> String {
+    let mut table = String::new();
+    line(&mut table, PRODUCTION_COLUMNS.map(str::to_owned));
+    for figures in all {
+        let Production { shift, states, availability, cycles, parts, alarms, .. } = figures;
+        let of_shift =
+            |of: fn(&r6_api::gateway::ShiftSpan) -> String| shift.as_ref().map_or(String::new(), of);
+        let whole = |number: Option<u64>| number.map_or(String::new(), |number| number.to_string());
+        let cells = [
+            name(&figures.robot),
+            of_shift(|shift| name(&shift.name)),
+            of_shift(|shift| shift.date.clone()),
+            figures.from.clone(),
+            figures.to.clone(),
+            of_shift(|shift| shift.under_way.to_string()),
+            decimal(figures.seen_ms),
+            decimal(figures.unseen_ms),
+            decimal(states.running_ms),
+            decimal(states.waiting_ms),
+            decimal(states.alarm_ms),
+            decimal(states.manual_ms),
+            decimal(states.other_ms),
+            availability.value.map_or(String::new(), decimal),
+            whole(parts.count),
+            parts.resets.to_string(),
+            cycles.count.to_string(),
+            cycles.at_least.to_string(),
+            cycles.timed.to_string(),
+            whole(cycles.p50_ms),
+            whole(cycles.p90_ms),
+            whole(cycles.min_ms),
+            whole(cycles.max_ms),
+            cycles.mean_ms.map_or(String::new(), decimal),
+            alarms.codes.to_string(),
+            figures.unreadable.to_string(),
+        ];
+        line(&mut table, cells);
+    }
+    table
+}
+
+/// The name of a robot or a shift: small letters, digits and `-`. One that begins with `-` could be a formula.
+fn name(name: &str) -> String {
+    if name.starts_with('-') { quoted(name) } else { name.to_owned() }
 }
 
 fn line<const N: usize>(table: &mut String, cells: [String; N]) {
@@ -146,12 +224,20 @@ mod tests {
 
     #[test]
     fn each_event_fills_its_columns_and_none_is_a_formula() {
-        let of = |happened| HistoryEvent { id: "1-1-1".to_owned(), time: "T".to_owned(), happened };
+        let of = |happened| HistoryEvent {
+            id: "1-1-1".to_owned(),
+            time: "T".to_owned(),
+            true_time: None,
+            happened,
+        };
         let (text, remedy) = ("emergency stop".to_owned(), "release".to_owned());
         let events = vec![
             of(Happened::AlarmBegan { code: 7, text, remedy }),
             of(Happened::ProgramChanged { from: "=1+1".to_owned(), to: "a,b".to_owned() }),
-            of(Happened::CycleDone { count: 1, at_least: true, ms: None, at: "A".to_owned() }),
+            HistoryEvent {
+                true_time: Some("O".to_owned()),
+                ..of(Happened::CycleDone { count: 1, at_least: true, ms: None, at: "A".to_owned() })
+            },
         ];
         let page = HistoryEvents {
             robot: "press".to_owned(),
@@ -165,10 +251,15 @@ mod tests {
         let table = event_table(&page);
         let lines: Vec<_> = table.lines().collect();
         assert_eq!(lines[0], EVENT_COLUMNS.join(","));
-        assert_eq!(lines[1], "1-1-1,T,alarm_began,7,\"emergency stop\",\"release\",,,,,,,,,,,");
-        assert_eq!(lines[2], "1-1-1,T,program_changed,,,,,\"'=1+1\",\"a,b\",,,,,,,,");
-        assert_eq!(lines[3], "1-1-1,T,cycle_done,,,,,,,,1,true,,A,,,");
+        assert_eq!(lines[1], "1-1-1,T,alarm_began,7,\"emergency stop\",\"release\",,,,,,,,,,,,");
+        assert_eq!(lines[2], "1-1-1,T,program_changed,,,,,\"'=1+1\",\"a,b\",,,,,,,,,");
+        assert_eq!(lines[3], "1-1-1,T,cycle_done,,,,,,,,1,true,,A,,,,O");
         assert_eq!(lines.len(), 4);
+    }
+
+    #[test]
+    fn a_name_is_no_formula() {
+        assert_eq!(["press-4", "-a1"].map(name), ["press-4", "\"'-a1\""]);
     }
 
     #[test]

@@ -1,0 +1,30 @@
+//! Versions in headers: which one an answer has, and which one a change is for.
+
+use axum::Json;
+use axum::http::header::{ETAG, IF_MATCH, IF_NONE_MATCH};
+use axum::http::{HeaderMap, HeaderName, StatusCode};
+use axum::response::{IntoResponse, Response};
+use r6_http::Refusal;
+
+use super::refusal::bad_value;
+use crate::core::library::Condition;
+
+/// Which version a change is for. Several headers of one name are one list.
+///
+/// # Errors
+/// `bad_value`: a header is no text.
+pub fn condition(headers: &HeaderMap) -> Result<Condition, Refusal> {
+    let list = |name: HeaderName| {
+        let all = headers.get_all(&name).iter().map(|value| value.to_str());
+        let all = all.collect::<Result<Vec<_>, _>>();
+        let all =
+            all.map_err(|_| bad_value(format!("`{name}` has no tags such as \"3-9f86d081884c7d65\"")))?;
+        Ok((!all.is_empty()).then(|| all.join(",")))
+    };
+    Ok(Condition { matches: list(IF_MATCH)?, none_matches: list(IF_NONE_MATCH)? })
+}
+
+/// An answer of this version.
+pub fn with_etag(status: StatusCode, etag: String, body: &impl serde::Serialize) -> Response {
+    (status, [(ETAG, etag)], Json(body)).into_response()
+}
