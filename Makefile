@@ -24,9 +24,9 @@ check: ## Check everything else: format, lints, docs, dependencies, each crate a
 dist: ## Build into target/dist what would be published (crates, wheel, Debian package, checksums), and try it; ARGS="deb try-deb" chooses stages
 	@tools/dist/run $(ARGS)
 
-sim: ## Break clients, controllers, cameras and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1] [TRAP=all: only worlds with one trap] [DRIVERS=all: dropped and slow calls drive], or all of one: SEED=7 [TRAP=E1] [DRIVERS=all] (dev profile)
+sim: ## Break clients, controllers, cameras, gateways and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1] [TRAP=all: only worlds with one trap] [GATEWAY=1: only worlds with a gateway] [DRIVERS=all: dropped and slow calls drive], or all of one: SEED=7 [TRAP=E1] [GATEWAY=1] [DRIVERS=all] (dev profile)
 	@$(CARGO) build --locked --package r6-world
-	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown) $(if $(TRAP),--trap $(TRAP)) $(if $(DRIVERS),--drivers $(DRIVERS))
+	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown) $(if $(TRAP),--trap $(TRAP)) $(if $(DRIVERS),--drivers $(DRIVERS)) $(if $(GATEWAY),--gateway)
 
 breaks: ## Break each promise on purpose, in a copy, and show that a plan of make sim or a test sees it: ARGS="Gapless A1" chooses rows of crates/r6-world/breaks.toml; half an hour for all (docs/SIMULATION.md)
 	@tools/test toolchain

@@ -11,7 +11,7 @@ mod passwords;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex as SyncMutex, MutexGuard, PoisonError, RwLock};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, UNIX_EPOCH};
 
 use r6_api::Code;
 use r6_api::gateway::{Deed, PasswordChange, Secret, Setup, SignIn};
@@ -76,7 +76,7 @@ impl Accounts {
     pub async fn read(keeper: Keeper) -> Result<Self, StoreError> {
         let unavailable = |what: String| StoreError::Unavailable(what);
         let mut seed = [0; 32];
-        getrandom::fill(&mut seed).map_err(|error| unavailable(format!("no random numbers: {error}")))?;
+        secret::fill(&mut seed).map_err(|error| unavailable(format!("no random numbers: {error}")))?;
         let accounts = Self {
             ledger: Ledger::new(keeper.clone()),
             keeper,
@@ -377,7 +377,7 @@ fn is_enabled(user: &StoredUser) -> bool {
 
 /// The time of day, in seconds since 1970.
 fn seconds() -> u64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs()
+    clock::today().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs()
 }
 
 fn no_random(error: &getrandom::Error) -> Problem {

@@ -7,8 +7,25 @@ use r6_proto::time::Instant;
 use crate::core::history::sample::Micros;
 
 /// The time since the system started. It goes on while the machine sleeps, so that no lease outlives a sleep.
-#[cfg(target_os = "linux")]
 pub fn now() -> Instant {
+    #[cfg(feature = "simulation")]
+    if let Some(time) = crate::simulation::time() {
+        return Instant::ORIGIN + time;
+    }
+    since_boot()
+}
+
+/// The time of day of the system.
+pub fn today() -> SystemTime {
+    #[cfg(feature = "simulation")]
+    if let Some(today) = crate::simulation::today() {
+        return today;
+    }
+    SystemTime::now()
+}
+
+#[cfg(target_os = "linux")]
+fn since_boot() -> Instant {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
     let seconds = Duration::from_secs(u64::try_from(time.tv_sec).unwrap_or(0));
     Instant::ORIGIN + seconds + Duration::from_nanos(u64::try_from(time.tv_nsec).unwrap_or(0))
@@ -16,7 +33,7 @@ pub fn now() -> Instant {
 
 /// The time since the process asked first. On this system it may stand while the machine sleeps.
 #[cfg(not(target_os = "linux"))]
-pub fn now() -> Instant {
+fn since_boot() -> Instant {
     static ORIGIN: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
     Instant::ORIGIN + ORIGIN.get_or_init(std::time::Instant::now).elapsed()
 }
@@ -29,12 +46,12 @@ pub fn before(now: Instant, age: Duration) -> Instant {
 
 /// The time of day: RFC 3339, UTC, microseconds.
 pub fn time_of_day() -> String {
-    humantime::format_rfc3339_micros(SystemTime::now()).to_string()
+    humantime::format_rfc3339_micros(today()).to_string()
 }
 
 /// The time of day of the system.
 pub fn system() -> Micros {
-    let time = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let time = today().duration_since(UNIX_EPOCH).unwrap_or_default();
     Micros(i64::try_from(time.as_micros()).unwrap_or(i64::MAX))
 }
 

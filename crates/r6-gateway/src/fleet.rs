@@ -3,6 +3,7 @@
 //! - [`station`]: what the gateway knows of one robot, and its seat.
 //! - [`config`]: how one robot is looked after.
 //! - [`roster`]: adds, changes and removes robots while the others go on.
+//! - [`roads`]: how connections to robots are made.
 //! - [`link`]: the task that keeps the connection and reads the values.
 //! - [`record`]: the task that keeps the values and what happens.
 //! - [`observe`]: what happens, from the values.
@@ -22,6 +23,7 @@ pub mod link;
 mod observe;
 pub mod query;
 mod record;
+pub mod roads;
 pub mod roster;
 mod send;
 pub mod station;

@@ -6,7 +6,7 @@ use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, UNIX_EPOCH};
 
 use r6_api::gateway::{AuditRecord, CommandOutcome, Deed};
 use r6_client::RobotSettings;
@@ -21,6 +21,7 @@ use crate::core::hall::Hall;
 use crate::core::raw::policy::RawPolicy;
 use crate::fleet::Fleet;
 use crate::fleet::config::RobotConfig;
+use crate::fleet::roads::Roads;
 use crate::fleet::roster::{self, Changes};
 use crate::fleet::station::{Kept, Shared};
 use crate::history::{HistorySettings, Recorder};
@@ -153,57 +154,28 @@ impl Gateway {
         let listener = TcpListener::bind(listen).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
 
-        let mut records: Vec<_> = store.open_intents()?.into_iter().map(unknown).collect();
-        records.push(record(None, Deed::GatewayStarted {}));
-        store.append(&records)?;
-        // A link that an earlier start printed ends with it.
-        store.remove_setup_link()?;
-        let saved = robots.into_iter().map(|robot| {
-            let (seat, alarms) = (store.seat(&robot.name)?, store.alarms(&robot.name)?);
-            Ok((Kept { seat, alarms }, robot))
-        });
-        let saved = saved.collect::<Result<Vec<_>, StoreError>>()?;
+        let saved = begin(&mut store, robots)?;
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
         let history = settings.history;
         let history =
             history.on.then(|| Recorder::start(&settings.data.join(HISTORY), history)).transpose()?;
-        let shared = Arc::new(Shared::new(keeper, history, epoch()));
-        let tokens = Tokens::read(shared.keeper.clone()).await?;
-        let accounts = Arc::new(Accounts::read(shared.keeper.clone()).await?);
-        let hall = Arc::new(Settings::read(shared.keeper.clone(), settings.hall).await?);
-
-        let fleet = Arc::new(Fleet::start(saved, Arc::clone(&shared)));
+        let shared = Shared::new(keeper, Roads::Tcp, history, epoch());
+        let (robots, hall) = (settings.robot_settings, settings.hall);
+        let state = look_after(saved, shared, certificate.clone(), robots, hall).await?;
         let raw_policy = SharedPolicy::new(settings.raw_policy);
-        let doors = match open(settings.raw, &fleet, &raw_policy) {
+        let doors = match open(settings.raw, &state.fleet, &raw_policy) {
             Ok(doors) => doors,
             Err(error) => {
-                fleet.end().await;
+                state.fleet.end().await;
                 return Err(error);
             }
         };
-        let (tokens, robot_settings) = (Arc::new(tokens), settings.robot_settings);
-        let (is_secure, bench) = (certificate.is_some(), Bench::new());
-        let state = State {
-            fleet,
-            tokens,
-            accounts,
-            shared,
-            is_secure,
-            certificate: certificate.clone(),
-            robot_settings,
-            settings: hall,
-            bench,
-        };
         let mut server = JoinSet::new();
-        let site = Site::new(address).with_names(settings.names).with_tls(is_secure).with_page("/setup");
+        let site = site(address, settings.names, &state);
         let tls = certificate.as_ref().map(Certificate::tls);
         server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
         server.spawn(follow(certificate.clone()));
-        server.spawn(refresh(Arc::clone(&state.tokens)));
-        let accounts = Arc::clone(&state.accounts);
-        server.spawn(async move { accounts.keep_fresh().await });
-        let accounts = Arc::clone(&state.accounts);
-        server.spawn(async move { accounts.ledger.keep().await });
+        keep_fresh(&state, &mut server);
         let mut raw_ports = Vec::new();
         for (port, door, listener) in doors {
             raw_ports.push(port);
@@ -295,10 +267,59 @@ impl Gateway {
     }
 }
 
+/// Writes down that the gateway starts, and what the last one left undone. Returns the robots with their
+/// seats.
+pub(crate) fn begin(
+    store: &mut dyn Store,
+    robots: Vec<RobotConfig>,
+) -> Result<Vec<(Kept, RobotConfig)>, StoreError> {
+    let mut records: Vec<_> = store.open_intents()?.into_iter().map(unknown).collect();
+    records.push(record(None, Deed::GatewayStarted {}));
+    store.append(&records)?;
+    // A link that an earlier start printed ends with it.
+    store.remove_setup_link()?;
+    let kept = robots.into_iter().map(|robot| {
+        let (seat, alarms) = (store.seat(&robot.name)?, store.alarms(&robot.name)?);
+        Ok((Kept { seat, alarms }, robot))
+    });
+    kept.collect()
+}
+
+/// Starts to look after these robots, for the routes.
+pub(crate) async fn look_after(
+    robots: Vec<(Kept, RobotConfig)>,
+    shared: Shared,
+    certificate: Option<Certificate>,
+    robot_settings: RobotSettings,
+    hall: Option<Hall>,
+) -> Result<State, StoreError> {
+    let shared = Arc::new(shared);
+    let tokens = Arc::new(Tokens::read(shared.keeper.clone()).await?);
+    let accounts = Arc::new(Accounts::read(shared.keeper.clone()).await?);
+    let settings = Arc::new(Settings::read(shared.keeper.clone(), hall).await?);
+    let fleet = Arc::new(Fleet::start(robots, Arc::clone(&shared)));
+    let (is_secure, bench) = (certificate.is_some(), Bench::new());
+    Ok(State { fleet, tokens, accounts, shared, is_secure, certificate, robot_settings, settings, bench })
+}
+
+/// How the gateway is reached.
+pub(crate) fn site(address: SocketAddr, names: Vec<String>, state: &State) -> Site {
+    Site::new(address).with_names(names).with_tls(state.is_secure).with_page("/setup")
+}
+
+/// Reads tokens and users again and again, and writes what is told of users.
+pub(crate) fn keep_fresh(state: &State, server: &mut JoinSet<()>) {
+    server.spawn(refresh(Arc::clone(&state.tokens)));
+    let accounts = Arc::clone(&state.accounts);
+    server.spawn(async move { accounts.keep_fresh().await });
+    let accounts = Arc::clone(&state.accounts);
+    server.spawn(async move { accounts.ledger.keep().await });
+}
+
 /// The robots of the configuration, and those that were added through the API. A robot of the configuration
 /// takes the place of one with the same name.
-fn all_robots(
-    store: &mut Sqlite,
+pub(crate) fn all_robots(
+    store: &mut dyn Store,
     configured: Vec<RobotConfig>,
     settings: &RobotSettings,
 ) -> Result<Vec<RobotConfig>, GatewayError> {
@@ -355,8 +376,8 @@ fn open(
 }
 
 /// The time of the start, in microseconds since 1970.
-fn epoch() -> u64 {
-    let epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+pub(crate) fn epoch() -> u64 {
+    let epoch = clock::today().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(epoch.as_micros()).unwrap_or(u64::MAX)
 }
 

@@ -34,6 +34,8 @@
 //! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
 //! - `raw_port`: the robots' own protocol, for old scripts.
+//! - `simulation`: a whole gateway whose time, network and disk are simulated (`docs/SIMULATION.md`). It is
+//!   there with the feature `simulation` alone, which nothing that ships has.
 #![cfg_attr(
     not(test),
     warn(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)
@@ -56,6 +58,8 @@ mod raw_port;
 mod secret;
 mod settings;
 mod shell;
+#[cfg(feature = "simulation")]
+pub mod simulation;
 mod store;
 mod tokens;
 

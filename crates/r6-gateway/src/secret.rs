@@ -1,6 +1,19 @@
-//! Random secrets of 256 bits: tokens, sessions, one-time links. Only their hashes are kept.
+//! Random secrets of 256 bits: tokens, sessions, one-time links. Only their hashes are kept. Secrets of leases
+//! have 128 bits.
 
 use sha2::{Digest, Sha256};
+
+/// Random bytes of the system.
+///
+/// # Errors
+/// The system has no random numbers.
+pub fn fill(bytes: &mut [u8]) -> Result<(), getrandom::Error> {
+    #[cfg(feature = "simulation")]
+    if crate::simulation::fill(bytes) {
+        return Ok(());
+    }
+    getrandom::fill(bytes)
+}
 
 /// Draws a secret: its text in hexadecimal behind a prefix, and the hash of this text.
 ///
@@ -8,7 +21,7 @@ use sha2::{Digest, Sha256};
 /// The system has no random numbers.
 pub fn draw(prefix: &str) -> Result<(String, [u8; 32]), getrandom::Error> {
     let mut bytes = [0; 32];
-    getrandom::fill(&mut bytes)?;
+    fill(&mut bytes)?;
     let text = prefix.to_owned() + &hex(&bytes);
     let hash = hash(&text);
     Ok((text, hash))

@@ -1,6 +1,7 @@
 //! The common parts of every HTTP server of r6: the panel of virtual controllers, the gateway.
 //!
-//! - [`serve`] accepts connections, and keeps room for new ones ([`server`]).
+//! - [`serve`] accepts connections, and keeps room for new ones ([`server`]). [`serve_plain`] does so where
+//!   they come from somewhere else than TCP of this machine.
 //! - [`Afterwards`] is what goes on over a connection that is not HTTP any more. [`EndsWith`] ends a
 //!   connection whose answer goes on.
 //! - [`Tls`] is a certificate, with which [`serve`] speaks TLS.
@@ -26,5 +27,5 @@ mod work;
 pub use afterwards::Afterwards;
 pub use ends_with::EndsWith;
 pub use refusal::Refusal;
-pub use server::{Peer, serve};
+pub use server::{Listener, Peer, serve, serve_plain};
 pub use tls::{BadCertificate, Tls, first_der, is_for};

@@ -1,5 +1,6 @@
 //! A listener and its connections.
 
+use std::io;
 use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -46,21 +47,74 @@ const SEND_BUFFER: usize = 64 * 1024;
 #[derive(Clone, Copy, Debug)]
 pub struct Peer(pub SocketAddr);
 
-/// Accepts and serves connections for as long as it is polled, with TLS if there is a certificate.
+/// Where connections come from.
+pub trait Listener: Send {
+    /// A connection.
+    type Stream: AsyncRead + AsyncWrite + Send + Unpin + 'static;
+
+    /// The next connection, and the address of its peer.
+    ///
+    /// # Errors
+    /// There is no room for another connection at present.
+    fn accept(&mut self) -> impl Future<Output = io::Result<(Self::Stream, SocketAddr)>> + Send;
+
+    /// The address that it listens on, for the log.
+    fn address(&self) -> Option<SocketAddr>;
+}
+
+impl Listener for TcpListener {
+    type Stream = TcpStream;
+
+    async fn accept(&mut self) -> io::Result<(TcpStream, SocketAddr)> {
+        let (stream, peer) = Self::accept(self).await?;
+        // Small messages of a stream must not wait for the acknowledgement of those before. If the socket is
+        // dead already, its task will notice.
+        let _ = stream.set_nodelay(true);
+        let _ = SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
+        Ok((stream, peer))
+    }
+
+    fn address(&self) -> Option<SocketAddr> {
+        self.local_addr().ok()
+    }
+}
+
+/// Accepts and serves connections over TCP for as long as it is polled, with TLS if there is a certificate.
 pub async fn serve(listener: TcpListener, router: Router, tls: Option<Tls>) {
+    let greet = |stream, peer: SocketAddr, state| {
+        let (tls, router) = (tls.clone(), router.clone());
+        async move {
+            let Some(tls) = tls else {
+                return converse(Slowed::new(stream), Peer(peer), router, state).await;
+            };
+            match tls.accept(stream).await {
+                Ok(stream) => converse(stream, Peer(peer), router, state).await,
+                Err(error) => debug!(%peer, %error, "a connection got no TLS"),
+            }
+        }
+    };
+    attend(listener, greet).await;
+}
+
+/// Accepts and serves connections without TLS for as long as it is polled.
+pub async fn serve_plain(listener: impl Listener, router: Router) {
+    let greet = |stream, peer, state| converse(Slowed::new(stream), Peer(peer), router.clone(), state);
+    attend(listener, greet).await;
+}
+
+/// Accepts connections, and lets `greet` serve each.
+async fn attend<L, F>(mut listener: L, greet: impl Fn(L::Stream, SocketAddr, Arc<GuestState>) -> F)
+where
+    L: Listener,
+    F: Future<Output = ()> + Send + 'static,
+{
     let mut guests = Guests::default();
     loop {
         match listener.accept().await {
-            Ok((stream, peer)) => {
-                // Small messages of a stream must not wait for the acknowledgement of those before. If the
-                // socket is dead already, its task will notice.
-                let _ = stream.set_nodelay(true);
-                let _ = SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
-                guests.admit(peer, stream, router.clone(), tls.clone());
-            }
+            Ok((stream, peer)) => guests.admit(peer, |state| greet(stream, peer, state)),
             Err(error) => {
                 // Most likely too many open files: give the connections a moment to end.
-                let server = listener.local_addr().ok();
+                let server = listener.address();
                 warn!(?server, %error, "an HTTP connection could not be accepted");
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
@@ -116,7 +170,11 @@ fn network(peer: IpAddr) -> IpAddr {
 }
 
 impl Guests {
-    fn admit(&mut self, from: SocketAddr, stream: TcpStream, router: Router, tls: Option<Tls>) {
+    fn admit<F: Future<Output = ()> + Send + 'static>(
+        &mut self,
+        from: SocketAddr,
+        serve: impl FnOnce(Arc<GuestState>) -> F,
+    ) {
         let peer = network(from.ip());
         while self.tasks.try_join_next().is_some() {}
         self.open.retain(|guest| !guest.task.is_finished());
@@ -124,16 +182,7 @@ impl Guests {
             self.open.remove(at).task.abort();
         }
         let state = Arc::new(GuestState::default());
-        let (peer_of, busy) = (Peer(from), Arc::clone(&state));
-        let task = self.tasks.spawn(async move {
-            let Some(tls) = tls else {
-                return converse(Slowed::new(stream), peer_of, router, busy).await;
-            };
-            match tls.accept(stream).await {
-                Ok(stream) => converse(stream, peer_of, router, busy).await,
-                Err(error) => debug!(peer = %from, %error, "a connection got no TLS"),
-            }
-        });
+        let task = self.tasks.spawn(serve(Arc::clone(&state)));
         self.open.push(Guest { peer, state, task });
     }
 
@@ -166,6 +215,7 @@ async fn ended(end: &mut watch::Receiver<Option<EndsWith>>) {
             }
         };
         tokio::select! {
+            biased;
             () = wait => return,
             changed = end.changed() => if changed.is_err() {
                 std::future::pending().await
@@ -212,6 +262,7 @@ where
         .serve_connection(TokioIo::new(InJson::new(stream)), service)
         .with_upgrades();
     tokio::select! {
+        biased;
         served = serving => {
             if let Err(error) = served {
                 debug!(%error, "an HTTP connection was lost");

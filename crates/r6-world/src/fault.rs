@@ -10,11 +10,12 @@ pub enum Class {
     C1, C2, C3, C4, C5, C6, C7, C8, C9, C10,
     K1, K2, K3, K4, S1, V1, V6,
     E1, E2, E3, E4, E5, E6, E7, E8,
+    G1, G5, G6, G10, G13, S4, S5,
 }
 
 /// For each class: what it does here, and what is counted as one strike. "Done" means that it happened at the
 /// machine or the host; it is not known whether anything noticed.
-pub const CLASSES: [(Class, &str, &str); 52] = {
+pub const CLASSES: [(Class, &str, &str); 59] = {
     use Class::*;
     [
         (T1, "connections are refused", "an attempt that was refused"),
@@ -69,6 +70,17 @@ pub const CLASSES: [(Class, &str, &str); 52] = {
         (E6, "another robot answers at the address", "a connection to another robot"),
         (E7, "the program's own output fails while a motion is under way", "a motion that lost its program"),
         (E8, "the owner of a motion is interrupted", "a motion that lost its owner"),
+        (
+            G1,
+            "one robot of a gateway answers hardly or not at all for half a minute",
+            "a connection that was struck",
+        ),
+        (G5, "a reader of the gateway reads nothing", "a reader that was given up"),
+        (G6, "robots are added, changed and removed while the gateway runs", "a change: done"),
+        (G10, "the gateway gets no sockets", "a connection that was not made"),
+        (G13, "a client of the gateway sends what it must not", "an attack: done"),
+        (S4, "the gateway is killed", "a kill: done"),
+        (S5, "the disk of the gateway is slow", "a time of that: done"),
     ]
 };
 
@@ -79,10 +91,11 @@ pub const CLASSES: [(Class, &str, &str); 52] = {
 pub enum Promise {
     I1, I2, I3, I4, I5, I6, I7, I9, I10, I11, Once, Recovery, NoPanic,
     Stopped, Whole, Gapless, Fresh, Meant, Owned, Soon, Driven,
+    I8, I12,
 }
 
 /// The text of each promise.
-pub const PROMISES: [(Promise, &str); 21] = {
+pub const PROMISES: [(Promise, &str); 23] = {
     use Promise::*;
     [
         (I1, "nothing is delivered that was not received whole"),
@@ -106,6 +119,8 @@ pub const PROMISES: [(Promise, &str); 21] = {
         (Owned, "a motion without an owner is stopped or carried to its end, never cut silently"),
         (Soon, "a stop takes effect within 1.5 s where the first connection is deaf"),
         (Driven, "what comes is read, and heartbeats leave, whichever call drives"),
+        (I8, "one robot or caller of a gateway does no harm to the others"),
+        (I12, "nothing that changes or moves leaves a gateway without an audited command of who may"),
     ]
 };
 

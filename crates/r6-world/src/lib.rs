@@ -1,4 +1,4 @@
-//! Clients, controllers, cameras and disks in one process on virtual time. A seed decides what breaks, and
+//! Clients, controllers, cameras, gateways and disks in one process on virtual time. A seed decides what breaks, and
 //! the promises are checked at every step.
 //!
 //! `make sim` runs worlds. `plan.rs` draws one from a seed; `world.rs` runs it as a turmoil simulation, in
@@ -26,6 +26,8 @@
 //! - `client.rs` and the files of `client/` compare what the client's program hears with both.
 //! - `saved_registers.rs` compares registers that were acknowledged as saved with the disk.
 //! - `fault_effects.rs` finds which faults took effect, from the events of the controller's log.
+//! - `hall.rs` observes a gateway: what its callers ask for and hear, what its disk has, and what leaves it
+//!   for the robots. `plan/hall.rs` draws its worlds.
 //! - `pulse.rs` ends a world whose clock has stopped.
 //! - `plan/trap.rs` makes worlds with a single fault, and `client/mishaps.rs` the mishaps of their motions.
 //! - `plan/drivers.rs` makes worlds whose calls are dropped or slow while they drive for others
@@ -42,6 +44,7 @@ pub mod disk;
 pub mod fault;
 mod fault_effects;
 mod floor;
+mod hall;
 mod line;
 mod pipes;
 pub mod plan;

@@ -33,7 +33,8 @@ const MOST_FAILURES: usize = 5;
     Exit codes: 0 all hold, 1 one does not, 2 a wrong argument."
 )]
 struct Wanted {
-    /// How many seeds to run. Each seed runs two worlds: one with any faults, and one with one trap.
+    /// How many seeds to run. Each seed runs three worlds: one with any faults, one with one trap, and one with
+    /// a gateway.
     #[arg(long, default_value_t = ENOUGH_SEEDS, value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     seeds: u64,
     /// The first seed.
@@ -52,6 +53,9 @@ struct Wanted {
     /// again, or `all` for both.
     #[arg(long, value_name = "DRIVERS", value_parser = drivers_of)]
     drivers: Option<Drivers>,
+    /// Run only worlds with a gateway.
+    #[arg(long, conflicts_with_all = ["trap", "drivers"])]
+    gateway: bool,
     /// With one seed, print only the outcome.
     #[arg(long)]
     quiet: bool,
@@ -64,6 +68,32 @@ impl Wanted {
     fn drivers(&self) -> Drivers {
         self.drivers.unwrap_or_default()
     }
+
+    /// The kind of all worlds; `None` if they are mixed.
+    fn only_kind(&self) -> Option<Kind> {
+        self.trap.map(Kind::Trapped).or(self.gateway.then_some(Kind::Gateway))
+    }
+
+    /// The kinds of worlds that each seed runs. Drivers are for clients of robots, so with them there are no
+    /// worlds with a gateway.
+    fn kinds(&self) -> Vec<Kind> {
+        let mixed = [Kind::Any, Kind::Trapped(Trap::Each), Kind::Gateway];
+        match self.only_kind() {
+            Some(kind) => vec![kind],
+            None => mixed.into_iter().take(if self.drivers.is_some() { 2 } else { 3 }).collect(),
+        }
+    }
+}
+
+/// What a world is.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// It has any faults.
+    Any,
+    /// It has a single fault class.
+    Trapped(Trap),
+    /// It has a gateway.
+    Gateway,
 }
 
 /// The single fault class.
@@ -88,11 +118,12 @@ fn drivers_of(name: &str) -> Result<Drivers, String> {
 }
 
 /// The plan of a seed.
-fn plan_of(seed: u64, trap: Option<Trap>, drivers: Drivers) -> Plan {
-    let plan = match trap {
-        None => Plan::of(seed),
-        Some(Trap::One(class)) => Plan::trapped(class, seed),
-        Some(Trap::Each) => Plan::any_trap(seed),
+fn plan_of(seed: u64, kind: Kind, drivers: Drivers) -> Plan {
+    let plan = match kind {
+        Kind::Any => Plan::of(seed),
+        Kind::Trapped(Trap::One(class)) => Plan::trapped(class, seed),
+        Kind::Trapped(Trap::Each) => Plan::any_trap(seed),
+        Kind::Gateway => return Plan::with_gateway(seed),
     };
     plan.driven_by(drivers)
 }
@@ -101,14 +132,17 @@ fn main() -> ExitCode {
     let wanted = Wanted::parse();
     world::catch_panics();
     match wanted.seed {
-        Some(seed) => one(plan_of(seed, wanted.trap, wanted.drivers()), !wanted.quiet),
+        Some(seed) => {
+            let kind = wanted.only_kind().unwrap_or(Kind::Any);
+            one(plan_of(seed, kind, wanted.drivers()), !wanted.quiet)
+        }
         None => many(&wanted),
     }
 }
 
 fn one(plan: Plan, aloud: bool) -> ExitCode {
     let outcome = world::run_plan(plan, aloud);
-    let (seed, kind) = (outcome.seed, report::kind(outcome.trap, outcome.drivers));
+    let (seed, kind) = (outcome.seed, report::kind(outcome.trap, outcome.drivers, outcome.has_gateway));
     match report::failure(&outcome) {
         Some(told) => {
             println!("{told}");
@@ -122,23 +156,9 @@ fn one(plan: Plan, aloud: bool) -> ExitCode {
     }
 }
 
-/// How many worlds each seed runs.
-fn worlds_of_a_seed(wanted: &Wanted) -> u64 {
-    if wanted.trap.is_some() { 1 } else { 2 }
-}
-
-/// The seed and the trap of a world, counted from 0. If no trap is chosen, every second world has a trap,
-/// each class in turn.
-fn world_of(number: u64, wanted: &Wanted) -> (u64, Option<Trap>) {
-    if wanted.trap.is_some() {
-        return (wanted.from + number, wanted.trap);
-    }
-    (wanted.from + number / 2, (!number.is_multiple_of(2)).then_some(Trap::Each))
-}
-
 /// Runs a seed; every tenth seed runs twice.
-fn run(seed: u64, trap: Option<Trap>, drivers: Drivers) -> Outcome {
-    let plan = plan_of(seed, trap, drivers);
+fn run(seed: u64, kind: Kind, drivers: Drivers) -> Outcome {
+    let plan = plan_of(seed, kind, drivers);
     let mut outcome = world::run_plan(plan.clone(), false);
     if seed.is_multiple_of(TWICE_EVERY) && outcome.violation.is_none() {
         let again = world::run_plan(plan, false);
@@ -159,20 +179,24 @@ fn many(wanted: &Wanted) -> ExitCode {
     let in_place = std::io::stderr().is_terminal();
     let between = Duration::from_secs(if in_place { 1 } else { 30 });
     let next = AtomicU64::new(0);
-    let worlds = wanted.seeds * worlds_of_a_seed(wanted);
+    let kinds = wanted.kinds();
+    let of_a_seed = kinds.len() as u64;
+    let worlds = wanted.seeds * of_a_seed;
     let (tell, told) = mpsc::channel();
     let (mut tally, mut failures, mut done) = (Tally::default(), Vec::new(), 0_u64);
     std::thread::scope(|scope| {
         for _ in 0..jobs {
-            let (next, tell) = (&next, tell.clone());
+            let (next, kinds, tell) = (&next, &kinds, tell.clone());
             scope.spawn(move || {
                 loop {
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     if number >= worlds {
                         return;
                     }
-                    let (seed, trap) = world_of(number, wanted);
-                    if tell.send(run(seed, trap, wanted.drivers())).is_err() {
+                    // The remainder is below the number of kinds.
+                    let at = usize::try_from(number % of_a_seed).unwrap_or(0);
+                    let (seed, kind) = (wanted.from + number / of_a_seed, kinds[at]);
+                    if tell.send(run(seed, kind, wanted.drivers())).is_err() {
                         return;
                     }
                 }
@@ -206,7 +230,8 @@ fn many(wanted: &Wanted) -> ExitCode {
         let course = Course {
             from: wanted.from,
             wanted: wanted.seeds,
-            is_mixed: wanted.trap.is_none(),
+            is_mixed: kinds.len() == 3,
+            gateways: wanted.gateway,
             drivers: wanted.drivers(),
             done,
             failed: failures.len(),
@@ -219,7 +244,7 @@ fn many(wanted: &Wanted) -> ExitCode {
     }
     let never = world::never_seen(&tally, wanted.drivers());
     let incomplete =
-        wanted.seeds >= ENOUGH_SEEDS && wanted.trap.is_none() && failures.is_empty() && !never.is_empty();
+        wanted.seeds >= ENOUGH_SEEDS && kinds.len() > 1 && failures.is_empty() && !never.is_empty();
     if incomplete {
         println!("never seen in {done} worlds: {}", never.join(", "));
     }

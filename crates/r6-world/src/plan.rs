@@ -2,6 +2,7 @@
 
 mod draw;
 mod drivers;
+mod hall;
 mod trap;
 
 use std::time::Duration;
@@ -14,6 +15,7 @@ use r6_traffic::random::Random;
 use crate::fault::Class;
 use draw::Draw;
 pub use drivers::Drivers;
+pub use hall::{CallerPlan, HallPlan, Part};
 pub use trap::{DWELLS, DWELLS_TEXT, TRAPS};
 
 /// No faults occur before all clients have connected.
@@ -138,6 +140,24 @@ pub enum Blow {
     /// Another robot answers a client in place of its own, or its own answers again. The existing connections
     /// end.
     Swap { client: usize, to: Option<usize> },
+    /// The process of the gateway is killed.
+    KillGateway {},
+    /// The gateway is started again.
+    StartGateway {},
+    /// The disk of the gateway takes nothing any more.
+    StoreIsFull {},
+    /// The disk of the gateway takes only what fits into the pages that the file has.
+    StoreHasNoPages {},
+    /// The disk of the gateway takes everything again.
+    StoreHasRoom {},
+    /// Writes to the disk of the gateway take up to half a second.
+    StoreIsSlow {},
+    /// They take as long as before.
+    StoreIsFast {},
+    /// The gateway gets no sockets.
+    NoFiles {},
+    /// It gets them again.
+    FilesAgain {},
 }
 
 /// Everything that a seed determines.
@@ -163,6 +183,8 @@ pub struct Plan {
     pub trap: Option<Class>,
     /// How the calls of the clients drive their connections.
     pub drivers: Drivers,
+    /// The gateway and its callers, in a world with one.
+    pub hall: Option<HallPlan>,
 }
 
 fn ms(millis: u64) -> Duration {
@@ -186,6 +208,7 @@ impl Plan {
             classes: Vec::new(),
             trap: None,
             drivers: Drivers::AsTheyCome,
+            hall: None,
         };
         let robots = [1, 1, 1, 1, 2, 2, 2, 3, 4][random.below(9)];
         for robot in 0..robots {

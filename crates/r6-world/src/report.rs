@@ -17,8 +17,10 @@ pub struct Course {
     pub wanted: u64,
     /// The number of worlds that ran to their end.
     pub done: u64,
-    /// Whether each seed ran a world with any faults and one with one trap.
+    /// Whether each seed ran a world with any faults, one with one trap, and one with a gateway.
     pub is_mixed: bool,
+    /// Whether all worlds had a gateway.
+    pub gateways: bool,
     /// The drivers of the clients' calls.
     pub drivers: Drivers,
     /// The number of failed worlds.
@@ -32,12 +34,12 @@ pub struct Course {
 /// The section of `docs/SIMULATION.md` about a run, ready for that page.
 #[must_use]
 pub fn section(course: &Course, tally: &Tally) -> String {
-    let Course { from, wanted, done, is_mixed, drivers, failed, jobs, took } = course;
-    let drivers = chosen(*drivers);
+    let Course { from, wanted, done, is_mixed, gateways, drivers, failed, jobs, took } = course;
+    let drivers = chosen(*drivers) + if *gateways { " GATEWAY=1" } else { "" };
     let begins = if *from == 1 { String::new() } else { format!(" FROM={from}") };
     let profile = if cfg!(debug_assertions) { "dev" } else { "release" };
     let holds = if *failed == 0 { "all hold".to_owned() } else { format!("{failed} fail") };
-    let mixed = if *is_mixed { " (half of them with one trap)" } else { "" };
+    let mixed = if *is_mixed { " (a third of them with one trap, a third with a gateway)" } else { "" };
     let minutes = took.as_secs().div_ceil(60);
     let mut out = format!(
         "`make sim SEEDS={wanted}{begins}{drivers}` in the {profile} profile, {jobs} at a time, {minutes} minutes. Of {done} worlds{mixed} {holds}.\n\n"
@@ -124,13 +126,14 @@ pub fn command(outcome: &Outcome) -> String {
 }
 
 fn kind_of(outcome: &Outcome) -> String {
-    kind(outcome.trap, outcome.drivers)
+    kind(outcome.trap, outcome.drivers, outcome.has_gateway)
 }
 
 /// The arguments of `make sim` besides the seed.
 #[must_use]
-pub fn kind(trap: Option<Class>, drivers: Drivers) -> String {
-    trap.map_or(String::new(), |trap| format!(" TRAP={trap:?}")) + &chosen(drivers)
+pub fn kind(trap: Option<Class>, drivers: Drivers, has_gateway: bool) -> String {
+    let gateway = if has_gateway { " GATEWAY=1" } else { "" };
+    trap.map_or(String::new(), |trap| format!(" TRAP={trap:?}")) + &chosen(drivers) + gateway
 }
 
 /// The argument of `make sim` for these drivers.

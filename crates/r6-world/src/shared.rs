@@ -9,6 +9,7 @@ use std::time::Duration;
 use crate::disk::SimDisk;
 use crate::fault::{Class, Promise};
 use crate::floor::Floor;
+use crate::hall::Hall;
 use crate::line::Line;
 use crate::pipes::{Ends, Pipes};
 use crate::plan::{Plan, RobotPlan};
@@ -38,6 +39,8 @@ pub struct State {
     pub resets: BTreeSet<(SocketAddr, SocketAddr)>,
     /// Bytes that controllers wrote and clients did not read.
     pub pipes: Pipes,
+    /// The gateway and its callers, in a world with one.
+    pub hall: Option<Hall>,
     /// Whether the faults are over.
     pub quiet: bool,
 }
@@ -59,6 +62,7 @@ impl Shared {
             lines: plan.clients.iter().map(Line::new).collect(),
             resets: BTreeSet::new(),
             pipes: Pipes::default(),
+            hall: plan.hall.as_ref().map(|hall| Hall::new(hall, plan.seed)),
             quiet: false,
         };
         Self { plan: Arc::new(plan), state: Arc::new(Mutex::new(state)) }

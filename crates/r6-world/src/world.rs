@@ -3,9 +3,12 @@
 use std::cell::RefCell;
 use std::time::{Duration, SystemTime};
 
+use r6_gateway::simulation::Fullness;
+
 use crate::disk::{MOST_BYTES, MOST_FILES};
 use crate::fault::{Class, Promise};
 use crate::floor::Door;
+use crate::hall::{caller, gate};
 use crate::plan::{Blow, Drivers, Plan};
 use crate::pulse::Pulse;
 use crate::record::{Tally, Violation};
@@ -24,6 +27,9 @@ const ENDS_WITHIN: Duration = Duration::from_secs(200);
 /// How many segments can wait at one end of a connection before its writer has to wait.
 const SEGMENTS: usize = 512;
 
+/// The same in worlds with a gateway, whose readers may read nothing for some seconds.
+const SEGMENTS_OF_A_GATEWAY: usize = 32;
+
 thread_local! {
     static PANICS: RefCell<Vec<String>> = const { RefCell::new(Vec::new()) };
 }
@@ -37,6 +43,8 @@ pub struct Outcome {
     pub trap: Option<Class>,
     /// The drivers of its clients' calls.
     pub drivers: Drivers,
+    /// Whether it has a gateway.
+    pub has_gateway: bool,
     /// The first broken promise.
     pub violation: Option<Violation>,
     /// A checksum of all events.
@@ -66,7 +74,8 @@ pub fn run(seed: u64, aloud: bool) -> Outcome {
 /// Runs the world of a plan. `aloud`: prints every event.
 #[must_use]
 pub fn run_plan(plan: Plan, aloud: bool) -> Outcome {
-    let (seed, trap, drivers) = (plan.seed, plan.trap, plan.drivers);
+    let (seed, trap, drivers, has_gateway) = (plan.seed, plan.trap, plan.drivers, plan.hall.is_some());
+    let _entered = r6_gateway::simulation::enter(crate::shared::now, seed);
     let shared = Shared::new(plan, aloud);
     PANICS.with(|panics| panics.borrow_mut().clear());
     let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| World::new(&shared).run()));
@@ -83,6 +92,7 @@ pub fn run_plan(plan: Plan, aloud: bool) -> Outcome {
         seed,
         trap,
         drivers,
+        has_gateway,
         violation: state.record.violation.clone(),
         sum: state.record.sum(),
         tally: state.record.tally.clone(),
@@ -116,7 +126,7 @@ impl<'s> World<'s> {
             .simulation_duration(Duration::from_secs(3600))
             .min_message_latency(STEP)
             .max_message_latency(plan.latency)
-            .tcp_capacity(SEGMENTS)
+            .tcp_capacity(if plan.hall.is_some() { SEGMENTS_OF_A_GATEWAY } else { SEGMENTS })
             .rng_seed(plan.seed);
         let mut world = Self { shared, sim: builder.build(), hosts: Vec::new(), dying: Vec::new() };
         for robot in 0..plan.robots.len() {
@@ -134,6 +144,15 @@ impl<'s> World<'s> {
             world.sim.host(name.as_str(), move || client::run(shared.clone(), number));
             world.hosts.push(name);
         }
+        if let Some(hall) = &plan.hall {
+            world.sim.host(gate::GATEWAY, move || gate::run(shared.clone()));
+            world.hosts.push(gate::GATEWAY.to_owned());
+            for number in 0..hall.callers.len() {
+                let name = format!("caller-{number}");
+                world.sim.host(name.as_str(), move || caller::run(shared.clone(), number));
+                world.hosts.push(name);
+            }
+        }
         world
     }
 
@@ -143,7 +162,7 @@ impl<'s> World<'s> {
             self.shared.state().record.draws(*class);
         }
         let mut blows = plan.blows.iter().peekable();
-        let pulse = Pulse::of(plan.seed, crate::report::kind(plan.trap, plan.drivers));
+        let pulse = Pulse::of(plan.seed, crate::report::kind(plan.trap, plan.drivers, plan.hall.is_some()));
         let quiet = plan.over + HELD_UP;
         loop {
             let at = self.sim.elapsed();
@@ -177,7 +196,11 @@ impl<'s> World<'s> {
                     });
                 }
             }
-            let well = state.lines.iter().all(|line| line.is_well);
+            if let State { hall: Some(hall), record, .. } = &mut *state {
+                hall.count_refused(record);
+            }
+            let well = state.lines.iter().all(|line| line.is_well)
+                && state.hall.as_ref().is_none_or(|hall| hall.is_well);
             if state.record.violation.is_some() || well {
                 return Ok(());
             }
@@ -199,6 +222,15 @@ impl<'s> World<'s> {
         self.sim.crash(name);
         self.shared.state().pipes.lost(self.sim.lookup(name));
         others.iter().for_each(|other| self.sim.repair(name, other.as_str()));
+    }
+
+    /// Sets what the disk of the gateway takes.
+    fn set_store(&self, at: Duration, fullness: Fullness) {
+        if let Some(hall) = &mut self.shared.state().hall {
+            let set = hall.disk.fill(fullness);
+            debug_assert!(set.is_ok(), "{set:?}");
+            hall.disk_well_since = (fullness == Fullness::HasRoom).then_some(at);
+        }
     }
 
     /// Applies an event from outside.
@@ -237,6 +269,34 @@ impl<'s> World<'s> {
             Blow::StartClient { client } => self.sim.bounce(client_name(client)),
             Blow::Deafen { client, deaf } => self.shared.state().lines[client].deafen(deaf, at),
             Blow::Swap { client, to } => self.shared.state().lines[client].swap(to),
+            Blow::KillGateway {} => {
+                self.crash(gate::GATEWAY);
+                let mut state = self.shared.state();
+                let State { hall, record, .. } = &mut *state;
+                record.strikes(Class::S4);
+                record.tally.restarts[0] += 1;
+                hall.iter_mut().for_each(|hall| hall.is_killed(at, record));
+            }
+            Blow::StartGateway {} => self.sim.bounce(gate::GATEWAY),
+            Blow::StoreIsFull {} => self.set_store(at, Fullness::Nothing),
+            Blow::StoreHasNoPages {} => self.set_store(at, Fullness::NoPages),
+            Blow::StoreHasRoom {} => self.set_store(at, Fullness::HasRoom),
+            Blow::StoreIsSlow {} | Blow::StoreIsFast {} => {
+                let is_slow = blow == Blow::StoreIsSlow {};
+                let mut state = self.shared.state();
+                let State { hall: Some(hall), record, .. } = &mut *state else { return };
+                let (least, most) = if is_slow { (20, 500) } else { (0, 4) };
+                hall.disk.set_takes(Duration::from_millis(least), Duration::from_millis(most));
+                hall.disk_well_since = (!is_slow).then_some(at);
+                if is_slow {
+                    record.strikes(Class::S5);
+                }
+            }
+            Blow::NoFiles {} | Blow::FilesAgain {} => {
+                if let Some(hall) = &mut self.shared.state().hall {
+                    hall.has_no_files = blow == Blow::NoFiles {};
+                }
+            }
             Blow::FillDisk { robot, full } => self.shared.state().disks[robot].set_full(full),
         }
     }

@@ -21,8 +21,9 @@ pub async fn work(station: Arc<Station>, mut end: watch::Receiver<bool>) {
         let until = station.seat(|seat, now| seat.poll_timeout().map(|until| until.since(now)));
         // The clock that leases count on goes on while the machine sleeps, and tokio's does not.
         let wait = until.unwrap_or(LOOK).min(LOOK);
+        // Records may come again and again: they must keep no lease from its end.
         tokio::select! {
-            () = station.to_write.notified(), if !store_failed => store_failed = !write(&station).await,
+            biased;
             () = tokio::time::sleep(wait) => {
                 station.seat(|seat, now| seat.handle_timeout(now));
                 // At most once a second, also for alarms that come and go at each reading.
@@ -31,6 +32,7 @@ pub async fn work(station: Arc<Station>, mut end: watch::Receiver<bool>) {
                 }
             }
             () = ended(&mut end) => break,
+            () = station.to_write.notified(), if !store_failed => store_failed = !write(&station).await,
         }
     }
     if tokio::time::timeout(LAST_WRITE, write(&station)).await != Ok(true) {

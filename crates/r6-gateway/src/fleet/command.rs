@@ -18,6 +18,7 @@ use crate::clock;
 use crate::core::order::Order;
 use crate::core::seat::{Ask, Denied, Granted, Key, Secret};
 use crate::problem::Problem;
+use crate::secret;
 
 /// How long a stop waits for a connection, if there never was one. Longer than an attempt to connect.
 const CONNECT_FOR_STOP: Duration = Duration::from_secs(4);
@@ -381,10 +382,10 @@ enum Told {
 }
 
 fn ask(by: &By, lasts: Duration) -> Result<Ask, Problem> {
-    let mut secret = [0; 16];
-    getrandom::fill(&mut secret)
+    let mut bytes = [0; 16];
+    secret::fill(&mut bytes)
         .map_err(|error| Problem::new(Code::StoreUnavailable, format!("no random numbers: {error}")))?;
-    Ok(Ask { holder: by.actor.clone(), lasts, secret: Secret(secret) })
+    Ok(Ask { holder: by.actor.clone(), lasts, secret: Secret(bytes) })
 }
 
 fn outcome(error: &RequestError) -> CommandOutcome {

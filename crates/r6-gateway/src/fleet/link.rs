@@ -31,6 +31,7 @@ const CLOSE: Duration = Duration::from_secs(17);
 /// Keeps the connection until `end` is true. Then the robot has no connection.
 pub async fn keep(station: Arc<Station>, mut end: watch::Receiver<bool>) {
     tokio::select! {
+        biased;
         () = run(&station) => {}
         () = ended(&mut end) => {}
     }
@@ -54,6 +55,7 @@ async fn run(station: &Station) {
     station.robot.send_replace(Some(robot.clone()));
     match subscribe(&robot, &config) {
         Ok((values, mode)) => tokio::select! {
+            biased;
             () = watch(station, &robot, values, mode) => {}
             () = record(station, &robot, &config) => {}
         },
@@ -94,9 +96,9 @@ async fn watch(station: &Station, robot: &Robot, mut values: Subscription, mut m
                 None => std::future::pending().await,
             }
         };
+        // Values come again and again, so they are the last to be looked for.
         let is_open = tokio::select! {
-            next = values.next() => next.is_some(),
-            next = next_mode => next.is_some(),
+            biased;
             known = introduced => {
                 introduction = None;
                 known_on = known;
@@ -108,6 +110,8 @@ async fn watch(station: &Station, robot: &Robot, mut values: Subscription, mut m
                 next_introduction = tokio::time::Instant::now();
                 true
             }
+            next = next_mode => next.is_some(),
+            next = values.next() => next.is_some(),
             () = tokio::time::sleep(LOOK) => true,
         };
         if !is_open {
@@ -132,11 +136,12 @@ type Introduction<'r> = Pin<Box<dyn Future<Output = Option<u64>> + Send + 'r>>;
 async fn connect(station: &Station, config: &RobotConfig) -> Robot {
     let (mut wait, longest) = WAITS;
     loop {
-        match Robot::connect(&config.address, config.settings.clone()).await {
+        match station.shared.roads.connect(&config.address, config.settings.clone()).await {
             Ok(robot) => return robot,
             Err(error) => tracing::debug!(robot = station.name(), %error, "no connection yet"),
         }
         tokio::select! {
+            biased;
             () = tokio::time::sleep(wait) => wait = (wait * 2).min(longest),
             () = station.try_now.notified() => wait = WAITS.0,
         }

@@ -50,6 +50,7 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
     let (mut lost, mut held) = (0, VecDeque::new());
     loop {
         let values = tokio::select! {
+            biased;
             values = polls.next() => match values {
                 Some(values) => Some(values),
                 None => return,

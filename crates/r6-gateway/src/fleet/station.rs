@@ -25,6 +25,7 @@ use crate::core::seat::{Noticed, Saved, Seat};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
 use crate::fleet::desk::Desk;
+use crate::fleet::roads::Roads;
 use crate::history::Recorder;
 use crate::live::board::Board;
 use crate::live::news::News;
@@ -58,6 +59,8 @@ const FRESH_FOR: Duration = Duration::from_millis(1500);
 pub struct Shared {
     /// The store.
     pub keeper: Keeper,
+    /// The ways to the robots.
+    pub(super) roads: Roads,
     /// The history; `None` if none is kept.
     pub history: Option<Recorder>,
     /// What happened.
@@ -75,9 +78,18 @@ pub struct Shared {
 impl Shared {
     /// What robots share that none has used yet.
     #[must_use]
-    pub fn new(keeper: Keeper, history: Option<Recorder>, epoch: u64) -> Self {
+    pub fn new(keeper: Keeper, roads: Roads, history: Option<Recorder>, epoch: u64) -> Self {
         let (news, pulse) = (News::default(), watch::Sender::new(0));
-        Self { keeper, history, news, pulse, epoch, numbers: AtomicU64::new(0), removed: AtomicU64::new(0) }
+        Self {
+            keeper,
+            roads,
+            history,
+            news,
+            pulse,
+            epoch,
+            numbers: AtomicU64::new(0),
+            removed: AtomicU64::new(0),
+        }
     }
 
     /// How far the numbers have come. A reader that looks after this sees all that has one of these numbers,

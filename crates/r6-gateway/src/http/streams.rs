@@ -9,7 +9,7 @@ mod subscription;
 
 use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use axum::extract::rejection::QueryRejection;
 use axum::extract::ws::WebSocketUpgrade;
@@ -25,6 +25,7 @@ use r6_api::{Code, Problem};
 use r6_http::{EndsWith, Refusal};
 use serde::Serialize;
 use tokio::sync::watch;
+use tokio::time::Instant;
 
 use super::State;
 use super::caller::Caller;

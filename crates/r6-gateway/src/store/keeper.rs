@@ -1,9 +1,10 @@
 //! The thread that owns the store. Appends that wait at the same time share one commit.
 
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread;
 
 use r6_api::gateway::AuditRecord;
+use tokio::sync::mpsc::error::TrySendError;
+use tokio::sync::mpsc::{Receiver, Sender, channel};
 use tokio::sync::oneshot;
 
 use super::{
@@ -52,7 +53,7 @@ enum Job {
 /// A handle on the thread of the store. The thread ends with the last handle, after all that was asked for.
 #[derive(Clone)]
 pub struct Keeper {
-    jobs: SyncSender<Job>,
+    jobs: Sender<Job>,
 }
 
 impl std::fmt::Debug for Keeper {
@@ -67,9 +68,32 @@ impl Keeper {
     /// # Errors
     /// The system gives no thread.
     pub fn start(store: impl Store + 'static) -> std::io::Result<Self> {
-        let (jobs, waiting) = sync_channel(MAX_WAITING);
-        thread::Builder::new().name("store".to_owned()).spawn(move || keep(store, &waiting))?;
+        let (jobs, waiting) = channel(MAX_WAITING);
+        thread::Builder::new().name("store".to_owned()).spawn(move || keep(store, waiting))?;
         Ok(Self { jobs })
+    }
+
+    /// Does the work of the thread in a task, where a simulation has no threads. Each job takes `takes` before
+    /// it is done at once.
+    #[cfg(feature = "simulation")]
+    pub fn in_task(
+        mut store: impl Store + 'static,
+        takes: impl Fn() -> std::time::Duration + Send + 'static,
+    ) -> Self {
+        let (jobs, mut waiting) = channel(MAX_WAITING);
+        tokio::spawn(async move {
+            let mut next = None;
+            loop {
+                let job = match next.take() {
+                    Some(job) => Some(job),
+                    None => waiting.recv().await,
+                };
+                let Some(job) = job else { return };
+                tokio::time::sleep(takes()).await;
+                next = carry_out(&mut store, job, &mut waiting);
+            }
+        });
+        Self { jobs }
     }
 
     /// As [`Store::append`].
@@ -268,49 +292,55 @@ impl Keeper {
             TrySendError::Full(_) => {
                 StoreError::Unavailable(format!("{MAX_WAITING} writes wait for the disk"))
             }
-            TrySendError::Disconnected(_) => StoreError::Closed,
+            TrySendError::Closed(_) => StoreError::Closed,
         })?;
         answered.await.unwrap_or_else(|_| Err(StoreError::Closed.into()))
     }
 }
 
-fn keep(mut store: impl Store, waiting: &Receiver<Job>) {
+fn keep(mut store: impl Store, mut waiting: Receiver<Job>) {
     let mut next = None;
-    while let Some(job) = next.take().or_else(|| waiting.recv().ok()) {
-        // A caller that has gone needs no answer.
-        match job {
-            Job::Append(records, answer) => next = append(&mut store, records, answer, waiting),
-            Job::Entries(after, most, answer) => drop(answer.send(store.entries(after, most))),
-            Job::Tokens(answer) => drop(answer.send(store.tokens())),
-            Job::AddToken(token, author, answer) => drop(answer.send(store.add_token(&token, &author))),
-            Job::RevokeToken(number, by, answer) => drop(answer.send(store.revoke_token(number, &by))),
-            Job::Users(answer) => drop(answer.send(store.users())),
-            Job::ChangeUser(change, by, answer) => drop(answer.send(store.change_user(&change, &by))),
-            Job::PutLink(link, author, answer) => drop(answer.send(store.put_link(&link, &author))),
-            Job::Link(hash, now, answer) => drop(answer.send(store.link(&hash, now))),
-            Job::Seat(robot, answer) => drop(answer.send(store.seat(&robot))),
-            Job::Alarms(robot, answer) => drop(answer.send(store.alarms(&robot))),
-            Job::SaveAlarms(robot, saved, records, answer) => {
-                drop(answer.send(store.save_alarms(&robot, &saved, &records)));
-            }
-            Job::Settings(answer) => drop(answer.send(store.settings())),
-            Job::PutSettings(new, record, answer) => drop(answer.send(store.put_settings(&new, &record))),
-            Job::PutRobot(robot, record, answer) => drop(answer.send(store.put_robot(&robot, &record))),
-            Job::RemoveRobot(name, records, answer) => {
-                drop(answer.send(store.remove_robot(&name, &records)));
-            }
-            Job::SaveSeat(robot, saved, answer) => drop(answer.send(store.save_seat(&robot, &saved))),
-            Job::Programs(answer) => drop(answer.send(store.programs())),
-            Job::ProgramVersions(name, answer) => drop(answer.send(store.program_versions(&name))),
-            Job::Program(name, version, answer) => drop(answer.send(store.program(&name, version))),
-            Job::PutProgram(new, condition, answer) => {
-                drop(answer.send(store.put_program(&new, &condition)));
-            }
-            Job::RemoveProgram(name, condition, by, answer) => {
-                drop(answer.send(store.remove_program(&name, &condition, &by)));
-            }
+    while let Some(job) = next.take().or_else(|| waiting.blocking_recv()) {
+        next = carry_out(&mut store, job, &mut waiting);
+    }
+}
+
+/// Does a job, and for appends those right behind it. Returns the first job that was taken and is not done.
+fn carry_out(store: &mut impl Store, job: Job, waiting: &mut Receiver<Job>) -> Option<Job> {
+    // A caller that has gone needs no answer.
+    match job {
+        Job::Append(records, answer) => return append(store, records, answer, waiting),
+        Job::Entries(after, most, answer) => drop(answer.send(store.entries(after, most))),
+        Job::Tokens(answer) => drop(answer.send(store.tokens())),
+        Job::AddToken(token, author, answer) => drop(answer.send(store.add_token(&token, &author))),
+        Job::RevokeToken(number, by, answer) => drop(answer.send(store.revoke_token(number, &by))),
+        Job::Users(answer) => drop(answer.send(store.users())),
+        Job::ChangeUser(change, by, answer) => drop(answer.send(store.change_user(&change, &by))),
+        Job::PutLink(link, author, answer) => drop(answer.send(store.put_link(&link, &author))),
+        Job::Link(hash, now, answer) => drop(answer.send(store.link(&hash, now))),
+        Job::Seat(robot, answer) => drop(answer.send(store.seat(&robot))),
+        Job::Alarms(robot, answer) => drop(answer.send(store.alarms(&robot))),
+        Job::SaveAlarms(robot, saved, records, answer) => {
+            drop(answer.send(store.save_alarms(&robot, &saved, &records)));
+        }
+        Job::Settings(answer) => drop(answer.send(store.settings())),
+        Job::PutSettings(new, record, answer) => drop(answer.send(store.put_settings(&new, &record))),
+        Job::PutRobot(robot, record, answer) => drop(answer.send(store.put_robot(&robot, &record))),
+        Job::RemoveRobot(name, records, answer) => {
+            drop(answer.send(store.remove_robot(&name, &records)));
+        }
+        Job::SaveSeat(robot, saved, answer) => drop(answer.send(store.save_seat(&robot, &saved))),
+        Job::Programs(answer) => drop(answer.send(store.programs())),
+        Job::ProgramVersions(name, answer) => drop(answer.send(store.program_versions(&name))),
+        Job::Program(name, version, answer) => drop(answer.send(store.program(&name, version))),
+        Job::PutProgram(new, condition, answer) => {
+            drop(answer.send(store.put_program(&new, &condition)));
+        }
+        Job::RemoveProgram(name, condition, by, answer) => {
+            drop(answer.send(store.remove_program(&name, &condition, &by)));
         }
     }
+    None
 }
 
 /// Appends these records, and those of the jobs right behind, in one commit. Returns the first other job.
@@ -318,7 +348,7 @@ fn append(
     store: &mut impl Store,
     mut records: Vec<AuditRecord>,
     answer: Answer<u64>,
-    waiting: &Receiver<Job>,
+    waiting: &mut Receiver<Job>,
 ) -> Option<Job> {
     let mut answers = vec![(0, answer)];
     let mut other = None;

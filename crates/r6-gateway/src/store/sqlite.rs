@@ -185,7 +185,37 @@ impl Sqlite {
         connection.busy_timeout(BUSY)?;
         connection.pragma_update(None, "journal_mode", "WAL")?;
         connection.pragma_update(None, "synchronous", "FULL")?;
-        let mut store = Self { connection };
+        Self { connection }.with_tables(path)
+    }
+
+    /// A store that is in memory alone.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`].
+    #[cfg(feature = "simulation")]
+    pub fn in_memory() -> Result<Self, StoreError> {
+        Self { connection: Connection::open_in_memory()? }.with_tables(Path::new(":memory:"))
+    }
+
+    /// Whether the file takes no more pages, as on a full disk.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`].
+    #[cfg(feature = "simulation")]
+    pub fn set_full(&mut self, is_full: bool) -> Result<(), StoreError> {
+        let pages: i64 = if is_full {
+            self.connection.query_row("PRAGMA page_count", [], |row| row.get(0))?
+        } else {
+            // The default of SQLite.
+            0xffff_fffe
+        };
+        self.connection.query_row(&format!("PRAGMA max_page_count = {pages}"), [], |_| Ok(()))?;
+        Ok(())
+    }
+
+    /// Makes the tables that are missing.
+    fn with_tables(self, path: &Path) -> Result<Self, StoreError> {
+        let mut store = self;
         let transaction = store.write()?;
         let version: usize = transaction.query_row("PRAGMA user_version", [], |row| row.get(0))?;
         let Some(missing) = TABLES.get(version..) else {

@@ -44,7 +44,10 @@ impl Drivers {
     /// Whether these drivers can never show this class of faults.
     #[must_use]
     pub fn never_bring(self, class: Class) -> bool {
-        (class == Class::K3 && !self.drop_calls()) || (class == Class::K4 && !self.are_slow())
+        let only_gateways = [Class::G1, Class::G5, Class::G6, Class::G10, Class::G13, Class::S4, Class::S5];
+        (class == Class::K3 && !self.drop_calls())
+            || (class == Class::K4 && !self.are_slow())
+            || (self != Self::AsTheyCome && only_gateways.contains(&class))
     }
 }
 

@@ -47,6 +47,7 @@ impl Plan {
             classes: vec![Class::C7, class],
             trap: Some(class),
             drivers: Drivers::AsTheyCome,
+            hall: None,
         };
         let robots = if class == Class::E6 { 2 } else { 1 };
         for robot in 0..robots {

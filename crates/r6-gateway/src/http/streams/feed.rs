@@ -139,14 +139,15 @@ impl Feed {
                     tokio::time::sleep_until(next).await;
                 }
             };
-            tokio::select! { () = event => {}, () = paced => {} }
+            // Events are looked for after each wait, so they cannot be kept waiting by values.
+            tokio::select! { biased; () = paced => {}, () = event => {} }
         } else {
             let changed = async {
                 if pulse.changed().await.is_err() {
                     std::future::pending().await
                 }
             };
-            tokio::select! { () = event => {}, () = changed => *due = true }
+            tokio::select! { biased; () = changed => *due = true, () = event => {} }
         }
     }
 
