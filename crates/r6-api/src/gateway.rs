@@ -11,6 +11,7 @@ mod live;
 mod production;
 mod program;
 mod robot;
+mod run;
 
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +40,7 @@ pub use robot::{
     IdentityChange, LeaseHolder, ManagedBy, RobotIdentity, RobotLink, RobotState, RobotSummary, RobotWanted,
     Robots, Signal, SignalQuality,
 };
+pub use run::{Run, RunEnd, RunProof, RunRequest, RunState};
 
 /// What a token or a user may do. Each role allows everything that the roles before it allow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

@@ -21,6 +21,7 @@ use crate::core::raw::policy::RawPolicy;
 use crate::fleet::Fleet;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roster::{self, Changes};
+use crate::fleet::run;
 use crate::fleet::station::Shared;
 use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, State};
@@ -154,6 +155,11 @@ impl Gateway {
         store.append(&records)?;
         // A link that an earlier start printed ends with it.
         store.remove_setup_link()?;
+        for run in store.open_runs()? {
+            let (run, record) = run::killed(run);
+            store.end_run(&run, true, &[record])?;
+        }
+        let owed = store.owed_stops()?.into_iter().collect();
         let saved = robots.into_iter().map(|robot| Ok((store.seat(&robot.name)?, robot)));
         let saved = saved.collect::<Result<Vec<_>, StoreError>>()?;
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
@@ -164,7 +170,7 @@ impl Gateway {
         let tokens = Tokens::read(shared.keeper.clone()).await?;
         let accounts = Arc::new(Accounts::read(shared.keeper.clone()).await?);
 
-        let fleet = Arc::new(Fleet::start(saved, Arc::clone(&shared)));
+        let fleet = Arc::new(Fleet::start(saved, &owed, Arc::clone(&shared)));
         let raw_policy = SharedPolicy::new(settings.raw_policy);
         let doors = match open(settings.raw, &fleet, &raw_policy) {
             Ok(doors) => doors,
@@ -259,7 +265,7 @@ impl Gateway {
     }
 
     /// Ends the gateway in order: no new requests, then the outcomes of commands and stops that are under
-    /// way, the connections, and the last records. All leases end. Arms go on with what they do.
+    /// way, the connections, and the last records. All leases end. Arms that a run moves are stopped; the others go on with what they do.
     ///
     /// # Errors
     /// The last record could not be written.

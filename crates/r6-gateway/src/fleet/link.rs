@@ -56,6 +56,7 @@ async fn run(station: &Station) {
         Ok((values, mode)) => tokio::select! {
             () = watch(station, &robot, values, mode) => {}
             () = record(station, &robot, &config) => {}
+            () = station.pay(&robot) => {}
         },
         // The configuration was checked, so this is a fault of ours.
         Err(error) => tracing::error!(robot = station.name(), %error, "the values cannot be read"),

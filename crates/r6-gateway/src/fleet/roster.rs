@@ -162,7 +162,8 @@ impl Fleet {
     async fn add(&self, robot: RobotConfig) -> Result<(), Problem> {
         let name = robot.name.clone();
         let saved = self.shared.keeper.seat(name.clone()).await?;
-        let post = Post::start(robot, saved, &self.shared);
+        let owes_stop = self.shared.keeper.owed_stops().await?.contains(&name);
+        let post = Post::start(robot, saved, owes_stop, &self.shared);
         post.station.publish(Happened::RobotAdded {});
         {
             let mut posts = self.write();
@@ -178,6 +179,8 @@ impl Fleet {
         let name = robot.name.clone();
         let old = self.write().get_mut(&name).map(|post| (Arc::clone(&post.station), post.link.take()));
         let Some((station, link)) = old else { return };
+        station.seat(|seat, _| seat.will_be_reconfigured());
+        station.run_is_over().await;
         if let Some(link) = link {
             link.end().await;
         }

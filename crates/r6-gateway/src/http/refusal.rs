@@ -24,13 +24,14 @@ fn status(code: Code) -> StatusCode {
     match code {
         Code::NoToken | Code::NoSession | Code::WrongPassword => StatusCode::UNAUTHORIZED,
         Code::NotAllowed | Code::BadCsrf => StatusCode::FORBIDDEN,
-        Code::NoSuchRobot | Code::NoSuchProgram | Code::NoSuchUser | Code::NoSuchToken => {
+        Code::NoSuchRobot | Code::NoSuchProgram | Code::NoSuchUser | Code::NoSuchToken | Code::NoSuchRun => {
             StatusCode::NOT_FOUND
         }
         Code::LinkVoid => StatusCode::GONE,
         Code::NeedsIfMatch => StatusCode::PRECONDITION_REQUIRED,
         Code::NotThisVersion => StatusCode::PRECONDITION_FAILED,
-        Code::BadCommand | Code::BadValue | Code::BadProgram => StatusCode::UNPROCESSABLE_ENTITY,
+        Code::NeedsIdempotencyKey => StatusCode::BAD_REQUEST,
+        Code::BadCommand | Code::BadValue | Code::BadProgram | Code::KeyTaken => StatusCode::UNPROCESSABLE_ENTITY,
         Code::StoreUnavailable | Code::Overloaded => StatusCode::SERVICE_UNAVAILABLE,
         Code::OutcomeUnknown | Code::NotStopped | Code::NoReply => StatusCode::GATEWAY_TIMEOUT,
         // The state of the robot, of its lease or of its configuration does not allow it now.

@@ -12,6 +12,7 @@ mod programs;
 mod query;
 mod raw;
 mod roster;
+mod runs;
 mod sockets;
 mod stops;
 mod streams;
