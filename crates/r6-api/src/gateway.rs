@@ -12,6 +12,7 @@ mod live;
 mod production;
 mod program;
 mod robot;
+mod run;
 mod settings;
 
 use serde::{Deserialize, Serialize};
@@ -45,6 +46,7 @@ pub use robot::{
     IdentityChange, LeaseHolder, ManagedBy, RobotIdentity, RobotLink, RobotState, RobotSummary, RobotWanted,
     Robots, Signal, SignalQuality,
 };
+pub use run::{Run, RunEnd, RunProof, RunRequest, RunState};
 pub use settings::{HallSettings, Settings, Shift, ShiftSpan, Weekday};
 
 /// What a token or a user may do. Each role allows everything that the roles before it allow.

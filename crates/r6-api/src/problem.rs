@@ -214,6 +214,16 @@ codes! {
     NoLease "no_lease",
     /// Another holds the lease.
     Leased "leased",
+    /// A program runs on the robot.
+    RunUnderWay "run_under_way",
+    /// There is no run with this number.
+    NoSuchRun "no_such_run",
+    /// The request has no `Idempotency-Key`.
+    NeedsIdempotencyKey "needs_idempotency_key",
+    /// The request with this `Idempotency-Key` has no answer yet.
+    InProgress "in_progress",
+    /// This `Idempotency-Key` belongs to another request.
+    KeyTaken "key_taken",
     /// Another robot than before answers.
     IdentityChanged "identity_changed",
     /// There is no such command, or its arguments are wrong.

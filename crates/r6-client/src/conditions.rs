@@ -5,6 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use r6_proto::message::Instruction;
+
 /// When a command may be sent: [`crate::Robot::command_under`]. The default: as [`crate::Robot::command`].
 ///
 /// The client checks them in the call that writes the first byte. An earlier check is not enough, because a
@@ -59,5 +61,34 @@ impl Permission {
 impl fmt::Debug for Permission {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Permission").field("withdrawn", &self.is_withdrawn()).finish_non_exhaustive()
+    }
+}
+
+/// Decides about each list of a motion: [`crate::Robot::run_under`]. Clones share the function.
+#[derive(Clone)]
+pub struct ListGate(Arc<Decide>);
+
+/// Whether the list replaces the list of the controller, and its instructions.
+type Decide = dyn Fn(bool, &[Instruction]) -> Option<Conditions> + Send + Sync;
+
+impl ListGate {
+    /// A gate that asks `decide` right before each list is given to the connection: whether it replaces the
+    /// list of the controller, and its instructions. `None` refuses the list.
+    ///
+    /// The conditions hold for this list alone. The client calls the function while it streams, so it has to
+    /// return at once.
+    #[must_use]
+    pub fn new(decide: impl Fn(bool, &[Instruction]) -> Option<Conditions> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(decide))
+    }
+
+    pub(crate) fn decide(&self, replace: bool, instructions: &[Instruction]) -> Option<Conditions> {
+        (self.0)(replace, instructions)
+    }
+}
+
+impl fmt::Debug for ListGate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ListGate").finish_non_exhaustive()
     }
 }

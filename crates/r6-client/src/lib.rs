@@ -74,7 +74,7 @@ pub mod units;
 
 pub use camera::{PhotosEnded, Shot};
 pub use closing::StopsUnderWay;
-pub use conditions::{Conditions, Permission};
+pub use conditions::{Conditions, ListGate, Permission};
 pub use error::{Effect, Invalid, NotSent, OutcomeUnknown, Refused, RequestError, Sent};
 pub use event::Event;
 pub use evidence::restart::Restart;

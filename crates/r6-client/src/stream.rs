@@ -31,6 +31,7 @@ use r6_proto::OperationMode;
 use r6_proto::time::Instant;
 use tokio::sync::{oneshot, watch};
 
+use crate::conditions::ListGate;
 use crate::error::RequestError;
 use crate::evidence::{About, Observation};
 use crate::guard::Start;
@@ -98,17 +99,47 @@ impl Robot {
     /// - a failure of the previous motion that the program has not read yet ([`Cause::EarlierFailed`], once)
     /// - a stop that is still under way after 15 s ([`Cause::StoppedHere`])
     pub async fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
-        self.drive(self.begin(motion, options)).await
+        self.drive(self.begin(motion, options, None)).await
     }
 
-    async fn begin(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {
-        self.checked_and_begun(motion, options).await.map_err(|cause| {
+    /// Runs a motion as [`Self::run`], but asks the gate before each list, and sends the list only under the
+    /// conditions that the gate gives for it. For programs that hand motions on for others.
+    ///
+    /// A list that the gate refuses ends the motion with [`NotSent::Withdrawn`](crate::NotSent::Withdrawn),
+    /// and so does a permission that is withdrawn before the list leaves. A list that was too late
+    /// ([`crate::Conditions::leave_within`]) is tried again up to three times, and the gate is asked each
+    /// time. [`RunOptions::clear_leftover`] counts as `false`.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub async fn run_under(
+        &self,
+        motion: &Motion,
+        options: RunOptions,
+        gate: ListGate,
+    ) -> Result<MotionHandle, MotionError> {
+        let options = RunOptions { clear_leftover: false, ..options };
+        self.drive(self.begin(motion, options, Some(gate))).await
+    }
+
+    async fn begin(
+        &self,
+        motion: &Motion,
+        options: RunOptions,
+        gate: Option<ListGate>,
+    ) -> Result<MotionHandle, MotionError> {
+        self.checked_and_begun(motion, options, gate).await.map_err(|cause| {
             let progress = Progress { total: motion.len(), ended: true, ..Progress::default() };
             MotionError { cause, progress, stop: None }
         })
     }
 
-    async fn checked_and_begun(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, Cause> {
+    async fn checked_and_begun(
+        &self,
+        motion: &Motion,
+        options: RunOptions,
+        gate: Option<ListGate>,
+    ) -> Result<MotionHandle, Cause> {
         let wrong = |step, field, wanted| Cause::Step(StepError { step, field, wanted, nearest: None });
         let steps = motion.instructions().map_err(Cause::Step)?;
         if steps.is_empty() {
@@ -138,7 +169,7 @@ impl Robot {
         let path = PathProgress::new(steps.to_vec(), status.sample(), self.hub().time.now());
         let number = self.motions().begin();
         let whole = Whole::of(motion, options);
-        let task = Task::new((self.clone(), about, number), options, whole, path, frames, progress);
+        let task = Task::new((self.clone(), about, number), (options, gate), whole, path, frames, progress);
         let task = self.errand(task.run(ended, stops, turn, lists));
         Ok(MotionHandle {
             robot: self.clone(),

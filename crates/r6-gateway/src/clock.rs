@@ -55,6 +55,11 @@ pub fn system() -> Micros {
     Micros(i64::try_from(time.as_micros()).unwrap_or(i64::MAX))
 }
 
+/// The time of day of the system, in seconds since 1970.
+pub fn seconds() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs()
+}
+
 /// A time as text: RFC 3339, UTC, microseconds. Times before 1970 are not kept.
 pub fn text(time: Micros) -> String {
     let since = Duration::from_micros(u64::try_from(time.0).unwrap_or(0));

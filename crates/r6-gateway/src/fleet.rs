@@ -8,6 +8,7 @@
 //! - [`record`]: the task that keeps the values and what happens.
 //! - [`observe`]: what happens, from the values.
 //! - [`command`]: leases, commands, stops and the acceptance of another robot.
+//! - [`run`]: runs programs.
 //! - [`query`]: asks the robot for values that are not read again and again.
 //! - [`counts`]: what happened, counted.
 //! - [`alarms`]: the alarms of a robot, acknowledged and shelved; [`desk`] has them and saves them.
@@ -25,10 +26,11 @@ pub mod query;
 mod record;
 pub mod roads;
 pub mod roster;
+pub mod run;
 mod send;
 pub mod station;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 use std::time::Duration;
 
@@ -41,7 +43,7 @@ use crate::core::name::RobotName;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::station::{Kept, Shared, Station};
 
-/// How long the task of a robot may take to end. It waits for commands for 3 s and for a stop for 17 s, or
+/// How long the task of a robot may take to end, once a run is over. It waits for commands for 3 s and for a stop for 17 s, or
 /// writes for 5 s.
 const END: Duration = Duration::from_secs(25);
 
@@ -87,17 +89,23 @@ impl Work {
 }
 
 impl Post {
-    fn start(config: RobotConfig, saved: Kept, shared: &Arc<Shared>) -> Self {
+    /// `owes_stop`: a list of a run of an earlier start may still be at the robot.
+    fn start(config: RobotConfig, saved: Kept, owes_stop: bool, shared: &Arc<Shared>) -> Self {
         let station = Arc::new(Station::new(config, saved, Arc::clone(shared)));
+        if owes_stop {
+            station.seat(|seat, _| seat.owe_stop());
+        }
         let link = Work::start(|end| link::keep(Arc::clone(&station), end));
         let clerk = Work::start(|end| clerk::work(Arc::clone(&station), end));
         Self { station, link: Some(link), clerk }
     }
 
-    /// Ends the robot at the gateway, for this cause: no new command, then the outcomes of those that are
-    /// under way, the connection, the last records. The arm goes on with what it does.
+    /// Ends the robot at the gateway, for this cause: no new command, then the end of a run, which stops the
+    /// arm, the outcomes of commands that are under way, the connection, the last records. Without a run, the
+    /// arm goes on with what it does.
     async fn end(self, cause: LeaseEnd) {
         self.station.seat(|seat, _| seat.close(cause));
+        self.station.run_is_over().await;
         if let Some(link) = self.link {
             link.end().await;
         }
@@ -107,10 +115,12 @@ impl Post {
 }
 
 impl Fleet {
-    /// Starts to look after these robots, each as it was saved.
-    pub fn start(robots: Vec<(Kept, RobotConfig)>, shared: Arc<Shared>) -> Self {
-        let post =
-            |(saved, config): (Kept, RobotConfig)| (config.name.clone(), Post::start(config, saved, &shared));
+    /// Starts to look after these robots, each as it was saved. `owed`: the robots for which a stop is owed.
+    pub fn start(robots: Vec<(Kept, RobotConfig)>, owed: &BTreeSet<RobotName>, shared: Arc<Shared>) -> Self {
+        let post = |(saved, config): (Kept, RobotConfig)| {
+            let owes_stop = owed.contains(&config.name);
+            (config.name.clone(), Post::start(config, saved, owes_stop, &shared))
+        };
         let posts = RwLock::new(robots.into_iter().map(post).collect());
         Self { posts, shared, ended: AsyncMutex::new(false) }
     }
@@ -133,7 +143,7 @@ impl Fleet {
         (self.shared.top(), stations)
     }
 
-    /// Ends all robots at the gateway. Arms go on with what they do.
+    /// Ends all robots at the gateway. Arms that a run moves are stopped; the others go on with what they do.
     pub async fn end(&self) {
         *self.ended.lock().await = true;
         let posts = std::mem::take(&mut *self.write());

@@ -1,5 +1,6 @@
 //! A running gateway.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::fs::{File, TryLockError};
 use std::io;
@@ -18,11 +19,13 @@ use crate::accounts::Accounts;
 use crate::certificate::{Certificate, CertificateError, TlsSettings};
 use crate::clock;
 use crate::core::hall::Hall;
+use crate::core::name::RobotName;
 use crate::core::raw::policy::RawPolicy;
 use crate::fleet::Fleet;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
 use crate::fleet::roster::{self, Changes};
+use crate::fleet::run;
 use crate::fleet::station::{Kept, Shared};
 use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, State};
@@ -154,14 +157,14 @@ impl Gateway {
         let listener = TcpListener::bind(listen).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
 
-        let saved = begin(&mut store, robots)?;
+        let begun = begin(&mut store, robots)?;
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
         let history = settings.history;
         let history =
             history.on.then(|| Recorder::start(&settings.data.join(HISTORY), history)).transpose()?;
         let shared = Shared::new(keeper, Roads::Tcp, history, epoch());
         let (robots, hall) = (settings.robot_settings, settings.hall);
-        let state = look_after(saved, shared, certificate.clone(), robots, hall).await?;
+        let state = look_after(begun, shared, certificate.clone(), robots, hall).await?;
         let raw_policy = SharedPolicy::new(settings.raw_policy);
         let doors = match open(settings.raw, &state.fleet, &raw_policy) {
             Ok(doors) => doors,
@@ -246,7 +249,7 @@ impl Gateway {
     }
 
     /// Ends the gateway in order: no new requests, then the outcomes of commands and stops that are under
-    /// way, the connections, and the last records. All leases end. Arms go on with what they do.
+    /// way, the connections, and the last records. All leases end. Arms that a run moves are stopped; the others go on with what they do.
     ///
     /// # Errors
     /// The last record could not be written.
@@ -267,27 +270,31 @@ impl Gateway {
     }
 }
 
-/// Writes down that the gateway starts, and what the last one left undone. Returns the robots with their
-/// seats.
-pub(crate) fn begin(
-    store: &mut dyn Store,
-    robots: Vec<RobotConfig>,
-) -> Result<Vec<(Kept, RobotConfig)>, StoreError> {
+/// The robots, each as it was saved, and those that are owed a stop: a list of a run may still be there.
+type Begun = (Vec<(Kept, RobotConfig)>, BTreeSet<RobotName>);
+
+/// Writes down that the gateway starts, and what the last one left undone.
+pub(crate) fn begin(store: &mut dyn Store, robots: Vec<RobotConfig>) -> Result<Begun, StoreError> {
     let mut records: Vec<_> = store.open_intents()?.into_iter().map(unknown).collect();
     records.push(record(None, Deed::GatewayStarted {}));
     store.append(&records)?;
     // A link that an earlier start printed ends with it.
     store.remove_setup_link()?;
+    for run in store.open_runs()? {
+        let (run, record) = run::killed(run);
+        store.end_run(&run, true, &[record])?;
+    }
+    let owed = store.owed_stops()?.into_iter().collect();
     let kept = robots.into_iter().map(|robot| {
         let (seat, alarms) = (store.seat(&robot.name)?, store.alarms(&robot.name)?);
         Ok((Kept { seat, alarms }, robot))
     });
-    kept.collect()
+    Ok((kept.collect::<Result<_, StoreError>>()?, owed))
 }
 
 /// Starts to look after these robots, for the routes.
 pub(crate) async fn look_after(
-    robots: Vec<(Kept, RobotConfig)>,
+    (robots, owed): Begun,
     shared: Shared,
     certificate: Option<Certificate>,
     robot_settings: RobotSettings,
@@ -297,7 +304,7 @@ pub(crate) async fn look_after(
     let tokens = Arc::new(Tokens::read(shared.keeper.clone()).await?);
     let accounts = Arc::new(Accounts::read(shared.keeper.clone()).await?);
     let settings = Arc::new(Settings::read(shared.keeper.clone(), hall).await?);
-    let fleet = Arc::new(Fleet::start(robots, Arc::clone(&shared)));
+    let fleet = Arc::new(Fleet::start(robots, &owed, Arc::clone(&shared)));
     let (is_secure, bench) = (certificate.is_some(), Bench::new());
     Ok(State { fleet, tokens, accounts, shared, is_secure, certificate, robot_settings, settings, bench })
 }

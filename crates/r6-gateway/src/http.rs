@@ -22,6 +22,7 @@ mod query;
 mod range;
 mod refusal;
 mod robots;
+mod runs;
 mod sessions;
 mod settings;
 mod setup;
@@ -114,12 +115,14 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(programs::check))
         .routes(routes!(programs::plan))
         .routes(routes!(programs::show, programs::put, programs::remove))
+        .routes(routes!(runs::run))
         .layer(DefaultBodyLimit::max(body::MAX_PROGRAM_BYTES));
     OpenApiRouter::with_openapi(Api::openapi())
         .merge(with_programs)
         .routes(routes!(programs::list))
         .routes(routes!(programs::versions))
         .routes(routes!(query::show))
+        .routes(routes!(runs::show))
         .routes(routes!(robots::list))
         .routes(routes!(robots::show, robots::put, robots::remove))
         .routes(routes!(leases::acquire, leases::release))

@@ -19,7 +19,7 @@
 //! A stop takes `http/commands.rs` and `fleet/command.rs` alone: no lease, no disk. `fleet/link.rs` keeps the
 //! connection and takes in values (`live/board.rs`), and `http/streams.rs` reads them for each client at its
 //! own pace. `fleet/clerk.rs` ends leases in time, and writes what need not be written first.
-//! `fleet/roster.rs` adds, changes and removes robots.
+//! `fleet/roster.rs` adds, changes and removes robots. The walk of a run of a program is in `fleet/run.rs`.
 //!
 //! # The parts
 //!

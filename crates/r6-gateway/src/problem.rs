@@ -74,10 +74,11 @@ impl From<Denied> for Problem {
     fn from(denied: Denied) -> Self {
         let code = match &denied {
             Denied::NoLease => Code::NoLease,
-            Denied::Leased { .. } | Denied::BeingTaken => Code::Leased,
+            Denied::Leased { .. } | Denied::BeingTaken | Denied::RunEnding => Code::Leased,
+            Denied::RunUnderWay | Denied::RunOver => Code::RunUnderWay,
             Denied::Stopped | Denied::StopUnderWay => Code::Stopped,
             Denied::IdentityChanged | Denied::AnotherIdentity => Code::IdentityChanged,
-            Denied::NotUp | Denied::Manual | Denied::Closed => Code::NotReady,
+            Denied::NotUp | Denied::Manual | Denied::Closed | Denied::ListLeft => Code::NotReady,
             Denied::NeedsNone => Code::BadCommand,
         };
         Self::new(code, denied.to_string())

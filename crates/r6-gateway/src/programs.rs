@@ -2,11 +2,13 @@
 //!
 //! - [`check`]: the mistakes of a text together, and where its steps can run.
 //! - [`plan`]: what an arm would do, played on a virtual clock by `r6-plot`. No robot is asked.
-//! - [`bench`]: where both compute, so that they delay nothing else.
+//! - [`run`]: the steps of a program that is to be run.
+//! - [`bench`]: where they compute, so that they delay nothing else.
 
 pub mod bench;
 pub mod check;
 pub mod plan;
+pub mod run;
 
 use r6_motion::RobotModel;
 

@@ -1,4 +1,5 @@
-//! What the gateway keeps: tokens, users, the audit log, the state of the seats, alarms, robots and programs.
+//! What the gateway keeps: tokens, users, the audit log, the state of the seats, alarms, robots, programs and
+//! runs.
 //!
 //! [`Store`] is the contract; every implementation passes the same tests (`contract.rs`). Nothing outside
 //! this folder knows SQL. The gateway talks to its store through a [`Keeper`], a thread of its own, so that
@@ -11,11 +12,12 @@ mod keeper;
 mod library;
 #[cfg(test)]
 mod memory;
+pub mod runs;
 mod sqlite;
 
 use std::fmt;
 
-use r6_api::gateway::{AuditRecord, Deed, Role};
+use r6_api::gateway::{AuditRecord, Deed, Role, Run};
 
 use crate::core::account::{self, Account, Decided, Denied, UserName, Wish};
 use crate::core::alarms;
@@ -29,6 +31,7 @@ pub use keeper::Keeper;
 pub use library::{Kept, LibraryError, NewVersion};
 #[cfg(test)]
 pub use memory::Memory;
+use runs::{Begun, KeptRun, NewRun};
 pub use sqlite::{FILE, Sqlite, copy};
 
 /// The most tokens of one store: they are all held in memory, and listed at once.
@@ -212,6 +215,57 @@ pub trait Store: Send {
         condition: &Condition,
         by: &Author,
     ) -> Result<(), LibraryError>;
+
+    /// Adds a run and tells the audit log of its intent, both or neither, if its caller has not used its key.
+    /// From then on a stop is owed for the robot. Runs that are too old go. Numbers are not used again.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn begin_run(&mut self, new: &NewRun) -> Result<Begun, StoreError>;
+
+    /// The run that this caller asked for with this key at this time or later, in seconds since 1970. Earlier
+    /// ones only if they have not ended, or a stop is owed for them.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn run_of_key(&mut self, caller: &str, key: &str, since: u64) -> Result<Option<KeptRun>, StoreError>;
+
+    /// The run of this robot with this number.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn run(&mut self, robot: &RobotName, id: u64) -> Result<Option<KeptRun>, StoreError>;
+
+    /// The runs that have not ended, in the order of their numbers.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn open_runs(&mut self) -> Result<Vec<Run>, StoreError>;
+
+    /// Keeps the answer to the request for this run.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn answer_run(&mut self, id: u64, answer: &str) -> Result<(), StoreError>;
+
+    /// Keeps the end of a run, and whether a stop is still owed for it, and appends records to the audit log,
+    /// all or nothing.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn end_run(&mut self, run: &Run, owed: bool, records: &[AuditRecord]) -> Result<(), StoreError>;
+
+    /// The robots for which a stop is owed: a list of a run may still be there.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn owed_stops(&mut self) -> Result<Vec<RobotName>, StoreError>;
+
+    /// No stop is owed for this robot any more, except for a run that has not ended.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn pay_stop(&mut self, robot: &RobotName) -> Result<(), StoreError>;
 }
 
 /// The settings of the hall in the store.

@@ -472,6 +472,66 @@ def test_a_stream_that_breaks_is_lost_and_not_silent(said: bytes) -> None:
     peer.close()
 
 
+MOVES = """
+[[instruction]]
+do = "axis-move"
+to = [{first}, 0, 0, 0, 0, 0]
+speed = {speed}
+[[instruction]]
+do = "axis-move"
+to = [{second}, 0, 0, 0, 0, 0]
+speed = {speed}
+"""
+
+
+def test_a_program_runs_once_and_its_end_is_proved(operator: r6.Gateway) -> None:
+    arm = operator.robot("arm")
+    text = MOVES.format(first=5, second=8, speed=100)
+    with arm.lease(2) as lease:
+        if lease.is_stopped:
+            lease.clear_stopped()
+        run = lease.run(text, repeat=2, key="once")
+        assert run.wait(60).is_done and run.because == "finished" and (run.done, run.steps) == (4, 4)
+        assert arm.query("axis-0")["axis-0"].value == pytest.approx(8)
+        again = lease.run(text, repeat=2, key="once")
+        assert again.number == run.number and arm.run(run.number).is_done
+        with pytest.raises(r6.InvalidRequest) as other:
+            lease.run(text, key="once")
+        assert other.value.reason == "key_taken"
+        with pytest.raises(r6.InvalidRequest) as wrong:
+            lease.run("[[instruction]]\ndo = \"axis-mve\"\n")
+        assert wrong.value.reason == "bad_program"
+        with pytest.raises(r6.InvalidRequest):
+            lease.run(name="not-there")
+        with pytest.raises(ValueError):
+            lease.run(text, key="a b")
+        with pytest.raises(r6.InvalidRequest):
+            arm.run(99_999)
+
+
+def test_waiting_for_a_run_renews_its_lease_and_giving_it_back_stops_the_arm(operator: r6.Gateway) -> None:
+    arm = operator.robot("arm")
+    with arm.lease(2) as lease:
+        run = lease.run(MOVES.format(first=60, second=-60, speed=1))
+        with pytest.raises(TimeoutError):
+            run.wait(3)
+        assert run.state == "running" and lease.left > 0
+        assert "running" in repr(run)
+    stopped = run.wait(60)
+    assert (stopped.state, stopped.because, stopped.is_done) == ("stopped", "lease_released", False)
+    assert arm.query("isMoving")["isMoving"].value is False
+
+
+def test_a_run_of_which_the_end_is_not_known_raises() -> None:
+    data = {"run_id": 7, "state": "unknown", "steps": 2, "done": 0, "because": "link_lost", "detail": "it is gone"}
+    peer = Peer(answer("200 OK", json.dumps(data).encode()))
+    run = r6.Gateway(peer.url, token="x").robot("arm").run(7)
+    with pytest.raises(r6.OutcomeUnknown) as unknown:
+        run.wait()
+    assert (unknown.value.reason, unknown.value.effect) == ("link_lost", "moves")
+    peer.close()
+
+
 def _lease_of(arm: r6.GatewayRobot) -> r6.GatewayLease:
     peer = Peer(answer("200 OK", json.dumps(LEASE).encode()))
     lease = r6.Gateway(peer.url, token="x").robot("arm").lease()

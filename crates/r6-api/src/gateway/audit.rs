@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{IdentityChange, RobotIdentity, Role, Shift, UnseenBecause};
+use super::{IdentityChange, RobotIdentity, Role, RunEnd, RunState, Shift, UnseenBecause};
 use crate::Code;
 
 /// Something that happened, in the stream of `GET /v1/events`.
@@ -83,6 +83,36 @@ pub enum Happened {
         command_id: u64,
         /// How.
         outcome: CommandOutcome,
+    },
+    /// A run of a program began: its first list is being sent.
+    RunBegan {
+        /// The number of the run.
+        run_id: u64,
+        /// The name of the program; `null` if its text was sent.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        program: Option<String>,
+        /// The steps of all rounds.
+        steps: usize,
+    },
+    /// More steps of a run are done. It is told once a second at most.
+    RunProgress {
+        /// The number of the run.
+        run_id: u64,
+        /// How many steps the controller accepted.
+        accepted: usize,
+        /// How many steps are done.
+        done: usize,
+    },
+    /// A run of a program ended.
+    RunEnded {
+        /// The number of the run.
+        run_id: u64,
+        /// How.
+        state: RunState,
+        /// Why.
+        because: RunEnd,
+        /// How many steps are done, as far as was seen.
+        done: usize,
     },
     /// `curAlarm` became this code.
     AlarmBegan {
@@ -397,6 +427,38 @@ pub enum Deed {
         intent: u64,
         /// How it ended.
         outcome: CommandOutcome,
+        /// The details, for people.
+        detail: String,
+    },
+    /// A program will be run: its first list will be sent. Its outcome follows in another entry.
+    RunIntent {
+        /// The number of the run.
+        run: u64,
+        /// The name of the program; `null` if its text was sent.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        program: Option<String>,
+        /// The version of the program; `null` if its text was sent.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        version: Option<u64>,
+        /// SHA-256 of its text.
+        sha256: String,
+        /// How often it runs.
+        repeat: u32,
+        /// The steps of all rounds.
+        steps: usize,
+        /// The lease.
+        lease: u64,
+    },
+    /// The outcome of a run.
+    RunOutcome {
+        /// The number of the run.
+        run: u64,
+        /// How it ended.
+        state: RunState,
+        /// Why.
+        because: RunEnd,
+        /// How many steps are done, as far as was seen.
+        done: usize,
         /// The details, for people.
         detail: String,
     },

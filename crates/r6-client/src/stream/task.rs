@@ -6,10 +6,12 @@ use std::ops::Range;
 use std::time::Duration;
 
 use r6_proto::axis::AXES;
+use r6_proto::message::Instruction;
 use r6_proto::time::Instant;
 use tokio::sync::oneshot::error::TryRecvError;
 use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, oneshot, watch};
 
+use crate::conditions::{Conditions, ListGate};
 use crate::done::{Done, EndProof, WaitOptions};
 use crate::error::{NotSent, RequestError};
 use crate::event::Event;
@@ -72,6 +74,8 @@ pub(super) struct Task {
     /// The number of the motion.
     number: u64,
     options: RunOptions,
+    /// Asked before each list, if there is one.
+    gate: Option<ListGate>,
     /// `None`: the motion is streamed.
     whole: Option<Whole>,
     path: PathProgress,
@@ -96,7 +100,7 @@ pub(super) struct Task {
 impl Task {
     pub fn new(
         (robot, about, number): (Robot, About, u64),
-        mut options: RunOptions,
+        (mut options, gate): (RunOptions, Option<ListGate>),
         whole: Option<Whole>,
         path: PathProgress,
         frames: Vec<Range<usize>>,
@@ -119,6 +123,7 @@ impl Task {
             about,
             number,
             options,
+            gate,
             whole,
             path,
             lists: None,
@@ -244,10 +249,10 @@ impl Task {
         {
             let replace = frame.start == 0 && !self.options.append;
             let steps = self.path.steps().get(frame.clone()).unwrap_or_default().to_vec();
+            let terms = self.terms(replace, &steps)?;
             self.in_doubt = frame.len();
             self.publish(false);
             let list = Work::AddRcc { replace, instructions: steps };
-            let terms = Terms { only_on: Some(self.about.connection), ..Terms::default() };
             let answer = self.robot.accepted_on(terms, list, Lane::Ordinary).await;
             match answer {
                 Ok(_) => {
@@ -280,6 +285,21 @@ impl Task {
             }
         }
         Ok(())
+    }
+
+    /// Under which terms this list may leave.
+    fn terms(&self, replace: bool, steps: &[Instruction]) -> Result<Terms, Cause> {
+        let connection = self.about.connection;
+        let conditions = match &self.gate {
+            None => Conditions::default(),
+            Some(gate) => gate.decide(replace, steps).ok_or(NotSent::Withdrawn)?,
+        };
+        let Conditions { leave_within, only_on, permission } = conditions;
+        if only_on.is_some_and(|only| only != connection) {
+            return Err(NotSent::Disconnected.into());
+        }
+        let leave_by = leave_within.map(|within| self.now() + within);
+        Ok(Terms { leave_by, only_on: Some(connection), permission, ..Terms::default() })
     }
 
     /// Whether the last read is recent enough for a list to be sent: this program may have been suspended

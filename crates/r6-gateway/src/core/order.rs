@@ -34,6 +34,16 @@ impl Order {
         }
     }
 
+    /// Whether a run of a program must not be interrupted by it: it moves, it changes the list, or it changes
+    /// what the numbers of the moves mean.
+    #[must_use]
+    pub fn disturbs_run(&self) -> bool {
+        match self {
+            Self::Command(command) => self.effect() == Effect::Moves || command.name().info().changes_frame,
+            Self::List { .. } => true,
+        }
+    }
+
     /// Its word: that of the command, or `AddRCC`.
     #[must_use]
     pub fn word(&self) -> &'static str {
@@ -99,6 +109,8 @@ mod tests {
             (list(false, 0), Effect::Changes, false, "AddRCC append, 0 steps"),
         ] {
             assert_eq!((order.effect(), order.runs_leftover()), (effect, leftover), "{order}");
+            let is_speed = matches!(order, Order::Command(Command::ModifyGspd { .. }));
+            assert_eq!(order.disturbs_run(), !is_speed, "{order}");
             assert_eq!(order.to_string(), shown);
         }
         assert!(list(true, 11).to_string().ends_with("path speed, …"));

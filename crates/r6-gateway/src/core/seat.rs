@@ -2,9 +2,11 @@
 //!
 //! A [`Seat`] knows the lease, the stop that holds, the identity and the link of one robot. It alone makes a
 //! [`Permit`], and the fleet sends nothing that changes or moves without one. Times are those of one clock
-//! that counts suspend. [`Seat::generation`] grows whenever all permits made so far are void.
+//! that counts suspend. [`Seat::generation`] grows whenever all permits made so far are void. `run.rs` has the
+//! run of a program.
 
 mod permit;
+mod run;
 #[cfg(test)]
 mod tests;
 
@@ -15,6 +17,7 @@ use r6_api::gateway::{IdentityChange, LeaseEnd, RobotIdentity};
 use r6_proto::time::Instant;
 
 pub use permit::{Denied, Permit};
+pub use run::{Cut, Left, Ticket};
 
 /// The shortest lease that can be asked for.
 pub const SHORTEST_LEASE: Duration = Duration::from_secs(2);
@@ -115,6 +118,8 @@ struct Lease {
     secret: Secret,
     holder: String,
     until: Instant,
+    /// Why it ends, if it only waits for the end of its run. It permits nothing any more.
+    ends: Option<LeaseEnd>,
 }
 
 /// What is known of a connection whose robot was read.
@@ -139,6 +144,12 @@ pub struct Seat {
     link: Option<Link>,
     /// Whether this robot gets no command any more.
     closed: bool,
+    /// The run that has the robot.
+    run: Option<run::Run>,
+    /// How many runs there were.
+    runs: u64,
+    /// Whether a list of an earlier run may still be at the robot.
+    owes_stop: bool,
     /// For how long an observation of the mode counts.
     fresh_for: Duration,
     generation: u64,
@@ -170,6 +181,9 @@ impl Seat {
             stranger: None,
             link: None,
             closed: false,
+            run: None,
+            runs: 0,
+            owes_stop: false,
             fresh_for,
             generation: 0,
             noticed: VecDeque::new(),
@@ -196,20 +210,21 @@ impl Seat {
     /// When to call [`Self::handle_timeout`].
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Instant> {
-        self.lease.as_ref().map(|lease| lease.until)
+        self.lease.as_ref().filter(|lease| lease.ends.is_none()).map(|lease| lease.until)
     }
 
     /// Ends a lease whose time is up.
     pub fn handle_timeout(&mut self, now: Instant) {
-        if self.lease.as_ref().is_some_and(|lease| lease.until <= now) {
-            self.end_lease(LeaseEnd::Expired);
+        if self.lease.as_ref().is_some_and(|lease| lease.ends.is_none() && lease.until <= now) {
+            self.finish_lease(LeaseEnd::Expired);
         }
     }
 
-    /// The lease, if there is one.
+    /// The lease, if there is one; also one that waits for the end of its run.
     #[must_use]
     pub fn lease(&self, now: Instant) -> Option<LeaseView> {
-        self.lease.as_ref().filter(|lease| now < lease.until).map(|lease| LeaseView {
+        let is_there = |lease: &&Lease| now < lease.until || self.is_of_run(lease.number);
+        self.lease.as_ref().filter(is_there).map(|lease| LeaseView {
             number: lease.number,
             holder: lease.holder.clone(),
             left: lease.until.since(now),
@@ -244,7 +259,8 @@ impl Seat {
     /// Gives out the lease if it is free.
     ///
     /// # Errors
-    /// [`Denied::Leased`], [`Denied::BeingTaken`], [`Denied::IdentityChanged`], [`Denied::Closed`].
+    /// [`Denied::Leased`], [`Denied::RunEnding`], [`Denied::BeingTaken`], [`Denied::IdentityChanged`],
+    /// [`Denied::Closed`].
     pub fn acquire(&mut self, now: Instant, ask: Ask) -> Result<Granted, Denied> {
         self.handle_timeout(now);
         if self.closed {
@@ -252,6 +268,9 @@ impl Seat {
         }
         if self.stranger.is_some() {
             return Err(Denied::IdentityChanged);
+        }
+        if self.lease.as_ref().is_some_and(|lease| lease.ends.is_some()) {
+            return Err(Denied::RunEnding);
         }
         if let Some(lease) = self.lease(now) {
             return Err(Denied::Leased { holder: lease.holder, left: lease.left });
@@ -274,13 +293,13 @@ impl Seat {
         Ok(Granted { key, until })
     }
 
-    /// Gives the lease back.
+    /// Gives the lease back. A run of it is cut short, and the lease is free once that is over.
     ///
     /// # Errors
     /// [`Denied::NoLease`].
     pub fn release(&mut self, now: Instant, key: Key) -> Result<(), Denied> {
         self.held(now, key)?;
-        self.end_lease(LeaseEnd::Released);
+        self.finish_lease(LeaseEnd::Released);
         Ok(())
     }
 
@@ -324,6 +343,7 @@ impl Seat {
     pub fn stop_begins(&mut self) {
         self.saved.stopped = true;
         self.stops_under_way = self.stops_under_way.saturating_add(1);
+        self.cut_run(Cut::Stop);
         self.void_permits();
     }
 
@@ -373,6 +393,8 @@ impl Seat {
             return Err(Denied::AnotherIdentity);
         }
         self.saved.identity = self.stranger.take();
+        // Another robot has no list of an earlier run.
+        self.owes_stop = false;
         Ok(())
     }
 
@@ -380,7 +402,10 @@ impl Seat {
     pub fn observed(&mut self, asked_at: Instant, connection: u64, manual: bool) {
         match self.link {
             None => self.noticed.push_back(Noticed::LinkUp),
-            Some(link) if link.connection != connection => self.void_permits(),
+            Some(link) if link.connection != connection => {
+                self.cut_run(Cut::LinkLost);
+                self.void_permits();
+            }
             Some(_) => {}
         }
         self.link = Some(Link { connection, seen_at: asked_at, manual });
@@ -389,6 +414,7 @@ impl Seat {
     /// The connection ended, or nothing comes back over it.
     pub fn link_lost(&mut self) {
         if self.link.take().is_some() {
+            self.cut_run(Cut::LinkLost);
             self.void_permits();
             self.noticed.push_back(Noticed::LinkDown);
         }
@@ -406,6 +432,7 @@ impl Seat {
     pub fn close(&mut self, cause: LeaseEnd) {
         self.closed = true;
         self.end_lease(cause);
+        self.cut_run(Cut::Lease(cause));
         self.void_permits();
     }
 
@@ -414,7 +441,7 @@ impl Seat {
         let number = self.saved.number;
         let until = now + ask.lasts.clamp(SHORTEST_LEASE, LONGEST_LEASE);
         self.noticed.push_back(Noticed::LeaseBegan { number, holder: ask.holder.clone() });
-        self.lease = Some(Lease { number, secret: ask.secret, holder: ask.holder, until });
+        self.lease = Some(Lease { number, secret: ask.secret, holder: ask.holder, until, ends: None });
         Granted { key: Key { number, secret: ask.secret }, until }
     }
 
@@ -423,8 +450,24 @@ impl Seat {
         self.lease.as_ref().filter(|lease| lease.fits(key)).ok_or(Denied::NoLease)
     }
 
+    /// Ends the lease once its run is over: at once without a run.
+    fn finish_lease(&mut self, cause: LeaseEnd) {
+        let of_run = self.lease.as_ref().is_some_and(|lease| self.is_of_run(lease.number));
+        match &mut self.lease {
+            Some(lease) if of_run => {
+                lease.ends = Some(cause);
+                self.cut_run(Cut::Lease(cause));
+                self.void_permits();
+            }
+            _ => self.end_lease(cause),
+        }
+    }
+
     fn end_lease(&mut self, cause: LeaseEnd) {
         if let Some(Lease { number, holder, .. }) = self.lease.take() {
+            if self.is_of_run(number) {
+                self.cut_run(Cut::Lease(cause));
+            }
             self.void_permits();
             self.noticed.push_back(Noticed::LeaseEnded { number, holder, cause });
         }
@@ -436,8 +479,9 @@ impl Seat {
 }
 
 impl Lease {
+    /// Whether this is its key, and it does not end.
     fn fits(&self, key: Key) -> bool {
-        self.number == key.number && self.secret.is(key.secret)
+        self.ends.is_none() && self.number == key.number && self.secret.is(key.secret)
     }
 }
 

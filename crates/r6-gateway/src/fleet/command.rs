@@ -80,6 +80,7 @@ impl Station {
         self.seat(|seat, now| seat.begin_taking(now))?;
         // An unconfirmed stop holds all the same, so nothing moves before somebody has looked.
         let _ = self.stop(by).await;
+        self.run_is_over().await;
         let granted = self.seat_noting(|seat, now| {
             let granted = seat.end_taking(now, ask);
             let record = granted.as_ref().ok().map(|granted| self.lease_began(by, granted, Some(because)));
@@ -98,7 +99,7 @@ impl Station {
         Ok(self.given(granted))
     }
 
-    /// Gives the lease back.
+    /// Gives the lease back. A run of it is cut short: [`Self::run_is_over`] waits for that.
     ///
     /// # Errors
     /// `no_lease`.
@@ -331,7 +332,13 @@ impl Station {
     /// # Errors
     /// `identity_changed`: this is not the robot that answers; `store_unavailable`.
     pub async fn accept_identity(&self, by: &By, accepted: RobotIdentity) -> Result<(), Problem> {
-        self.seat(|seat, _| seat.accept_identity(&accepted))?;
+        let owed = self.seat(|seat, _| {
+            let owed = seat.owes_stop();
+            seat.accept_identity(&accepted).map(|()| owed)
+        })?;
+        if owed {
+            self.forget_owed().await;
+        }
         let robot = self.robot.borrow().clone();
         if let Some(robot) = robot {
             robot.accept_identity(to_client(&accepted));

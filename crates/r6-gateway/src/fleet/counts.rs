@@ -3,10 +3,19 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use r6_api::gateway::CommandOutcome;
+use r6_api::gateway::{CommandOutcome, RunState};
 
 use crate::core::raw::session::Cause;
 use crate::history::RobotCounts;
+
+/// How runs end, with the words of the contract.
+const RUN_ENDS: [(RunState, &str); 5] = [
+    (RunState::Done, "done"),
+    (RunState::Stopped, "stopped"),
+    (RunState::Refused, "refused"),
+    (RunState::Failed, "failed"),
+    (RunState::Unknown, "unknown"),
+];
 
 /// The counts of one robot, since it was added or the gateway started.
 #[derive(Debug, Default)]
@@ -17,6 +26,8 @@ pub struct Counts {
     unknown: AtomicU64,
     confirmed: AtomicU64,
     not_confirmed: AtomicU64,
+    /// Runs of programs that ended, in the order of [`RUN_ENDS`].
+    runs: [AtomicU64; RUN_ENDS.len()],
     events_skipped: AtomicU64,
     /// The clients of the raw port.
     pub raw: RawCounts,
@@ -98,6 +109,19 @@ impl Counts {
             CommandOutcome::Unknown => &self.unknown,
         };
         count.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts a run that ended.
+    pub fn count_run(&self, state: RunState) {
+        let at = RUN_ENDS.iter().position(|(end, _)| *end == state);
+        if let Some(count) = at.and_then(|at| self.runs.get(at)) {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// The runs that ended, by the word of their state.
+    pub fn runs(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        RUN_ENDS.iter().zip(&self.runs).map(|((_, word), count)| (*word, count.load(Ordering::Relaxed)))
     }
 
     /// Counts a stop.

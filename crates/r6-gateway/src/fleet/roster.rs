@@ -163,8 +163,9 @@ impl Fleet {
         let name = robot.name.clone();
         let keeper = &self.shared.keeper;
         let (seat, alarms) = (keeper.seat(name.clone()).await?, keeper.alarms(name.clone()).await?);
+        let owes_stop = keeper.owed_stops().await?.contains(&name);
         let saved = Kept { seat, alarms };
-        let post = Post::start(robot, saved, &self.shared);
+        let post = Post::start(robot, saved, owes_stop, &self.shared);
         post.station.publish(Happened::RobotAdded {});
         {
             let mut posts = self.write();
@@ -180,6 +181,8 @@ impl Fleet {
         let name = robot.name.clone();
         let old = self.write().get_mut(&name).map(|post| (Arc::clone(&post.station), post.link.take()));
         let Some((station, link)) = old else { return };
+        station.seat(|seat, _| seat.will_be_reconfigured());
+        station.run_is_over().await;
         if let Some(link) = link {
             link.end().await;
         }

@@ -1,29 +1,51 @@
 //! The only place from which a command or a list that changes or moves leaves the gateway.
 
-use r6_client::{Accepted, Conditions, NotSent, RequestError, Robot};
+use std::sync::Arc;
+
+use r6_client::{Accepted, Conditions, ListGate, NotSent, RequestError, Robot};
 
 use super::station::Station;
 use crate::clock;
 use crate::core::order::Order;
-use crate::core::seat::Permit;
+use crate::core::seat::{Permit, Ticket};
 
 impl Station {
     /// Sends the command or the list of a permit. The client looks again, in the call that writes the first
     /// byte, whether the permit is void or too old, and whether the connection is another one.
     pub(super) async fn send(&self, robot: &Robot, permit: Permit) -> Result<Accepted, RequestError> {
-        let Some(permission) = self.permission(permit.generation()) else {
+        let Some(conditions) = self.conditions(&permit) else {
             return Err(NotSent::Withdrawn.into());
-        };
-        let latest = permit.latest();
-        let conditions = Conditions {
-            leave_within: Some(latest.since(clock::now())),
-            only_on: Some(permit.connection()),
-            // The client's clock stands while the machine sleeps. The clock of the lease goes on.
-            permission: Some(permission.only_while(move || clock::now() < latest)),
         };
         match permit.into_order() {
             Order::Command(command) => robot.command_under(conditions, command).await,
             Order::List { replace, steps } => robot.add_rcc_under(conditions, replace, steps).await,
         }
+    }
+
+    /// The gate of a run: the client asks it before each list, and sends the list under the conditions of its
+    /// permit. It does not keep the station alive: the client holds the gate, and the station the client.
+    pub(super) fn gate(station: &Arc<Self>, ticket: Ticket) -> ListGate {
+        let station = Arc::downgrade(station);
+        ListGate::new(move |replace, steps| {
+            let station = station.upgrade()?;
+            let list = Order::List { replace, steps: steps.to_vec() };
+            let permit = station.seat(|seat, now| seat.permit_list(now, ticket, list));
+            let permit = permit.inspect_err(|denied| {
+                tracing::info!(robot = station.name(), %denied, "a list of a run is not permitted");
+            });
+            station.conditions(&permit.ok()?)
+        })
+    }
+
+    /// The conditions of a permit; `None` if it is void.
+    fn conditions(&self, permit: &Permit) -> Option<Conditions> {
+        let permission = self.permission(permit.generation())?;
+        let latest = permit.latest();
+        Some(Conditions {
+            leave_within: Some(latest.since(clock::now())),
+            only_on: Some(permit.connection()),
+            // The client's clock stands while the machine sleeps. The clock of the lease goes on.
+            permission: Some(permission.only_while(move || clock::now() < latest)),
+        })
     }
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use r6_api::AddressValue;
 use r6_api::gateway::{
-    AuditRecord, Deed, Happened, LeaseHolder, RobotLink, RobotState, RobotSummary, Signal, SignalQuality,
+    AuditRecord, Deed, Happened, LeaseHolder, RobotLink, RobotState, RobotSummary, Run, Signal, SignalQuality,
 };
 use r6_api::status::is_virtual;
 use r6_client::{Address, Permission, Robot};
@@ -21,7 +21,7 @@ use crate::core::live::follower::{Step, Top};
 use crate::core::live::numbers::Span;
 use crate::core::name::RobotName;
 use crate::core::raw::fresh::Freshness;
-use crate::core::seat::{Noticed, Saved, Seat};
+use crate::core::seat::{Cut, Noticed, Saved, Seat, Ticket};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
 use crate::fleet::desk::Desk;
@@ -179,6 +179,10 @@ pub struct Station {
     introduced_on: AtomicU64,
     /// The connection over which the robot answers, for clients that must not outlive it.
     pub(crate) link: watch::Sender<Option<u64>>,
+    /// The last run, as it stands.
+    pub(super) runs: watch::Sender<Option<Run>>,
+    /// What cut the run short that has the robot.
+    pub(super) cut: watch::Sender<Option<(Ticket, Cut)>>,
     /// Which readings show the effect of all commands.
     fresh: Mutex<Freshness>,
     /// Locked while a query of a raw client is under way: those behind it may be answered by its values.
@@ -224,6 +228,8 @@ impl Station {
             stop_commands: Semaphore::new(MAX_STOPS as usize),
             introduced_on: AtomicU64::new(0),
             link: watch::Sender::new(None),
+            runs: watch::Sender::new(None),
+            cut: watch::Sender::new(None),
             fresh: Mutex::default(),
             asking: AsyncMutex::default(),
             saving: AsyncMutex::default(),
@@ -235,6 +241,11 @@ impl Station {
     #[must_use]
     pub fn name(&self) -> &str {
         self.name.as_str()
+    }
+
+    /// Its name, as the store has it.
+    pub(super) fn robot_name(&self) -> &RobotName {
+        &self.name
     }
 
     /// How it is configured now.
@@ -293,6 +304,8 @@ impl Station {
         if held.seat.generation() != generation {
             std::mem::take(&mut held.permission).withdraw();
         }
+        let cut = held.seat.run_cut();
+        self.cut.send_if_modified(|known| std::mem::replace(known, cut) != cut);
         let link = held.seat.connection();
         self.link.send_if_modified(|known| std::mem::replace(known, link) != link);
         let mut writes = held.seat.saved() != &held.stored;

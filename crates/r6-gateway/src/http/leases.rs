@@ -68,7 +68,8 @@ pub async fn acquire(
     Ok(axum::Json(lease))
 }
 
-/// Gives the lease back.
+/// Gives the lease back. A program that runs with it is stopped first: then the answer comes once the arm
+/// stands.
 #[utoipa::path(
     delete,
     path = "/v1/robots/{name}/lease",
@@ -79,11 +80,18 @@ pub async fn acquire(
         (status = 404, description = "`no_such_robot`", body = Problem),
         (status = 409, description = "`no_lease`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
+        (
+            status = 504,
+            description = "`not_stopped`: it is NOT proved that the arm stands; `outcome_unknown`: the gateway ends",
+            body = Problem
+        ),
         OfChange,
         OfBody,
     )
 )]
 pub async fn release(robot: Robot<Command>, Json(held): Json<WithLease>) -> Result<StatusCode, Refusal> {
-    let released = key(&held.lease).and_then(|key| robot.station.release(key));
+    let key = key(&held.lease).map_err(refusal::of)?;
+    let work = tokio::spawn(async move { robot.station.give_back(key).await });
+    let released = work.await.map_err(refusal::of_lost_work)?;
     released.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
 }

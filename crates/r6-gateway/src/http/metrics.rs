@@ -57,6 +57,14 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
             sample(&mut text, "r6_gateway_commands_total", station.name(), &label, count);
         }
     }
+    let runs = "Runs of programs that ended, by state, since the robot was added or the gateway started.";
+    family(&mut text, "r6_gateway_runs_total", "counter", runs);
+    for station in &seen {
+        for (state, count) in station.counts.runs() {
+            let label = format!(",state=\"{state}\"");
+            sample(&mut text, "r6_gateway_runs_total", station.name(), &label, count);
+        }
+    }
     let stops =
         "Stops that ended, by whether they were confirmed, since the robot was added or the gateway started.";
     family(&mut text, "r6_gateway_stops_total", "counter", stops);

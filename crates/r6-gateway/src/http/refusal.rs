@@ -33,11 +33,15 @@ fn status(code: Code) -> StatusCode {
         | Code::NoSuchProgram
         | Code::NoSuchUser
         | Code::NoSuchToken
-        | Code::NoSuchAlarm => StatusCode::NOT_FOUND,
+        | Code::NoSuchAlarm
+        | Code::NoSuchRun => StatusCode::NOT_FOUND,
         Code::LinkVoid => StatusCode::GONE,
         Code::NeedsIfMatch => StatusCode::PRECONDITION_REQUIRED,
         Code::NotThisVersion => StatusCode::PRECONDITION_FAILED,
-        Code::BadCommand | Code::BadValue | Code::BadProgram => StatusCode::UNPROCESSABLE_ENTITY,
+        Code::NeedsIdempotencyKey => StatusCode::BAD_REQUEST,
+        Code::BadCommand | Code::BadValue | Code::BadProgram | Code::KeyTaken => {
+            StatusCode::UNPROCESSABLE_ENTITY
+        }
         Code::StoreUnavailable | Code::Overloaded => StatusCode::SERVICE_UNAVAILABLE,
         Code::OutcomeUnknown | Code::NotStopped | Code::NoReply => StatusCode::GATEWAY_TIMEOUT,
         // The state of the robot, of its lease or of its configuration does not allow it now.

@@ -4,18 +4,20 @@ use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use r6_api::gateway::{AuditRecord, Role};
+use r6_api::gateway::{AuditRecord, Role, Run};
 
 use crate::core::account::Decided;
+use crate::core::alarms;
 use crate::core::chain::Verifier;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 use crate::secret;
+use crate::store::runs::{Begun, KeptRun, NewRun};
 use crate::store::{
     Author, Entry, Kept, LibraryError, Link, MAX_PAGE, NewToken, NewVersion, Sqlite, Store, StoreError,
-    StoredRobot, StoredUser, Token, UserChange,
+    StoredRobot, StoredSettings, StoredUser, Token, UserChange,
 };
 
 /// What a disk takes.
@@ -288,5 +290,58 @@ impl Store for Mounted {
         by: &Author,
     ) -> Result<(), LibraryError> {
         self.write(|store| store.remove_program(name, condition, by))
+    }
+
+    fn alarms(&mut self, robot: &RobotName) -> Result<alarms::Saved, StoreError> {
+        self.read(|store| store.alarms(robot))
+    }
+
+    fn save_alarms(
+        &mut self,
+        robot: &RobotName,
+        saved: &alarms::Saved,
+        records: &[AuditRecord],
+    ) -> Result<(), StoreError> {
+        self.write(|store| store.save_alarms(robot, saved, records))
+    }
+
+    fn settings(&mut self) -> Result<Option<StoredSettings>, StoreError> {
+        self.read(|store| store.settings())
+    }
+
+    fn put_settings(&mut self, settings: &StoredSettings, record: &AuditRecord) -> Result<(), StoreError> {
+        self.write(|store| store.put_settings(settings, record))
+    }
+
+    fn begin_run(&mut self, new: &NewRun) -> Result<Begun, StoreError> {
+        self.write(|store| store.begin_run(new))
+    }
+
+    fn run_of_key(&mut self, caller: &str, key: &str, since: u64) -> Result<Option<KeptRun>, StoreError> {
+        self.read(|store| store.run_of_key(caller, key, since))
+    }
+
+    fn run(&mut self, robot: &RobotName, id: u64) -> Result<Option<KeptRun>, StoreError> {
+        self.read(|store| store.run(robot, id))
+    }
+
+    fn open_runs(&mut self) -> Result<Vec<Run>, StoreError> {
+        self.read(|store| store.open_runs())
+    }
+
+    fn answer_run(&mut self, id: u64, answer: &str) -> Result<(), StoreError> {
+        self.write(|store| store.answer_run(id, answer))
+    }
+
+    fn end_run(&mut self, run: &Run, owed: bool, records: &[AuditRecord]) -> Result<(), StoreError> {
+        self.write(|store| store.end_run(run, owed, records))
+    }
+
+    fn owed_stops(&mut self) -> Result<Vec<RobotName>, StoreError> {
+        self.read(|store| store.owed_stops())
+    }
+
+    fn pay_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
+        self.write(|store| store.pay_stop(robot))
     }
 }

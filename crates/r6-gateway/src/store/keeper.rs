@@ -2,11 +2,12 @@
 
 use std::thread;
 
-use r6_api::gateway::AuditRecord;
+use r6_api::gateway::{AuditRecord, Run};
 use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 use tokio::sync::oneshot;
 
+use super::runs::{Begun, KeptRun, NewRun};
 use super::{
     Author, Entry, Kept, LibraryError, Link, NewToken, NewVersion, Store, StoreError, StoredRobot,
     StoredSettings, StoredUser, Token, UserChange,
@@ -48,6 +49,13 @@ enum Job {
     Program(ProgramName, Option<u64>, Answer<Option<(Kept, String)>>),
     PutProgram(NewVersion, Condition, Answer<Kept, LibraryError>),
     RemoveProgram(ProgramName, Condition, Author, Answer<(), LibraryError>),
+    BeginRun(Box<NewRun>, Answer<Begun>),
+    RunOfKey(String, String, u64, Answer<Option<KeptRun>>),
+    Run(RobotName, u64, Answer<Option<KeptRun>>),
+    AnswerRun(u64, String, Answer<()>),
+    EndRun(Box<Run>, bool, Vec<AuditRecord>, Answer<()>),
+    OwedStops(Answer<Vec<RobotName>>),
+    PayStop(RobotName, Answer<()>),
 }
 
 /// A handle on the thread of the store. The thread ends with the last handle, after all that was asked for.
@@ -286,6 +294,67 @@ impl Keeper {
         self.ask(|answer| Job::RemoveProgram(name, condition, by, answer)).await
     }
 
+    /// As [`Store::begin_run`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn begin_run(&self, new: NewRun) -> Result<Begun, StoreError> {
+        self.ask(|answer| Job::BeginRun(Box::new(new), answer)).await
+    }
+
+    /// As [`Store::run_of_key`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn run_of_key(
+        &self,
+        caller: String,
+        key: String,
+        since: u64,
+    ) -> Result<Option<KeptRun>, StoreError> {
+        self.ask(|answer| Job::RunOfKey(caller, key, since, answer)).await
+    }
+
+    /// As [`Store::run`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn run(&self, robot: RobotName, id: u64) -> Result<Option<KeptRun>, StoreError> {
+        self.ask(|answer| Job::Run(robot, id, answer)).await
+    }
+
+    /// As [`Store::answer_run`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn answer_run(&self, id: u64, text: String) -> Result<(), StoreError> {
+        self.ask(|answer| Job::AnswerRun(id, text, answer)).await
+    }
+
+    /// As [`Store::end_run`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn end_run(&self, run: Run, owed: bool, records: Vec<AuditRecord>) -> Result<(), StoreError> {
+        self.ask(|answer| Job::EndRun(Box::new(run), owed, records, answer)).await
+    }
+
+    /// As [`Store::owed_stops`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn owed_stops(&self) -> Result<Vec<RobotName>, StoreError> {
+        self.ask(Job::OwedStops).await
+    }
+
+    /// As [`Store::pay_stop`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn pay_stop(&self, robot: RobotName) -> Result<(), StoreError> {
+        self.ask(|answer| Job::PayStop(robot, answer)).await
+    }
+
     async fn ask<T, E: From<StoreError>>(&self, job: impl FnOnce(Answer<T, E>) -> Job) -> Result<T, E> {
         let (answer, answered) = oneshot::channel();
         self.jobs.try_send(job(answer)).map_err(|error| match error {
@@ -339,6 +408,17 @@ fn carry_out(store: &mut impl Store, job: Job, waiting: &mut Receiver<Job>) -> O
         Job::RemoveProgram(name, condition, by, answer) => {
             drop(answer.send(store.remove_program(&name, &condition, &by)));
         }
+        Job::BeginRun(new, answer) => drop(answer.send(store.begin_run(&new))),
+        Job::RunOfKey(caller, key, since, answer) => {
+            drop(answer.send(store.run_of_key(&caller, &key, since)));
+        }
+        Job::Run(robot, id, answer) => drop(answer.send(store.run(&robot, id))),
+        Job::AnswerRun(id, text, answer) => drop(answer.send(store.answer_run(id, &text))),
+        Job::EndRun(run, owed, records, answer) => {
+            drop(answer.send(store.end_run(&run, owed, &records)));
+        }
+        Job::OwedStops(answer) => drop(answer.send(store.owed_stops())),
+        Job::PayStop(robot, answer) => drop(answer.send(store.pay_stop(&robot))),
     }
     None
 }

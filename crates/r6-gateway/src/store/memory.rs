@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use r6_api::gateway::{AuditRecord, Deed};
+use r6_api::gateway::{AuditRecord, Deed, Run};
 
 use super::library::removed;
+use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS, NewRun};
 use super::{
     Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
     StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, check_link, decide, link_made,
@@ -31,6 +32,17 @@ pub struct Memory {
     programs: BTreeMap<ProgramName, Vec<(Kept, String)>>,
     users: BTreeMap<UserName, StoredUser>,
     links: Vec<Link>,
+    runs: BTreeMap<u64, MemoryRun>,
+    last_run: u64,
+}
+
+#[derive(Debug)]
+struct MemoryRun {
+    robot: RobotName,
+    of: (String, String),
+    made: u64,
+    owed: bool,
+    kept: KeptRun,
 }
 
 impl Store for Memory {
@@ -224,6 +236,70 @@ impl Store for Memory {
         condition.check(Some(last))?;
         self.append(&[removed(name, last, by)])?;
         self.programs.remove(name);
+        Ok(())
+    }
+
+    fn begin_run(&mut self, new: &NewRun) -> Result<Begun, StoreError> {
+        let oldest = new.now.saturating_sub(KEPT);
+        self.runs.retain(|_, run| run.made >= oldest || !run.kept.ended || run.owed);
+        if let Some(known) = self.run_of_key(&new.caller, &new.key, 0)? {
+            return Ok(Begun::Known(Box::new(known)));
+        }
+        if self.runs.len() >= MAX_RUNS {
+            return Ok(Begun::Full);
+        }
+        let id = self.last_run + 1;
+        self.append(&[new.record(id)])?;
+        self.last_run = id;
+        let kept = KeptRun {
+            hash: new.hash,
+            run: Run { run_id: id, ..new.run.clone() },
+            answer: None,
+            ended: false,
+        };
+        let of = (new.caller.clone(), new.key.clone());
+        self.runs.insert(id, MemoryRun { robot: new.robot.clone(), of, made: new.now, owed: true, kept });
+        Ok(Begun::New(id))
+    }
+
+    fn run_of_key(&mut self, caller: &str, key: &str, since: u64) -> Result<Option<KeptRun>, StoreError> {
+        let kept = |run: &&MemoryRun| run.made >= since || !run.kept.ended || run.owed;
+        let mut runs = self.runs.values().filter(kept);
+        Ok(runs.find(|run| run.of.0 == caller && run.of.1 == key).map(|run| run.kept.clone()))
+    }
+
+    fn run(&mut self, robot: &RobotName, id: u64) -> Result<Option<KeptRun>, StoreError> {
+        Ok(self.runs.get(&id).filter(|run| run.robot == *robot).map(|run| run.kept.clone()))
+    }
+
+    fn open_runs(&mut self) -> Result<Vec<Run>, StoreError> {
+        Ok(self.runs.values().filter(|run| !run.kept.ended).map(|run| run.kept.run.clone()).collect())
+    }
+
+    fn answer_run(&mut self, id: u64, answer: &str) -> Result<(), StoreError> {
+        if let Some(run) = self.runs.get_mut(&id) {
+            run.kept.answer = Some(answer.to_owned());
+        }
+        Ok(())
+    }
+
+    fn end_run(&mut self, run: &Run, owed: bool, records: &[AuditRecord]) -> Result<(), StoreError> {
+        self.append(records)?;
+        if let Some(known) = self.runs.get_mut(&run.run_id) {
+            (known.kept.run, known.kept.ended, known.owed) = (run.clone(), true, owed);
+        }
+        Ok(())
+    }
+
+    fn owed_stops(&mut self) -> Result<Vec<RobotName>, StoreError> {
+        let owed: std::collections::BTreeSet<_> =
+            self.runs.values().filter(|run| run.owed).map(|run| run.robot.clone()).collect();
+        Ok(owed.into_iter().collect())
+    }
+
+    fn pay_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
+        let ended = |run: &&mut MemoryRun| run.robot == *robot && run.kept.ended;
+        self.runs.values_mut().filter(ended).for_each(|run| run.owed = false);
         Ok(())
     }
 }

@@ -1,13 +1,15 @@
 //! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit.
 
 mod programs;
+mod runs;
 
 use std::path::{Path, PathBuf, absolute};
 use std::time::Duration;
 
-use r6_api::gateway::{AuditRecord, RobotIdentity};
+use r6_api::gateway::{AuditRecord, RobotIdentity, Run};
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params};
 
+use super::runs::{Begun, KeptRun, NewRun};
 use super::{
     Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
     StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, check_link, decide, link_made, role,
@@ -27,7 +29,7 @@ pub const FILE: &str = "control.db";
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-const TABLES: [&str; 4] = [CONTROL, PROGRAMS, USERS, ALARMS];
+const TABLES: [&str; 5] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS];
 
 /// The version from which on there are users.
 const USERS_SINCE: usize = 3;
@@ -126,6 +128,27 @@ CREATE TABLE hall (
     version  INTEGER NOT NULL,
     settings TEXT NOT NULL
 ) STRICT;
+";
+
+/// Runs of programs. `owed`: its list may be at the robot. The indexes of the open and the owed runs are
+/// almost empty.
+const RUNS: &str = "
+CREATE TABLE run (
+    id     INTEGER PRIMARY KEY AUTOINCREMENT,
+    robot  TEXT NOT NULL,
+    caller TEXT NOT NULL,
+    key    TEXT NOT NULL,
+    hash   BLOB NOT NULL,
+    made   INTEGER NOT NULL,
+    run    TEXT NOT NULL,
+    answer TEXT,
+    ended  INTEGER NOT NULL,
+    owed   INTEGER NOT NULL,
+    UNIQUE (caller, key)
+) STRICT;
+CREATE INDEX run_made ON run (made);
+CREATE INDEX run_open ON run (id) WHERE ended = 0;
+CREATE INDEX run_owed ON run (robot) WHERE owed = 1;
 ";
 
 /// A store in `control.db` of a folder.
@@ -681,6 +704,38 @@ impl Store for Sqlite {
         by: &Author,
     ) -> Result<(), LibraryError> {
         programs::remove(self.write()?, name, condition, by)
+    }
+
+    fn begin_run(&mut self, new: &NewRun) -> Result<Begun, StoreError> {
+        runs::begin(self.write()?, new)
+    }
+
+    fn run_of_key(&mut self, caller: &str, key: &str, since: u64) -> Result<Option<KeptRun>, StoreError> {
+        runs::by_key(&self.connection, caller, key, since)
+    }
+
+    fn run(&mut self, robot: &RobotName, id: u64) -> Result<Option<KeptRun>, StoreError> {
+        runs::one(&self.connection, robot, id)
+    }
+
+    fn open_runs(&mut self) -> Result<Vec<Run>, StoreError> {
+        runs::open(&self.connection)
+    }
+
+    fn answer_run(&mut self, id: u64, answer: &str) -> Result<(), StoreError> {
+        runs::answer(&self.connection, id, answer)
+    }
+
+    fn end_run(&mut self, run: &Run, owed: bool, records: &[AuditRecord]) -> Result<(), StoreError> {
+        runs::end(self.write()?, run, owed, records)
+    }
+
+    fn owed_stops(&mut self) -> Result<Vec<RobotName>, StoreError> {
+        runs::owed(&self.connection)
+    }
+
+    fn pay_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
+        runs::pay(&self.connection, robot)
     }
 }
 

@@ -22,7 +22,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 48] = [
+const ROUTES: [(&str, &str, Needs); 50] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -61,6 +61,8 @@ const ROUTES: [(&str, &str, Needs); 48] = [
     ("PUT", "/v1/programs/{program}", Needs::Role(Role::Engineer)),
     ("DELETE", "/v1/programs/{program}", Needs::Role(Role::Engineer)),
     ("GET", "/v1/programs/{program}/versions", Needs::Role(Role::Viewer)),
+    ("POST", "/v1/robots/{name}/programs/run", Needs::Role(Role::Operator)),
+    ("GET", "/v1/robots/{name}/runs/{run}", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/query", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/history/events", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/production", Needs::Role(Role::Viewer)),
@@ -89,7 +91,7 @@ fn needs(method: &str, path: &str) -> (Needs, String) {
     let row = ROUTES.iter().find(|(m, p, _)| *m == method && *p == path);
     let Some((_, _, needs)) = row else { panic!("{method} {path} has no row in this test") };
     let path = path.replace("{name}", "press").replace("{number}", "press").replace("{id}", "7");
-    (*needs, path.replace("{program}", "pick"))
+    (*needs, path.replace("{program}", "pick").replace("{run}", "1"))
 }
 
 /// The status of a request that is allowed, and that has a body with no field of the route.

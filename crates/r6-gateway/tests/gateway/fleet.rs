@@ -1,16 +1,13 @@
 //! Robots: their values, their links, and a robot that is exchanged.
 
-use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use r6_controller::{PanelAction, RobotModel};
 use r6_gateway::RobotConfig;
 use r6_sim::{SimSettings, Simulation, VirtualController};
 use serde_json::json;
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::watch;
 
-use crate::support::{Hall, call, commands, name, settings, signal};
+use crate::support::{Hall, call, commands, name, settings, signal, way};
 
 #[tokio::test]
 async fn values_have_unit_quality_and_age() {
@@ -147,31 +144,6 @@ async fn two_gateways_do_not_share_a_folder() {
     let hall = Hall::start().await;
     let error = r6_gateway::Gateway::start(settings(hall.data.path(), Vec::new())).await.unwrap_err();
     assert!(error.to_string().contains("another gateway uses"), "{error}");
-}
-
-/// A way to a robot that can be cut: then its connections end, and new ones are taken and never answered.
-async fn way(to: SocketAddr) -> (SocketAddr, watch::Sender<bool>) {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let (cut, is_cut) = watch::channel(false);
-    tokio::spawn(async move {
-        let mut silent = Vec::new();
-        while let Ok((mut near, _)) = listener.accept().await {
-            if *is_cut.borrow() {
-                silent.push(near);
-                continue;
-            }
-            let mut until = is_cut.clone();
-            tokio::spawn(async move {
-                let mut far = TcpStream::connect(to).await.unwrap();
-                tokio::select! {
-                    _ = tokio::io::copy_bidirectional(&mut near, &mut far) => {}
-                    _ = until.wait_for(|is_cut| *is_cut) => {}
-                }
-            });
-        }
-    });
-    (address, cut)
 }
 
 #[tokio::test]

@@ -13,6 +13,7 @@ mod programs;
 mod query;
 mod raw;
 mod roster;
+mod runs;
 mod settings;
 mod sockets;
 mod stops;

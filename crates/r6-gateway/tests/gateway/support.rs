@@ -15,8 +15,9 @@ use r6_sim::VirtualController;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
-use tokio::net::TcpStream;
+use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::broadcast::Receiver;
+use tokio::sync::watch;
 
 /// How long a test waits for something that takes milliseconds.
 pub const PATIENCE: Duration = Duration::from_secs(20);
@@ -403,6 +404,32 @@ impl Stream {
             }
         }
     }
+}
+
+/// A way to a robot that can be cut: then its connections end, and new ones are taken and never answered,
+/// until it is whole again.
+pub async fn way(to: SocketAddr) -> (SocketAddr, watch::Sender<bool>) {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let (cut, is_cut) = watch::channel(false);
+    tokio::spawn(async move {
+        let mut silent = Vec::new();
+        while let Ok((mut near, _)) = listener.accept().await {
+            if *is_cut.borrow() {
+                silent.push(near);
+                continue;
+            }
+            let mut until = is_cut.clone();
+            tokio::spawn(async move {
+                let mut far = TcpStream::connect(to).await.unwrap();
+                tokio::select! {
+                    _ = tokio::io::copy_bidirectional(&mut near, &mut far) => {}
+                    _ = until.wait_for(|is_cut| *is_cut) => {}
+                }
+            });
+        }
+    });
+    (address, cut)
 }
 
 /// The commands that the log of a virtual controller has by now.

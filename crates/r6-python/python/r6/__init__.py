@@ -48,6 +48,7 @@ from ._gateway import (
     GatewayEvent,
     GatewayLease,
     GatewayRobot,
+    GatewayRun,
     GatewaySignal,
     GatewayState,
 )
@@ -148,6 +149,7 @@ __all__ = [
     "GatewayEvent",
     "GatewayLease",
     "GatewayRobot",
+    "GatewayRun",
     "GatewaySignal",
     "GatewayState",
     "Identity",

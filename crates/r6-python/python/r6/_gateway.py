@@ -8,11 +8,12 @@ import json
 import socket
 import ssl
 import threading
+import uuid
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 from types import TracebackType
 from typing import Any, Literal, TypeVar
 from urllib.parse import quote, urlencode, urlsplit
@@ -35,6 +36,9 @@ _AGAIN = frozenset(
     {"leased", "not_ready", "too_many_requests", "overloaded", "store_unavailable", "unreachable"}
 )
 """Reasons of what was not sent that can pass by themselves."""
+
+_LOOK = 0.1
+"""Seconds between two looks at a run: ten requests a second, of the 100 that a token can make."""
 
 _UNREADABLE = (KeyError, TypeError, ValueError, AttributeError)
 """What reading an answer raises if it has another shape than a gateway's."""
@@ -320,6 +324,7 @@ class Gateway:
         read: Callable[[Any], T],
         body: Mapping[str, Any] | None = None,
         effect: Effect = "reads",
+        headers: Mapping[str, str] | None = None,
     ) -> T:
         """Sends a request, and reads the JSON of its answer: ``None`` for an answer without any."""
         data = None if body is None else json.dumps(body, allow_nan=False)
@@ -329,7 +334,7 @@ class Gateway:
         cut.daemon = True
         cut.start()
         try:
-            with self._send(connection, method, path, data) as response:
+            with self._send(connection, method, path, data, headers) as response:
                 text = response.read(_MOST_BYTES + 1)
                 if response.length and len(text) <= _MOST_BYTES:
                     raise EOFError("the answer breaks off")
@@ -506,6 +511,10 @@ class GatewayRobot:
         """Takes the alarms of the code of this one from the shelf. Engineers only."""
         return self._ask("DELETE", f"/alarms/{int(alarm)}/shelve", _alarm, None, "changes")
 
+    def run(self, number: int) -> GatewayRun:
+        """A run of a program, from its number. The gateway keeps it for 24 h. To begin one: ``GatewayLease.run``."""
+        return self._ask("GET", f"/runs/{number}", lambda data: GatewayRun(self, None, data))
+
     def stop(self) -> float:
         """Stops the robot, and returns the seconds until it was proved that the arm stands. It needs no lease.
         The stop holds until ``GatewayLease.clear_stopped``.
@@ -547,14 +556,17 @@ class GatewayRobot:
         read: Callable[[Any], T],
         body: Mapping[str, Any] | None = None,
         effect: Effect = "reads",
+        headers: Mapping[str, str] | None = None,
     ) -> T:
-        return self._gateway._ask(method, f"/v1/robots/{quote(self.name, safe='')}{path}", read, body, effect)
+        path = f"/v1/robots/{quote(self.name, safe='')}{path}"
+        return self._gateway._ask(method, path, read, body, effect, headers)
 
 
 class GatewayLease:
     """The command lease of one robot. It ends by itself unless it is renewed; ``with`` gives it back.
 
-    When a lease ends, a program of the controller that runs goes on.
+    When a lease ends, a program of the controller that runs goes on. A program that the gateway runs
+    (``GatewayLease.run``) is stopped.
     """
 
     def __init__(self, robot: GatewayRobot, duration: float, asked: float, given: Mapping[str, Any]) -> None:
@@ -624,10 +636,105 @@ class GatewayLease:
         body = {"command": word, "arguments": texts, "lease": self._key, "run_leftover": run_leftover}
         return self._robot._ask("POST", "/commands", _after, body, "moves")
 
+    def run(
+        self,
+        program: str | None = None,
+        *,
+        name: str | None = None,
+        version: int | None = None,
+        repeat: int = 1,
+        key: str | None = None,
+    ) -> GatewayRun:
+        """Runs a program on the robot: the text of it, or one that the gateway keeps, by its ``name`` and perhaps
+        its ``version``. It runs ``repeat`` times. Returns once the controller accepted the first list;
+        ``GatewayRun.wait`` waits for the end. The arm is stopped if the lease ends.
+
+        ``key``: the ``Idempotency-Key``. A second call with the same key and the same arguments gets the same
+        run, and moves nothing. Without it, each call has a new one.
+
+        ``InvalidRequest`` if the program has mistakes (``reason`` is ``"bad_program"``); ``NotSent`` if the robot
+        is not ready; ``OutcomeUnknown``: look at the robot, or call again with the same ``key``.
+        """
+        asked: dict[str, Any] = {"program": program, "name": name, "version": version}
+        body = {word: value for word, value in asked.items() if value is not None}
+        body |= {"lease": self._key, "repeat": repeat}
+        headers = {"Idempotency-Key": _header(str(uuid.uuid4()) if key is None else key, "Idempotency-Key")}
+        return self._robot._ask(
+            "POST",
+            "/programs/run",
+            lambda data: GatewayRun(self._robot, self, data),
+            body,
+            "moves",
+            headers,
+        )
+
     def clear_stopped(self) -> None:
         """Lets the robot move again after a stop. Look at the robot first."""
         self._robot._ask("POST", "/clear-stopped", _nothing, {"lease": self._key}, "changes")
         self.is_stopped = False
+
+
+class GatewayRun:
+    """A run of a program at a gateway, from ``GatewayLease.run`` or ``GatewayRobot.run``.
+
+    ``state`` is ``"running"``, ``"done"``, ``"stopped"``, ``"refused"``, ``"failed"`` or ``"unknown"``. It is
+    ``"done"`` only if it is proved that the arm carried the program out.
+    """
+
+    def __init__(self, robot: GatewayRobot, lease: GatewayLease | None, data: Mapping[str, Any]) -> None:
+        self._robot = robot
+        self._lease = lease
+        self._read(data)
+
+    def _read(self, data: Mapping[str, Any]) -> None:
+        self.number: int = int(data["run_id"])
+        """Its number at this gateway."""
+        self.state: str = data["state"]
+        self.steps: int = int(data["steps"])
+        """The steps of all rounds."""
+        self.done: int = int(data["done"])
+        """How many of them are done, as far as is seen."""
+        self.because: str | None = data["because"]
+        """Why it ended: ``"finished"``, ``"lease_expired"``, ``"stop"``, ``"alarm"``, …; ``None`` while it runs."""
+        self.detail: str = data["detail"]
+        """The same, for people."""
+        self.data: Mapping[str, Any] = data
+        """All that the gateway said of it."""
+
+    def __repr__(self) -> str:
+        return f"GatewayRun({self.number}, {self.state}, {self.done} of {self.steps} steps)"
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it is proved that the arm carried the program out, and stands."""
+        return self.state == "done"
+
+    def look(self) -> GatewayRun:
+        """Asks the gateway how it stands, and returns itself."""
+        self._read(self._robot._ask("GET", f"/runs/{self.number}", dict))
+        return self
+
+    def wait(self, timeout: float | None = None, *, renew: bool = True) -> GatewayRun:
+        """Waits until it has ended, and returns itself: look at ``is_done``. If ``GatewayLease.run`` began it, this
+        renews the lease when half of it is over, as long as this call waits; ``renew=False`` does not.
+
+        ``TimeoutError`` after ``timeout`` seconds: the run goes on as long as the lease lasts.
+        ``OutcomeUnknown`` if its state is ``"unknown"``: look at the arm. Errors of ``look`` and
+        ``GatewayLease.renew`` pass through.
+        """
+        end = None if timeout is None else monotonic() + timeout
+        while self.look().state == "running":
+            lease = self._lease
+            if renew and lease is not None and lease.left < lease._duration / 2:
+                lease.renew()
+            if end is not None and monotonic() >= end:
+                raise TimeoutError(f"run {self.number} has not ended within {timeout:g} s")
+            sleep(_LOOK)
+        if self.state == "unknown":
+            unknown = OutcomeUnknown(f"run {self.number}: {self.detail}")
+            unknown.reason, unknown.effect = self.because, "moves"
+            raise unknown
+        return self
 
 
 def _plain_token(text: str) -> str:
@@ -641,9 +748,9 @@ def _plain_token(text: str) -> str:
     return token
 
 
-def _header(text: str) -> str:
+def _header(text: str, what: str = "id of an event") -> str:
     if not all("!" <= letter <= "~" for letter in text):
-        raise ValueError(f"{text!r} is no id of an event")
+        raise ValueError(f"{text!r} is no {what}")
     return text
 
 

@@ -79,6 +79,14 @@ pub enum Denied {
     Manual,
     /// The robot was removed, or the gateway ends.
     Closed,
+    /// A run of a program has the robot.
+    RunUnderWay,
+    /// The run was cut short, or is over.
+    RunOver,
+    /// The lease has ended, and its run is being stopped.
+    RunEnding,
+    /// A list of an earlier run may still be at the robot.
+    ListLeft,
     /// A command that stops needs no permit.
     NeedsNone,
 }
@@ -112,6 +120,18 @@ impl fmt::Display for Denied {
             Self::NotUp => f.write_str("the robot does not answer, or its state could not be read lately"),
             Self::Manual => f.write_str("the robot is in manual mode: the pendant leads"),
             Self::Closed => f.write_str("the robot was removed from the gateway, or the gateway ends"),
+            Self::RunUnderWay => f.write_str(
+                "a program runs on this robot: until its end, commands that move, lists, and changes of the tool or the \
+                 work frame are not sent; a stop ends it",
+            ),
+            Self::RunOver => f.write_str("the run of the program was cut short"),
+            Self::RunEnding => {
+                f.write_str("the lease has ended, and the program that ran with it is being stopped: ask again")
+            }
+            Self::ListLeft => f.write_str(
+                "a list of a program that the gateway ran may still be at the robot: the gateway stops it as soon as the \
+                 robot answers; wait for that",
+            ),
             Self::NeedsNone => f.write_str("a command that stops needs no lease"),
         }
     }
@@ -126,6 +146,15 @@ impl Seat {
     /// [`Denied`].
     pub fn permit(&mut self, now: Instant, key: Key, order: impl Into<Order>) -> Result<Permit, Denied> {
         let order = order.into();
+        if self.has_run() && order.disturbs_run() {
+            self.held(now, key)?;
+            return Err(Denied::RunUnderWay);
+        }
+        self.permit_any(now, key, order)
+    }
+
+    /// As [`Self::permit`], also for the run that has the robot.
+    pub(super) fn permit_any(&mut self, now: Instant, key: Key, order: Order) -> Result<Permit, Denied> {
         let (connection, until) = self.may(now, key, order.effect())?;
         let latest = until.min(now + LEAVE_WITHIN);
         Ok(Permit { order, connection, latest, generation: self.generation })
@@ -148,7 +177,7 @@ impl Seat {
     }
 
     /// The connection, and until when the caller holds the lease.
-    fn may(&mut self, now: Instant, key: Key, effect: Effect) -> Result<(u64, Instant), Denied> {
+    pub(super) fn may(&mut self, now: Instant, key: Key, effect: Effect) -> Result<(u64, Instant), Denied> {
         if self.closed {
             return Err(Denied::Closed);
         }
@@ -171,6 +200,7 @@ impl Seat {
             Effect::Stops | Effect::Reads => return Err(Denied::NeedsNone),
             Effect::Moves if self.saved.stopped => return Err(Denied::Stopped),
             Effect::Moves | Effect::Changes if self.stops_under_way > 0 => return Err(Denied::StopUnderWay),
+            Effect::Moves | Effect::Changes if self.owes_stop() => return Err(Denied::ListLeft),
             Effect::Moves | Effect::Changes => {}
         }
         let link = self.link.filter(|link| now.since(link.seen_at) <= self.fresh_for).ok_or(Denied::NotUp)?;

@@ -44,6 +44,19 @@ enum Step {
         which: usize,
         moves: bool,
     },
+    BeginRun {
+        which: usize,
+    },
+    /// Of the run that is under way, or of an earlier one.
+    List {
+        back: usize,
+    },
+    EndRun {
+        left: Left,
+    },
+    Pay {
+        confirmed: bool,
+    },
     Restart,
 }
 
@@ -64,7 +77,15 @@ fn step() -> impl Strategy<Value = Step> {
         1 => Just(Step::LinkLost),
         1 => Just(Step::Reconfigured),
         1 => (0..8_u8).prop_map(|number| if number == 0 { Step::Closed } else { Step::LinkLost }),
-        6 => (which, any::<bool>()).prop_map(|(which, moves)| Step::Command { which, moves }),
+        6 => (which.clone(), any::<bool>()).prop_map(|(which, moves)| Step::Command { which, moves }),
+        4 => which.prop_map(|which| Step::BeginRun { which: which / 3 }),
+        5 => (0..8_usize).prop_map(|back| Step::List { back: back / 6 }),
+        2 => (0..6_u8).prop_map(|left| Step::EndRun { left: match left {
+            0 => Left::NotStopped,
+            1 => Left::OutOfReach,
+            _ => Left::Nothing,
+        } }),
+        1 => any::<bool>().prop_map(|confirmed| Step::Pay { confirmed }),
         1 => Just(Step::Restart),
     ]
 }
@@ -92,6 +113,19 @@ struct Model {
     closed: bool,
     /// Permits that were given out: their generations.
     permits: Vec<u64>,
+    /// The tickets that were given out, the latest last.
+    tickets: Vec<Ticket>,
+    /// The run that has the robot.
+    run: Option<ModelRun>,
+    /// A lease that has ended and waits for the end of its run.
+    waiting: Option<u64>,
+    owes_stop: bool,
+}
+
+#[derive(Debug)]
+struct ModelRun {
+    key: Key,
+    cut: bool,
 }
 
 impl Model {
@@ -102,6 +136,34 @@ impl Model {
 
     fn end_all(&mut self) {
         self.leases.iter_mut().for_each(|(_, until)| *until = None);
+        self.waiting = None;
+        self.cut();
+    }
+
+    fn cut(&mut self) {
+        self.run.iter_mut().for_each(|run| run.cut = true);
+    }
+
+    /// A lease that is over waits if its run is under way.
+    fn look(&mut self, now: Instant) {
+        let Some(run) = &mut self.run else { return };
+        let lease = self.leases.iter_mut().find(|(key, _)| key.number == run.key.number);
+        let Some((key, until)) = lease else { return };
+        if until.is_some_and(|until| until <= now) {
+            (*until, self.waiting, run.cut) = (None, Some(key.number), true);
+        }
+    }
+
+    /// Whether the robot can get something that moves from this caller.
+    fn may_move(&self, now: Instant, key: Key) -> bool {
+        let seen = self.seen.is_some_and(|(at, manual)| now.since(at) <= FRESH_FOR && !manual);
+        self.holds(now, key)
+            && self.stops_under_way == 0
+            && !self.stopped
+            && !self.is_stranger()
+            && !self.closed
+            && !self.owes_stop
+            && seen
     }
 
     fn is_stranger(&self) -> bool {
@@ -142,9 +204,13 @@ proptest! {
                     if ms % 2 == 0 {
                         seat.handle_timeout(now);
                     }
+                    model.look(now);
                 }
                 Step::Acquire { lasts_s } => {
-                    let free = model.live(now).is_empty() && !model.is_stranger() && !model.closed;
+                    let free = model.live(now).is_empty()
+                        && model.waiting.is_none()
+                        && !model.is_stranger()
+                        && !model.closed;
                     let granted = seat.acquire(now, ask(lasts_s));
                     prop_assert_eq!(granted.is_ok(), free, "{:?}", granted);
                     if let Ok(granted) = granted {
@@ -167,8 +233,13 @@ proptest! {
                     let key = model.key(which);
                     let held = model.holds(now, key);
                     prop_assert_eq!(seat.release(now, key).is_ok(), held);
+                    let has_run = model.run.as_ref().is_some_and(|run| run.key.number == key.number);
                     if held {
-                        model.end_all();
+                        model.leases.iter_mut().for_each(|(_, until)| *until = None);
+                    }
+                    if held && has_run {
+                        model.waiting = Some(key.number);
+                        model.cut();
                     }
                 }
                 Step::Take => {
@@ -191,6 +262,7 @@ proptest! {
                 Step::StopBegins => {
                     seat.stop_begins();
                     (model.stopped, model.stops_under_way) = (true, model.stops_under_way + 1);
+                    model.cut();
                 }
                 Step::StopEnds => {
                     seat.stop_ends();
@@ -213,6 +285,7 @@ proptest! {
                 Step::Accept => {
                     let answers = model.answers.unwrap_or(9);
                     prop_assert_eq!(seat.accept_identity(&robot(answers)).is_ok(), model.is_stranger());
+                    model.owes_stop &= !model.is_stranger();
                     model.expected = model.answers.or(model.expected);
                 }
                 Step::Observed { manual } => {
@@ -220,10 +293,16 @@ proptest! {
                     model.seen = Some((now, manual));
                 }
                 Step::LinkLost => {
+                    let was_up = model.seen.is_some();
                     seat.link_lost();
+                    if was_up {
+                        model.cut();
+                    }
                     model.seen = None;
                 }
                 Step::Reconfigured => {
+                    // The shell stops a run over the connection that it has.
+                    seat.will_be_reconfigured();
                     seat.reconfigured();
                     model.end_all();
                     (model.seen, model.answers) = (None, None);
@@ -248,6 +327,8 @@ proptest! {
                         && !(moves && model.stopped)
                         && !model.is_stranger()
                         && !model.closed
+                        && !model.owes_stop
+                        && !(model.run.is_some() && (moves || number % 2 == 1))
                         && seen;
                     prop_assert_eq!(permit.is_ok(), permitted, "{:?}", permit);
                     if let Ok(permit) = permit {
@@ -257,8 +338,60 @@ proptest! {
                         model.permits.push(permit.generation());
                     }
                 }
+                Step::BeginRun { which } => {
+                    let key = model.key(which);
+                    let begins = model.may_move(now, key) && model.run.is_none();
+                    let begun = seat.begin_run(now, key);
+                    prop_assert_eq!(begun.is_ok(), begins, "{:?}", begun);
+                    if let Ok(ticket) = begun {
+                        prop_assert!(!model.tickets.contains(&ticket));
+                        model.tickets.push(ticket);
+                        model.run = Some(ModelRun { key, cut: false });
+                    }
+                }
+                Step::List { back } => {
+                    let Some(ticket) = model.tickets.iter().rev().nth(back).copied() else { continue };
+                    let run = model.run.as_ref().filter(|run| back == 0 && !run.cut);
+                    let permitted = run.is_some_and(|run| model.may_move(now, run.key));
+                    let list = Order::List { replace: number % 2 == 0, steps: vec![STEP] };
+                    let permit = seat.permit_list(now, ticket, list);
+                    prop_assert_eq!(permit.is_ok(), permitted, "{:?}", permit);
+                    if let Ok(permit) = permit {
+                        prop_assert_eq!(permit.generation(), seat.generation());
+                        let until = model.leases.iter().rev().find_map(|(_, until)| *until).unwrap();
+                        prop_assert!(now <= permit.latest() && permit.latest() <= until);
+                        model.permits.push(permit.generation());
+                    }
+                }
+                Step::EndRun { left } => {
+                    let Some(ticket) = model.tickets.last().copied() else { continue };
+                    let is_cut = seat.cut(ticket).is_some();
+                    prop_assert_eq!(is_cut, model.run.as_ref().is_some_and(|run| run.cut));
+                    seat.end_run(ticket, left);
+                    if model.run.take().is_some() {
+                        model.stopped |= left == Left::NotStopped;
+                        model.owes_stop |= left == Left::OutOfReach;
+                        model.waiting = None;
+                    }
+                    prop_assert!(!seat.has_run());
+                }
+                Step::Pay { confirmed } => {
+                    let can = model.owes_stop && model.seen.is_some() && !model.is_stranger() && !model.closed;
+                    prop_assert_eq!(seat.can_pay(), can);
+                    if can {
+                        seat.pay(confirmed);
+                        model.owes_stop = false;
+                        model.stopped |= !confirmed;
+                    }
+                }
                 Step::Restart => {
                     seat = Seat::new(seat.saved().clone(), FRESH_FOR);
+                    // As the store tells the next start.
+                    if model.run.is_some() || model.owes_stop {
+                        seat.owe_stop();
+                        model.owes_stop = true;
+                    }
+                    (model.run, model.tickets) = (None, Vec::new());
                     model.end_all();
                     (model.seen, model.answers, model.stops_under_way) = (None, None, 0);
                     model.closed = false;
@@ -267,7 +400,8 @@ proptest! {
             }
             let live = model.live(now);
             prop_assert!(live.len() <= 1, "{:?}", live);
-            prop_assert_eq!(seat.lease(now).map(|lease| lease.number), live.first().map(|key| key.number));
+            let seen = live.first().map(|key| key.number).or(model.waiting);
+            prop_assert_eq!(seat.lease(now).map(|lease| lease.number), seen);
             prop_assert_eq!(seat.stops().0, model.stopped);
             // Permits of a lease that has ended, or from before a stop, are void, once the seat knows the
             // time.
@@ -293,4 +427,48 @@ fn a_part_of_an_identity_that_was_not_read_is_no_change_and_is_added_later() {
     // The cable is put back.
     seat.identified(whole);
     assert_eq!(seat.identity_change(), None);
+}
+
+fn held() -> (Instant, Seat, Key) {
+    let now = Instant::ORIGIN + Duration::from_secs(1);
+    let mut seat = Seat::new(Saved::default(), FRESH_FOR);
+    seat.observed(now, 1, false);
+    let ask = Ask { holder: "one".to_owned(), lasts: SHORTEST_LEASE, secret: Secret([1; 16]) };
+    let key = seat.acquire(now, ask).unwrap().key;
+    (now, seat, key)
+}
+
+#[test]
+fn a_lease_that_expires_stays_with_its_holder_until_the_arm_stands() {
+    let (now, mut seat, key) = held();
+    let ticket = seat.begin_run(now, key).unwrap();
+    let late = now + SHORTEST_LEASE;
+    seat.handle_timeout(late);
+    assert_eq!(seat.cut(ticket), Some(Cut::Lease(LeaseEnd::Expired)));
+    let ask = Ask { holder: "two".to_owned(), lasts: SHORTEST_LEASE, secret: Secret([2; 16]) };
+    assert_eq!(seat.acquire(late, ask.clone()).unwrap_err(), Denied::RunEnding);
+    assert_eq!(seat.renew(late, key, USUAL_LEASE).unwrap_err(), Denied::NoLease);
+    seat.end_run(ticket, Left::Nothing);
+    assert!(seat.acquire(late, ask).is_ok());
+    assert!(!seat.stops().0, "the next holder can move the arm");
+}
+
+#[test]
+fn a_robot_that_comes_out_of_reach_after_a_stop_was_asked_for_is_owed_one() {
+    let (now, mut seat, key) = held();
+    let ticket = seat.begin_run(now, key).unwrap();
+    seat.stop_begins();
+    assert_eq!(seat.cut(ticket), Some(Cut::Stop));
+    seat.link_lost();
+    assert_eq!(seat.cut(ticket), Some(Cut::LinkLost));
+    seat.end_run(ticket, Left::OutOfReach);
+    seat.stop_ends();
+    assert!(seat.owes_stop() && !seat.can_pay());
+    seat.observed(now, 2, false);
+    seat.clear(now, key).unwrap();
+    let order = Order::from(Command::ModifyGspd { percent: 5.0 });
+    assert_eq!(seat.permit(now, key, order.clone()).unwrap_err(), Denied::ListLeft);
+    assert!(seat.can_pay());
+    seat.pay(true);
+    assert!(seat.permit(now, key, order).is_ok());
 }

@@ -1,0 +1,499 @@
+//! Runs programs: the gateway feeds the steps, and stops the arm when it must not go on.
+//!
+//! `POST /v1/robots/{name}/programs/run`:
+//!
+//! 1. [`Station::run`] looks whether the request came before (`store/runs.rs`), and takes the robot for the
+//!    run (`core/seat/run.rs`).
+//! 2. The store keeps the run and its intent. Nothing has left yet.
+//! 3. A task of its own streams the steps with the client (`r6-client/src/stream.rs`). Before each list, the
+//!    gate of `fleet/send.rs` asks the seat for a permit, and the client checks that again when it writes.
+//! 4. The request is answered once the controller accepted the first list.
+//! 5. If the seat cuts the run short, the task stops the arm and clears the list. `run/end.rs` says what
+//!    became of the run. Only then the robot, and a lease that has ended meanwhile, are free.
+//!
+//! A list that may still run at a robot out of reach is stopped by [`Station::pay`], as soon as the robot
+//! answers again.
+
+mod end;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use r6_api::gateway::{AuditRecord, Deed, Happened, Run, RunEnd, RunState};
+use r6_api::{Code, Problem as Told};
+use r6_client::{Motion, MotionError, MotionHandle, Progress, Robot, RunOptions};
+use serde::{Deserialize, Serialize};
+use tokio::sync::oneshot;
+use tokio::time::{Instant, timeout};
+
+use self::end::{Ended, Halted, Outcome};
+use super::station::{By, Station};
+use crate::clock;
+use crate::core::library::ProgramName;
+use crate::core::seat::{Cut, Key, Left, Ticket};
+use crate::problem::Problem;
+use crate::store::Author;
+use crate::store::runs::{Begun, KeptRun, MAX_RUNS, NewRun};
+
+/// How many steps are in the list of the controller at most. The arm finishes them if the gateway or the link
+/// dies, so they are few.
+const AHEAD: usize = 10;
+
+/// How many steps one list has. Half of [`AHEAD`], so that the next list comes while the arm still moves.
+const IN_ONE_LIST: usize = 5;
+
+/// The time between two events about the progress of a run: readers follow it, and old events must not be
+/// lost for it.
+const TOLD_EVERY: Duration = Duration::from_secs(1);
+
+/// How long the end of a run waits for the disk. Then the lease is freed, and the record follows.
+const WRITE_WITHIN: Duration = Duration::from_secs(5);
+
+/// How long to wait for a run that was cut short: a stop takes 15 s at most, and [`WRITE_WITHIN`].
+const FINISH_RUN: Duration = Duration::from_secs(21);
+
+/// How often to look whether a run is over.
+const FINISH_LOOK: Duration = Duration::from_millis(10);
+
+/// How often to look whether an owed stop can be made, if nothing wakes the task before.
+const LOOK_TO_PAY: Duration = Duration::from_millis(500);
+
+/// A program to run.
+#[derive(Debug)]
+pub struct Wish {
+    /// The lease.
+    pub key: Key,
+    /// Who asks: a token or a user.
+    pub caller: String,
+    /// The `Idempotency-Key` of the request.
+    pub idempotency_key: String,
+    /// SHA-256 of the request.
+    pub hash: [u8; 32],
+    /// The steps of all rounds.
+    pub motion: Motion,
+    /// The name and the version, if the gateway keeps the program.
+    pub program: Option<(ProgramName, u64)>,
+    /// SHA-256 of the text of the program.
+    pub sha256: String,
+    /// How often the program runs.
+    pub repeat: u32,
+}
+
+/// The answer to a request for a run, as the store keeps it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Answer {
+    /// The controller accepted the first list.
+    Began(Run),
+    /// It did not.
+    Refused(Told),
+}
+
+/// A run under way.
+struct UnderWay {
+    robot: Robot,
+    ticket: Ticket,
+    by: By,
+    run: Run,
+    /// Where the answer to the request goes; `None` once it was given.
+    answer: Option<oneshot::Sender<Result<Run, Problem>>>,
+    /// When its progress was told last.
+    told: Instant,
+}
+
+impl Station {
+    /// The answer to a request that came before; `None` if it did not.
+    ///
+    /// # Errors
+    /// `key_taken`, `in_progress`, `outcome_unknown`, or the problem that was the answer; `store_unavailable`.
+    pub async fn answered_before(
+        &self,
+        caller: &str,
+        key: &str,
+        hash: [u8; 32],
+    ) -> Result<Option<Run>, Problem> {
+        let since = clock::seconds().saturating_sub(crate::store::runs::KEPT);
+        let known = self.shared.keeper.run_of_key(caller.to_owned(), key.to_owned(), since).await?;
+        known.map(|known| again(known, hash)).transpose()
+    }
+
+    /// Runs a program. Returns once the controller accepted the first list; the run goes on.
+    ///
+    /// # Errors
+    /// `no_lease`, `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `leftover_list`, `refused`,
+    /// `bad_program`, `no_room`, `store_unavailable`, `outcome_unknown`; those of [`Self::answered_before`].
+    pub async fn run(self: Arc<Self>, by: By, wish: Wish) -> Result<Run, Problem> {
+        let hash = wish.hash;
+        if let Some(run) = self.answered_before(&wish.caller, &wish.idempotency_key, hash).await? {
+            return Ok(run);
+        }
+        let taken = self.seat(|seat, now| seat.begin_run(now, wish.key));
+        let ticket = taken.map_err(Problem::from).inspect_err(|problem| {
+            self.note_refused(&by, "run a program", problem.code);
+        })?;
+        // From here on the robot is taken, until `end_run`.
+        let begun = self.begin(&by, &wish).await;
+        let (robot, run) = match begun {
+            Ok((robot, Begun::New(run_id), run)) => (robot, Run { run_id, ..run }),
+            Ok((_, Begun::Known(known), _)) => {
+                self.seat(|seat, _| seat.end_run(ticket, Left::Nothing));
+                return again(*known, hash);
+            }
+            Ok((_, Begun::Full, _)) => {
+                self.seat(|seat, _| seat.end_run(ticket, Left::Nothing));
+                let message = format!("{MAX_RUNS} runs of the last 24 h are kept: there is no room for more");
+                return Err(Problem::new(Code::NoRoom, message));
+            }
+            Err(problem) => {
+                self.seat(|seat, _| seat.end_run(ticket, Left::Nothing));
+                return Err(problem);
+            }
+        };
+        let (answer, answered) = oneshot::channel();
+        let run_id = run.run_id;
+        let under_way = UnderWay { robot, ticket, by, run, answer: Some(answer), told: Instant::now() };
+        tokio::spawn(Arc::clone(&self).carry_out(under_way, wish.motion));
+        answered.await.unwrap_or_else(|_| {
+            let message = format!("the gateway ends: what became of run {run_id} is not known");
+            Err(Problem::new(Code::OutcomeUnknown, message))
+        })
+    }
+
+    /// Keeps the run and its intent.
+    async fn begin(&self, by: &By, wish: &Wish) -> Result<(Robot, Begun, Run), Problem> {
+        let robot = self.robot();
+        let robot = robot.ok_or_else(|| Problem::new(Code::NotReady, "there is no connection yet"))?;
+        let time = clock::time_of_day();
+        let (program, version) = wish.program.clone().unzip();
+        let run = Run {
+            run_id: 0,
+            robot: self.name().to_owned(),
+            state: RunState::Running,
+            program: program.map(|name| name.to_string()),
+            version,
+            sha256: wish.sha256.clone(),
+            repeat: wish.repeat,
+            steps: wish.motion.len(),
+            accepted: 0,
+            done: 0,
+            lease: wish.key.number,
+            by: by.actor.clone(),
+            began_at: time.clone(),
+            ended_at: None,
+            because: None,
+            proof: None,
+            detail: String::new(),
+        };
+        let new = NewRun {
+            caller: wish.caller.clone(),
+            key: wish.idempotency_key.clone(),
+            hash: wish.hash,
+            robot: self.robot_name().clone(),
+            now: clock::seconds(),
+            run: run.clone(),
+            by: Author { time, actor: by.actor.clone(), source: by.source.clone() },
+        };
+        // What happened before stands before it in the audit log.
+        self.write_pending().await?;
+        let begun = self.shared.keeper.begin_run(new).await?;
+        Ok((robot, begun, run))
+    }
+
+    /// Carries a run out to its end, whatever that is.
+    async fn carry_out(self: Arc<Self>, mut under_way: UnderWay, motion: Motion) {
+        let UnderWay { robot, ticket, run, .. } = &under_way;
+        let (robot, ticket) = (robot.clone(), *ticket);
+        tracing::info!(robot = self.name(), run = run.run_id, steps = run.steps, by = run.by, "a run");
+        self.runs.send_replace(Some(run.clone()));
+        let program = run.program.clone();
+        self.publish(Happened::RunBegan { run_id: run.run_id, program, steps: run.steps });
+        // Until the end of the run no reading shows the effect of all lists.
+        let sending = self.sending();
+        let options = RunOptions {
+            room: AHEAD,
+            frame_instructions: IN_ONE_LIST,
+            // This task stops the arm itself, and tells of it. The client does it only if this task is gone.
+            stop_on_failure: false,
+            stop_on_drop: true,
+            ..RunOptions::default()
+        };
+        let connection = robot.connection();
+        let gate = Self::gate(&self, ticket);
+        let outcome = match robot.run_under(&motion, options, gate).await {
+            Ok(handle) => self.follow(&mut under_way, handle).await,
+            Err(error) => Outcome::Ended(Err(error)),
+        };
+        let cut = self.seat(|seat, _| seat.cut(ticket));
+        let halted = self.halt(&robot, connection, cut, &outcome).await;
+        drop(sending);
+        let ended = Ended::of(outcome, cut, halted);
+        self.end(under_way, ended).await;
+    }
+
+    /// Follows a run until it ends by itself or is cut short.
+    async fn follow(&self, under_way: &mut UnderWay, mut handle: MotionHandle) -> Outcome {
+        let mut progress = handle.watch();
+        let mut cuts = self.cut.subscribe();
+        let ticket = under_way.ticket;
+        loop {
+            let now = *progress.borrow_and_update();
+            self.see(under_way, now);
+            if now.accepted > 0 && under_way.answer.is_some() {
+                self.answer(under_way, Ok(under_way.run.clone())).await;
+            }
+            if now.ended {
+                break;
+            }
+            let cut = async {
+                let cut = cuts.wait_for(|cut| cut.is_some_and(|(of, _)| of == ticket)).await;
+                cut.ok().and_then(|cut| *cut)
+            };
+            tokio::select! {
+                biased;
+                cut = cut => match cut {
+                    Some((_, Cut::Stop)) | None => break,
+                    Some((_, cut)) if cut.is_in_reach() => {
+                        let halted = self.stop_list(&under_way.robot).await;
+                        let ended = handle.wait().await;
+                        self.see(under_way, handle.progress());
+                        return Outcome::Halted(ended, halted);
+                    }
+                    Some((_, _out_of_reach)) => {
+                        let progress = handle.release().await;
+                        self.see(under_way, progress);
+                        return Outcome::Released(progress);
+                    }
+                },
+                changed = progress.changed() => if changed.is_err() { break },
+            }
+        }
+        // It has ended, or a stop that somebody else makes ends it.
+        let ended = handle.wait().await;
+        self.see(under_way, handle.progress());
+        Outcome::Ended(ended)
+    }
+
+    /// Stops the arm after a run that ended early, unless it is proved that it stands, or the robot is out of
+    /// reach.
+    async fn halt(&self, robot: &Robot, connection: u64, cut: Option<Cut>, outcome: &Outcome) -> Halted {
+        let error = match outcome {
+            Outcome::Ended(Ok(_)) | Outcome::Halted(Ok(_), _) => return Halted::NotNeeded,
+            Outcome::Halted(Err(_), halted) => return *halted,
+            Outcome::Released(progress) if progress.left == 0 => return Halted::NotNeeded,
+            Outcome::Released(_) => return Halted::OutOfReach,
+            Outcome::Ended(Err(error)) if error.nothing_left() => return Halted::NotNeeded,
+            Outcome::Ended(Err(error)) => error,
+        };
+        if let MotionError { stop: Some(stop), .. } = error
+            && matches!(&**stop, Ok(report) if report.confirmed)
+        {
+            return Halted::Stands;
+        }
+        let answers = self.seat(|seat, _| seat.connection()) == Some(robot.connection());
+        if !answers || robot.connection() != connection || cut.is_some_and(|cut| !cut.is_in_reach()) {
+            return Halted::OutOfReach;
+        }
+        self.stop_list(robot).await
+    }
+
+    /// Stops the arm and clears the list, and tells of it. Unlike a stop of a person, it does not hold.
+    async fn stop_list(&self, robot: &Robot) -> Halted {
+        let by = By { actor: "gateway".to_owned(), source: None };
+        let sending = self.sending();
+        self.publish(Happened::StopBegan { by: by.actor.clone() });
+        self.note(&by, Deed::StopBegan { request: "stop".to_owned() });
+        let answer = robot.stop().await;
+        drop(sending);
+        let (halted, detail) = match answer {
+            Ok(report) if report.confirmed => (Halted::Stands, report.to_string()),
+            Ok(report) => (Halted::NotProved, report.to_string()),
+            Err(error) => (Halted::OutOfReach, error.to_string()),
+        };
+        let confirmed = halted == Halted::Stands;
+        self.counts.count_stop(confirmed);
+        tracing::warn!(robot = self.name(), confirmed, detail, "the list of a run was stopped");
+        self.publish(Happened::StopEnded { confirmed });
+        self.note(&by, Deed::Stop { request: "stop".to_owned(), confirmed, detail });
+        halted
+    }
+
+    /// Takes in how far a run is.
+    fn see(&self, under_way: &mut UnderWay, progress: Progress) {
+        let Progress { accepted, done, ended, .. } = progress;
+        let run = &mut under_way.run;
+        let has_news = (run.accepted, run.done) != (accepted, done);
+        (run.accepted, run.done) = (accepted, done);
+        if !has_news {
+            return;
+        }
+        self.runs.send_replace(Some(run.clone()));
+        if !ended && under_way.told.elapsed() >= TOLD_EVERY {
+            under_way.told = Instant::now();
+            self.publish(Happened::RunProgress { run_id: run.run_id, accepted, done });
+        }
+    }
+
+    /// Answers the request for a run, once. The store has the answer before.
+    async fn answer(&self, under_way: &mut UnderWay, answer: Result<Run, Problem>) {
+        let Some(to) = under_way.answer.take() else { return };
+        let kept = match &answer {
+            Ok(run) => Answer::Began(run.clone()),
+            Err(Problem { code, message, .. }) => {
+                Answer::Refused(Told { code: *code, message: message.clone() })
+            }
+        };
+        // Without it, the same request is answered with `outcome_unknown` later.
+        if let Ok(text) = serde_json::to_string(&kept) {
+            let keeps = self.shared.keeper.answer_run(under_way.run.run_id, text);
+            if !matches!(timeout(WRITE_WITHIN, keeps).await, Ok(Ok(()))) {
+                tracing::error!(robot = self.name(), "the answer to a request for a run was not kept");
+            }
+        }
+        // The caller may have gone.
+        let _ = to.send(answer);
+    }
+
+    /// Ends a run: the store has its end, then the robot is free.
+    async fn end(&self, mut under_way: UnderWay, ended: Ended) {
+        let Ended { state, because, proof, detail, left, problem } = ended;
+        let run = &mut under_way.run;
+        (run.state, run.because, run.proof) = (state, Some(because), proof);
+        if state == RunState::Done {
+            run.done = run.steps;
+        }
+        run.ended_at = Some(clock::time_of_day());
+        run.detail.clone_from(&detail);
+        let (run_id, done) = (run.run_id, run.done);
+        tracing::info!(robot = self.name(), run = run_id, ?state, ?because, detail, "a run ended");
+        self.counts.count_run(state);
+        let deed = Deed::RunOutcome { run: run_id, state, because, done, detail };
+        let record = self.record(&under_way.by, deed.clone());
+        let owed = left == Left::OutOfReach;
+        let written = async {
+            self.write_pending().await?;
+            self.shared.keeper.end_run(run.clone(), owed, vec![record]).await
+        };
+        if !matches!(timeout(WRITE_WITHIN, written).await, Ok(Ok(()))) {
+            // The next start calls its outcome unknown.
+            tracing::error!(robot = self.name(), run = run_id, "the end of a run was not kept");
+            self.note(&under_way.by, deed);
+        }
+        let run = run.clone();
+        self.seat(|seat, _| {
+            // A reader that learns of the end can begin the next run at once.
+            self.runs.send_replace(Some(run.clone()));
+            self.publish(Happened::RunEnded { run_id, state, because, done });
+            seat.end_run(under_way.ticket, left);
+        });
+        let answer = if run.accepted > 0 || state == RunState::Done {
+            Ok(run)
+        } else {
+            let Problem { code, message, .. } = problem;
+            Err(Problem::new(code, format!("{message} (run {run_id})")))
+        };
+        self.answer(&mut under_way, answer).await;
+    }
+
+    /// A run with its present progress.
+    ///
+    /// # Errors
+    /// `store_unavailable`.
+    pub async fn run_of(&self, number: u64) -> Result<Option<Run>, Problem> {
+        let now = self.runs.borrow().clone().filter(|run| run.run_id == number);
+        if now.is_some() {
+            return Ok(now);
+        }
+        let kept = self.shared.keeper.run(self.robot_name().clone(), number).await?;
+        Ok(kept.map(|kept| kept.run))
+    }
+
+    /// Gives the lease back, and waits until a run of it is stopped.
+    ///
+    /// # Errors
+    /// `no_lease`; `not_stopped`.
+    pub async fn give_back(&self, key: Key) -> Result<(), Problem> {
+        let had_run = self.seat(|seat, _| seat.has_run());
+        self.release(key)?;
+        if !had_run {
+            return Ok(());
+        }
+        let over = self.run_is_over().await;
+        let is_unknown = |run: &Run| run.lease == key.number && run.state == RunState::Unknown;
+        if over && !self.runs.borrow().as_ref().is_some_and(is_unknown) {
+            return Ok(());
+        }
+        let message =
+            "the program was stopped, and it is not proved that the arm stands: use the emergency stop";
+        Err(Problem::new(Code::NotStopped, message))
+    }
+
+    /// Waits until no run has the robot. `false` if one that was cut short is not over in time.
+    pub async fn run_is_over(&self) -> bool {
+        let over = async {
+            while self.seat(|seat, _| seat.has_run()) {
+                tokio::time::sleep(FINISH_LOOK).await;
+            }
+        };
+        let in_time = timeout(FINISH_RUN, over).await.is_ok();
+        if !in_time {
+            tracing::warn!(robot = self.name(), "a run was cut short and did not end in time");
+        }
+        in_time
+    }
+
+    /// Stops the list of an earlier run whenever that is owed and the robot answers. Never ends.
+    pub(super) async fn pay(&self, robot: &Robot) {
+        let mut link = self.link.subscribe();
+        loop {
+            if self.seat(|seat, _| seat.can_pay()) {
+                let halted = self.stop_list(robot).await;
+                if halted != Halted::OutOfReach {
+                    self.seat(|seat, _| seat.pay(halted == Halted::Stands));
+                    self.forget_owed().await;
+                }
+            }
+            // The sender lives as long as this.
+            let _ = timeout(LOOK_TO_PAY, link.changed()).await;
+        }
+    }
+
+    /// Keeps that no stop is owed any more. If the disk fails, the next start makes one more stop.
+    pub(super) async fn forget_owed(&self) {
+        if let Err(error) = self.shared.keeper.pay_stop(self.robot_name().clone()).await {
+            tracing::error!(robot = self.name(), %error, "it was not kept that a list was stopped");
+        }
+    }
+}
+
+/// The answer to a request that came before.
+fn again(known: KeptRun, hash: [u8; 32]) -> Result<Run, Problem> {
+    let run_id = known.run.run_id;
+    if known.hash != hash {
+        let message = "this Idempotency-Key belongs to another request: draw a new one for each run";
+        return Err(Problem::new(Code::KeyTaken, message));
+    }
+    match known.answer.as_deref().map(serde_json::from_str::<Answer>) {
+        Some(Ok(Answer::Began(run))) => Ok(run),
+        Some(Ok(Answer::Refused(Told { code, message }))) => Err(Problem::new(code, message)),
+        None if !known.ended => {
+            Err(Problem::new(Code::InProgress, format!("run {run_id} of this request is just beginning")))
+        }
+        None | Some(Err(_)) => {
+            let message =
+                format!("what became of run {run_id} of this request is not known: look at the robot");
+            Err(Problem::new(Code::OutcomeUnknown, message))
+        }
+    }
+}
+
+/// The end of a run that was under way when the gateway was killed, and its record.
+#[must_use]
+pub fn killed(run: Run) -> (Run, AuditRecord) {
+    let time = clock::time_of_day();
+    let detail = "the gateway ended before the run: what was carried out is not known".to_owned();
+    let (state, because) = (RunState::Unknown, RunEnd::GatewayKilled);
+    let deed = Deed::RunOutcome { run: run.run_id, state, because, done: run.done, detail: detail.clone() };
+    let (actor, robot) = ("gateway".to_owned(), Some(run.robot.clone()));
+    let record = AuditRecord { time: time.clone(), actor, source: None, robot, deed };
+    (Run { state, because: Some(because), ended_at: Some(time), detail, ..run }, record)
+}

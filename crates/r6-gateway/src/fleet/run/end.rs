@@ -1,0 +1,236 @@
+//! What became of a run: judged from how the motion ended, what cut the run short, and the stop after it.
+
+use r6_api::Code;
+use r6_api::gateway::{LeaseEnd, RunEnd, RunProof, RunState};
+use r6_client::{Cause, Done, EndProof, MotionError, NotSent, Progress, RequestError, Unmet};
+
+use crate::core::seat::{Cut, Left};
+use crate::problem::Problem;
+
+/// How the streaming of a run ended.
+#[derive(Debug)]
+pub enum Outcome {
+    /// By itself, or by a stop that somebody else makes.
+    Ended(Result<Done, MotionError>),
+    /// The run was cut short, and the arm was stopped.
+    Halted(Result<Done, MotionError>, Halted),
+    /// The run was cut short, and the robot is out of reach: the arm finishes its list.
+    Released(Progress),
+}
+
+/// What is known of the arm after a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Halted {
+    /// It stands at the end of the program, or nothing reached it.
+    NotNeeded,
+    /// It was stopped, and it is proved that it stands. The list is cleared.
+    Stands,
+    /// It was stopped, and nothing proves that it stands.
+    NotProved,
+    /// No stop reached it.
+    OutOfReach,
+}
+
+/// What became of a run.
+#[derive(Debug)]
+pub struct Ended {
+    pub state: RunState,
+    pub because: RunEnd,
+    pub proof: Option<RunProof>,
+    /// For people.
+    pub detail: String,
+    /// What it leaves at the robot.
+    pub left: Left,
+    /// The answer to the request, if nothing was accepted.
+    pub problem: Problem,
+}
+
+impl Ended {
+    /// Judges the end of a run.
+    pub fn of(outcome: Outcome, cut: Option<Cut>, halted: Halted) -> Self {
+        let left = match halted {
+            Halted::NotNeeded | Halted::Stands => Left::Nothing,
+            Halted::NotProved => Left::NotStopped,
+            Halted::OutOfReach => Left::OutOfReach,
+        };
+        let (because, detail, is_left, code, refused_first) = match outcome {
+            Outcome::Ended(Ok(done)) | Outcome::Halted(Ok(done), _) => return Self::done(&done, left),
+            Outcome::Released(progress) => {
+                let because = cut.map_or(RunEnd::LinkLost, of_cut);
+                let detail = format!("{}; {progress}", words(because));
+                (because, detail, progress.left > 0, Code::NotReady, false)
+            }
+            Outcome::Ended(Err(error)) | Outcome::Halted(Err(error), _) => {
+                let because = cut.map_or_else(|| of_cause(&error.cause), of_cut);
+                let detail = match cut {
+                    Some(_) => format!("{}; {error}", words(because)),
+                    None => error.to_string(),
+                };
+                let refused_first = because == RunEnd::Refused && error.progress.accepted == 0;
+                (because, detail, !error.nothing_left(), code(&error.cause), refused_first)
+            }
+        };
+        let detail = match halted {
+            Halted::NotNeeded | Halted::Stands => detail,
+            Halted::NotProved => format!("{detail}; it is NOT proved that the arm stands"),
+            Halted::OutOfReach => format!(
+                "{detail}; the robot is out of reach: it may finish its list, and is stopped as soon as it answers"
+            ),
+        };
+        let state = state(because, cut.is_some(), is_left, refused_first, halted);
+        let code = match (state, because) {
+            (RunState::Unknown, _) => Code::OutcomeUnknown,
+            (_, RunEnd::Stop) => Code::Stopped,
+            (_, RunEnd::LeaseExpired | RunEnd::LeaseReleased | RunEnd::LeaseTaken) => Code::NoLease,
+            (_, RunEnd::IdentityChanged) => Code::IdentityChanged,
+            _ => code,
+        };
+        let problem = Problem::new(code, detail.clone());
+        Self { state, because, proof: None, detail, left, problem }
+    }
+
+    fn done(done: &Done, left: Left) -> Self {
+        let (proof, detail) = match &done.proof {
+            EndProof::Reached => (RunProof::Reached, "the arm stands where the last move ends".to_owned()),
+            EndProof::Consumed => {
+                (RunProof::Consumed, "the controller was seen to work through its list".to_owned())
+            }
+            EndProof::CutShort(missed) => {
+                (RunProof::CutShort, format!("an input ended the last move early: {missed}"))
+            }
+            EndProof::AtRest => (RunProof::AtRest, "the arm stands, and the list is empty".to_owned()),
+        };
+        let (state, because, proof) = (RunState::Done, RunEnd::Finished, Some(proof));
+        Self { state, because, proof, left, problem: Problem::new(Code::NotReady, detail.clone()), detail }
+    }
+}
+
+fn state(because: RunEnd, is_cut: bool, is_left: bool, refused_first: bool, halted: Halted) -> RunState {
+    match (because, halted) {
+        (_, _) if !is_left => RunState::Refused,
+        (_, Halted::NotProved | Halted::OutOfReach) => RunState::Unknown,
+        (
+            RunEnd::OutcomeUnknown
+            | RunEnd::LinkLost
+            | RunEnd::IdentityChanged
+            | RunEnd::NotProved
+            | RunEnd::Restarted,
+            _,
+        ) => RunState::Unknown,
+        (_, _) if is_cut => RunState::Stopped,
+        (RunEnd::ModeChanged | RunEnd::Stop, _) => RunState::Stopped,
+        (_, _) if refused_first => RunState::Refused,
+        (_, _) => RunState::Failed,
+    }
+}
+
+/// Why a run that was cut short ended.
+fn of_cut(cut: Cut) -> RunEnd {
+    match cut {
+        Cut::Stop => RunEnd::Stop,
+        Cut::LinkLost => RunEnd::LinkLost,
+        Cut::Lease(end) => match end {
+            LeaseEnd::Released => RunEnd::LeaseReleased,
+            LeaseEnd::Expired => RunEnd::LeaseExpired,
+            LeaseEnd::Taken => RunEnd::LeaseTaken,
+            LeaseEnd::IdentityChanged => RunEnd::IdentityChanged,
+            LeaseEnd::Reconfigured | LeaseEnd::Removed => RunEnd::RobotChanged,
+            LeaseEnd::GatewayEnded => RunEnd::GatewayEnded,
+        },
+    }
+}
+
+/// Why a run ended that the seat did not cut short.
+fn of_cause(cause: &Cause) -> RunEnd {
+    match cause {
+        Cause::NotReady(_) | Cause::NotCleared(_) | Cause::AnotherRuns | Cause::EarlierFailed(_) => {
+            RunEnd::NotReady
+        }
+        Cause::NotSent(NotSent::AnotherRobot { .. }) => RunEnd::IdentityChanged,
+        Cause::NotSent(NotSent::Disconnected | NotSent::Closed) | Cause::Unreadable(_) => RunEnd::LinkLost,
+        Cause::Step(_) | Cause::OutsideEnvelope(_) | Cause::Invalid(_) | Cause::NotSent(_) => RunEnd::NotSent,
+        Cause::Refused(_) => RunEnd::Refused,
+        Cause::OutcomeUnknown(_) => RunEnd::OutcomeUnknown,
+        Cause::AlarmRaised { .. } => RunEnd::Alarm,
+        Cause::Stopped { .. } => RunEnd::ModeChanged,
+        Cause::Restarted(_) => RunEnd::Restarted,
+        Cause::StoppedHere => RunEnd::Stop,
+        Cause::Dropped | Cause::Released | Cause::Closed | Cause::Abandoned => RunEnd::GatewayEnded,
+        Cause::NotSeen | Cause::NotProved(_) => RunEnd::NotProved,
+        Cause::AnotherList { .. } => RunEnd::AnotherList,
+        Cause::Elsewhere(_) => RunEnd::NotAtTarget,
+        Cause::Stalled { .. } => RunEnd::Stalled,
+    }
+}
+
+/// The code of a request whose program did not begin.
+fn code(cause: &Cause) -> Code {
+    match cause {
+        Cause::NotReady(unmet) if unmet.iter().any(|unmet| matches!(unmet, Unmet::LeftoverList { .. })) => {
+            Code::LeftoverList
+        }
+        Cause::Step(_) | Cause::OutsideEnvelope(_) | Cause::Invalid(_) => Code::BadProgram,
+        Cause::NotSent(error) => Problem::of_request(&RequestError::NotSent(error.clone())).code,
+        Cause::Refused(_) => Code::Refused,
+        Cause::OutcomeUnknown(_) => Code::OutcomeUnknown,
+        Cause::StoppedHere => Code::Stopped,
+        _ => Code::NotReady,
+    }
+}
+
+fn words(because: RunEnd) -> &'static str {
+    match because {
+        RunEnd::LeaseExpired => "the lease was not renewed",
+        RunEnd::LeaseReleased => "the lease was given back",
+        RunEnd::LeaseTaken => "an admin took the lease",
+        RunEnd::IdentityChanged => "another robot answers",
+        RunEnd::LinkLost => "the robot does not answer",
+        RunEnd::RobotChanged => "the robot was configured anew or removed",
+        RunEnd::GatewayEnded => "the gateway ends",
+        RunEnd::Stop => "the robot was stopped",
+        _ => "the run was cut short",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(cause: Cause, left: usize, accepted: usize) -> Outcome {
+        let progress = Progress { total: 9, left, accepted, done: 0, ended: true };
+        Outcome::Ended(Err(MotionError { cause, progress, stop: None }))
+    }
+
+    #[test]
+    fn a_run_is_stopped_only_if_the_arm_is_proved_to_stand() {
+        let expired = Some(Cut::Lease(LeaseEnd::Expired));
+        for (halted, state, left) in [
+            (Halted::Stands, RunState::Stopped, Left::Nothing),
+            (Halted::NotProved, RunState::Unknown, Left::NotStopped),
+            (Halted::OutOfReach, RunState::Unknown, Left::OutOfReach),
+        ] {
+            let ended = Ended::of(error(Cause::StoppedHere, 5, 5), expired, halted);
+            assert_eq!((ended.state, ended.left, ended.because), (state, left, RunEnd::LeaseExpired));
+        }
+    }
+
+    #[test]
+    fn what_never_left_is_refused_and_what_cannot_be_known_is_unknown() {
+        let refused = |unmet| error(Cause::NotReady(vec![unmet]), 0, 0);
+        let ended = Ended::of(refused(Unmet::LeftoverList { length: 3 }), None, Halted::NotNeeded);
+        assert_eq!((ended.state, ended.problem.code), (RunState::Refused, Code::LeftoverList));
+        let ended = Ended::of(refused(Unmet::Moving), None, Halted::NotNeeded);
+        assert_eq!((ended.state, ended.problem.code), (RunState::Refused, Code::NotReady));
+        let alarm = || error(Cause::AlarmRaised { code: 3 }, 5, 5);
+        assert_eq!(Ended::of(alarm(), None, Halted::Stands).state, RunState::Failed);
+        assert_eq!(Ended::of(alarm(), None, Halted::NotProved).state, RunState::Unknown);
+        let gone = Ended::of(error(Cause::NotSeen, 9, 9), None, Halted::Stands);
+        assert_eq!((gone.state, gone.because), (RunState::Unknown, RunEnd::NotProved));
+        // The first list was refused; some controllers run such lists all the same, so the arm was stopped.
+        let reason = r6_client::Refused::InstructionList { reason: None };
+        let first = Ended::of(error(Cause::Refused(reason.clone()), 5, 0), None, Halted::Stands);
+        assert_eq!((first.state, first.problem.code), (RunState::Refused, Code::Refused));
+        let later = Ended::of(error(Cause::Refused(reason), 9, 5), None, Halted::Stands);
+        assert_eq!(later.state, RunState::Failed);
+    }
+}

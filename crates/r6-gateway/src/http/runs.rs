@@ -1,0 +1,200 @@
+//! Runs of programs.
+
+use axum::Json;
+use axum::extract::rejection::PathRejection;
+use axum::extract::{Path, State as Of};
+use axum::http::header::LOCATION;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use r6_api::gateway::{Run, RunRequest};
+use r6_api::{Code, Problem};
+use r6_http::Refusal;
+use sha2::{Digest, Sha256};
+
+use super::body::{WithProgram, key};
+use super::caller::{Caller, Command, Read, Robot};
+use super::described::{OfChange, OfRight};
+use super::{State, refusal};
+use crate::core::library::ProgramName;
+use crate::fleet::run::Wish;
+use crate::problem;
+use crate::programs::check::check_length;
+use crate::programs::run::{MAX_REPEAT, steps};
+
+/// The header that makes a request recognisable.
+const KEY_HEADER: &str = "idempotency-key";
+
+/// The longest key, in characters: a UUID has 36.
+const MAX_KEY: usize = 128;
+
+/// Runs a program on a robot, with the lease. The gateway feeds its steps, at most 10 ahead of the arm, and
+/// stops the arm if the lease ends. The answer comes once the controller accepted the first list:
+/// `GET /v1/robots/{name}/runs/{run}` tells the rest. A request with the same `Idempotency-Key` and the same
+/// body gets the same answer within 24 h, and runs nothing again.
+#[utoipa::path(
+    post,
+    path = "/v1/robots/{name}/programs/run",
+    params(
+        ("name" = String, Path, description = "The name of the robot"),
+        (
+            "Idempotency-Key" = String,
+            Header,
+            description = "1 to 128 visible characters, drawn anew for each run, such as a UUID"
+        )
+    ),
+    request_body = RunRequest,
+    responses(
+        (
+            status = 202,
+            description = "The controller accepted the first list",
+            body = Run,
+            headers(("Location" = String, description = "The run"))
+        ),
+        (
+            status = 400,
+            description = "`needs_idempotency_key`; `bad_json`, `bad_body`",
+            body = Problem
+        ),
+        (status = 404, description = "`no_such_robot`, `no_such_program`", body = Problem),
+        (
+            status = 409,
+            description = "`run_under_way`, `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, \
+                           `refused` (by the controller), `in_progress`, `no_room`",
+            body = Problem
+        ),
+        (status = 422, description = "`bad_program`, `bad_value`, `key_taken`", body = Problem),
+        (status = 503, description = "`store_unavailable`, `overloaded`: nothing was sent", body = Problem),
+        (status = 504, description = "`outcome_unknown`: the arm may have moved", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 415, description = "`not_json`", body = Problem),
+        OfChange,
+    )
+)]
+pub async fn run(
+    robot: Robot<Command>,
+    Of(state): Of<State>,
+    headers: HeaderMap,
+    WithProgram(request): WithProgram<RunRequest>,
+) -> Result<Response, Refusal> {
+    let Robot { caller, station, .. } = robot;
+    let idempotency_key = idempotency_key(&headers)?;
+    let hash = hash(station.name(), &request)?;
+    let owner = owner(&caller);
+    let before = station.answered_before(&owner, &idempotency_key, hash).await.map_err(refusal::of)?;
+    let run = match before {
+        Some(run) => run,
+        None => {
+            let held = key(&request.lease).map_err(|problem| {
+                station.note_refused(&caller.by(), "run a program", problem.code);
+                refusal::of(problem)
+            })?;
+            let repeat = request.repeat.unwrap_or(1);
+            if !(1..=MAX_REPEAT).contains(&repeat) {
+                return Err(bad_value(format!("repeat is from 1 to {MAX_REPEAT}")));
+            }
+            let (program, text) = text(&state, request).await?;
+            let read = move || (Sha256::digest(&text), steps(&text, repeat));
+            let (sha256, motion) = state.bench.compute(read).await.map_err(refusal::of)?;
+            let wish = Wish {
+                key: held,
+                caller: owner,
+                idempotency_key,
+                hash,
+                motion: motion.map_err(refusal::of)?,
+                program,
+                sha256: sha256.iter().map(|byte| format!("{byte:02x}")).collect(),
+                repeat,
+            };
+            let by = caller.by();
+            let work = tokio::spawn(station.run(by, wish));
+            work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?
+        }
+    };
+    let location = format!("/v1/robots/{}/runs/{}", run.robot, run.run_id);
+    Ok((StatusCode::ACCEPTED, [(LOCATION, location)], Json(run)).into_response())
+}
+
+/// A run of a program: how it stands, how far it is, and why it ended. Runs are kept for 24 h.
+#[utoipa::path(
+    get,
+    path = "/v1/robots/{name}/runs/{run}",
+    params(
+        ("name" = String, Path, description = "The name of the robot"),
+        ("run" = u64, Path, description = "The number of the run")
+    ),
+    responses(
+        (status = 200, description = "The run as it stands", body = Run),
+        (status = 404, description = "`no_such_robot`, `no_such_run`", body = Problem),
+        (status = 503, description = "`store_unavailable`", body = Problem),
+        OfRight,
+    )
+)]
+pub async fn show(
+    robot: Robot<Read>,
+    path: Result<Path<(String, u64)>, PathRejection>,
+) -> Result<Json<Run>, Refusal> {
+    let none =
+        || Refusal::not_found(Code::NoSuchRun, "this robot has no run with this number, or it is too old");
+    let Path((_, number)) = path.map_err(|_| none())?;
+    let run = robot.station.run_of(number).await.map_err(refusal::of)?;
+    run.map(Json).ok_or_else(none)
+}
+
+/// The text of the program, and its name and version if the gateway keeps it.
+async fn text(state: &State, request: RunRequest) -> Result<(Option<(ProgramName, u64)>, String), Refusal> {
+    match request {
+        RunRequest { program: Some(text), name: None, version: None, .. } => {
+            check_length(&text).map_err(refusal::of)?;
+            Ok((None, text))
+        }
+        RunRequest { program: None, name: Some(name), version, .. } => {
+            let shown: String = name.chars().take(64).collect();
+            let none = || {
+                let message = format!("there is no program `{shown}`, or not this version");
+                Refusal::not_found(Code::NoSuchProgram, message)
+            };
+            let name = ProgramName::new(&name).ok_or_else(none)?;
+            // SQLite takes signed numbers only. No program has so many versions.
+            let version = version.map(|version| version.min(u64::MAX >> 1));
+            let found = state.shared.keeper.program(name.clone(), version).await;
+            let (kept, text) = found.map_err(|error| refusal::of(error.into()))?.ok_or_else(none)?;
+            Ok((Some((name, kept.tag.version)), text))
+        }
+        _ => Err(bad_value("either program, or name with or without version".to_owned())),
+    }
+}
+
+/// The key of a request.
+fn idempotency_key(headers: &HeaderMap) -> Result<String, Refusal> {
+    let mut sent = headers.get_all(KEY_HEADER).iter();
+    let wrong = |message: String| Refusal::new(StatusCode::BAD_REQUEST, Code::NeedsIdempotencyKey, message);
+    let (Some(key), None) = (sent.next(), sent.next()) else {
+        let message = "send one `Idempotency-Key`, drawn anew for each run, such as a UUID: so a request that comes \
+                       twice moves the arm once";
+        return Err(wrong(message.to_owned()));
+    };
+    let is_visible = |key: &&str| key.bytes().all(|byte| byte.is_ascii_graphic());
+    match key.to_str().ok().filter(is_visible).filter(|key| (1..=MAX_KEY).contains(&key.len())) {
+        Some(key) => Ok(key.to_owned()),
+        None => Err(wrong(format!("an `Idempotency-Key` has 1 to {MAX_KEY} visible characters of ASCII"))),
+    }
+}
+
+/// SHA-256 of a request for this robot. How its JSON is written does not matter.
+fn hash(robot: &str, request: &RunRequest) -> Result<[u8; 32], Refusal> {
+    let text = serde_json::to_string(&(robot, request)).map_err(|error| bad_value(error.to_string()))?;
+    Ok(Sha256::digest(text).into())
+}
+
+/// Whose keys these are: names of users are never numbers.
+fn owner(caller: &Caller) -> String {
+    match caller.token() {
+        Some(number) => format!("token {number}"),
+        None => format!("user {}", caller.by().actor),
+    }
+}
+
+fn bad_value(message: String) -> Refusal {
+    refusal::of(problem::Problem::new(Code::BadValue, message))
+}
