@@ -21,6 +21,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::exit::{Exit, Failure};
+use crate::hint;
 use crate::http_client::{HttpClient, Lost, in_path};
 use crate::output::readings::Readings;
 use crate::text_file;
@@ -48,13 +49,13 @@ pub struct ByGateway {
     #[arg(short = 'g', long = "gateway-url", id = "gateway_url", global = true, value_name = "URL")]
     url: Option<String>,
     /// The file with a token for --gateway-url; without it the token is in R6_TOKEN
-    #[arg(long, global = true, value_name = "FILE", hide_short_help = true)]
+    #[arg(long, global = true, value_name = "FILE")]
     token_file: Option<PathBuf>,
     /// The certificate (PEM) of the gateway or of its issuer, for https
-    #[arg(long, global = true, value_name = "FILE", hide_short_help = true)]
+    #[arg(long, global = true, value_name = "FILE")]
     ca_file: Option<PathBuf>,
     /// Send the token without TLS to another machine: everyone on the network can read it
-    #[arg(long, global = true, hide_short_help = true)]
+    #[arg(long, global = true)]
     insecure_http: bool,
     /// The name of the robot that was typed.
     #[arg(skip)]
@@ -272,6 +273,9 @@ fn failure(status: StatusCode, problem: Problem) -> Failure {
         (Code::NoReply | Code::NoConnection | Code::Unreachable, _) => Failure::no_reply(message),
         (_, 401) => Failure::usage(message)
             .advise("`r6 gateway token` makes tokens, and `r6 gateway token --list` shows them"),
+        (Code::Stopped, _) => {
+            Failure::refused(message).advise(format!("`{}` clears the stop", hint::r6("stop --clear")))
+        }
         // What the caller may not do, and what cannot be done now: nothing was sent.
         (_, 403 | 409 | 412 | 423 | 429 | 503) => Failure::refused(message),
         _ => Failure::usage(message),

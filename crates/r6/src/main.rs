@@ -240,8 +240,9 @@ fn run_by_gateway(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
         Subcommands::Watch(args) => cmd::block_on(cmd::watch::run_by_gateway(args, gateway)),
         Subcommands::Command(args) => cmd::block_on(cmd::command::run_by_gateway(args, gateway)),
         Subcommands::Stop(args) => cmd::block_on(cmd::stop::run_by_gateway(args, gateway)),
+        Subcommands::Run(args) => cmd::block_on(cmd::run::by_gateway::run(args, gateway)),
         _ => Err(Failure::usage("this command does not go over a gateway")
-            .advise("status, query, watch, command and stop do; leave --gateway-url out")),
+            .advise("status, query, watch, command, run and stop do; leave --gateway-url out")),
     }
 }
 

@@ -55,6 +55,25 @@ pub struct JobArgs {
     json: bool,
 }
 
+impl JobArgs {
+    /// Whether each thing that happens is printed as JSON.
+    pub fn json(&self) -> bool {
+        self.json
+    }
+
+    /// An option that was given and means nothing for a program that a gateway runs.
+    pub fn not_for_gateways(&self) -> Option<&'static str> {
+        match self {
+            Self { append: true, .. } => Some("--append"),
+            Self { timeout: Some(_), .. } => Some("--timeout"),
+            Self { stop_on_interrupt: true, .. } => Some("--stop-on-interrupt"),
+            Self { dry_run: true, .. } => Some("--dry-run"),
+            Self { guard, .. } if guard.is_given() => Some("a limit of --guard"),
+            _ => None,
+        }
+    }
+}
+
 /// A motion and how it is sent.
 #[derive(Debug)]
 pub struct Job {

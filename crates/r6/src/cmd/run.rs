@@ -1,5 +1,7 @@
 //! `r6 run`: sends the instructions of a file.
 
+pub mod by_gateway;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -81,6 +83,10 @@ Axis limits are checked on axis moves, the workspace on moves of the tool. The d
 move is measured from the present position (--dry-run does not check it). If a file \
 mixes axis moves and moves of the tool, leave out max_axis_step and max_distance: after an axis move \
 the place of the tool is unknown, and after a move of the tool the axes are, so the file is refused.
+
+With --gateway-url the gateway runs the program: it feeds the steps, and stops the arm if this program no \
+longer renews the lease. r6 follows the run to its end, with --wait or without. Ctrl-C stops the arm. Only \
+--json goes with it.
 
 --json prints a line for each list that was accepted (event \"accepted\"), at most two a second on \
 how many steps are done (\"progress\"), and one for the outcome: \"stands\" with --wait, \

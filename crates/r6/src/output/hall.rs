@@ -1,10 +1,12 @@
 //! Robots as a gateway knows them.
 
+use r6_api::AddressValue;
 use r6_api::gateway::{LeaseHolder, RobotLink, RobotState, RobotSummary, Robots, SignalQuality};
 use r6_proto::printable;
 
 use crate::exit::Exit;
 use crate::hint;
+use crate::output::readings;
 use crate::output::table::Table;
 
 /// 1 if a robot cannot be reached, is stopped, or was exchanged.
@@ -45,12 +47,8 @@ pub fn robot(told: &RobotState) -> String {
     let mut values = Table::with_right_columns(&[1, 4]);
     values.row([&"ADDRESS", &"VALUE", &"UNIT", &"QUALITY", &"AGE"]);
     for signal in &told.signals {
-        let value = signal.value.as_ref().and_then(|value| serde_json::to_value(value).ok());
-        let value = match value {
-            None => "-".to_owned(),
-            Some(serde_json::Value::String(text)) => text,
-            Some(value) => value.to_string(),
-        };
+        let told = |value: &AddressValue| readings::told(&signal.address, value.clone());
+        let value = signal.value.as_ref().map_or_else(|| "-".to_owned(), told);
         let quality = match signal.quality {
             SignalQuality::Fresh => "fresh",
             SignalQuality::Stale => "STALE",

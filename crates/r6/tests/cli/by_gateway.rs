@@ -76,7 +76,7 @@ fn values_states_and_commands_go_over_a_gateway_as_to_the_robot_itself() {
     let all = hall.r6(&["status"]);
     assert_eq!(all.code, 0, "{all:?}");
     assert!(
-        all.out.lines().any(|line| line.starts_with("press  ") && line.contains("up  free  not stopped")),
+        all.out.lines().any(|line| line.starts_with("press  ") && line.ends_with(" free   not stopped")),
         "{}",
         all.out
     );

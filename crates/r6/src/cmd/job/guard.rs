@@ -29,9 +29,14 @@ pub struct GuardArgs {
 }
 
 impl GuardArgs {
+    /// Whether there is a limit.
+    pub fn is_given(&self) -> bool {
+        self.guard.is_some() || self.max_speed.is_some() || self.max_axis_step.is_some()
+    }
+
     /// The envelope; `None` if there are no limits.
     pub fn envelope(&self) -> Result<Option<Envelope>, Failure> {
-        if self.guard.is_none() && self.max_speed.is_none() && self.max_axis_step.is_none() {
+        if !self.is_given() {
             return Ok(None);
         }
         let mut limits = self.guard.as_deref().map_or_else(|| Ok(Limits::default()), file::read)?;
