@@ -230,8 +230,8 @@ codes! {
     BadCommand "bad_command",
     /// A value of the request is wrong.
     BadValue "bad_value",
-    /// The file or the command line of the gateway has this robot, or the settings of the hall, so the API cannot
-    /// change it.
+    /// The file or the command line of the gateway has this robot, or the settings of the hall, so the API
+    /// cannot change it.
     ManagedByFile "managed_by_file",
     /// Another robot has this address.
     AddressTaken "address_taken",

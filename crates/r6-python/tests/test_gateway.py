@@ -207,7 +207,7 @@ def test_alarms_are_listed_acknowledged_and_shelved(
         assert engineer.unshelve(number)["shelved"] is None
         with pytest.raises(r6.InvalidRequest, match="for_ms"):
             engineer.shelve(number, 8 * 3600 + 1, "worn")
-        with pytest.raises(r6.R6Error) as missing:
+        with pytest.raises(r6.InvalidRequest) as missing:
             arm.acknowledge(7)
         assert missing.value.reason == "no_such_alarm"
     finally:

@@ -1,8 +1,8 @@
 //! The alarms of one robot as things with a state: active or ended, acknowledged, shelved.
 //!
-//! A controller tells one code at a time, so a robot has one active alarm at most. An alarm goes on as long as
-//! its code is read, also if the robot was not seen in between: that it ended and came again cannot be told
-//! then. Everything else is another alarm, which is not acknowledged.
+//! A controller tells one code at a time, so a robot has one active alarm at most. An alarm goes on as long
+//! as its code is read, also if the robot was not seen in between: that it ended and came again cannot be
+//! told then. Everything else is another alarm, which is not acknowledged.
 //!
 //! To acknowledge or to shelve changes nothing at the robot.
 
@@ -129,8 +129,9 @@ impl Alarms {
     }
 
     /// The robot tells this code, 0 for no alarm, as was asked at this moment and time of day. `began`:
-    /// whether the reading before had another code, with nothing lost in between. A reading that is older than
-    /// the last one says nothing. Returns whether an acknowledged alarm ended: that has to be saved soon.
+    /// whether the reading before had another code, with nothing lost in between. A reading that is older
+    /// than the last one says nothing. Returns whether an acknowledged alarm ended: that has to be saved
+    /// soon.
     pub fn read(&mut self, at: Instant, time: Micros, code: u32, began: bool) -> bool {
         if self.read_at.is_some_and(|last| at < last) {
             return false;
@@ -366,8 +367,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever comes: nothing grows beyond its limit, one alarm is active at most, no number is given out
-        /// twice, and each shelf has an alarm by which it can be taken away, if there was one.
+        /// Whatever comes: nothing grows beyond its limit, one alarm is active at most, no number is given
+        /// out twice, and each shelf has an alarm by which it can be taken away, if there was one.
         #[test]
         fn nothing_grows_and_no_number_is_used_twice(
             acts in prop::collection::vec((0..8_u8, 0..14_u32, 0..20_i64), 1..200),

@@ -1,8 +1,9 @@
 //! The time zone of the hall and its shifts: which instants a shift has on a date.
 //!
-//! A shift is told in times of the clock on the wall. When that clock is set back, a time comes twice, and the
-//! first one is meant. When it is set forward, a time is left out, and the moment of that is meant. So a later
-//! time of the wall is never an earlier instant, and shifts that do not overlap on the wall never overlap.
+//! A shift is told in times of the clock on the wall. When that clock is set back, a time comes twice, and
+//! the first one is meant. When it is set forward, a time is left out, and the moment of that is meant. So a
+//! later time of the wall is never an earlier instant, and shifts that do not overlap on the wall never
+//! overlap.
 
 use std::fmt;
 

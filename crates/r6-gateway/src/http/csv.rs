@@ -151,7 +151,7 @@ pub fn production_table(all: &[Production]) -> String {
     table
 }
 
-/// The name of a robot or a shift: small letters, digits and `-`. One that begins with `-` could be a formula.
+/// The name of a robot or a shift: small letters, digits and `-`. With `-` in front it could be a formula.
 fn name(name: &str) -> String {
     if name.starts_with('-') { quoted(name) } else { name.to_owned() }
 }

@@ -495,8 +495,7 @@ class GatewayRobot:
         """Says that somebody saw the alarm with this ``["id"]``, and returns the alarm. It changes nothing at the
         robot and needs no lease. The first to acknowledge an alarm stays. Operators only.
 
-        ``NotSent`` or ``InvalidRequest``, as for other requests; without such an alarm, the reason is
-        ``no_such_alarm``.
+        ``InvalidRequest`` with the reason ``no_such_alarm``: the robot has no such alarm, or it ended long ago.
         """
         body = {} if comment is None else {"comment": comment}
         return self._ask("POST", f"/alarms/{int(alarm)}/acknowledge", _alarm, body, "changes")

@@ -1,8 +1,8 @@
 //! The order of the events of one robot.
 //!
-//! Readers go on behind the time of the last event that they have. So an event never stands before one that
-//! was noticed earlier, or a reader who has that one would miss it. An event that comes too late stands at the
-//! time of the one before it, and keeps its own time beside it.
+//! Readers go on behind the time of the last event that they have. So an event never stands before an event
+//! that was noticed earlier: a reader who has the earlier one would miss it. An event that comes too late
+//! stands at the time of the event before it, and keeps its own time beside it.
 
 use r6_proto::time::Instant;
 

@@ -4,8 +4,7 @@ use r6_api::gateway::{HallSettings, Shift, Weekday};
 use r6_gateway::{Hall, HallMistake};
 use r6_program::form::{Fields, Found, Node, Table};
 
-/// What stands in place of a value that is wrong and was told. It begins and ends nothing, and no rule is about
-/// it.
+/// It stands in place of a time zone that is missing or of another type; that was told.
 const UTC: &str = "UTC";
 
 /// Reads the tables; `None` if there are none, or if something is wrong.
