@@ -112,11 +112,22 @@ pub const RULES: &[Rule] = &[
         layer: Layer::Shell,
         may_use: &["r6-api", "r6-client", "r6-controller", "r6-program", "r6-proto", "r6-sim", "r6-traffic"],
     },
-    // The same. It has both ends in one process, and breaks the link between them.
+    // The same. It has both ends in one process, with a gateway between them in some worlds, and breaks the
+    // links.
     Rule {
         package: "r6-world",
         layer: Layer::Shell,
-        may_use: &["r6-client", "r6-controller", "r6-motion", "r6-proto", "r6-sim", "r6-traffic"],
+        may_use: &[
+            "r6-api",
+            "r6-client",
+            "r6-controller",
+            "r6-gateway",
+            "r6-http",
+            "r6-motion",
+            "r6-proto",
+            "r6-sim",
+            "r6-traffic",
+        ],
     },
     Rule { package: "r6-testkit", layer: Layer::Testkit, may_use: &[] },
 ];

@@ -73,7 +73,7 @@ pub const CLASSES: [(Class, &str, &str); 59] = {
         (
             G1,
             "one robot of a gateway answers hardly or not at all for half a minute",
-            "a connection that was struck",
+            "a look at another robot meanwhile",
         ),
         (G5, "a reader of the gateway reads nothing", "a reader that was given up"),
         (G6, "robots are added, changed and removed while the gateway runs", "a change: done"),

@@ -44,11 +44,9 @@ pub fn token_of(caller: usize) -> String {
 #[must_use]
 pub fn role_of(part: Part) -> Role {
     match part {
-        Part::Inspector | Part::Admin => Role::Admin,
-        Part::Viewer | Part::Reader => Role::Viewer,
+        Part::Inspector | Part::Admin | Part::Engineer => Role::Admin,
+        Part::Viewer | Part::Reader | Part::Hostile => Role::Viewer,
         Part::Operator | Part::Stopper => Role::Operator,
-        Part::Engineer => Role::Engineer,
-        Part::Hostile => Role::Viewer,
     }
 }
 

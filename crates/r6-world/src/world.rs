@@ -30,6 +30,9 @@ const SEGMENTS: usize = 512;
 /// The same in worlds with a gateway, whose readers may read nothing for some seconds.
 const SEGMENTS_OF_A_GATEWAY: usize = 32;
 
+/// The promises that only worlds with a gateway check.
+const OF_GATEWAYS: [Promise; 2] = [Promise::I8, Promise::I12];
+
 thread_local! {
     static PANICS: RefCell<Vec<String>> = const { RefCell::new(Vec::new()) };
 }
@@ -312,6 +315,7 @@ pub fn never_seen(tally: &Tally, drivers: Drivers) -> Vec<String> {
         .map(|(class, ..)| (format!("{class:?}"), tally.faults[class.index()].strikes));
     let promises = crate::fault::PROMISES
         .iter()
+        .filter(|(promise, _)| drivers == Drivers::AsTheyCome || !OF_GATEWAYS.contains(promise))
         .map(|(promise, _)| (format!("{promise:?}"), tally.checks[promise.index()]));
     classes.chain(promises).filter(|(_, times)| *times == 0).map(|(name, _)| name).collect()
 }

@@ -116,7 +116,8 @@ impl Shared {
     }
 
     fn new_board(&self, config: &RobotConfig) -> Board {
-        Board::new(self.draw(), &config.all_addresses())
+        let fresh_for = config.period + config.settings.liveness.suspect_after;
+        Board::new(self.draw(), &config.all_addresses(), fresh_for)
     }
 }
 

@@ -1,5 +1,7 @@
 //! The last values of one robot, and which of them changed since.
 
+use std::time::Duration;
+
 use r6_api::gateway::{Signal, SignalQuality};
 use r6_api::{AddressValue, Unit};
 use r6_client::{Address, Quality, Snapshot};
@@ -13,6 +15,8 @@ use crate::core::live::numbers::{Numbers, Span};
 pub struct Board {
     numbers: Numbers,
     rows: Vec<Row>,
+    /// The greatest age of a fresh value.
+    fresh_for: Duration,
 }
 
 #[derive(Debug)]
@@ -26,9 +30,10 @@ struct Row {
 }
 
 impl Board {
-    /// No value yet of these addresses. `born`: larger than all numbers before.
+    /// No value yet of these addresses. `born`: larger than all numbers before. `fresh_for`: an older value is
+    /// never told as fresh, also if nothing was taken in since.
     #[must_use]
-    pub fn new(born: u64, addresses: &[Address]) -> Self {
+    pub fn new(born: u64, addresses: &[Address], fresh_for: Duration) -> Self {
         let row = |address: &Address| Row {
             address: *address,
             value: None,
@@ -37,7 +42,7 @@ impl Board {
             asked_at: None,
         };
         let numbers = Numbers::new(born, addresses.len());
-        Self { numbers, rows: addresses.iter().map(row).collect() }
+        Self { numbers, rows: addresses.iter().map(row).collect(), fresh_for }
     }
 
     /// The numbers between which a reader can go on.
@@ -76,13 +81,13 @@ impl Board {
     /// The values that changed after this number.
     pub fn since(&self, now: Instant, number: u64) -> Vec<Signal> {
         let rows = self.numbers.since(number).filter_map(|place| self.rows.get(place));
-        rows.map(|row| row.signal(now)).collect()
+        rows.map(|row| row.signal(now, self.fresh_for)).collect()
     }
 
     /// The value of an address, if it is read, and when it was asked for.
     pub fn signal(&self, now: Instant, address: Address) -> Option<(Signal, Option<Instant>)> {
         let row = self.rows.iter().find(|row| row.address == address)?;
-        Some((row.signal(now), row.asked_at))
+        Some((row.signal(now, self.fresh_for), row.asked_at))
     }
 
     /// Whether the controller said that it does not have this address.
@@ -92,19 +97,22 @@ impl Board {
 
     /// All values.
     pub fn all(&self, now: Instant) -> Vec<Signal> {
-        self.rows.iter().map(|row| row.signal(now)).collect()
+        self.rows.iter().map(|row| row.signal(now, self.fresh_for)).collect()
     }
 }
 
 impl Row {
-    fn signal(&self, now: Instant) -> Signal {
+    fn signal(&self, now: Instant, fresh_for: Duration) -> Signal {
         let has_value = self.value.is_some();
         let age = self.asked_at.filter(|_| has_value).map(|asked_at| now.since(asked_at));
         Signal {
             address: self.address.to_string(),
             value: self.value.clone(),
             unit: Unit::word_of(self.address).map(str::to_owned),
-            quality: self.quality,
+            quality: match self.quality {
+                SignalQuality::Fresh if age.is_none_or(|age| age > fresh_for) => SignalQuality::Stale,
+                quality => quality,
+            },
             age_ms: age.map(|age| u64::try_from(age.as_millis()).unwrap_or(u64::MAX)),
         }
     }
@@ -115,5 +123,26 @@ fn quality(quality: &Quality) -> SignalQuality {
         Quality::Fresh => SignalQuality::Fresh,
         Quality::Stale | Quality::Dead => SignalQuality::Stale,
         Quality::NotRead | Quality::Unsupported | Quality::Unreadable(_) => SignalQuality::None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_that_grew_old_since_it_was_taken_in_is_not_told_as_fresh() {
+        let row = Row {
+            address: Address::CurMode,
+            value: Some(AddressValue::Integer(2)),
+            quality: SignalQuality::Fresh,
+            is_unsupported: false,
+            asked_at: Some(Instant::ORIGIN),
+        };
+        let told = |millis| {
+            let now = Instant::ORIGIN + Duration::from_millis(millis);
+            row.signal(now, Duration::from_millis(1100)).quality
+        };
+        assert_eq!((told(1100), told(1101)), (SignalQuality::Fresh, SignalQuality::Stale));
     }
 }

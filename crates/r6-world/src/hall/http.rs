@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout};
 use turmoil::net::TcpStream;
 
 use super::gate::{GATEWAY, HTTP_PORT};
@@ -15,6 +15,9 @@ const MOST_BYTES: usize = 4 << 20;
 
 /// How long to wait for a connection.
 const CONNECTS_WITHIN: Duration = Duration::from_secs(3);
+
+/// How long a connection is kept for the next request. The gateway closes it after 2 s.
+const KEPT: Duration = Duration::from_secs(1);
 
 /// An answer.
 #[derive(Clone, Debug)]
@@ -35,7 +38,7 @@ impl Answer {
 /// A connection to the gateway that is kept between requests.
 #[derive(Debug, Default)]
 pub struct Session {
-    stream: Option<TcpStream>,
+    stream: Option<(TcpStream, Instant)>,
 }
 
 /// Opens a connection to the gateway.
@@ -62,15 +65,15 @@ impl Session {
     /// The outcome is unknown, unless no connection could be made.
     pub async fn ask(&mut self, request: &[u8], within: Duration) -> io::Result<Answer> {
         let mut stream = match self.stream.take() {
-            Some(stream) => stream,
-            None => connect().await?,
+            Some((stream, used)) if used.elapsed() < KEPT => stream,
+            Some(_) | None => connect().await?,
         };
         let answer = timeout(within, async {
             stream.write_all(request).await?;
             read_answer(&mut stream).await
         });
         let answer = answer.await??;
-        self.stream = Some(stream);
+        self.stream = Some((stream, Instant::now()));
         Ok(answer)
     }
 }

@@ -59,6 +59,8 @@ pub struct HallPlan {
     pub added: Option<usize>,
     /// When nobody can expect values of each robot, because of a fault of its own.
     pub unsound: Vec<Vec<(Duration, Duration)>>,
+    /// When the first robot answers hardly or not at all (G1).
+    pub slow: Option<(Duration, Duration)>,
     /// When nobody can expect anything of the gateway.
     pub away: Vec<(Duration, Duration)>,
 }
@@ -69,6 +71,12 @@ impl HallPlan {
     pub fn is_sound(&self, robot: usize, at: Duration) -> bool {
         let mut spans = self.unsound[robot].iter().chain(&self.away);
         self.added != Some(robot) && !spans.any(|(from, to)| (*from..=*to).contains(&at))
+    }
+
+    /// Whether another robot than this one is slow.
+    #[must_use]
+    pub fn another_is_slow(&self, robot: usize, at: Duration) -> bool {
+        robot != 0 && self.slow.is_some_and(|(from, to)| (from..=to).contains(&at))
     }
 }
 
@@ -98,6 +106,7 @@ impl Plan {
             callers: Vec::new(),
             added: None,
             unsound: vec![Vec::new(); robots],
+            slow: None,
             away: Vec::new(),
         };
         let mut draw = Draw { plan, hall, random };
@@ -209,7 +218,9 @@ impl Draw {
         let delay = ms(3000);
         let latency = LinkFault::Latency { to_controller: delay, to_client: delay, spread: ms(500) };
         let fault = self.pick_fault(&[latency, LinkFault::Silence, LinkFault::Slow { bytes_per_second: 20 }]);
-        self.link_fault(0, fault, 1.0, (CALM, CALM + SLOW_FOR));
+        let span = (CALM, CALM + SLOW_FOR);
+        self.link_fault(0, fault, 1.0, span);
+        self.hall.slow = Some(span);
         self.plan.classes.push(Class::G1);
     }
 

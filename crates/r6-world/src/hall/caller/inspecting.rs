@@ -6,7 +6,7 @@ use r6_api::gateway::{Audit, RobotState};
 use tokio::time::{sleep, timeout};
 
 use super::{Work, ms};
-use crate::fault::Promise;
+use crate::fault::{Class, Promise};
 use crate::hall::{name_of, values};
 use crate::shared::{State, now};
 
@@ -43,6 +43,9 @@ impl Work {
         }
         let is_sound = is_sound && hall.as_ref().is_some_and(|hall| hall.is_sound(robot, heard));
         if is_sound {
+            if self.shared.plan.hall.as_ref().is_some_and(|hall| hall.another_is_slow(robot, asked)) {
+                record.strikes(Class::G1);
+            }
             let took = heard - asked;
             record.check(Promise::I8, heard, is_fresh && took <= ANSWERS_WITHIN, || {
                 format!("{}: fresh is {is_fresh}, and the answer took {took:?}", name_of(robot))
