@@ -112,11 +112,7 @@ impl Post {
 
 impl Fleet {
     /// Starts to look after these robots, each as it was saved. `owed`: the robots for which a stop is owed.
-    pub fn start(
-        robots: Vec<(Saved, RobotConfig)>,
-        owed: &BTreeSet<RobotName>,
-        shared: Arc<Shared>,
-    ) -> Self {
+    pub fn start(robots: Vec<(Saved, RobotConfig)>, owed: &BTreeSet<RobotName>, shared: Arc<Shared>) -> Self {
         let post = |(saved, config): (Saved, RobotConfig)| {
             let owes_stop = owed.contains(&config.name);
             (config.name.clone(), Post::start(config, saved, owes_stop, &shared))

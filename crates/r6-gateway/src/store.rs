@@ -27,9 +27,9 @@ use crate::core::seat::Saved;
 
 pub use keeper::Keeper;
 pub use library::{Kept, LibraryError, NewVersion};
-use runs::{Begun, KeptRun, NewRun};
 #[cfg(test)]
 pub use memory::Memory;
+use runs::{Begun, KeptRun, NewRun};
 pub use sqlite::{FILE, Sqlite, copy};
 
 /// The most tokens of one store: they are all held in memory, and listed at once.

@@ -39,9 +39,7 @@ impl Order {
     #[must_use]
     pub fn disturbs_run(&self) -> bool {
         match self {
-            Self::Command(command) => {
-                self.effect() == Effect::Moves || command.name().info().changes_frame
-            }
+            Self::Command(command) => self.effect() == Effect::Moves || command.name().info().changes_frame,
             Self::List { .. } => true,
         }
     }

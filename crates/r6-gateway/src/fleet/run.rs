@@ -151,8 +151,7 @@ impl Station {
         };
         let (answer, answered) = oneshot::channel();
         let run_id = run.run_id;
-        let under_way =
-            UnderWay { robot, ticket, by, run, answer: Some(answer), told: Instant::now() };
+        let under_way = UnderWay { robot, ticket, by, run, answer: Some(answer), told: Instant::now() };
         tokio::spawn(Arc::clone(&self).carry_out(under_way, wish.motion));
         answered.await.unwrap_or_else(|_| {
             let message = format!("the gateway ends: what became of run {run_id} is not known");
@@ -423,7 +422,8 @@ impl Station {
         if over && !self.runs.borrow().as_ref().is_some_and(is_unknown) {
             return Ok(());
         }
-        let message = "the program was stopped, and it is not proved that the arm stands: use the emergency stop";
+        let message =
+            "the program was stopped, and it is not proved that the arm stands: use the emergency stop";
         Err(Problem::new(Code::NotStopped, message))
     }
 
@@ -479,7 +479,8 @@ fn again(known: KeptRun, hash: [u8; 32]) -> Result<Run, Problem> {
             Err(Problem::new(Code::InProgress, format!("run {run_id} of this request is just beginning")))
         }
         None | Some(Err(_)) => {
-            let message = format!("what became of run {run_id} of this request is not known: look at the robot");
+            let message =
+                format!("what became of run {run_id} of this request is not known: look at the robot");
             Err(Problem::new(Code::OutcomeUnknown, message))
         }
     }

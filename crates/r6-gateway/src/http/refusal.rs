@@ -31,7 +31,9 @@ fn status(code: Code) -> StatusCode {
         Code::NeedsIfMatch => StatusCode::PRECONDITION_REQUIRED,
         Code::NotThisVersion => StatusCode::PRECONDITION_FAILED,
         Code::NeedsIdempotencyKey => StatusCode::BAD_REQUEST,
-        Code::BadCommand | Code::BadValue | Code::BadProgram | Code::KeyTaken => StatusCode::UNPROCESSABLE_ENTITY,
+        Code::BadCommand | Code::BadValue | Code::BadProgram | Code::KeyTaken => {
+            StatusCode::UNPROCESSABLE_ENTITY
+        }
         Code::StoreUnavailable | Code::Overloaded => StatusCode::SERVICE_UNAVAILABLE,
         Code::OutcomeUnknown | Code::NotStopped | Code::NoReply => StatusCode::GATEWAY_TIMEOUT,
         // The state of the robot, of its lease or of its configuration does not allow it now.

@@ -134,17 +134,15 @@ pub async fn show(
     robot: Robot<Read>,
     path: Result<Path<(String, u64)>, PathRejection>,
 ) -> Result<Json<Run>, Refusal> {
-    let none = || Refusal::not_found(Code::NoSuchRun, "this robot has no run with this number, or it is too old");
+    let none =
+        || Refusal::not_found(Code::NoSuchRun, "this robot has no run with this number, or it is too old");
     let Path((_, number)) = path.map_err(|_| none())?;
     let run = robot.station.run_of(number).await.map_err(refusal::of)?;
     run.map(Json).ok_or_else(none)
 }
 
 /// The text of the program, and its name and version if the gateway keeps it.
-async fn text(
-    state: &State,
-    request: RunRequest,
-) -> Result<(Option<(ProgramName, u64)>, String), Refusal> {
+async fn text(state: &State, request: RunRequest) -> Result<(Option<(ProgramName, u64)>, String), Refusal> {
     match request {
         RunRequest { program: Some(text), name: None, version: None, .. } => {
             check_length(&text).map_err(refusal::of)?;
@@ -170,9 +168,7 @@ async fn text(
 /// The key of a request.
 fn idempotency_key(headers: &HeaderMap) -> Result<String, Refusal> {
     let mut sent = headers.get_all(KEY_HEADER).iter();
-    let wrong = |message: String| {
-        Refusal::new(StatusCode::BAD_REQUEST, Code::NeedsIdempotencyKey, message)
-    };
+    let wrong = |message: String| Refusal::new(StatusCode::BAD_REQUEST, Code::NeedsIdempotencyKey, message);
     let (Some(key), None) = (sent.next(), sent.next()) else {
         let message = "send one `Idempotency-Key`, drawn anew for each run, such as a UUID: so a request that comes \
                        twice moves the arm once";

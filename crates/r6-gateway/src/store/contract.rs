@@ -225,7 +225,7 @@ fn a_file_from_before_there_were_users_gets_their_tables() {
     store.append(&[intent()]).unwrap();
     drop(store);
     let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
-    raw.execute_batch("DROP TABLE user; DROP TABLE link; PRAGMA user_version = 2").unwrap();
+    raw.execute_batch("DROP TABLE run; DROP TABLE user; DROP TABLE link; PRAGMA user_version = 2").unwrap();
     let mut store = Sqlite::open_existing(folder.path()).unwrap();
     assert_eq!((store.users(), head(&mut store).unwrap().0), (Ok(Vec::new()), 1));
     raw.execute_batch("PRAGMA user_version = 1000").unwrap();
@@ -452,7 +452,7 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
     drop(store);
     // As r6 wrote it before there were programs.
     let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
-    let before = "DROP TABLE user; DROP TABLE link; DROP TABLE program;
+    let before = "DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program;
                   ALTER TABLE robot DROP COLUMN model; PRAGMA user_version = 1;";
     raw.execute_batch(before).unwrap();
     drop(raw);

@@ -223,7 +223,12 @@ impl Store for Memory {
         let id = self.last_run + 1;
         self.append(&[new.record(id)])?;
         self.last_run = id;
-        let kept = KeptRun { hash: new.hash, run: Run { run_id: id, ..new.run.clone() }, answer: None, ended: false };
+        let kept = KeptRun {
+            hash: new.hash,
+            run: Run { run_id: id, ..new.run.clone() },
+            answer: None,
+            ended: false,
+        };
         let of = (new.caller.clone(), new.key.clone());
         self.runs.insert(id, MemoryRun { robot: new.robot.clone(), of, made: new.now, owed: true, kept });
         Ok(Begun::New(id))

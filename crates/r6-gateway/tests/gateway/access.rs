@@ -83,7 +83,13 @@ fn described() -> Vec<(String, String)> {
 fn needs(method: &str, path: &str) -> (Needs, String) {
     let row = ROUTES.iter().find(|(m, p, _)| *m == method && *p == path);
     let Some((_, _, needs)) = row else { panic!("{method} {path} has no row in this test") };
-    (*needs, path.replace("{name}", "press").replace("{number}", "press").replace("{program}", "pick").replace("{run}", "1"))
+    (
+        *needs,
+        path.replace("{name}", "press")
+            .replace("{number}", "press")
+            .replace("{program}", "pick")
+            .replace("{run}", "1"),
+    )
 }
 
 /// The status of a request that is allowed, and that has a body with no field of the route.

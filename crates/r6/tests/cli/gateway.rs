@@ -15,14 +15,7 @@ fn call(gateway: &str, token: &str, method: &str, path: &str, body: &str) -> (u1
 }
 
 /// The same, with these lines of the head besides.
-fn call_with(
-    gateway: &str,
-    token: &str,
-    method: &str,
-    path: &str,
-    lines: &str,
-    body: &str,
-) -> (u16, Value) {
+fn call_with(gateway: &str, token: &str, method: &str, path: &str, lines: &str, body: &str) -> (u16, Value) {
     let host = gateway.strip_prefix("http://").unwrap();
     let mut stream = TcpStream::connect(host).unwrap();
     let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{lines}");
@@ -147,7 +140,11 @@ fn a_run_that_a_kill_cuts_short_is_stopped_first_at_the_next_start_and_never_run
     let (_second, url) = gateway(&data, &["--robot", &named]);
     let path = format!("/v1/robots/press/runs/{}", begun["run_id"]);
     let ended = get(&url, &admin, &path).1;
-    assert_eq!((&ended["state"], &ended["because"]), (&"unknown".into(), &"gateway_killed".into()), "{ended}");
+    assert_eq!(
+        (&ended["state"], &ended["because"]),
+        (&"unknown".into(), &"gateway_killed".into()),
+        "{ended}"
+    );
     is_up(&url);
     until(|| (values(&url) == (false.into(), 0.into())).then_some(()));
     // The same request gets the same answer, and nothing moves.
@@ -155,7 +152,8 @@ fn a_run_that_a_kill_cuts_short_is_stopped_first_at_the_next_start_and_never_run
     assert_eq!(again, (202, begun));
     assert_eq!(values(&url), (false.into(), 0.into()));
     // Another one runs, once the list is stopped.
-    let next = serde_json::json!({ "program": step(0).replace("speed = 1", "speed = 100"), "lease": acquire(&url) });
+    let next =
+        serde_json::json!({ "program": step(0).replace("speed = 1", "speed = 100"), "lease": acquire(&url) });
     let next = until(|| {
         let (status, next) = run(&url, "two", &next.to_string());
         (status == 202).then_some(next)
@@ -172,7 +170,7 @@ fn a_run_that_a_kill_cuts_short_is_stopped_first_at_the_next_start_and_never_run
 #[test]
 fn a_request_for_a_run_that_a_kill_leaves_without_answer_is_unknown_and_not_sent_again() {
     // Each list is answered after a minute, so the gateway is killed before.
-    let delays = Delays { command: Duration::from_secs(60), ..Delays::default() };
+    let delays = Delays { list: Duration::from_secs(60), ..Delays::default() };
     let (robot, controller) = hostile(Character { arms_itself: true, delays, ..Character::default() });
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data").display().to_string();
