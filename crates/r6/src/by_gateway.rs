@@ -1,6 +1,7 @@
 //! Robots that are reached by a gateway (`--gateway-url URL`): its requests, and what its answers mean for an
 //! exit code.
 
+use std::hash::{BuildHasher, RandomState};
 use std::net::IpAddr;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -11,8 +12,8 @@ use hyper::body::Bytes;
 use hyper::header::{AUTHORIZATION, CONTENT_TYPE, HOST};
 use hyper::{Method, Request, StatusCode, Uri};
 use r6_api::gateway::{
-    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Queried, RobotState, Robots, Stopped,
-    WithLease,
+    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Queried, RobotState, Robots, Run, RunRequest,
+    Stopped, WithLease,
 };
 use r6_api::{Code, Problem};
 use r6_gateway::DEFAULT_PORT;
@@ -216,15 +217,17 @@ impl Gateway {
     }
 
     async fn read<T: DeserializeOwned>(&self, path: &str) -> Result<T, Failure> {
-        let body = self.ask(Method::GET, path, &(), Exit::NoReply).await?;
+        let body = self.ask(Method::GET, path, None, &(), Exit::NoReply).await?;
         serde_json::from_slice(&body).map_err(|error| self.unclear(path, &error.to_string(), Exit::NoReply))
     }
 
-    /// Sends one request, and returns the body of a good answer. `lost`: how the run ends without an answer.
+    /// Sends one request, and returns the body of a good answer. `key`: its `Idempotency-Key`. `lost`: how the
+    /// run ends without an answer.
     async fn ask(
         &self,
         method: Method,
         path: &str,
+        key: Option<&str>,
         body: &impl Serialize,
         lost: Exit,
     ) -> Result<Bytes, Failure> {
@@ -235,7 +238,12 @@ impl Gateway {
             .uri(path)
             .header(HOST, self.authority())
             .header(AUTHORIZATION, format!("Bearer {}", self.token))
-            .header(CONTENT_TYPE, "application/json")
+            .header(CONTENT_TYPE, "application/json");
+        let request = match key {
+            Some(key) => request.header("Idempotency-Key", key),
+            None => request,
+        };
+        let request = request
             .body(Full::new(Bytes::from(body)))
             .map_err(|error| Failure::usage(format!("no such request: {error}")))?;
         match self.http.ask(request).await {
@@ -341,20 +349,50 @@ impl GatewayRobot {
         let lease: Lease = self.post("/lease", &LeaseRequest::default()).await?;
         let done = work(&lease).await;
         // It ends by itself within 10 s if this fails.
-        let with = WithLease { lease: lease.lease };
-        let _ = self.gateway.ask(Method::DELETE, &self.path("/lease"), &with, Exit::Unknown).await;
+        let _ = self.release(&lease.lease).await;
         done
+    }
+
+    /// Gives the lease back.
+    pub async fn release(&self, lease: &LeaseKey) -> Result<(), Failure> {
+        let with = WithLease { lease: lease.clone() };
+        let path = self.path("/lease");
+        self.gateway.ask(Method::DELETE, &path, None, &with, Exit::Unknown).await.map(drop)
+    }
+
+    /// Renews the lease.
+    pub async fn renew(&self, lease: &LeaseKey) -> Result<Lease, Failure> {
+        self.post("/lease", &LeaseRequest { renew: Some(lease.clone()), ..LeaseRequest::default() }).await
+    }
+
+    /// Runs a program. The answer comes once the controller accepted the first list. The request is sent once.
+    pub async fn run(&self, request: &RunRequest) -> Result<Run, Failure> {
+        // Each hasher of the standard library has keys from the system's random numbers.
+        let draw = || RandomState::new().hash_one(0);
+        let key = format!("{:016x}{:016x}", draw(), draw());
+        let path = self.path("/programs/run");
+        let answer = self.gateway.ask(Method::POST, &path, Some(&key), request, Exit::Unknown).await?;
+        serde_json::from_slice(&answer)
+            .map_err(|error| self.gateway.unclear(&path, &error.to_string(), Exit::Unknown))
+    }
+
+    /// A run as it stands.
+    pub async fn run_of(&self, id: u64) -> Result<Run, Failure> {
+        self.gateway.read(&self.path(&format!("/runs/{id}"))).await
     }
 
     /// Lets the robot move again after a stop.
     pub async fn clear_stopped(&self, lease: &LeaseKey) -> Result<(), Failure> {
         let with = WithLease { lease: lease.clone() };
-        self.gateway.ask(Method::POST, &self.path("/clear-stopped"), &with, Exit::Unknown).await.map(drop)
+        self.gateway
+            .ask(Method::POST, &self.path("/clear-stopped"), None, &with, Exit::Unknown)
+            .await
+            .map(drop)
     }
 
     async fn post<T: DeserializeOwned>(&self, what: &str, body: &impl Serialize) -> Result<T, Failure> {
         let path = self.path(what);
-        let answer = self.gateway.ask(Method::POST, &path, body, Exit::Unknown).await?;
+        let answer = self.gateway.ask(Method::POST, &path, None, body, Exit::Unknown).await?;
         serde_json::from_slice(&answer)
             .map_err(|error| self.gateway.unclear(&path, &error.to_string(), Exit::Unknown))
     }

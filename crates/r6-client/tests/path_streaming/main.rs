@@ -9,6 +9,7 @@ mod cell;
 mod relay;
 
 mod ends;
+mod gated;
 mod guarded;
 mod honest;
 mod long;

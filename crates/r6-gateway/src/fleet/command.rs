@@ -165,7 +165,7 @@ impl Station {
             untold(Problem::new(Code::Overloaded, "too many commands of this robot are under way"))
         })?;
         let effect = order.effect();
-        self.seat(|seat, now| seat.check(now, key, effect)).map_err(|denied| untold(denied.into()))?;
+        self.seat(|seat, now| seat.check_order(now, key, &order)).map_err(|denied| untold(denied.into()))?;
         let robot = self.robot.borrow().clone();
         let robot =
             robot.ok_or_else(|| untold(Problem::new(Code::NotReady, "there is no connection yet")))?;

@@ -32,8 +32,8 @@ use crate::clock;
 use crate::core::library::ProgramName;
 use crate::core::seat::{Cut, Key, Left, Ticket};
 use crate::problem::Problem;
-use crate::store::Author;
 use crate::store::runs::{Begun, KeptRun, MAX_RUNS, NewRun};
+use crate::store::{Author, Keeper, StoreError};
 
 /// How many steps are in the list of the controller at most. The arm finishes them if the gateway or the link
 /// dies, so they are few.
@@ -239,7 +239,7 @@ impl Station {
             let now = *progress.borrow_and_update();
             self.see(under_way, now);
             if now.accepted > 0 && under_way.answer.is_some() {
-                self.answer(under_way, Ok(under_way.run.clone())).await;
+                self.answer(under_way);
             }
             if now.ended {
                 break;
@@ -333,24 +333,20 @@ impl Station {
         }
     }
 
-    /// Answers the request for a run, once. The store has the answer before.
-    async fn answer(&self, under_way: &mut UnderWay, answer: Result<Run, Problem>) {
+    /// Tells the caller that the run began. The store has that before. Nothing waits for it here, because a
+    /// stop must not wait for the disk.
+    fn answer(&self, under_way: &mut UnderWay) {
         let Some(to) = under_way.answer.take() else { return };
-        let kept = match &answer {
-            Ok(run) => Answer::Began(run.clone()),
-            Err(Problem { code, message, .. }) => {
-                Answer::Refused(Told { code: *code, message: message.clone() })
+        let (keeper, answer) = (self.shared.keeper.clone(), Ok(under_way.run.clone()));
+        tokio::spawn(async move {
+            // Without it, the same request is answered with `outcome_unknown` later.
+            let kept = timeout(WRITE_WITHIN, keep_answer(&keeper, &answer)).await;
+            if !matches!(kept, Ok(Ok(()))) {
+                tracing::error!("the answer to the request for a run was not kept");
             }
-        };
-        // Without it, the same request is answered with `outcome_unknown` later.
-        if let Ok(text) = serde_json::to_string(&kept) {
-            let keeps = self.shared.keeper.answer_run(under_way.run.run_id, text);
-            if !matches!(timeout(WRITE_WITHIN, keeps).await, Ok(Ok(()))) {
-                tracing::error!(robot = self.name(), "the answer to a request for a run was not kept");
-            }
-        }
-        // The caller may have gone.
-        let _ = to.send(answer);
+            // The caller may have gone.
+            let _ = to.send(answer.map_err(|(_, problem)| problem));
+        });
     }
 
     /// Ends a run: the store has its end, then the robot is free.
@@ -368,9 +364,19 @@ impl Station {
         self.counts.count_run(state);
         let deed = Deed::RunOutcome { run: run_id, state, because, done, detail };
         let record = self.record(&under_way.by, deed.clone());
+        let run = run.clone();
+        let Problem { code, message, .. } = problem;
+        let answer = if run.accepted > 0 || state == RunState::Done {
+            Ok(run.clone())
+        } else {
+            Err((run_id, Problem::new(code, format!("{message} (run {run_id})"))))
+        };
         let owed = left == Left::OutOfReach;
         let written = async {
             self.write_pending().await?;
+            if under_way.answer.is_some() {
+                keep_answer(&self.shared.keeper, &answer).await?;
+            }
             self.shared.keeper.end_run(run.clone(), owed, vec![record]).await
         };
         if !matches!(timeout(WRITE_WITHIN, written).await, Ok(Ok(()))) {
@@ -378,20 +384,15 @@ impl Station {
             tracing::error!(robot = self.name(), run = run_id, "the end of a run was not kept");
             self.note(&under_way.by, deed);
         }
-        let run = run.clone();
         self.seat(|seat, _| {
             // A reader that learns of the end can begin the next run at once.
-            self.runs.send_replace(Some(run.clone()));
+            self.runs.send_replace(Some(run));
             self.publish(Happened::RunEnded { run_id, state, because, done });
             seat.end_run(under_way.ticket, left);
         });
-        let answer = if run.accepted > 0 || state == RunState::Done {
-            Ok(run)
-        } else {
-            let Problem { code, message, .. } = problem;
-            Err(Problem::new(code, format!("{message} (run {run_id})")))
-        };
-        self.answer(&mut under_way, answer).await;
+        if let Some(to) = under_way.answer.take() {
+            let _ = to.send(answer.map_err(|(_, problem)| problem));
+        }
     }
 
     /// A run with its present progress.
@@ -463,6 +464,18 @@ impl Station {
             tracing::error!(robot = self.name(), %error, "it was not kept that a list was stopped");
         }
     }
+}
+
+/// Keeps the answer to the request for a run: the run, or its number and the problem.
+async fn keep_answer(keeper: &Keeper, answer: &Result<Run, (u64, Problem)>) -> Result<(), StoreError> {
+    let (run_id, answer) = match answer {
+        Ok(run) => (run.run_id, Answer::Began(run.clone())),
+        Err((run_id, Problem { code, message, .. })) => {
+            (*run_id, Answer::Refused(Told { code: *code, message: message.clone() }))
+        }
+    };
+    let text = serde_json::to_string(&answer).map_err(|error| StoreError::Unreadable(error.to_string()))?;
+    keeper.answer_run(run_id, text).await
 }
 
 /// The answer to a request that came before.

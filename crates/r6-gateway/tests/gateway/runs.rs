@@ -70,6 +70,13 @@ impl Hall {
         (signal(&asked, "isMoving")["value"] == false) && (signal(&asked, "RemoteCmdLen")["value"] == 0)
     }
 
+    /// Starts the program of the controller again, which a stop ends: it takes lists only while that runs.
+    async fn start_again(&self, lease: &Value) {
+        let (status, done) = self.command(&self.operator, "press", lease, "startButton").await;
+        assert_eq!(status, 200, "{done}");
+        self.until("press", |state| signal(state, "curMode")["value"] == 7).await;
+    }
+
     /// A lease of this many seconds.
     async fn long_lease(&self, seconds: u64) -> Value {
         let (status, lease) =
@@ -121,9 +128,7 @@ async fn the_arm_ends_where_the_program_says_and_a_request_that_comes_twice_runs
     let mut kinds = Vec::new();
     while kinds.last().is_none_or(|kind| kind != "run_ended") {
         let event = events.next().await.unwrap().data;
-        if event["event"].as_str().unwrap().starts_with("run_") {
-            kinds.push(event["event"].as_str().unwrap().to_owned());
-        }
+        kinds.extend(event["event"].as_str().filter(|kind| kind.starts_with("run_")).map(str::to_owned));
     }
     assert_eq!((kinds.first().unwrap().as_str(), kinds.last().unwrap().as_str()), ("run_began", "run_ended"));
 }
@@ -203,6 +208,7 @@ async fn what_cannot_be_run_is_refused_before_anything_is_sent() {
     // None of these used the key up.
     let clear = json!({ "lease": lease });
     assert_eq!(hall.post(&hall.operator, "/v1/robots/press/clear-stopped", &clear).await.0, 204);
+    hall.start_again(&lease).await;
     let reply = hall.run(&hall.operator, "a", &good).await;
     assert_eq!(reply.status, 202, "{}", reply.body);
     assert_eq!(hall.until_over(reply.body["run_id"].as_u64().unwrap()).await["state"], "done");
@@ -220,6 +226,7 @@ async fn a_lease_that_expires_stops_the_arm_and_is_free_once_it_stands() {
     assert!(hall.stands().await);
     // The next holder can begin at once: no person stopped it.
     let lease = hall.long_lease(60).await;
+    hall.start_again(&lease).await;
     let next = hall.begin(&lease, &moves(100, &[1.0])).await;
     assert_eq!(hall.until_over(next).await["state"], "done");
     let audit = hall.audit().await;
@@ -293,7 +300,8 @@ async fn one_run_has_the_robot_and_only_what_does_not_disturb_it_is_sent() {
     let mut log = hall.robots[0].handle().log();
     for (words, status) in [
         ("modifyGSPD 90", 200),
-        ("modifyOutput 0 3 1", 200),
+        ("modifyCounter 1 5 0", 200),
+        ("modifyOutput 0 3 1", 409),
         ("startButton", 409),
         ("switchTool 1", 409),
         ("switchMold other", 409),
@@ -304,7 +312,7 @@ async fn one_run_has_the_robot_and_only_what_does_not_disturb_it_is_sent() {
             assert_eq!(problem["code"], "run_under_way", "{words}");
         }
     }
-    assert_eq!(commands(&mut log), ["modifyGSPD", "modifyOutput"]);
+    assert_eq!(commands(&mut log), ["modifyGSPD", "modifyCounter"]);
     let number = won.body["run_id"].as_u64().unwrap();
     let renew = json!({ "renew": lease, "duration_ms": 60_000 });
     assert_eq!(hall.post(&hall.operator, LEASE, &renew).await.0, 200);
@@ -346,17 +354,15 @@ async fn a_robot_that_comes_back_is_stopped_first_and_its_run_is_unknown() {
         Some("actionStop"),
         "first of all it is stopped"
     );
-    // The run is never resumed, and the holder of the lease can go on.
+    // The run is never resumed, and the holder of the lease can go on once that stop has ended.
+    hall.until_audited(|entry| entry["what"] == "stop" && entry["confirmed"] == true).await;
     let begun = Instant::now();
-    let next = loop {
-        let body = json!({ "program": moves(100, &[0.0]), "lease": lease });
-        let reply = hall.run(&hall.operator, "next", &body).await;
-        if reply.status == 202 {
-            break reply.body["run_id"].as_u64().unwrap();
-        }
-        assert!(begun.elapsed() < PATIENCE, "{}", reply.body);
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    };
+    while hall.command(&hall.operator, "press", &lease, "modifyGSPD 100").await.0 != 200 {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    hall.start_again(&lease).await;
+    let next = hall.begin(&lease, &moves(100, &[0.0])).await;
     assert_eq!(hall.until_over(next).await["state"], "done");
     assert_eq!(hall.run_of(number).await, run);
 }
@@ -404,6 +410,7 @@ async fn a_gateway_that_ends_stops_the_arm_first() {
     assert_eq!((&run["state"], &run["because"]), (&json!("stopped"), &json!("gateway_ended")), "{run:#}");
     hall.until_up("press").await;
     let lease = hall.long_lease(60).await;
+    hall.start_again(&lease).await;
     let next = hall.begin(&lease, &moves(100, &[1.0])).await;
     assert!(number < next);
     assert_eq!(hall.until_over(next).await["state"], "done");

@@ -33,7 +33,16 @@ _SILENCE = 40.0
 """Seconds without a byte after which a stream counts as lost. The gateway sends something every 15 s."""
 
 _AGAIN = frozenset(
-    {"leased", "not_ready", "too_many_requests", "overloaded", "store_unavailable", "unreachable"}
+    {
+        "leased",
+        "run_under_way",
+        "in_progress",
+        "not_ready",
+        "too_many_requests",
+        "overloaded",
+        "store_unavailable",
+        "unreachable",
+    }
 )
 """Reasons of what was not sent that can pass by themselves."""
 

@@ -72,7 +72,8 @@ impl From<&QueryResult> for Readings {
 /// The text of a value that a gateway told.
 pub fn told(address: &str, value: AddressValue) -> String {
     let json = || serde_json::to_value(&value).map_or_else(|_| "?".to_owned(), |json| json.to_string());
-    let read = address.parse().ok().and_then(|address| Some((address, reading(address, value.clone()).ok()?)));
+    let read =
+        address.parse().ok().and_then(|address| Some((address, reading(address, value.clone()).ok()?)));
     read.map_or_else(json, |(address, reading)| value_text(address, &Ok(reading)))
 }
 

@@ -217,3 +217,46 @@ fn tls_is_checked_against_the_file() {
     let no_file = hall.r6(&["--ca-file", hall.token.path(), "query", "curMode"]);
     assert!(no_file.err.contains("no certificate in PEM"), "{}", no_file.err);
 }
+
+#[test]
+fn a_program_runs_over_a_gateway_to_its_end_and_an_interrupt_stops_the_arm() {
+    let robot = Robot::start(&[]);
+    let hall = Hall::start("hall-7", &[&format!("press={}", robot.address())], "operator", &[]);
+    let turn = |name: &str, degrees: f64, speed: f64| {
+        let step = format!(
+            "[[instruction]]\ndo = \"axis-move\"\nto = [{degrees}, 0, 0, 0, 0, 0]\nspeed = {speed}\n"
+        );
+        TempFile::new(name, &step)
+    };
+    let file = turn("hall-7-quick.toml", 10.0, 80.0);
+    let done = hall.r6(&["run", file.path(), "--json"]);
+    assert_eq!(done.code, 0, "{done:?}");
+    let last: Value = serde_json::from_str(done.last_line()).unwrap();
+    assert_eq!((&last["event"], &last["run"]["state"]), (&"ended".into(), &"done".into()), "{last}");
+    assert_eq!(robot.value("axis-0"), 10.0);
+
+    let file = turn("hall-7-slow.toml", -100.0, 1.0);
+    let token = ["-g", &hall.url, "--token-file", hall.token.path()];
+    let mut running = Running::start(&[&token[..], &["run", file.path(), "--json"]].concat());
+    assert_eq!(running.event().unwrap()["event"], "accepted");
+    until(|| (robot.value("isMoving") == true).then_some(()));
+    running.signal("INT");
+    let last = std::iter::from_fn(|| running.event()).last().unwrap();
+    assert_eq!(
+        (&last["event"], &last["run"]["because"]),
+        (&"ended".into(), &"lease_released".into()),
+        "{last}"
+    );
+    assert_eq!(last["run"]["state"], "stopped");
+    assert_eq!(running.code(), Some(1));
+    assert_eq!(robot.value("isMoving"), false);
+    let stands = robot.value("axis-0").as_f64().unwrap();
+    assert!(stands > -99.0, "{stands}");
+
+    let taught = TempFile::new("hall-7-wrong.toml", "[[instruction]]\ndo = \"axis-mov\"\n");
+    let wrong = hall.r6(&["run", taught.path()]);
+    assert_eq!(wrong.code, 2);
+    assert!(wrong.err.contains("hall-7-wrong.toml:2:"), "{}", wrong.err);
+    let append = hall.r6(&["run", file.path(), "--append"]);
+    assert!(append.err.contains("--append does not go over a gateway"), "{}", append.err);
+}

@@ -170,7 +170,7 @@ fn a_run_that_a_kill_cuts_short_is_stopped_first_at_the_next_start_and_never_run
 #[test]
 fn a_request_for_a_run_that_a_kill_leaves_without_answer_is_unknown_and_not_sent_again() {
     // Each list is answered after a minute, so the gateway is killed before.
-    let delays = Delays { command: Duration::from_secs(60), ..Delays::default() };
+    let delays = Delays { list: Duration::from_secs(60), ..Delays::default() };
     let (robot, controller) = hostile(Character { arms_itself: true, delays, ..Character::default() });
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data").display().to_string();

@@ -146,11 +146,20 @@ impl Seat {
     /// [`Denied`].
     pub fn permit(&mut self, now: Instant, key: Key, order: impl Into<Order>) -> Result<Permit, Denied> {
         let order = order.into();
+        self.check_order(now, key, &order)?;
+        self.permit_any(now, key, order)
+    }
+
+    /// Whether this command or list would be permitted now.
+    ///
+    /// # Errors
+    /// [`Denied`].
+    pub fn check_order(&mut self, now: Instant, key: Key, order: &Order) -> Result<(), Denied> {
         if self.has_run() && order.disturbs_run() {
             self.held(now, key)?;
             return Err(Denied::RunUnderWay);
         }
-        self.permit_any(now, key, order)
+        self.check(now, key, order.effect())
     }
 
     /// As [`Self::permit`], also for the run that has the robot.
