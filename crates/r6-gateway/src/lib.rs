@@ -57,6 +57,8 @@ mod raw_port;
 mod secret;
 mod shell;
 #[cfg(feature = "simulation")]
+mod simulated;
+#[cfg(feature = "simulation")]
 pub mod simulation;
 mod store;
 mod tokens;
