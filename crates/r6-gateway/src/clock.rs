@@ -9,7 +9,7 @@ use crate::core::history::sample::Micros;
 /// The time since the system started. It goes on while the machine sleeps, so that no lease outlives a sleep.
 pub fn now() -> Instant {
     #[cfg(feature = "simulation")]
-    if let Some(time) = crate::simulation::time() {
+    if let Some(time) = crate::simulated::time() {
         return Instant::ORIGIN + time;
     }
     since_boot()
@@ -18,7 +18,7 @@ pub fn now() -> Instant {
 /// The time of day of the system.
 pub fn today() -> SystemTime {
     #[cfg(feature = "simulation")]
-    if let Some(today) = crate::simulation::today() {
+    if let Some(today) = crate::simulated::today() {
         return today;
     }
     SystemTime::now()

@@ -59,6 +59,8 @@ mod secret;
 mod settings;
 mod shell;
 #[cfg(feature = "simulation")]
+mod simulated;
+#[cfg(feature = "simulation")]
 pub mod simulation;
 mod store;
 mod tokens;

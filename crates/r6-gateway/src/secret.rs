@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 /// The system has no random numbers.
 pub fn fill(bytes: &mut [u8]) -> Result<(), getrandom::Error> {
     #[cfg(feature = "simulation")]
-    if crate::simulation::fill(bytes) {
+    if crate::simulated::fill(bytes) {
         return Ok(());
     }
     getrandom::fill(bytes)

@@ -484,12 +484,22 @@ speed = {speed}
 """
 
 
+def start_again(arm: r6.GatewayRobot, lease: r6.GatewayLease) -> None:
+    """Starts the program of the controller, which a stop of another test has ended: it takes no lists before."""
+    if lease.is_stopped:
+        lease.clear_stopped()
+    lease.command("startButton", run_leftover=True)
+    end = monotonic() + 30
+    while arm.query("curMode")["curMode"].value != 7:
+        assert monotonic() < end
+        sleep(0.02)
+
+
 def test_a_program_runs_once_and_its_end_is_proved(operator: r6.Gateway) -> None:
     arm = operator.robot("arm")
     text = MOVES.format(first=5, second=8, speed=100)
     with arm.lease(2) as lease:
-        if lease.is_stopped:
-            lease.clear_stopped()
+        start_again(arm, lease)
         run = lease.run(text, repeat=2, key="once")
         assert run.wait(60).is_done and run.because == "finished" and (run.done, run.steps) == (4, 4)
         assert arm.query("axis-0")["axis-0"].value == pytest.approx(8)
@@ -512,6 +522,7 @@ def test_a_program_runs_once_and_its_end_is_proved(operator: r6.Gateway) -> None
 def test_waiting_for_a_run_renews_its_lease_and_giving_it_back_stops_the_arm(operator: r6.Gateway) -> None:
     arm = operator.robot("arm")
     with arm.lease(2) as lease:
+        start_again(arm, lease)
         run = lease.run(MOVES.format(first=60, second=-60, speed=1))
         with pytest.raises(TimeoutError):
             run.wait(3)

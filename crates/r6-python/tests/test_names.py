@@ -40,6 +40,7 @@ ELSEWHERE = {
     "Keep": "Robot.write_registers",
     "LinkState": "LinkQuality",
     "ListAfterStop": "StopReport",
+    "ListGate": " the gateway asks for a permit with it",
     "Liveness": "RobotSettings",
     "LostReason": "ConnectionLost",
     "MAX_STEPS": "Motion",

@@ -28,7 +28,7 @@ const ENDS_WITHIN: Duration = Duration::from_secs(200);
 const SEGMENTS: usize = 512;
 
 /// The same in worlds with a gateway, whose readers may read nothing for some seconds.
-const SEGMENTS_OF_A_GATEWAY: usize = 32;
+const SEGMENTS_OF_A_GATEWAY: usize = 16;
 
 /// The promises that only worlds with a gateway check.
 const OF_GATEWAYS: [Promise; 2] = [Promise::I8, Promise::I12];

@@ -9,6 +9,10 @@ use r6_world::world::{self, Outcome};
 /// The classes that only worlds with a gateway have.
 const OWN: [Class; 7] = [Class::G1, Class::G5, Class::G6, Class::G10, Class::G13, Class::S4, Class::S5];
 
+/// Worlds that see breaks of `breaks.toml` which the first ones do not see: in both a command is not
+/// acknowledged while its lease goes on.
+const SEE: [u64; 2] = [38, 49];
+
 fn run(seed: u64) -> Outcome {
     world::catch_panics();
     world::run_plan(Plan::with_gateway(seed), false)
@@ -34,6 +38,11 @@ fn worlds_with_a_gateway_hold_and_every_fault_of_them_is_felt() {
     let promises = [I4, I5, I6, I7, I8, I10, I12, Meant, Once, Recovery];
     let unseen = promises.iter().filter(|promise| tally.checks[promise.index()] < 20);
     assert_eq!(unseen.collect::<Vec<_>>(), Vec::<&Promise>::new(), "of {}", PROMISES.len());
+}
+
+#[test]
+fn worlds_with_a_gateway_that_see_a_break_hold() {
+    hold(SEE);
 }
 
 /// The same seed gives the same bytes on every wire, the same answers and the same log.

@@ -10,7 +10,7 @@ pub enum Roads {
     Tcp,
     /// The network of a simulation.
     #[cfg(feature = "simulation")]
-    Simulated(crate::simulation::Roads),
+    Simulated(crate::simulated::Roads),
 }
 
 impl Roads {

@@ -600,8 +600,8 @@ fn a_key_runs_a_program_once_and_the_audit_log_has_intent_and_outcome() {
         assert_eq!(store.run(&press, number).unwrap(), Some(open.clone()));
         assert_eq!(store.run(&RobotName::new("saw").unwrap(), number).unwrap(), None);
         assert_eq!(store.run(&press, u64::MAX).unwrap(), None);
-        assert_eq!(store.open_runs().unwrap(), [open.run.clone()]);
-        assert_eq!(store.owed_stops().unwrap(), [press.clone()]);
+        assert_eq!(store.open_runs().unwrap(), std::slice::from_ref(&open.run));
+        assert_eq!(store.owed_stops().unwrap(), std::slice::from_ref(&press));
 
         store.answer_run(number, "{}").unwrap();
         let (run, record) = ended(open.run.clone());
@@ -647,9 +647,9 @@ fn runs_go_after_a_day_but_not_while_they_are_open_or_a_stop_is_owed() {
         let again = begin(store, &new_run("token 1", "done", 1_001 + KEPT));
         assert!(numbers[2] < again);
 
-        assert_eq!(store.owed_stops().unwrap(), [press.clone()]);
+        assert_eq!(store.owed_stops().unwrap(), std::slice::from_ref(&press));
         store.pay_stop(&press).unwrap();
-        assert_eq!(store.owed_stops().unwrap(), [press.clone()], "open runs still owe it");
+        assert_eq!(store.owed_stops().unwrap(), std::slice::from_ref(&press), "open runs still owe it");
         for run in store.open_runs().unwrap() {
             let (run, record) = ended(run);
             store.end_run(&run, true, &[record]).unwrap();

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use r6_controller::fault::{Fault, LinkFault};
+use r6_controller::fault::{Fault, LinkFault, TaskFault};
 use r6_controller::scenario::{Scenario, Window};
 use r6_traffic::random::Random;
 
@@ -207,8 +207,8 @@ impl Draw {
         }
     }
 
-    fn link_fault(&mut self, robot: usize, fault: LinkFault, chance: f64, (from, to): (Duration, Duration)) {
-        let window = Window { fault: Fault::Link(fault), from, lasts: Some(to - from), chance };
+    fn fault(&mut self, robot: usize, fault: Fault, chance: f64, (from, to): (Duration, Duration)) {
+        let window = Window { fault, from, lasts: Some(to - from), chance };
         self.plan.robots[robot].scenario.faults.push(window);
         self.hall.unsound[robot].push((from, to + SETTLES));
     }
@@ -219,7 +219,10 @@ impl Draw {
         let latency = LinkFault::Latency { to_controller: delay, to_client: delay, spread: ms(500) };
         let fault = self.pick_fault(&[latency, LinkFault::Silence, LinkFault::Slow { bytes_per_second: 20 }]);
         let span = (CALM, CALM + SLOW_FOR);
-        self.link_fault(0, fault, 1.0, span);
+        self.fault(0, Fault::Link(fault), 1.0, span);
+        // People see that it is slow, and stop it.
+        self.caller(Part::Stopper, 0);
+        self.caller(Part::Stopper, 0);
         self.hall.slow = Some(span);
         self.plan.classes.push(Class::G1);
     }
@@ -230,19 +233,22 @@ impl Draw {
 
     /// A fault of the link of a robot, or of its power.
     fn robot_fault(&mut self) {
-        use Class::{C4, T1, T2, T3, T4, T5, T7, T8};
+        use Class::{C4, P10, T1, T2, T3, T4, T5, T7, T8};
+        let link = Fault::Link;
         let robot = self.any_robot();
         let short = self.random.up_to(ms(60));
         let late = self.random.up_to(ms(400));
         let latency = LinkFault::Latency { to_controller: short, to_client: late, spread: short };
         let all = [
-            (T1, LinkFault::Refuse, 1.0),
-            (T2, LinkFault::BlackHole, 1.0),
-            (T3, LinkFault::Silence, 1.0),
-            (T4, LinkFault::ResetMidFrame { after: None }, 0.1),
-            (T5, LinkFault::CloseBeforeReply, 0.1),
-            (T7, LinkFault::Pieces { bytes: 7 }, 1.0),
-            (T8, latency, 1.0),
+            (T1, link(LinkFault::Refuse), 1.0),
+            (T2, link(LinkFault::BlackHole), 1.0),
+            (T3, link(LinkFault::Silence), 1.0),
+            (T4, link(LinkFault::ResetMidFrame { after: None }), 0.1),
+            (T5, link(LinkFault::CloseBeforeReply), 0.1),
+            (T7, link(LinkFault::Pieces { bytes: 7 }), 1.0),
+            (T8, link(latency), 1.0),
+            (P10, Fault::Task(TaskFault::NotAcknowledged), 0.5),
+            (P10, Fault::Task(TaskFault::NotAcknowledged), 0.5),
         ];
         if self.random.strikes(0.3) {
             let (from, to) = self.span(800, 3000);
@@ -255,7 +261,7 @@ impl Draw {
         }
         let (class, fault, chance) = all[self.random.below(all.len())].clone();
         let span = self.span(400, 4000);
-        self.link_fault(robot, fault, chance, span);
+        self.fault(robot, fault, chance, span);
         self.plan.classes.push(class);
     }
 

@@ -151,13 +151,19 @@ fn a_run_that_a_kill_cuts_short_is_stopped_first_at_the_next_start_and_never_run
     let again = run(&url, "one", &body);
     assert_eq!(again, (202, begun));
     assert_eq!(values(&url), (false.into(), 0.into()));
-    // Another one runs, once the list is stopped.
-    let next =
-        serde_json::json!({ "program": step(0).replace("speed = 1", "speed = 100"), "lease": acquire(&url) });
-    let next = until(|| {
-        let (status, next) = run(&url, "two", &next.to_string());
-        (status == 202).then_some(next)
+    // Another one runs, once the list is stopped and the program of the controller was started again.
+    let lease = acquire(&url);
+    let start = serde_json::json!({ "command": "startButton", "lease": lease }).to_string();
+    until(|| (call(&url, &admin, "POST", "/v1/robots/press/commands", &start).0 == 200).then_some(()));
+    until(|| {
+        let mode =
+            get(&url, &admin, "/v1/robots/press/query?address=curMode").1["signals"][0]["value"].clone();
+        (mode == 7).then_some(())
     });
+    let text = step(0).replace("speed = 1", "speed = 100");
+    let next = serde_json::json!({ "program": text, "lease": lease }).to_string();
+    let (status, next) = run(&url, "two", &next);
+    assert_eq!(status, 202, "{next}");
     let path = format!("/v1/robots/press/runs/{}", next["run_id"]);
     until(|| (get(&url, &admin, &path).1["state"] == "done").then_some(()));
     let entries = get(&url, &admin, "/v1/audit?limit=1000").1["entries"].as_array().unwrap().clone();

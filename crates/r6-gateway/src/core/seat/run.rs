@@ -144,9 +144,12 @@ impl Seat {
         }
     }
 
-    /// Ends the lease before the robot is configured anew, so that a run is stopped over its connection.
+    /// Ends the lease of a run before the robot is configured anew, so that the run is stopped over its
+    /// connection.
     pub fn will_be_reconfigured(&mut self) {
-        self.end_lease(LeaseEnd::Reconfigured);
+        if self.has_run() {
+            self.end_lease(LeaseEnd::Reconfigured);
+        }
     }
 
     /// Cuts the run short, if there is one. The first cause counts, except that a robot that comes out of

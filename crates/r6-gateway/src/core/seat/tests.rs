@@ -320,6 +320,8 @@ proptest! {
                         (false, 0) => Command::ModifyGspd { percent: 5.0 }.into(),
                         (false, _) => Order::List { replace: true, steps: Vec::new() },
                     };
+                    // With an even number it is a start or a change of the speed, else a list.
+                    let is_busy = model.run.is_some() && (moves || number % 2 == 1);
                     let permit = seat.permit(now, key, order);
                     let seen = model.seen.is_some_and(|(at, manual)| now.since(at) <= FRESH_FOR && !manual);
                     let permitted = model.holds(now, key)
@@ -328,7 +330,7 @@ proptest! {
                         && !model.is_stranger()
                         && !model.closed
                         && !model.owes_stop
-                        && !(model.run.is_some() && (moves || number % 2 == 1))
+                        && !is_busy
                         && seen;
                     prop_assert_eq!(permit.is_ok(), permitted, "{:?}", permit);
                     if let Ok(permit) = permit {

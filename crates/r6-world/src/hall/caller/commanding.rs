@@ -168,11 +168,12 @@ impl Work {
         }
     }
 
-    /// Stops any robot, again and again.
+    /// Stops its robot or any other, again and again.
     pub(super) async fn stop_often(&mut self) {
         while !self.is_over() {
             self.rest(5000).await;
-            let robot = self.random.below(self.robots());
+            let any = self.random.below(self.robots());
+            let robot = if self.random.strikes(0.5) { self.plan.robot } else { any };
             self.stop(robot).await;
         }
     }

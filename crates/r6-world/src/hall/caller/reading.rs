@@ -35,7 +35,7 @@ impl Work {
         let _ = timeout(until, reading).await;
         self.shared
             .tell(format_args!("caller-{index}: followed {total} bytes, and reads nothing for a time"));
-        let pause = ms(2000) + self.random.up_to(ms(8000));
+        let pause = ms(5000) + self.random.up_to(ms(9000));
         sleep(pause).await;
         // What waited in between, and then the end if the gateway has given it up.
         let rest = timeout(ms(1500), async {

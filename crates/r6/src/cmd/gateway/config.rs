@@ -228,7 +228,7 @@ mod tests {
             ],
         );
         let shift = "[[shift]]\nname = \"a\"\ndays = [\"mon\"]\nbegin = \"06:00\"\nend = \"14:00\"\n";
-        assert_told(shift, &[("hall.toml:1:", "needs the `time_zone` of [hall]")]);
+        assert_told(shift, &[("hall.toml:2:", "needs the `time_zone` of [hall]")]);
     }
 
     #[test]
