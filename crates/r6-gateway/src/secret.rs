@@ -1,5 +1,5 @@
-//! Random secrets of 256 bits: tokens, sessions, one-time links. Only their hashes are kept. Secrets of leases
-//! have 128 bits.
+//! Random secrets of 256 bits: tokens, sessions, one-time links. Only their hashes are kept. Secrets of
+//! leases have 128 bits.
 
 use sha2::{Digest, Sha256};
 

@@ -41,7 +41,8 @@ pub struct Running {
     _server: JoinSet<()>,
 }
 
-/// Starts a gateway on what the disk has. The gateway before, if there was one, can write nothing from now on.
+/// Starts a gateway on what the disk has. The gateway before, if there was one, can write nothing from now
+/// on.
 ///
 /// # Errors
 /// [`GatewayError`].

@@ -179,6 +179,8 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "secret",
         "settings",
         "shell",
+        "simulated",
+        "simulation",
         "store",
         "tokens",
     ];

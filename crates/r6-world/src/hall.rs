@@ -23,8 +23,8 @@ use crate::floor::SKEW;
 use crate::plan::{HallPlan, Part};
 use crate::record::Record;
 
-/// How long what belongs to a stop may leave after somebody asked for it: the client of the gateway takes 15 s
-/// at most, and a stop may wait 4 s for a connection.
+/// How long what belongs to a stop may leave after somebody asked for it: the client of the gateway takes
+/// 15 s at most, and a stop may wait 4 s for a connection.
 const STOP_LASTS: Duration = Duration::from_secs(25);
 
 /// A stop is saved soon after it was asked for. With a disk that works it is saved within this time.
@@ -88,7 +88,7 @@ struct Post {
     last_given: u64,
     /// When a stop was asked for last.
     stop_asked: Option<Duration>,
-    /// Since when a stop holds that was told as confirmed, and nobody asked to clear it.
+    /// Since when a stop holds that was told as confirmed, and no request to clear it was made.
     stopped: Option<Duration>,
     /// How many requests to clear a stop are under way, and when the last one was answered.
     clears: u32,
@@ -172,7 +172,7 @@ impl Hall {
         self.plan.is_sound(robot, at) && self.up_since.is_some_and(|since| since + STARTS_WITHIN < at)
     }
 
-    /// A value that nobody wrote yet.
+    /// A value that was never written.
     pub fn next_value(&mut self) -> i64 {
         self.last_value += 1;
         self.last_value

@@ -1,7 +1,6 @@
 //! Robots that are reached by a gateway (`--gateway-url URL`): its requests, and what its answers mean for an
 //! exit code.
 
-use std::hash::{BuildHasher, RandomState};
 use std::net::IpAddr;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -112,7 +111,7 @@ impl ByGateway {
             return Err(Failure::usage(format!(
                 "--gateway-url: everyone on the way to {host} could read the token"
             ))
-            .advise("use https, or --insecure-http on a network where nobody listens"));
+            .advise("use https, or --insecure-http on a network that you trust"));
         }
         let port = match uri.port() {
             Some(port) => port.as_str().parse().map_err(|_| wrong())?,
@@ -221,8 +220,8 @@ impl Gateway {
         serde_json::from_slice(&body).map_err(|error| self.unclear(path, &error.to_string(), Exit::NoReply))
     }
 
-    /// Sends one request, and returns the body of a good answer. `key`: its `Idempotency-Key`. `lost`: how the
-    /// run ends without an answer.
+    /// Sends one request, and returns the body of a good answer. `key`: its `Idempotency-Key`. `lost`: how
+    /// the run ends without an answer.
     async fn ask(
         &self,
         method: Method,
@@ -249,7 +248,7 @@ impl Gateway {
         match self.http.ask(request).await {
             Ok((status, body)) if status.is_success() => Ok(body),
             Ok((status, body)) => Err(match serde_json::from_slice::<Problem>(&body) {
-                Ok(problem) => failure(status, problem),
+                Ok(problem) => failure(status, problem, lost),
                 Err(_) => self.unclear(path, &format!("status {status}, and no problem of a gateway"), lost),
             }),
             Err(Lost::NotConnected(why)) => {
@@ -273,8 +272,8 @@ impl Gateway {
     }
 }
 
-/// What a problem of the gateway means for the run.
-fn failure(status: StatusCode, problem: Problem) -> Failure {
+/// What a problem of the gateway means for the run. `lost`: how the run ends if the gateway failed itself.
+fn failure(status: StatusCode, problem: Problem, lost: Exit) -> Failure {
     let Problem { code, message } = problem;
     let failure = match (code, status.as_u16()) {
         (Code::OutcomeUnknown | Code::NotStopped, _) => Failure::unknown(message),
@@ -286,6 +285,7 @@ fn failure(status: StatusCode, problem: Problem) -> Failure {
         }
         // What the caller may not do, and what cannot be done now: nothing was sent.
         (_, 403 | 409 | 412 | 423 | 429 | 503) => Failure::refused(message),
+        (_, 500..) => Failure::unknown(message).with_exit(lost),
         _ => Failure::usage(message),
     };
     failure.with_code(code)
@@ -365,11 +365,13 @@ impl GatewayRobot {
         self.post("/lease", &LeaseRequest { renew: Some(lease.clone()), ..LeaseRequest::default() }).await
     }
 
-    /// Runs a program. The answer comes once the controller accepted the first list. The request is sent once.
+    /// Runs a program. The answer comes once the controller accepted the first list. The request is sent
+    /// once.
     pub async fn run(&self, request: &RunRequest) -> Result<Run, Failure> {
-        // Each hasher of the standard library has keys from the system's random numbers.
-        let draw = || RandomState::new().hash_one(0);
-        let key = format!("{:016x}{:016x}", draw(), draw());
+        let mut key = [0; 16];
+        getrandom::fill(&mut key)
+            .map_err(|error| Failure::usage(format!("the system gives no random numbers: {error}")))?;
+        let key: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
         let path = self.path("/programs/run");
         let answer = self.gateway.ask(Method::POST, &path, Some(&key), request, Exit::Unknown).await?;
         serde_json::from_slice(&answer)
@@ -440,7 +442,7 @@ mod tests {
     fn a_problem_tells_whether_something_may_have_acted() {
         let exit = |status: u16, code: Code| {
             let status = StatusCode::from_u16(status).unwrap();
-            failure(status, Problem { code, message: "no".to_owned() }).exit()
+            failure(status, Problem { code, message: "no".to_owned() }, Exit::Unknown).exit()
         };
         assert_eq!(exit(504, Code::OutcomeUnknown), Exit::Unknown);
         assert_eq!(exit(504, Code::NotStopped), Exit::Unknown);
@@ -452,5 +454,6 @@ mod tests {
         assert_eq!(exit(401, Code::NoToken), Exit::Usage);
         assert_eq!(exit(404, Code::NoSuchRobot), Exit::Usage);
         assert_eq!(exit(422, Code::BadCommand), Exit::Usage);
+        assert_eq!(exit(500, Code::Unknown), Exit::Unknown);
     }
 }

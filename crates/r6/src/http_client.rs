@@ -53,8 +53,8 @@ impl HttpClient {
         Self { authority, tls: None, patience, longest }
     }
 
-    /// With TLS, to a server that is known as `host` and has one of these certificates (PEM), or one that was
-    /// issued by them.
+    /// With TLS, to a server that is known as `host`. Its certificate is one of these (PEM), or was issued by
+    /// one of them.
     ///
     /// # Errors
     /// What is wrong with them.

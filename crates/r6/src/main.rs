@@ -232,6 +232,10 @@ fn without_moves(mut error: clap::Error) -> Box<clap::Error> {
 
 /// Runs a subcommand that asks a gateway in place of a controller.
 fn run_by_gateway(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
+    let options = cli.robot.wire_options();
+    if !options.is_empty() {
+        return Err(Failure::usage(format!("{} is for a controller, and not for a gateway", options.trim())));
+    }
     let name = robot_typed.then(|| cli.robot.address().to_owned());
     let gateway = cli.gateway.for_robot(name);
     match cli.subcommand {

@@ -2,8 +2,8 @@
 //!
 //! A [`Seat`] knows the lease, the stop that holds, the identity and the link of one robot. It alone makes a
 //! [`Permit`], and the fleet sends nothing that changes or moves without one. Times are those of one clock
-//! that counts suspend. [`Seat::generation`] grows whenever all permits made so far are void. `run.rs` has the
-//! run of a program.
+//! that counts suspend. [`Seat::generation`] grows whenever all permits made so far are void. `run.rs` has
+//! the run of a program.
 
 mod permit;
 mod run;
@@ -220,7 +220,7 @@ impl Seat {
         }
     }
 
-    /// The lease, if there is one; also one that waits for the end of its run.
+    /// The lease, if there is one. It may wait for the end of its run.
     #[must_use]
     pub fn lease(&self, now: Instant) -> Option<LeaseView> {
         let is_there = |lease: &&Lease| now < lease.until || self.is_of_run(lease.number);

@@ -30,8 +30,8 @@ struct Row {
 }
 
 impl Board {
-    /// No value yet of these addresses. `born`: larger than all numbers before. `fresh_for`: an older value is
-    /// never told as fresh, also if nothing was taken in since.
+    /// No value yet of these addresses. `born`: larger than all numbers before. `fresh_for`: an older value
+    /// is never told as fresh, also if nothing was taken in since.
     #[must_use]
     pub fn new(born: u64, addresses: &[Address], fresh_for: Duration) -> Self {
         let row = |address: &Address| Row {

@@ -81,8 +81,8 @@ impl Keeper {
         Ok(Self { jobs })
     }
 
-    /// Does the work of the thread in a task, where a simulation has no threads. Each job takes `takes` before
-    /// it is done at once.
+    /// Does the work of the thread in a task, where a simulation has no threads. Each job takes `takes`
+    /// before it is done at once.
     #[cfg(feature = "simulation")]
     pub fn in_task(
         mut store: impl Store + 'static,

@@ -29,7 +29,7 @@ pub struct Answer {
 }
 
 impl Answer {
-    /// Its body as JSON; null if it is none.
+    /// Its body as JSON; null if it is not JSON.
     pub fn json(&self) -> Value {
         serde_json::from_slice(&self.body).unwrap_or_default()
     }

@@ -86,7 +86,7 @@ the place of the tool is unknown, and after a move of the tool the axes are, so 
 
 With --gateway-url the gateway runs the program: it feeds the steps, and stops the arm if this program no \
 longer renews the lease. r6 follows the run to its end, with --wait or without. Ctrl-C stops the arm. Only \
---json goes with it.
+--json goes with it; its events are \"accepted\", \"progress\" and \"ended\", each with the run.
 
 --json prints a line for each list that was accepted (event \"accepted\"), at most two a second on \
 how many steps are done (\"progress\"), and one for the outcome: \"stands\" with --wait, \

@@ -168,8 +168,8 @@ fn is_read<S: HistoryStore>(
     Ok(false)
 }
 
-/// All samples of a signal in the range, and whether these are all. The store reads a limited number of chunks
-/// at a time, so a month takes several calls.
+/// All samples of a signal in the range, and whether these are all. The store reads a limited number of
+/// chunks at a time, so a month takes several calls.
 fn all<S: HistoryStore>(
     store: &mut S,
     question: &ProductionQuestion,

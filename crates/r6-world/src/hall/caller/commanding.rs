@@ -178,7 +178,7 @@ impl Work {
         }
     }
 
-    /// Takes the lease of its robot from whoever holds it.
+    /// Takes the lease of its robot from its holder.
     pub(super) async fn take_leases(&mut self) {
         while !self.is_over() {
             self.rest(6000).await;

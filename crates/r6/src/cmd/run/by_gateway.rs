@@ -1,16 +1,18 @@
 //! `r6 -g URL run FILE`: the gateway runs the program, and this follows it.
 
+use std::pin::pin;
 use std::time::Duration;
 
 use r6_api::gateway::{Lease, LeaseKey, Run, RunRequest, RunState};
+use r6_proto::printable;
 use serde_json::json;
-use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio::sync::Notify;
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 
 use super::{RunArgs, USUAL_ROOM, name, read_program, read_text, show_remarks};
 use crate::by_gateway::{ByGateway, GatewayRobot};
 use crate::cmd::job;
 use crate::exit::{Exit, Failure};
-use crate::hint;
 use crate::output;
 use crate::output::problem::Code;
 use crate::signals::Ending;
@@ -21,12 +23,20 @@ const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// How often to renew the lease, which lasts 10 s.
 const RENEW_EVERY: Duration = Duration::from_secs(3);
 
+/// How long one answer about the run may take. A later look asks again.
+const ANSWER_WITHIN: Duration = Duration::from_secs(3);
+
+/// What to do if the run is not followed to its end.
+const AFTER_THE_LEASE: &str =
+    "the arm is stopped when the lease ends, within 10 s: look at it before going on";
+
 /// How long the gateway may be silent. After that the lease has ended, and with it the run.
 const SILENCE: Duration = Duration::from_secs(15);
 
 /// Has a gateway run the program of the file, and follows the run to its end.
 pub async fn run(args: RunArgs, gateway: ByGateway) -> Result<Exit, Failure> {
-    if let Some(option) = args.job.not_for_gateways().or((args.room != USUAL_ROOM).then_some("--room")) {
+    let own = [(args.room != USUAL_ROOM).then_some("--room"), args.once.then_some("--once")];
+    if let Some(option) = args.job.not_for_gateways().or(own.into_iter().flatten().next()) {
         return Err(Failure::usage(format!("{option} does not go over a gateway"))
             .advise("the gateway feeds the steps itself, and its runs are followed to their end"));
     }
@@ -50,55 +60,93 @@ pub async fn run(args: RunArgs, gateway: ByGateway) -> Result<Exit, Failure> {
                 repeat: None,
             };
             output::acts();
-            let begun = robot.run(&request).await?;
+            let (begun, is_interrupted) = begin(&robot, &request, &mut ending).await?;
             show(&begun, json, "accepted");
-            follow(&robot, begun, &lease.lease, &mut ending, json).await
+            follow(&robot, begun, &lease.lease, (&mut ending, is_interrupted), json).await
         })
         .await
 }
 
-/// Follows a run to its end, and renews its lease. The first signal gives the lease back, which stops the arm.
+/// Begins the run. A signal does not take the request back: whether one came is told with the run.
+async fn begin(
+    robot: &GatewayRobot,
+    request: &RunRequest,
+    ending: &mut Ending,
+) -> Result<(Run, bool), Failure> {
+    let mut begun = pin!(robot.run(request));
+    let mut is_interrupted = false;
+    loop {
+        tokio::select! {
+            biased;
+            begun = &mut begun => return Ok((begun?, is_interrupted)),
+            () = ending.signalled() => {
+                if is_interrupted {
+                    return Err(Failure::unknown("interrupted twice; the run may have begun").advise(AFTER_THE_LEASE));
+                }
+                is_interrupted = true;
+                output::note("r6: the request is under way: the arm is stopped as soon as it is answered");
+            }
+        }
+    }
+}
+
+/// Follows a run to its end, and renews its lease. The first signal gives the lease back, which stops the
+/// arm.
 async fn follow(
     robot: &GatewayRobot,
     begun: Run,
     lease: &LeaseKey,
-    ending: &mut Ending,
+    (ending, is_interrupted): (&mut Ending, bool),
     json: bool,
 ) -> Result<Exit, Failure> {
     let (mut heard, mut renewed, mut run) = (Instant::now(), Instant::now(), begun);
-    let mut is_given_back = false;
+    // The answer to this comes when the arm stands, so it is waited for beside the rest.
+    let stop = Notify::new();
+    let mut given_back = pin!(async {
+        stop.notified().await;
+        // If this fails, the lease ends by itself, and the arm is stopped then.
+        let _ = robot.release(lease).await;
+        std::future::pending::<()>().await;
+    });
+    let mut is_stopping = is_interrupted;
+    if is_stopping {
+        stop.notify_one();
+    }
     let mut looks = interval(LOOK_EVERY);
     looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     while run.state == RunState::Running {
+        let look = async {
+            looks.tick().await;
+            if renewed.elapsed() >= RENEW_EVERY && !is_stopping {
+                renewed = Instant::now();
+                // If the lease has ended, the run says why.
+                let _ = timeout(ANSWER_WITHIN, robot.renew(lease)).await;
+            }
+            timeout(ANSWER_WITHIN, robot.run_of(run.run_id)).await.ok()
+        };
         tokio::select! {
             biased;
             () = ending.signalled() => {
-                if is_given_back {
+                if is_stopping {
                     return Err(left(&run, "interrupted twice"));
                 }
-                is_given_back = true;
+                is_stopping = true;
                 output::note("r6: the lease is given back, and the gateway stops the arm; once more ends this program without waiting for it");
-                // If this fails, the lease ends by itself, and the arm is stopped then.
-                let _ = robot.release(lease).await;
+                stop.notify_one();
             }
-            _ = looks.tick() => {
-                if renewed.elapsed() >= RENEW_EVERY && !is_given_back {
-                    renewed = Instant::now();
-                    // If the lease has ended, the run says why.
-                    let _ = robot.renew(lease).await;
-                }
-                match robot.run_of(run.run_id).await {
-                    Ok(told) => {
-                        heard = Instant::now();
-                        if told.state == RunState::Running && told.done != run.done {
-                            show(&told, json, "progress");
-                        }
-                        run = told;
+            () = &mut given_back => {}
+            told = look => match told {
+                Some(Ok(told)) => {
+                    heard = Instant::now();
+                    if told.state == RunState::Running && told.done != run.done {
+                        show(&told, json, "progress");
                     }
-                    Err(failure) if failure.exit() != Exit::NoReply => return Err(failure),
-                    Err(_) if heard.elapsed() < SILENCE => {}
-                    Err(failure) => return Err(left(&run, failure.what().as_ref())),
+                    run = told;
                 }
+                Some(Err(failure)) if !may_pass(&failure) => return Err(left(&run, failure.what().as_ref())),
+                _ if heard.elapsed() < SILENCE => {}
+                Some(Err(failure)) => return Err(left(&run, failure.what().as_ref())),
+                None => return Err(left(&run, "the gateway does not answer")),
             }
         }
     }
@@ -110,7 +158,7 @@ async fn follow(
         RunState::Refused => (Exit::Refused, Code::NotReady),
         RunState::Failed => (Exit::Refused, Code::NotFinished),
     };
-    let what = format!("run {}: {}", run.run_id, run.detail);
+    let what = format!("run {}: {}", run.run_id, printable(&run.detail));
     let failure = Failure::refused(what).with_exit(exit).with_code(code);
     let failure = if json { failure.told() } else { failure };
     Err(match exit {
@@ -119,12 +167,16 @@ async fn follow(
     })
 }
 
+/// Whether the next look can have an answer.
+fn may_pass(failure: &Failure) -> bool {
+    let busy = [Code::TooManyRequests, Code::Overloaded, Code::StoreUnavailable];
+    failure.exit() == Exit::NoReply || busy.contains(&failure.code())
+}
+
 /// The failure when a run is not followed to its end.
 fn left(run: &Run, why: &str) -> Failure {
-    Failure::unknown(format!("run {} goes on, or is being stopped: {why}", run.run_id)).advise(format!(
-        "the arm is stopped when the lease ends, within 10 s; look at it, and at `{}`",
-        hint::r6("status")
-    ))
+    Failure::unknown(format!("run {} goes on, or is being stopped: {why}", run.run_id))
+        .advise(AFTER_THE_LEASE)
 }
 
 fn show(run: &Run, json: bool, event: &str) {
@@ -133,10 +185,11 @@ fn show(run: &Run, json: bool, event: &str) {
         return;
     }
     let steps = format!("{} of {} steps", run.done, run.steps);
+    let (robot, detail) = (printable(&run.robot), printable(&run.detail));
     match event {
-        "accepted" => output::line(format_args!("run {} on {}: {} steps", run.run_id, run.robot, run.steps)),
+        "accepted" => output::line(format_args!("run {} on {robot}: {} steps", run.run_id, run.steps)),
         "progress" => output::line(format_args!("{steps} done")),
-        _ if run.state == RunState::Done => output::line(format_args!("done: {steps}. {}", run.detail)),
+        _ if run.state == RunState::Done => output::line(format_args!("done: {steps}; {detail}")),
         _ => output::line(format_args!("ended: {steps} done")),
     }
 }
