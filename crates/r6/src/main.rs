@@ -245,8 +245,10 @@ fn run_by_gateway(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
         Subcommands::Command(args) => cmd::block_on(cmd::command::run_by_gateway(args, gateway)),
         Subcommands::Stop(args) => cmd::block_on(cmd::stop::run_by_gateway(args, gateway)),
         Subcommands::Run(args) => cmd::block_on(cmd::run::by_gateway::run(args, gateway)),
+        Subcommands::Move(_) => Err(Failure::usage("a single move does not go over a gateway")
+            .advise("put it into a file for `run`; without --gateway-url, leases and stops of the gateway do not hold")),
         _ => Err(Failure::usage("this command does not go over a gateway")
-            .advise("status, query, watch, command, run and stop do; leave --gateway-url out")),
+            .advise("status, query, watch, command, run and stop do")),
     }
 }
 

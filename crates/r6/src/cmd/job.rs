@@ -68,7 +68,7 @@ impl JobArgs {
             Self { timeout: Some(_), .. } => Some("--timeout"),
             Self { stop_on_interrupt: true, .. } => Some("--stop-on-interrupt"),
             Self { dry_run: true, .. } => Some("--dry-run"),
-            Self { guard, .. } if guard.is_given() => Some("a limit of --guard"),
+            Self { guard, .. } if guard.is_given() => Some("a limit (--guard, --max-speed, --max-axis-step)"),
             _ => None,
         }
     }

@@ -96,6 +96,10 @@ pub async fn run_by_gateway(args: StopArgs, gateway: ByGateway) -> Result<Exit, 
             output::json(&serde_json::json!({ "robot": name, "cleared": true }));
         } else {
             output::line(format_args!("{name}: the stop is cleared; commands and programs are sent again"));
+            output::line(format_args!(
+                "the program of the controller ended with the stop: `{}` starts it again",
+                hint::r6("command startButton")
+            ));
         }
         return Ok(Exit::Done);
     }

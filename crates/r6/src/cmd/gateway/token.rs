@@ -22,9 +22,10 @@ and refuses a revoked one within a second.
 
 Roles, each with the rights of those before it:
   viewer     reads values, states and events; checks and plans programs
-  operator   stops; holds the lease, and with it sends commands
-  engineer   accepts an exchanged robot; reads the audit log; stores programs
-  admin      takes the lease from its holder; changes robots; for all robots: users and tokens
+  operator   stops; holds the lease, and with it sends commands and runs programs;
+             acknowledges alarms
+  engineer   accepts an exchanged robot; reads the audit log; stores programs; shelves alarms
+  admin      takes the lease from its holder; changes robots; for all robots: users, tokens, settings
 
 Examples:
   r6 gateway token --role viewer --name screen-in-hall-2

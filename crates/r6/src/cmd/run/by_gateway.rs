@@ -27,8 +27,8 @@ const RENEW_EVERY: Duration = Duration::from_secs(3);
 const ANSWER_WITHIN: Duration = Duration::from_secs(3);
 
 /// What to do if the run is not followed to its end.
-const AFTER_THE_LEASE: &str =
-    "the arm is stopped when the lease ends, within 10 s: look at it before going on";
+const AFTER_THE_LEASE: &str = "look at the arm: a gateway that runs stops it when the lease ends, within 10 s; without the \
+    gateway the arm finishes up to 10 steps, and only the emergency stop is left";
 
 /// How long the gateway may be silent. After that the lease has ended, and with it the run.
 const SILENCE: Duration = Duration::from_secs(15);
@@ -108,7 +108,7 @@ async fn follow(
         let _ = robot.release(lease).await;
         std::future::pending::<()>().await;
     });
-    let mut is_stopping = is_interrupted;
+    let (mut is_stopping, mut is_silent) = (is_interrupted, false);
     if is_stopping {
         stop.notify_one();
     }
@@ -137,14 +137,19 @@ async fn follow(
             () = &mut given_back => {}
             told = look => match told {
                 Some(Ok(told)) => {
-                    heard = Instant::now();
+                    (heard, is_silent) = (Instant::now(), false);
                     if told.state == RunState::Running && told.done != run.done {
                         show(&told, json, "progress");
                     }
                     run = told;
                 }
                 Some(Err(failure)) if !may_pass(&failure) => return Err(left(&run, failure.what().as_ref())),
-                _ if heard.elapsed() < SILENCE => {}
+                _ if heard.elapsed() < SILENCE => {
+                    if !is_silent {
+                        output::note("r6: the gateway does not answer; asking again");
+                    }
+                    is_silent = true;
+                }
                 Some(Err(failure)) => return Err(left(&run, failure.what().as_ref())),
                 None => return Err(left(&run, "the gateway does not answer")),
             }
