@@ -238,7 +238,7 @@ impl Hall {
             Effect::Stops => {
                 let asked = post.stop_asked.is_some_and(|asked| at <= asked + STOP_LASTS);
                 record.check(Promise::Meant, at, asked, || {
-                    format!("{}: a stop that nobody asked for leaves: {frame}", name_of(robot))
+                    format!("{}: a stop leaves, and no request for one was made: {frame}", name_of(robot))
                 });
             }
             Effect::Reads => {}
@@ -341,7 +341,7 @@ impl Hall {
     }
 
     /// A stop that was asked for at `asked` was told as confirmed. Returns whether it holds for sure: whether
-    /// nobody may have cleared it meanwhile.
+    /// no request may have cleared it meanwhile.
     pub fn stopped(&mut self, at: Duration, robot: usize, asked: Duration) -> bool {
         let post = &mut self.posts[robot];
         // What belongs to the stop may still leave where others stop the robot, too.
@@ -359,7 +359,7 @@ impl Hall {
         post.stopped = None;
     }
 
-    /// The answer to a request to clear a stop has come, or nobody waits for it any more.
+    /// The answer to a request to clear a stop has come, or its caller has gone.
     pub fn cleared(&mut self, at: Duration, robot: usize) {
         let post = &mut self.posts[robot];
         post.clears = post.clears.saturating_sub(1);
@@ -394,7 +394,7 @@ impl Hall {
                 format!("{}: a stop holds since {since:?}, and the disk does not know", name_of(robot))
             });
             if !is_saved {
-                // It was not on the disk yet: nobody can expect it to hold.
+                // It was not on the disk yet: so it may be lost.
                 post.stopped = None;
             }
         }

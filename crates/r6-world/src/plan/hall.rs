@@ -57,11 +57,11 @@ pub struct HallPlan {
     pub callers: Vec<CallerPlan>,
     /// The robot that is not in the configuration of the gateway: the engineer adds it.
     pub added: Option<usize>,
-    /// When nobody can expect values of each robot, because of a fault of its own.
+    /// When values of each robot cannot be expected, because of a fault of its own.
     pub unsound: Vec<Vec<(Duration, Duration)>>,
     /// When the first robot answers hardly or not at all (G1).
     pub slow: Option<(Duration, Duration)>,
-    /// When nobody can expect anything of the gateway.
+    /// When nothing can be expected of the gateway.
     pub away: Vec<(Duration, Duration)>,
 }
 
