@@ -105,7 +105,8 @@ impl Station {
     /// The answer to a request that came before; `None` if it did not.
     ///
     /// # Errors
-    /// `key_taken`, `in_progress`, `outcome_unknown`, or the problem that was the answer; `store_unavailable`.
+    /// `key_taken`, `in_progress`, `outcome_unknown`, or the problem that was the answer;
+    /// `store_unavailable`.
     pub async fn answered_before(
         &self,
         caller: &str,
