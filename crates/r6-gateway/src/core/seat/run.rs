@@ -67,6 +67,8 @@ impl Seat {
         if self.run.is_some() {
             return Err(Denied::RunUnderWay);
         }
+        // A command of before must not come between its lists.
+        self.void_permits();
         self.runs += 1;
         let ticket = Ticket(self.runs);
         self.run = Some(Run { ticket, key, cut: None });

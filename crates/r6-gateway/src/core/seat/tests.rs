@@ -347,6 +347,7 @@ proptest! {
                     prop_assert_eq!(begun.is_ok(), begins, "{:?}", begun);
                     if let Ok(ticket) = begun {
                         prop_assert!(!model.tickets.contains(&ticket));
+                        prop_assert!(!model.permits.contains(&seat.generation()), "of before the run");
                         model.tickets.push(ticket);
                         model.run = Some(ModelRun { key, cut: false });
                     }
