@@ -228,6 +228,8 @@ impl Station {
         let halted = self.halt(&robot, connection, cut, &outcome).await;
         drop(sending);
         let ended = Ended::of(outcome, cut, halted);
+        // Before the disk has its turn: the robot may answer again meanwhile.
+        self.seat(|seat, _| seat.leave(ticket, ended.left));
         self.end(under_way, ended).await;
     }
 

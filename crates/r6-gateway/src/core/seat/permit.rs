@@ -85,7 +85,7 @@ pub enum Denied {
     RunOver,
     /// The lease has ended, and its run is being stopped.
     RunEnding,
-    /// A list of an earlier run may still be at the robot.
+    /// A list of an earlier run, or of one that was cut short, may still be at the robot.
     ListLeft,
     /// A command that stops needs no permit.
     NeedsNone,
@@ -209,7 +209,9 @@ impl Seat {
             Effect::Stops | Effect::Reads => return Err(Denied::NeedsNone),
             Effect::Moves if self.saved.stopped => return Err(Denied::Stopped),
             Effect::Moves | Effect::Changes if self.stops_under_way > 0 => return Err(Denied::StopUnderWay),
-            Effect::Moves | Effect::Changes if self.owes_stop() => return Err(Denied::ListLeft),
+            Effect::Moves | Effect::Changes if self.owes_stop() || self.run_cut().is_some() => {
+                return Err(Denied::ListLeft);
+            }
             Effect::Moves | Effect::Changes => {}
         }
         let link = self.link.filter(|link| now.since(link.seen_at) <= self.fresh_for).ok_or(Denied::NotUp)?;

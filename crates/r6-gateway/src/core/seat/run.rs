@@ -55,6 +55,8 @@ pub(super) struct Run {
     ticket: Ticket,
     key: Key,
     pub(super) cut: Option<Cut>,
+    /// Whether the seat knows what it leaves.
+    has_left: bool,
 }
 
 impl Seat {
@@ -71,7 +73,7 @@ impl Seat {
         self.void_permits();
         self.runs += 1;
         let ticket = Ticket(self.runs);
-        self.run = Some(Run { ticket, key, cut: None });
+        self.run = Some(Run { ticket, key, cut: None, has_left: false });
         Ok(ticket)
     }
 
@@ -105,15 +107,25 @@ impl Seat {
         self.run.is_some()
     }
 
-    /// A run is over. A lease that has waited for that ends now.
-    pub fn end_run(&mut self, ticket: Ticket, left: Left) {
-        if self.run.take_if(|run| run.ticket == ticket).is_none() {
-            return;
-        }
+    /// What a run that ends leaves at the robot, as soon as that is known. A stop that is owed may be made
+    /// from then on. Only the first call of a run counts.
+    pub fn leave(&mut self, ticket: Ticket, left: Left) {
+        let Some(run) = self.run.as_mut().filter(|run| run.ticket == ticket && !run.has_left) else { return };
+        run.has_left = true;
         match left {
-            Left::Nothing => {}
+            Left::Nothing => return,
             Left::NotStopped => self.saved.stopped = true,
             Left::OutOfReach => self.owes_stop = true,
+        }
+        self.void_permits();
+    }
+
+    /// A run is over. A lease that has waited for that ends now. `left` counts if [`Self::leave`] was not
+    /// called.
+    pub fn end_run(&mut self, ticket: Ticket, left: Left) {
+        self.leave(ticket, left);
+        if self.run.take_if(|run| run.ticket == ticket).is_none() {
+            return;
         }
         self.void_permits();
         if let Some(cause) = self.lease.as_ref().and_then(|lease| lease.ends) {

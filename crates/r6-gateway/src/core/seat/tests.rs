@@ -321,7 +321,8 @@ proptest! {
                         (false, _) => Order::List { replace: true, steps: Vec::new() },
                     };
                     // With an even number it is a start or a change of the speed, else a list.
-                    let is_busy = model.run.is_some() && (moves || number % 2 == 1);
+                    let is_cut = model.run.as_ref().is_some_and(|run| run.cut);
+                    let is_busy = is_cut || model.run.is_some() && (moves || number % 2 == 1);
                     let permit = seat.permit(now, key, order);
                     let seen = model.seen.is_some_and(|(at, manual)| now.since(at) <= FRESH_FOR && !manual);
                     let permitted = model.holds(now, key)
@@ -370,7 +371,14 @@ proptest! {
                     let Some(ticket) = model.tickets.last().copied() else { continue };
                     let is_cut = seat.cut(ticket).is_some();
                     prop_assert_eq!(is_cut, model.run.as_ref().is_some_and(|run| run.cut));
-                    seat.end_run(ticket, left);
+                    if number % 2 == 0 {
+                        seat.leave(ticket, left);
+                        prop_assert_eq!(seat.owes_stop(), model.owes_stop || model.run.is_some() && left == Left::OutOfReach);
+                        // It was said: what is said later does not count.
+                        seat.end_run(ticket, Left::NotStopped);
+                    } else {
+                        seat.end_run(ticket, left);
+                    }
                     if model.run.take().is_some() {
                         model.stopped |= left == Left::NotStopped;
                         model.owes_stop |= left == Left::OutOfReach;
@@ -454,6 +462,25 @@ fn a_lease_that_expires_stays_with_its_holder_until_the_arm_stands() {
     seat.end_run(ticket, Left::Nothing);
     assert!(seat.acquire(late, ask).is_ok());
     assert!(!seat.stops().0, "the next holder can move the arm");
+}
+
+#[test]
+fn what_a_run_leaves_is_dealt_with_before_the_run_is_over() {
+    let (now, mut seat, key) = held();
+    let ticket = seat.begin_run(now, key).unwrap();
+    seat.link_lost();
+    // It answers again while the gateway still ends the run.
+    seat.observed(now, 2, false);
+    let order = Order::from(Command::ModifyGspd { percent: 5.0 });
+    assert_eq!(seat.permit(now, key, order.clone()).unwrap_err(), Denied::ListLeft);
+    assert!(!seat.can_pay(), "it may still be stopped");
+    seat.leave(ticket, Left::OutOfReach);
+    assert!(seat.can_pay());
+    seat.pay(true);
+    assert_eq!(seat.permit(now, key, order.clone()).unwrap_err(), Denied::ListLeft);
+    seat.end_run(ticket, Left::OutOfReach);
+    assert!(!seat.owes_stop(), "one stop is enough");
+    assert!(seat.permit(now, key, order).is_ok());
 }
 
 #[test]
