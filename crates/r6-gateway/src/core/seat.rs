@@ -383,8 +383,8 @@ impl Seat {
         }
     }
 
-    /// From now on this name stands for the robot that answers. A stop holds, because no person has looked at
-    /// this robot yet.
+    /// From now on this name stands for the robot that answers. The person who accepts it has looked at it:
+    /// a stop holds only if it held before.
     ///
     /// # Errors
     /// [`Denied::AnotherIdentity`]: this is not the robot that answers.
@@ -395,6 +395,7 @@ impl Seat {
         self.saved.identity = self.stranger.take();
         // Another robot has no list of an earlier run.
         self.owes_stop = false;
+        self.run.iter_mut().for_each(|run| run.is_elsewhere = true);
         Ok(())
     }
 

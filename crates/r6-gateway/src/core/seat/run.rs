@@ -57,6 +57,8 @@ pub(super) struct Run {
     pub(super) cut: Option<Cut>,
     /// Whether the seat knows what it leaves.
     has_left: bool,
+    /// Whether another robot was accepted since. It has no list of this run.
+    pub(super) is_elsewhere: bool,
 }
 
 impl Seat {
@@ -73,7 +75,7 @@ impl Seat {
         self.void_permits();
         self.runs += 1;
         let ticket = Ticket(self.runs);
-        self.run = Some(Run { ticket, key, cut: None, has_left: false });
+        self.run = Some(Run { ticket, key, cut: None, has_left: false, is_elsewhere: false });
         Ok(ticket)
     }
 
@@ -115,7 +117,7 @@ impl Seat {
         match left {
             Left::Nothing => return,
             Left::NotStopped => self.saved.stopped = true,
-            Left::OutOfReach => self.owes_stop = true,
+            Left::OutOfReach => self.owes_stop |= !run.is_elsewhere,
         }
         self.void_permits();
     }
