@@ -144,6 +144,8 @@ pub struct Seat {
     link: Option<Link>,
     /// Whether this robot gets no command any more.
     closed: bool,
+    /// Whether the robot is being configured anew: it gets no command until that is done.
+    reconfiguring: bool,
     /// The run that has the robot.
     run: Option<run::Run>,
     /// How many runs there were.
@@ -181,6 +183,7 @@ impl Seat {
             stranger: None,
             link: None,
             closed: false,
+            reconfiguring: false,
             run: None,
             runs: 0,
             owes_stop: false,
@@ -260,11 +263,14 @@ impl Seat {
     ///
     /// # Errors
     /// [`Denied::Leased`], [`Denied::RunEnding`], [`Denied::BeingTaken`], [`Denied::IdentityChanged`],
-    /// [`Denied::Closed`].
+    /// [`Denied::Reconfiguring`], [`Denied::Closed`].
     pub fn acquire(&mut self, now: Instant, ask: Ask) -> Result<Granted, Denied> {
         self.handle_timeout(now);
         if self.closed {
             return Err(Denied::Closed);
+        }
+        if self.reconfiguring {
+            return Err(Denied::Reconfiguring);
         }
         if self.stranger.is_some() {
             return Err(Denied::IdentityChanged);
@@ -424,6 +430,7 @@ impl Seat {
     /// The robot is configured anew: the lease ends, and who answers has to be asked again. A stop still
     /// holds.
     pub fn reconfigured(&mut self) {
+        self.reconfiguring = false;
         self.end_lease(LeaseEnd::Reconfigured);
         self.link_lost();
         self.stranger = None;

@@ -47,7 +47,7 @@ impl Station {
     /// Gives out the lease if it is free.
     ///
     /// # Errors
-    /// `leased`, `identity_changed`, `store_unavailable`.
+    /// `leased`, `identity_changed`, `not_ready`, `store_unavailable`.
     pub async fn acquire(&self, by: &By, lasts: Duration) -> Result<Lease, Problem> {
         let granted = self.acquire_now(by, lasts).await?;
         Ok(self.given(granted))

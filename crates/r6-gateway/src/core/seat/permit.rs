@@ -79,6 +79,8 @@ pub enum Denied {
     Manual,
     /// The robot was removed, or the gateway ends.
     Closed,
+    /// The robot is being configured anew.
+    Reconfiguring,
     /// A run of a program has the robot.
     RunUnderWay,
     /// The run was cut short, or is over.
@@ -120,6 +122,7 @@ impl fmt::Display for Denied {
             Self::NotUp => f.write_str("the robot does not answer, or its state could not be read lately"),
             Self::Manual => f.write_str("the robot is in manual mode: the pendant leads"),
             Self::Closed => f.write_str("the robot was removed from the gateway, or the gateway ends"),
+            Self::Reconfiguring => f.write_str("the robot is being configured anew: ask again"),
             Self::RunUnderWay => f.write_str(
                 "a program runs on this robot: until its end, commands that move, lists, and changes of the tool or the \
                  work frame are not sent; a stop ends it",
@@ -204,6 +207,9 @@ impl Seat {
         }
         if self.stranger.is_some() {
             return Err(Denied::IdentityChanged);
+        }
+        if self.reconfiguring {
+            return Err(Denied::Reconfiguring);
         }
         match effect {
             Effect::Stops | Effect::Reads => return Err(Denied::NeedsNone),

@@ -161,8 +161,10 @@ impl Seat {
     }
 
     /// Ends the lease of a run before the robot is configured anew, so that the run is stopped over its
-    /// connection.
+    /// connection. Until [`Self::reconfigured`], no lease and no run begins, and nothing is permitted.
     pub fn will_be_reconfigured(&mut self) {
+        self.reconfiguring = true;
+        self.void_permits();
         if self.has_run() {
             self.end_lease(LeaseEnd::Reconfigured);
         }

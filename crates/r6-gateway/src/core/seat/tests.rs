@@ -306,6 +306,10 @@ proptest! {
                 Step::Reconfigured => {
                     // The shell stops a run over the connection that it has.
                     seat.will_be_reconfigured();
+                    let key = model.key(0);
+                    prop_assert!(seat.acquire(now, ask(3)).is_err() && seat.begin_run(now, key).is_err());
+                    let order = Order::from(Command::ModifyGspd { percent: 5.0 });
+                    prop_assert!(seat.permit(now, key, order).is_err());
                     seat.reconfigured();
                     model.end_all();
                     (model.seen, model.answers) = (None, None);
