@@ -288,7 +288,7 @@ impl Station {
             Outcome::Ended(Err(error)) => error,
         };
         if let MotionError { stop: Some(stop), .. } = error
-            && matches!(&**stop, Ok(report) if report.confirmed)
+            && matches!(&**stop, Ok(report) if Halted::of(report) == Halted::Stands)
         {
             return Halted::Stands;
         }
@@ -307,12 +307,10 @@ impl Station {
         self.note(&by, Deed::StopBegan { request: "stop".to_owned() });
         let answer = robot.stop().await;
         drop(sending);
-        let (halted, detail) = match answer {
-            Ok(report) if report.confirmed => (Halted::Stands, report.to_string()),
-            Ok(report) => (Halted::NotProved, report.to_string()),
-            Err(error) => (Halted::OutOfReach, error.to_string()),
+        let (halted, confirmed, detail) = match answer {
+            Ok(report) => (Halted::of(&report), report.confirmed, report.to_string()),
+            Err(error) => (Halted::OutOfReach, false, error.to_string()),
         };
-        let confirmed = halted == Halted::Stands;
         self.counts.count_stop(confirmed);
         tracing::warn!(robot = self.name(), confirmed, detail, "the list of a run was stopped");
         self.publish(Happened::StopEnded { confirmed });

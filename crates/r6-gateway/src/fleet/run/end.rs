@@ -2,7 +2,10 @@
 
 use r6_api::Code;
 use r6_api::gateway::{LeaseEnd, RunEnd, RunProof, RunState};
-use r6_client::{Cause, Done, EndProof, MotionError, NotSent, Progress, RequestError, Unmet};
+use r6_client::{
+    Cause, Done, DoubtAfterStop, EndProof, ListAfterStop, MotionError, NotSent, Progress, RequestError, StopReport,
+    Unmet,
+};
 
 use crate::core::seat::{Cut, Left};
 use crate::problem::Problem;
@@ -25,10 +28,25 @@ pub enum Halted {
     NotNeeded,
     /// It was stopped, and it is proved that it stands. The list is cleared.
     Stands,
-    /// It was stopped, and nothing proves that it stands.
+    /// It was stopped, and nothing proves that it stands, or that the list is cleared.
     NotProved,
     /// No stop reached it.
     OutOfReach,
+}
+
+impl Halted {
+    /// What is known of the arm after a stop.
+    pub fn of(report: &StopReport) -> Self {
+        let is_clear = |list: &ListAfterStop| matches!(list, ListAfterStop::WasEmpty | ListAfterStop::Cleared);
+        let no_doubt = |doubt: &DoubtAfterStop| !doubt.still_open && is_clear(&doubt.cleared);
+        // The state counts, not the answer.
+        let is_empty = is_clear(&report.list) && matches!(report.list_length, None | Some(0));
+        if report.confirmed && is_empty && report.doubt.as_ref().is_none_or(no_doubt) {
+            Self::Stands
+        } else {
+            Self::NotProved
+        }
+    }
 }
 
 /// What became of a run.
@@ -72,7 +90,7 @@ impl Ended {
         };
         let detail = match halted {
             Halted::NotNeeded | Halted::Stands => detail,
-            Halted::NotProved => format!("{detail}; it is NOT proved that the arm stands"),
+            Halted::NotProved => format!("{detail}; it is NOT proved that the arm stands and its list is cleared"),
             Halted::OutOfReach => format!(
                 "{detail}; the robot is out of reach: it may finish its list, and is stopped as soon as it answers"
             ),
@@ -194,6 +212,8 @@ fn words(because: RunEnd) -> &'static str {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     fn error(cause: Cause, left: usize, accepted: usize) -> Outcome {
@@ -211,6 +231,39 @@ mod tests {
         ] {
             let ended = Ended::of(error(Cause::StoppedHere, 5, 5), expired, halted);
             assert_eq!((ended.state, ended.left, ended.because), (state, left, RunEnd::LeaseExpired));
+        }
+    }
+
+    #[test]
+    fn a_stop_counts_only_if_its_list_is_cleared_too() {
+        let report = StopReport {
+            confirmed: true,
+            proof: None,
+            means: None,
+            attempts: 1,
+            took: Duration::from_millis(90),
+            robot: None,
+            connection: 1,
+            second: None,
+            moving: Some(false),
+            mode: None,
+            alarm: Some(0),
+            list_length: Some(0),
+            list: ListAfterStop::Cleared,
+            doubt: None,
+        };
+        let doubt = |still_open, cleared| Some(DoubtAfterStop { still_open, cleared });
+        for (report, halted) in [
+            (report.clone(), Halted::Stands),
+            (StopReport { list: ListAfterStop::WasEmpty, list_length: None, ..report.clone() }, Halted::Stands),
+            (StopReport { doubt: doubt(false, ListAfterStop::Cleared), ..report.clone() }, Halted::Stands),
+            (StopReport { confirmed: false, ..report.clone() }, Halted::NotProved),
+            (StopReport { list: ListAfterStop::Refused(None), ..report.clone() }, Halted::NotProved),
+            (StopReport { list_length: Some(2), ..report.clone() }, Halted::NotProved),
+            (StopReport { doubt: doubt(true, ListAfterStop::Cleared), ..report.clone() }, Halted::NotProved),
+            (StopReport { doubt: doubt(false, ListAfterStop::Refused(None)), ..report }, Halted::NotProved),
+        ] {
+            assert_eq!(Halted::of(&report), halted, "{report:?}");
         }
     }
 
