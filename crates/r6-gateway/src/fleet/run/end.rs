@@ -71,12 +71,12 @@ impl Ended {
             Halted::NotProved => Left::NotStopped,
             Halted::OutOfReach => Left::OutOfReach,
         };
-        let (because, detail, is_left, code, refused_first) = match outcome {
+        let (because, detail, is_left, code) = match outcome {
             Outcome::Ended(Ok(done)) | Outcome::Halted(Ok(done), _) => return Self::done(&done, left),
             Outcome::Released(progress) => {
                 let because = cut.map_or(RunEnd::LinkLost, of_cut);
                 let detail = format!("{}; {progress}", words(because));
-                (because, detail, progress.left > 0, Code::NotReady, false)
+                (because, detail, progress.left > 0, Code::NotReady)
             }
             Outcome::Ended(Err(error)) | Outcome::Halted(Err(error), _) => {
                 let because = cut.map_or_else(|| of_cause(&error.cause), of_cut);
@@ -84,8 +84,7 @@ impl Ended {
                     Some(_) => format!("{}; {error}", words(because)),
                     None => error.to_string(),
                 };
-                let refused_first = because == RunEnd::Refused && error.progress.accepted == 0;
-                (because, detail, !error.nothing_left(), code(&error.cause), refused_first)
+                (because, detail, !error.nothing_left(), code(&error.cause))
             }
         };
         let detail = match halted {
@@ -95,7 +94,7 @@ impl Ended {
                 "{detail}; the robot is out of reach: it may finish its list, and is stopped as soon as it answers"
             ),
         };
-        let state = state(because, cut.is_some(), is_left, refused_first, halted);
+        let state = state(because, cut.is_some(), is_left, halted);
         let code = match (state, because) {
             (RunState::Unknown, _) => Code::OutcomeUnknown,
             (_, RunEnd::Stop) => Code::Stopped,
@@ -123,7 +122,7 @@ impl Ended {
     }
 }
 
-fn state(because: RunEnd, is_cut: bool, is_left: bool, refused_first: bool, halted: Halted) -> RunState {
+fn state(because: RunEnd, is_cut: bool, is_left: bool, halted: Halted) -> RunState {
     match (because, halted) {
         (_, _) if !is_left => RunState::Refused,
         (_, Halted::NotProved | Halted::OutOfReach) => RunState::Unknown,
@@ -137,7 +136,6 @@ fn state(because: RunEnd, is_cut: bool, is_left: bool, refused_first: bool, halt
         ) => RunState::Unknown,
         (_, _) if is_cut => RunState::Stopped,
         (RunEnd::ModeChanged | RunEnd::Stop, _) => RunState::Stopped,
-        (_, _) if refused_first => RunState::Refused,
         (_, _) => RunState::Failed,
     }
 }
@@ -282,7 +280,7 @@ mod tests {
         // The first list was refused; some controllers run such lists all the same, so the arm was stopped.
         let reason = r6_client::Refused::InstructionList { reason: None };
         let first = Ended::of(error(Cause::Refused(reason.clone()), 5, 0), None, Halted::Stands);
-        assert_eq!((first.state, first.problem.code), (RunState::Refused, Code::Refused));
+        assert_eq!((first.state, first.problem.code), (RunState::Failed, Code::Refused));
         let later = Ended::of(error(Cause::Refused(reason), 9, 5), None, Halted::Stands);
         assert_eq!(later.state, RunState::Failed);
     }
