@@ -15,6 +15,8 @@
 //! answers again.
 
 mod end;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -48,6 +50,10 @@ const TOLD_EVERY: Duration = Duration::from_secs(1);
 
 /// How long the end of a run waits for the disk. Then the lease is freed, and the record follows.
 const WRITE_WITHIN: Duration = Duration::from_secs(5);
+
+/// After this time the end of a run is written again, if the disk failed: a disk that is full stays so for
+/// minutes.
+const WRITE_AGAIN: Duration = Duration::from_secs(1);
 
 /// How long to wait for a run that was cut short: a stop takes 15 s at most, and [`WRITE_WITHIN`].
 const FINISH_RUN: Duration = Duration::from_secs(21);
@@ -99,6 +105,16 @@ struct UnderWay {
     answer: Option<oneshot::Sender<Result<Run, Problem>>>,
     /// When its progress was told last.
     told: Instant,
+}
+
+/// What is written at the end of a run.
+struct LastWrite {
+    run: Run,
+    /// The answer to the request, if it was not given before.
+    answer: Option<Result<Run, (u64, Problem)>>,
+    /// Whether the next start has to stop the robot.
+    owed: bool,
+    record: AuditRecord,
 }
 
 impl Station {
@@ -351,7 +367,7 @@ impl Station {
     }
 
     /// Ends a run: the store has its end, then the robot is free.
-    async fn end(&self, mut under_way: UnderWay, ended: Ended) {
+    async fn end(self: &Arc<Self>, mut under_way: UnderWay, ended: Ended) {
         let Ended { state, because, proof, detail, left, problem } = ended;
         let run = &mut under_way.run;
         (run.state, run.because, run.proof) = (state, Some(because), proof);
@@ -364,7 +380,7 @@ impl Station {
         tracing::info!(robot = self.name(), run = run_id, ?state, ?because, detail, "a run ended");
         self.counts.count_run(state);
         let deed = Deed::RunOutcome { run: run_id, state, because, done, detail };
-        let record = self.record(&under_way.by, deed.clone());
+        let record = self.record(&under_way.by, deed);
         let run = run.clone();
         let Problem { code, message, .. } = problem;
         let answer = if run.accepted > 0 || state == RunState::Done {
@@ -372,18 +388,16 @@ impl Station {
         } else {
             Err((run_id, Problem::new(code, format!("{message} (run {run_id})"))))
         };
-        let owed = left == Left::OutOfReach;
-        let written = async {
-            self.write_pending().await?;
-            if under_way.answer.is_some() {
-                keep_answer(&self.shared.keeper, &answer).await?;
-            }
-            self.shared.keeper.end_run(run.clone(), owed, vec![record]).await
+        let last = LastWrite {
+            run: run.clone(),
+            answer: under_way.answer.as_ref().map(|_| answer.clone()),
+            owed: left == Left::OutOfReach,
+            record,
         };
-        if !matches!(timeout(WRITE_WITHIN, written).await, Ok(Ok(()))) {
-            // The next start calls its outcome unknown.
-            tracing::error!(robot = self.name(), run = run_id, "the end of a run was not kept");
-            self.note(&under_way.by, deed);
+        // A task of its own goes on when the time is up: it has taken records out that wait to be written.
+        let written = tokio::spawn(Arc::clone(self).keep_end(last));
+        if timeout(WRITE_WITHIN, written).await.is_err() {
+            tracing::error!(robot = self.name(), run = run_id, "the end of a run is not kept yet");
         }
         self.seat(|seat, _| {
             // A reader that learns of the end can begin the next run at once.
@@ -394,6 +408,28 @@ impl Station {
         if let Some(to) = under_way.answer.take() {
             let _ = to.send(answer.map_err(|(_, problem)| problem));
         }
+    }
+
+    /// Keeps the end of a run, again and again until the store takes it. A robot has few such tasks: no run
+    /// begins while the store fails.
+    async fn keep_end(self: Arc<Self>, last: LastWrite) {
+        while let Err(error) = self.try_keep_end(&last).await {
+            tracing::error!(robot = self.name(), run = last.run.run_id, %error, "the end of a run was not kept");
+            if matches!(error, StoreError::Closed) {
+                // The next start calls its outcome unknown.
+                return;
+            }
+            tokio::time::sleep(WRITE_AGAIN).await;
+        }
+    }
+
+    async fn try_keep_end(&self, last: &LastWrite) -> Result<(), StoreError> {
+        let LastWrite { run, answer, owed, record } = last;
+        self.write_pending().await?;
+        if let Some(answer) = answer {
+            keep_answer(&self.shared.keeper, answer).await?;
+        }
+        self.shared.keeper.end_run(run.clone(), *owed, vec![record.clone()]).await
     }
 
     /// A run with its present progress.
