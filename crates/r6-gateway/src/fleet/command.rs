@@ -336,9 +336,6 @@ impl Station {
             let owed = seat.owes_stop();
             seat.accept_identity(&accepted).map(|()| owed)
         })?;
-        if owed {
-            self.forget_owed().await;
-        }
         let robot = self.robot.borrow().clone();
         if let Some(robot) = robot {
             robot.accept_identity(to_client(&accepted));
@@ -350,7 +347,11 @@ impl Station {
             self.note(by, deed);
             return Err(error.into());
         }
-        Ok(self.save().await?)
+        self.save().await?;
+        if owed {
+            self.forget_owed().await;
+        }
+        Ok(())
     }
 
     /// Notes that a request was refused.

@@ -112,7 +112,7 @@ struct LastWrite {
     run: Run,
     /// The answer to the request, if it was not given before.
     answer: Option<Result<Run, (u64, Problem)>>,
-    /// Whether the next start has to stop the robot.
+    /// Whether the next start has to stop the robot, unless [`Station::forget_owed`] comes before.
     owed: bool,
     record: AuditRecord,
 }
@@ -391,7 +391,7 @@ impl Station {
         let last = LastWrite {
             run: run.clone(),
             answer: under_way.answer.as_ref().map(|_| answer.clone()),
-            owed: left == Left::OutOfReach,
+            owed: left != Left::Nothing,
             record,
         };
         // A task of its own goes on when the time is up: it has taken records out that wait to be written.
@@ -420,6 +420,9 @@ impl Station {
                 return;
             }
             tokio::time::sleep(WRITE_AGAIN).await;
+        }
+        if last.owed {
+            self.forget_owed().await;
         }
     }
 
@@ -495,9 +498,17 @@ impl Station {
         }
     }
 
-    /// Keeps that no stop is owed any more. If the disk fails, the next start makes one more stop.
+    /// Keeps that no stop is owed any more, if that is so. A stop that holds is on the disk before. If the disk
+    /// fails, the next start makes one more stop.
     pub(super) async fn forget_owed(&self) {
-        if let Err(error) = self.shared.keeper.pay_stop(self.robot_name().clone()).await {
+        let forgotten = async {
+            self.save().await?;
+            if self.seat(|seat, _| seat.owes_stop()) {
+                return Ok(());
+            }
+            self.shared.keeper.pay_stop(self.robot_name().clone()).await
+        };
+        if let Err(error) = forgotten.await {
             tracing::error!(robot = self.name(), %error, "it was not kept that a list was stopped");
         }
     }

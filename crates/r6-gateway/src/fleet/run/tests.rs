@@ -86,6 +86,32 @@ impl Scene {
 }
 
 #[tokio::test]
+async fn a_stop_that_was_not_proved_is_owed_until_it_is_kept_that_a_stop_holds() {
+    for (left, owed) in [(Left::NotStopped, false), (Left::OutOfReach, true)] {
+        let scene = Scene::new().await;
+        let station = &scene.station;
+        station.seat(|seat, _| seat.leave(scene.ticket, left));
+        let other = rusqlite::Connection::open(scene.folder.path().join("control.db")).unwrap();
+        let full = "CREATE TRIGGER full BEFORE INSERT ON seat BEGIN SELECT RAISE(ABORT, 'full'); END";
+        other.execute_batch(full).unwrap();
+        Arc::clone(station).keep_end(scene.last(true)).await;
+        // A start after a kill makes that stop.
+        let name = station.robot_name().clone();
+        assert_eq!(scene.store().owed_stops().unwrap(), std::slice::from_ref(&name));
+        other.execute_batch("DROP TRIGGER full").unwrap();
+        station.forget_owed().await;
+        assert_eq!(!scene.store().owed_stops().unwrap().is_empty(), owed, "{left:?}");
+        assert_eq!(scene.store().seat(&name).unwrap().stopped, !owed);
+        if owed {
+            station.seat(|seat, _| seat.pay(false));
+            station.forget_owed().await;
+            assert!(scene.store().owed_stops().unwrap().is_empty());
+            assert!(scene.store().seat(&name).unwrap().stopped);
+        }
+    }
+}
+
+#[tokio::test]
 async fn the_end_of_a_run_is_kept_once_the_disk_takes_it() {
     let scene = Scene::new().await;
     // As if the disk were full.
