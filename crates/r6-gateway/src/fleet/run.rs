@@ -463,8 +463,12 @@ impl Station {
         if over && !self.runs.borrow().as_ref().is_some_and(is_unknown) {
             return Ok(());
         }
-        let message =
-            "the program was stopped, and it is not proved that the arm stands: use the emergency stop";
+        let message = if self.seat(|seat, _| seat.owes_stop()) {
+            "no stop reached the robot; it may finish its list, and is stopped as soon as it answers"
+        } else {
+            "the program was stopped, and it is not proved that the arm stands and its list is cleared: use the \
+             emergency stop"
+        };
         Err(Problem::new(Code::NotStopped, message))
     }
 
