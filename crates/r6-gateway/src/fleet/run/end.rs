@@ -3,8 +3,8 @@
 use r6_api::Code;
 use r6_api::gateway::{LeaseEnd, RunEnd, RunProof, RunState};
 use r6_client::{
-    Cause, Done, DoubtAfterStop, EndProof, ListAfterStop, MotionError, NotSent, Progress, RequestError, StopReport,
-    Unmet,
+    Cause, Done, DoubtAfterStop, EndProof, ListAfterStop, MotionError, NotSent, Progress, RequestError,
+    StopReport, Unmet,
 };
 
 use crate::core::seat::{Cut, Left};
@@ -37,7 +37,8 @@ pub enum Halted {
 impl Halted {
     /// What is known of the arm after a stop.
     pub fn of(report: &StopReport) -> Self {
-        let is_clear = |list: &ListAfterStop| matches!(list, ListAfterStop::WasEmpty | ListAfterStop::Cleared);
+        let is_clear =
+            |list: &ListAfterStop| matches!(list, ListAfterStop::WasEmpty | ListAfterStop::Cleared);
         let no_doubt = |doubt: &DoubtAfterStop| !doubt.still_open && is_clear(&doubt.cleared);
         // The state counts, not the answer.
         let is_empty = is_clear(&report.list) && matches!(report.list_length, None | Some(0));
@@ -89,7 +90,9 @@ impl Ended {
         };
         let detail = match halted {
             Halted::NotNeeded | Halted::Stands => detail,
-            Halted::NotProved => format!("{detail}; it is NOT proved that the arm stands and its list is cleared"),
+            Halted::NotProved => {
+                format!("{detail}; it is NOT proved that the arm stands and its list is cleared")
+            }
             Halted::OutOfReach => format!(
                 "{detail}; the robot is out of reach: it may finish its list, and is stopped as soon as it answers"
             ),
@@ -253,7 +256,10 @@ mod tests {
         let doubt = |still_open, cleared| Some(DoubtAfterStop { still_open, cleared });
         for (report, halted) in [
             (report.clone(), Halted::Stands),
-            (StopReport { list: ListAfterStop::WasEmpty, list_length: None, ..report.clone() }, Halted::Stands),
+            (
+                StopReport { list: ListAfterStop::WasEmpty, list_length: None, ..report.clone() },
+                Halted::Stands,
+            ),
             (StopReport { doubt: doubt(false, ListAfterStop::Cleared), ..report.clone() }, Halted::Stands),
             (StopReport { confirmed: false, ..report.clone() }, Halted::NotProved),
             (StopReport { list: ListAfterStop::Refused(None), ..report.clone() }, Halted::NotProved),
