@@ -141,6 +141,7 @@ impl Station {
     /// `bad_program`, `no_room`, `store_unavailable`, `outcome_unknown`; those of [`Self::answered_before`].
     pub async fn run(self: Arc<Self>, by: By, wish: Wish) -> Result<Run, Problem> {
         let hash = wish.hash;
+        let turn = self.beginning.lock().await;
         if let Some(run) = self.answered_before(&wish.caller, &wish.idempotency_key, hash).await? {
             return Ok(run);
         }
@@ -150,6 +151,7 @@ impl Station {
         })?;
         // From here on the robot is taken, until `end_run`.
         let begun = self.begin(&by, &wish).await;
+        drop(turn);
         let (robot, run) = match begun {
             Ok((robot, Begun::New(run_id), run)) => (robot, Run { run_id, ..run }),
             Ok((_, Begun::Known(known), _)) => {
