@@ -107,6 +107,37 @@ struct UnderWay {
     told: Instant,
 }
 
+/// The robot is taken for a run. When this is dropped, it is free, also after a fault of the gateway.
+struct Taken {
+    station: Arc<Station>,
+    ticket: Ticket,
+    /// What the run leaves if it was not ended before.
+    left: Left,
+}
+
+impl Drop for Taken {
+    fn drop(&mut self) {
+        let Self { station, ticket, left } = self;
+        let was_ended = !station.seat(|seat, _| seat.end_run(*ticket, *left));
+        let run = station.runs.borrow().clone();
+        // Without a panic, the gateway ends here without order: the next start ends the run.
+        let is_lost = !was_ended && *left != Left::Nothing && std::thread::panicking();
+        let Some(run) = run.filter(|run| is_lost && run.state == RunState::Running) else { return };
+        let detail = "a fault of the gateway ended the run: what was carried out is not known";
+        let (run, record) = lost(run, RunEnd::OutcomeUnknown, detail);
+        tracing::error!(robot = station.name(), run = run.run_id, detail, "a run ended");
+        let (run_id, done) = (run.run_id, run.done);
+        let (state, because) = (RunState::Unknown, RunEnd::OutcomeUnknown);
+        station.runs.send_replace(Some(run.clone()));
+        station.counts.count_run(state);
+        station.publish(Happened::RunEnded { run_id, state, because, done });
+        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
+            let last = LastWrite { run, answer: None, owed: true, record };
+            runtime.spawn(Arc::clone(station).keep_end(last));
+        }
+    }
+}
+
 /// What is written at the end of a run.
 struct LastWrite {
     run: Run,
@@ -149,29 +180,22 @@ impl Station {
         let ticket = taken.map_err(Problem::from).inspect_err(|problem| {
             self.note_refused(&by, "run a program", problem.code);
         })?;
-        // From here on the robot is taken, until `end_run`.
-        let begun = self.begin(&by, &wish).await;
-        drop(turn);
-        let (robot, run) = match begun {
-            Ok((robot, Begun::New(run_id), run)) => (robot, Run { run_id, ..run }),
-            Ok((_, Begun::Known(known), _)) => {
-                self.seat(|seat, _| seat.end_run(ticket, Left::Nothing));
-                return again(*known, hash);
-            }
-            Ok((_, Begun::Full, _)) => {
-                self.seat(|seat, _| seat.end_run(ticket, Left::Nothing));
+        let mut taken = Taken { station: Arc::clone(&self), ticket, left: Left::Nothing };
+        let (robot, begun, run) = self.begin(&by, &wish).await?;
+        let run = match begun {
+            Begun::New(run_id) => Run { run_id, ..run },
+            Begun::Known(known) => return again(*known, hash),
+            Begun::Full => {
                 let message = format!("{MAX_RUNS} runs of the last 24 h are kept: there is no room for more");
                 return Err(Problem::new(Code::NoRoom, message));
             }
-            Err(problem) => {
-                self.seat(|seat, _| seat.end_run(ticket, Left::Nothing));
-                return Err(problem);
-            }
         };
+        drop(turn);
+        taken.left = Left::OutOfReach;
         let (answer, answered) = oneshot::channel();
         let run_id = run.run_id;
         let under_way = UnderWay { robot, ticket, by, run, answer: Some(answer), told: Instant::now() };
-        tokio::spawn(Arc::clone(&self).carry_out(under_way, wish.motion));
+        tokio::spawn(Arc::clone(&self).carry_out(taken, under_way, wish.motion));
         answered.await.unwrap_or_else(|_| {
             let message = format!("the gateway ends: what became of run {run_id} is not known");
             Err(Problem::new(Code::OutcomeUnknown, message))
@@ -219,7 +243,7 @@ impl Station {
     }
 
     /// Carries a run out to its end, whatever that is.
-    async fn carry_out(self: Arc<Self>, mut under_way: UnderWay, motion: Motion) {
+    async fn carry_out(self: Arc<Self>, _taken: Taken, mut under_way: UnderWay, motion: Motion) {
         let UnderWay { robot, ticket, run, .. } = &under_way;
         let (robot, ticket) = (robot.clone(), *ticket);
         tracing::info!(robot = self.name(), run = run.run_id, steps = run.steps, by = run.by, "a run");
@@ -556,9 +580,14 @@ fn again(known: KeptRun, hash: [u8; 32]) -> Result<Run, Problem> {
 /// The end of a run that was under way when the gateway was killed, and its record.
 #[must_use]
 pub fn killed(run: Run) -> (Run, AuditRecord) {
+    let detail = "the gateway ended before the run: what was carried out is not known";
+    lost(run, RunEnd::GatewayKilled, detail)
+}
+
+/// The end of a run whose outcome cannot be known, and its record.
+fn lost(run: Run, because: RunEnd, detail: &str) -> (Run, AuditRecord) {
     let time = clock::time_of_day();
-    let detail = "the gateway ended before the run: what was carried out is not known".to_owned();
-    let (state, because) = (RunState::Unknown, RunEnd::GatewayKilled);
+    let (state, detail) = (RunState::Unknown, detail.to_owned());
     let deed = Deed::RunOutcome { run: run.run_id, state, because, done: run.done, detail: detail.clone() };
     let (actor, robot) = ("gateway".to_owned(), Some(run.robot.clone()));
     let record = AuditRecord { time: time.clone(), actor, source: None, robot, deed };

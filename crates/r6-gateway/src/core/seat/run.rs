@@ -124,16 +124,17 @@ impl Seat {
     }
 
     /// A run is over. A lease that has waited for that ends now. `left` counts if [`Self::leave`] was not
-    /// called.
-    pub fn end_run(&mut self, ticket: Ticket, left: Left) {
+    /// called. `false`: it was over before.
+    pub fn end_run(&mut self, ticket: Ticket, left: Left) -> bool {
         self.leave(ticket, left);
         if self.run.take_if(|run| run.ticket == ticket).is_none() {
-            return;
+            return false;
         }
         self.void_permits();
         if let Some(cause) = self.lease.as_ref().and_then(|lease| lease.ends) {
             self.end_lease(cause);
         }
+        true
     }
 
     /// A list of a run of an earlier start may still be at the robot.

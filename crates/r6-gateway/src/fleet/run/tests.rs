@@ -112,11 +112,36 @@ async fn a_stop_that_was_not_proved_is_owed_until_it_is_kept_that_a_stop_holds()
 }
 
 #[tokio::test]
+async fn a_fault_leaves_the_robot_free_with_a_stop_that_is_owed() {
+    let scene = Scene::new().await;
+    let (station, ticket) = (Arc::clone(&scene.station), scene.ticket);
+    let taken = Taken { station: Arc::clone(&station), ticket, left: Left::OutOfReach };
+    let task = tokio::spawn(async move {
+        let _taken = taken;
+        panic!("a fault, as the test wants it");
+    });
+    assert!(task.await.unwrap_err().is_panic());
+    assert!(station.seat(|seat, _| seat.owes_stop() && !seat.has_run()));
+    let run = station.run_of(scene.run.run_id).await.unwrap().unwrap();
+    assert_eq!((run.state, run.because), (RunState::Unknown, Some(RunEnd::OutcomeUnknown)));
+    let begun = Instant::now();
+    while scene.records("run_outcome") == 0 {
+        assert!(begun.elapsed() < Duration::from_secs(10));
+        tokio::time::sleep(FINISH_LOOK).await;
+    }
+    // After the end of a run nothing more comes.
+    drop(Taken { station: Arc::clone(&station), ticket, left: Left::OutOfReach });
+    assert_eq!(scene.records("run_outcome"), 1);
+}
+
+#[tokio::test]
 async fn the_end_of_a_run_is_kept_once_the_disk_takes_it() {
     let scene = Scene::new().await;
     // As if the disk were full.
     let other = rusqlite::Connection::open(scene.folder.path().join("control.db")).unwrap();
-    other.execute_batch("CREATE TRIGGER full BEFORE INSERT ON audit BEGIN SELECT RAISE(ABORT, 'full'); END").unwrap();
+    other
+        .execute_batch("CREATE TRIGGER full BEFORE INSERT ON audit BEGIN SELECT RAISE(ABORT, 'full'); END")
+        .unwrap();
     scene.station.note(&Scene::by(), Deed::StopCleared { lease: 1 });
     let kept = tokio::spawn(Arc::clone(&scene.station).keep_end(scene.last(true)));
     tokio::time::sleep(WRITE_AGAIN / 2).await;
