@@ -43,8 +43,8 @@ use crate::core::name::RobotName;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::station::{Kept, Shared, Station};
 
-/// How long the task of a robot may take to end, once a run is over. It waits for commands for 3 s and for a stop for 17 s, or
-/// writes for 5 s.
+/// How long the task of a robot may take to end, once a run is over. It waits for commands for 3 s and for a
+/// stop for 17 s, or writes for 5 s.
 const END: Duration = Duration::from_secs(25);
 
 /// All robots, by their names.

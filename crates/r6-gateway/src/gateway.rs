@@ -249,7 +249,8 @@ impl Gateway {
     }
 
     /// Ends the gateway in order: no new requests, then the outcomes of commands and stops that are under
-    /// way, the connections, and the last records. All leases end. Arms that a run moves are stopped; the others go on with what they do.
+    /// way, the connections, and the last records. All leases end. Arms that a run moves are stopped; the
+    /// others go on with what they do.
     ///
     /// # Errors
     /// The last record could not be written.

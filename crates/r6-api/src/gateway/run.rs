@@ -39,7 +39,7 @@ pub enum RunState {
     Done,
     /// It was stopped before its end. It is proved that the arm stands, and the list is cleared.
     Stopped,
-    /// Nothing was carried out: the machine was not ready, or the controller refused the first list.
+    /// Nothing was carried out: no step was sent.
     Refused,
     /// It ended before its end for another reason. It is proved that the arm stands.
     Failed,

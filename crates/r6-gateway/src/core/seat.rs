@@ -144,6 +144,8 @@ pub struct Seat {
     link: Option<Link>,
     /// Whether this robot gets no command any more.
     closed: bool,
+    /// Whether the robot is being configured anew: it gets no command until that is done.
+    reconfiguring: bool,
     /// The run that has the robot.
     run: Option<run::Run>,
     /// How many runs there were.
@@ -181,6 +183,7 @@ impl Seat {
             stranger: None,
             link: None,
             closed: false,
+            reconfiguring: false,
             run: None,
             runs: 0,
             owes_stop: false,
@@ -260,11 +263,14 @@ impl Seat {
     ///
     /// # Errors
     /// [`Denied::Leased`], [`Denied::RunEnding`], [`Denied::BeingTaken`], [`Denied::IdentityChanged`],
-    /// [`Denied::Closed`].
+    /// [`Denied::Reconfiguring`], [`Denied::Closed`].
     pub fn acquire(&mut self, now: Instant, ask: Ask) -> Result<Granted, Denied> {
         self.handle_timeout(now);
         if self.closed {
             return Err(Denied::Closed);
+        }
+        if self.reconfiguring {
+            return Err(Denied::Reconfiguring);
         }
         if self.stranger.is_some() {
             return Err(Denied::IdentityChanged);
@@ -383,8 +389,8 @@ impl Seat {
         }
     }
 
-    /// From now on this name stands for the robot that answers. A stop holds, because no person has looked at
-    /// this robot yet.
+    /// From now on this name stands for the robot that answers. The person who accepts it has looked at it:
+    /// a stop holds only if it held before.
     ///
     /// # Errors
     /// [`Denied::AnotherIdentity`]: this is not the robot that answers.
@@ -395,6 +401,7 @@ impl Seat {
         self.saved.identity = self.stranger.take();
         // Another robot has no list of an earlier run.
         self.owes_stop = false;
+        self.run.iter_mut().for_each(|run| run.is_elsewhere = true);
         Ok(())
     }
 
@@ -423,6 +430,7 @@ impl Seat {
     /// The robot is configured anew: the lease ends, and who answers has to be asked again. A stop still
     /// holds.
     pub fn reconfigured(&mut self) {
+        self.reconfiguring = false;
         self.end_lease(LeaseEnd::Reconfigured);
         self.link_lost();
         self.stranger = None;

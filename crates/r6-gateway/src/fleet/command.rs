@@ -47,7 +47,7 @@ impl Station {
     /// Gives out the lease if it is free.
     ///
     /// # Errors
-    /// `leased`, `identity_changed`, `store_unavailable`.
+    /// `leased`, `identity_changed`, `not_ready`, `store_unavailable`.
     pub async fn acquire(&self, by: &By, lasts: Duration) -> Result<Lease, Problem> {
         let granted = self.acquire_now(by, lasts).await?;
         Ok(self.given(granted))
@@ -336,9 +336,6 @@ impl Station {
             let owed = seat.owes_stop();
             seat.accept_identity(&accepted).map(|()| owed)
         })?;
-        if owed {
-            self.forget_owed().await;
-        }
         let robot = self.robot.borrow().clone();
         if let Some(robot) = robot {
             robot.accept_identity(to_client(&accepted));
@@ -350,7 +347,11 @@ impl Station {
             self.note(by, deed);
             return Err(error.into());
         }
-        Ok(self.save().await?)
+        self.save().await?;
+        if owed {
+            self.forget_owed().await;
+        }
+        Ok(())
     }
 
     /// Notes that a request was refused.

@@ -15,6 +15,8 @@
 //! answers again.
 
 mod end;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -48,6 +50,10 @@ const TOLD_EVERY: Duration = Duration::from_secs(1);
 
 /// How long the end of a run waits for the disk. Then the lease is freed, and the record follows.
 const WRITE_WITHIN: Duration = Duration::from_secs(5);
+
+/// After this time the end of a run is written again, if the disk failed: a disk that is full stays so for
+/// minutes.
+const WRITE_AGAIN: Duration = Duration::from_secs(1);
 
 /// How long to wait for a run that was cut short: a stop takes 15 s at most, and [`WRITE_WITHIN`].
 const FINISH_RUN: Duration = Duration::from_secs(21);
@@ -101,11 +107,53 @@ struct UnderWay {
     told: Instant,
 }
 
+/// The robot is taken for a run. When this is dropped, it is free, also after a fault of the gateway.
+struct Taken {
+    station: Arc<Station>,
+    ticket: Ticket,
+    /// What the run leaves if it was not ended before.
+    left: Left,
+}
+
+impl Drop for Taken {
+    fn drop(&mut self) {
+        let Self { station, ticket, left } = self;
+        let was_ended = !station.seat(|seat, _| seat.end_run(*ticket, *left));
+        let run = station.runs.borrow().clone();
+        // Without a panic, the gateway ends here without order: the next start ends the run.
+        let is_lost = !was_ended && *left != Left::Nothing && std::thread::panicking();
+        let Some(run) = run.filter(|run| is_lost && run.state == RunState::Running) else { return };
+        let detail = "a fault of the gateway ended the run: what was carried out is not known";
+        let (run, record) = lost(run, RunEnd::OutcomeUnknown, detail);
+        tracing::error!(robot = station.name(), run = run.run_id, detail, "a run ended");
+        let (run_id, done) = (run.run_id, run.done);
+        let (state, because) = (RunState::Unknown, RunEnd::OutcomeUnknown);
+        station.runs.send_replace(Some(run.clone()));
+        station.counts.count_run(state);
+        station.publish(Happened::RunEnded { run_id, state, because, done });
+        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
+            let last = LastWrite { run, answer: None, owed: true, record };
+            runtime.spawn(Arc::clone(station).keep_end(last));
+        }
+    }
+}
+
+/// What is written at the end of a run.
+struct LastWrite {
+    run: Run,
+    /// The answer to the request, if it was not given before.
+    answer: Option<Result<Run, (u64, Problem)>>,
+    /// Whether the next start has to stop the robot, unless [`Station::forget_owed`] comes before.
+    owed: bool,
+    record: AuditRecord,
+}
+
 impl Station {
     /// The answer to a request that came before; `None` if it did not.
     ///
     /// # Errors
-    /// `key_taken`, `in_progress`, `outcome_unknown`, or the problem that was the answer; `store_unavailable`.
+    /// `key_taken`, `in_progress`, `outcome_unknown`, or the problem that was the answer;
+    /// `store_unavailable`.
     pub async fn answered_before(
         &self,
         caller: &str,
@@ -124,6 +172,7 @@ impl Station {
     /// `bad_program`, `no_room`, `store_unavailable`, `outcome_unknown`; those of [`Self::answered_before`].
     pub async fn run(self: Arc<Self>, by: By, wish: Wish) -> Result<Run, Problem> {
         let hash = wish.hash;
+        let turn = self.beginning.lock().await;
         if let Some(run) = self.answered_before(&wish.caller, &wish.idempotency_key, hash).await? {
             return Ok(run);
         }
@@ -131,28 +180,22 @@ impl Station {
         let ticket = taken.map_err(Problem::from).inspect_err(|problem| {
             self.note_refused(&by, "run a program", problem.code);
         })?;
-        // From here on the robot is taken, until `end_run`.
-        let begun = self.begin(&by, &wish).await;
-        let (robot, run) = match begun {
-            Ok((robot, Begun::New(run_id), run)) => (robot, Run { run_id, ..run }),
-            Ok((_, Begun::Known(known), _)) => {
-                self.seat(|seat, _| seat.end_run(ticket, Left::Nothing));
-                return again(*known, hash);
-            }
-            Ok((_, Begun::Full, _)) => {
-                self.seat(|seat, _| seat.end_run(ticket, Left::Nothing));
+        let mut taken = Taken { station: Arc::clone(&self), ticket, left: Left::Nothing };
+        let (robot, begun, run) = self.begin(&by, &wish).await?;
+        let run = match begun {
+            Begun::New(run_id) => Run { run_id, ..run },
+            Begun::Known(known) => return again(*known, hash),
+            Begun::Full => {
                 let message = format!("{MAX_RUNS} runs of the last 24 h are kept: there is no room for more");
                 return Err(Problem::new(Code::NoRoom, message));
             }
-            Err(problem) => {
-                self.seat(|seat, _| seat.end_run(ticket, Left::Nothing));
-                return Err(problem);
-            }
         };
+        drop(turn);
+        taken.left = Left::OutOfReach;
         let (answer, answered) = oneshot::channel();
         let run_id = run.run_id;
         let under_way = UnderWay { robot, ticket, by, run, answer: Some(answer), told: Instant::now() };
-        tokio::spawn(Arc::clone(&self).carry_out(under_way, wish.motion));
+        tokio::spawn(Arc::clone(&self).carry_out(taken, under_way, wish.motion));
         answered.await.unwrap_or_else(|_| {
             let message = format!("the gateway ends: what became of run {run_id} is not known");
             Err(Problem::new(Code::OutcomeUnknown, message))
@@ -200,7 +243,7 @@ impl Station {
     }
 
     /// Carries a run out to its end, whatever that is.
-    async fn carry_out(self: Arc<Self>, mut under_way: UnderWay, motion: Motion) {
+    async fn carry_out(self: Arc<Self>, _taken: Taken, mut under_way: UnderWay, motion: Motion) {
         let UnderWay { robot, ticket, run, .. } = &under_way;
         let (robot, ticket) = (robot.clone(), *ticket);
         tracing::info!(robot = self.name(), run = run.run_id, steps = run.steps, by = run.by, "a run");
@@ -227,6 +270,8 @@ impl Station {
         let halted = self.halt(&robot, connection, cut, &outcome).await;
         drop(sending);
         let ended = Ended::of(outcome, cut, halted);
+        // Before the disk has its turn: the robot may answer again meanwhile.
+        self.seat(|seat, _| seat.leave(ticket, ended.left));
         self.end(under_way, ended).await;
     }
 
@@ -285,7 +330,7 @@ impl Station {
             Outcome::Ended(Err(error)) => error,
         };
         if let MotionError { stop: Some(stop), .. } = error
-            && matches!(&**stop, Ok(report) if report.confirmed)
+            && matches!(&**stop, Ok(report) if Halted::of(report) == Halted::Stands)
         {
             return Halted::Stands;
         }
@@ -304,12 +349,10 @@ impl Station {
         self.note(&by, Deed::StopBegan { request: "stop".to_owned() });
         let answer = robot.stop().await;
         drop(sending);
-        let (halted, detail) = match answer {
-            Ok(report) if report.confirmed => (Halted::Stands, report.to_string()),
-            Ok(report) => (Halted::NotProved, report.to_string()),
-            Err(error) => (Halted::OutOfReach, error.to_string()),
+        let (halted, confirmed, detail) = match answer {
+            Ok(report) => (Halted::of(&report), report.confirmed, report.to_string()),
+            Err(error) => (Halted::OutOfReach, false, error.to_string()),
         };
-        let confirmed = halted == Halted::Stands;
         self.counts.count_stop(confirmed);
         tracing::warn!(robot = self.name(), confirmed, detail, "the list of a run was stopped");
         self.publish(Happened::StopEnded { confirmed });
@@ -350,7 +393,7 @@ impl Station {
     }
 
     /// Ends a run: the store has its end, then the robot is free.
-    async fn end(&self, mut under_way: UnderWay, ended: Ended) {
+    async fn end(self: &Arc<Self>, mut under_way: UnderWay, ended: Ended) {
         let Ended { state, because, proof, detail, left, problem } = ended;
         let run = &mut under_way.run;
         (run.state, run.because, run.proof) = (state, Some(because), proof);
@@ -363,7 +406,7 @@ impl Station {
         tracing::info!(robot = self.name(), run = run_id, ?state, ?because, detail, "a run ended");
         self.counts.count_run(state);
         let deed = Deed::RunOutcome { run: run_id, state, because, done, detail };
-        let record = self.record(&under_way.by, deed.clone());
+        let record = self.record(&under_way.by, deed);
         let run = run.clone();
         let Problem { code, message, .. } = problem;
         let answer = if run.accepted > 0 || state == RunState::Done {
@@ -371,18 +414,16 @@ impl Station {
         } else {
             Err((run_id, Problem::new(code, format!("{message} (run {run_id})"))))
         };
-        let owed = left == Left::OutOfReach;
-        let written = async {
-            self.write_pending().await?;
-            if under_way.answer.is_some() {
-                keep_answer(&self.shared.keeper, &answer).await?;
-            }
-            self.shared.keeper.end_run(run.clone(), owed, vec![record]).await
+        let last = LastWrite {
+            run: run.clone(),
+            answer: under_way.answer.as_ref().map(|_| answer.clone()),
+            owed: left != Left::Nothing,
+            record,
         };
-        if !matches!(timeout(WRITE_WITHIN, written).await, Ok(Ok(()))) {
-            // The next start calls its outcome unknown.
-            tracing::error!(robot = self.name(), run = run_id, "the end of a run was not kept");
-            self.note(&under_way.by, deed);
+        // A task of its own goes on when the time is up: it has taken records out that wait to be written.
+        let written = tokio::spawn(Arc::clone(self).keep_end(last));
+        if timeout(WRITE_WITHIN, written).await.is_err() {
+            tracing::error!(robot = self.name(), run = run_id, "the end of a run is not kept yet");
         }
         self.seat(|seat, _| {
             // A reader that learns of the end can begin the next run at once.
@@ -393,6 +434,31 @@ impl Station {
         if let Some(to) = under_way.answer.take() {
             let _ = to.send(answer.map_err(|(_, problem)| problem));
         }
+    }
+
+    /// Keeps the end of a run, again and again until the store takes it. A robot has few such tasks: no run
+    /// begins while the store fails.
+    async fn keep_end(self: Arc<Self>, last: LastWrite) {
+        while let Err(error) = self.try_keep_end(&last).await {
+            tracing::error!(robot = self.name(), run = last.run.run_id, %error, "the end of a run was not kept");
+            if matches!(error, StoreError::Closed) {
+                // The next start calls its outcome unknown.
+                return;
+            }
+            tokio::time::sleep(WRITE_AGAIN).await;
+        }
+        if last.owed {
+            self.forget_owed().await;
+        }
+    }
+
+    async fn try_keep_end(&self, last: &LastWrite) -> Result<(), StoreError> {
+        let LastWrite { run, answer, owed, record } = last;
+        self.write_pending().await?;
+        if let Some(answer) = answer {
+            keep_answer(&self.shared.keeper, answer).await?;
+        }
+        self.shared.keeper.end_run(run.clone(), *owed, vec![record.clone()]).await
     }
 
     /// A run with its present progress.
@@ -423,8 +489,12 @@ impl Station {
         if over && !self.runs.borrow().as_ref().is_some_and(is_unknown) {
             return Ok(());
         }
-        let message =
-            "the program was stopped, and it is not proved that the arm stands: use the emergency stop";
+        let message = if self.seat(|seat, _| seat.owes_stop()) {
+            "no stop reached the robot; it may finish its list, and is stopped as soon as it answers"
+        } else {
+            "the program was stopped, and it is not proved that the arm stands and its list is cleared: use the \
+             emergency stop"
+        };
         Err(Problem::new(Code::NotStopped, message))
     }
 
@@ -458,9 +528,17 @@ impl Station {
         }
     }
 
-    /// Keeps that no stop is owed any more. If the disk fails, the next start makes one more stop.
+    /// Keeps that no stop is owed any more, if that is so. A stop that holds is on the disk before. If the disk
+    /// fails, the next start makes one more stop.
     pub(super) async fn forget_owed(&self) {
-        if let Err(error) = self.shared.keeper.pay_stop(self.robot_name().clone()).await {
+        let forgotten = async {
+            self.save().await?;
+            if self.seat(|seat, _| seat.owes_stop()) {
+                return Ok(());
+            }
+            self.shared.keeper.pay_stop(self.robot_name().clone()).await
+        };
+        if let Err(error) = forgotten.await {
             tracing::error!(robot = self.name(), %error, "it was not kept that a list was stopped");
         }
     }
@@ -502,9 +580,14 @@ fn again(known: KeptRun, hash: [u8; 32]) -> Result<Run, Problem> {
 /// The end of a run that was under way when the gateway was killed, and its record.
 #[must_use]
 pub fn killed(run: Run) -> (Run, AuditRecord) {
+    let detail = "the gateway ended before the run: what was carried out is not known";
+    lost(run, RunEnd::GatewayKilled, detail)
+}
+
+/// The end of a run whose outcome cannot be known, and its record.
+fn lost(run: Run, because: RunEnd, detail: &str) -> (Run, AuditRecord) {
     let time = clock::time_of_day();
-    let detail = "the gateway ended before the run: what was carried out is not known".to_owned();
-    let (state, because) = (RunState::Unknown, RunEnd::GatewayKilled);
+    let (state, detail) = (RunState::Unknown, detail.to_owned());
     let deed = Deed::RunOutcome { run: run.run_id, state, because, done: run.done, detail: detail.clone() };
     let (actor, robot) = ("gateway".to_owned(), Some(run.robot.clone()));
     let record = AuditRecord { time: time.clone(), actor, source: None, robot, deed };

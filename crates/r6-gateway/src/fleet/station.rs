@@ -182,6 +182,9 @@ pub struct Station {
     pub(crate) link: watch::Sender<Option<u64>>,
     /// The last run, as it stands.
     pub(super) runs: watch::Sender<Option<Run>>,
+    /// Locked while a run begins, until it is in the store: the same request that comes twice at once finds it
+    /// there.
+    pub(super) beginning: AsyncMutex<()>,
     /// What cut the run short that has the robot.
     pub(super) cut: watch::Sender<Option<(Ticket, Cut)>>,
     /// Which readings show the effect of all commands.
@@ -230,6 +233,7 @@ impl Station {
             introduced_on: AtomicU64::new(0),
             link: watch::Sender::new(None),
             runs: watch::Sender::new(None),
+            beginning: AsyncMutex::default(),
             cut: watch::Sender::new(None),
             fresh: Mutex::default(),
             asking: AsyncMutex::default(),

@@ -324,6 +324,24 @@ async fn one_run_has_the_robot_and_only_what_does_not_disturb_it_is_sent() {
 }
 
 #[tokio::test]
+async fn the_same_request_twice_at_once_is_one_run() {
+    let hall = Hall::start().await;
+    let lease = hall.long_lease(60).await;
+    let body = json!({ "program": moves(100, &[2.0]), "lease": lease });
+    let ask = || hall.run(&hall.operator, "one", &body);
+    let (one, two, three) = tokio::join!(ask(), ask(), ask());
+    let replies = [one, two, three];
+    let number = replies.iter().find_map(|reply| reply.body["run_id"].as_u64()).unwrap();
+    for reply in replies {
+        let is_it = reply.status == 202 && reply.body["run_id"] == number;
+        let is_beginning = reply.status == 409 && reply.body["code"] == "in_progress";
+        assert!(is_it || is_beginning, "{} {}", reply.status, reply.body);
+    }
+    hall.until_over(number).await;
+    assert_eq!(hall.audit().await.iter().filter(|entry| entry["what"] == "run_intent").count(), 1);
+}
+
+#[tokio::test]
 async fn a_robot_that_comes_back_is_stopped_first_and_its_run_is_unknown() {
     let robot = VirtualController::start().await.unwrap();
     let (address, cut) = way(robot.address()).await;

@@ -79,13 +79,15 @@ pub enum Denied {
     Manual,
     /// The robot was removed, or the gateway ends.
     Closed,
+    /// The robot is being configured anew.
+    Reconfiguring,
     /// A run of a program has the robot.
     RunUnderWay,
     /// The run was cut short, or is over.
     RunOver,
     /// The lease has ended, and its run is being stopped.
     RunEnding,
-    /// A list of an earlier run may still be at the robot.
+    /// A list of an earlier run, or of one that was cut short, may still be at the robot.
     ListLeft,
     /// A command that stops needs no permit.
     NeedsNone,
@@ -120,6 +122,7 @@ impl fmt::Display for Denied {
             Self::NotUp => f.write_str("the robot does not answer, or its state could not be read lately"),
             Self::Manual => f.write_str("the robot is in manual mode: the pendant leads"),
             Self::Closed => f.write_str("the robot was removed from the gateway, or the gateway ends"),
+            Self::Reconfiguring => f.write_str("the robot is being configured anew: ask again"),
             Self::RunUnderWay => f.write_str(
                 "a program runs on this robot: until its end, commands that move, lists, and changes of the tool or the \
                  work frame are not sent; a stop ends it",
@@ -205,11 +208,16 @@ impl Seat {
         if self.stranger.is_some() {
             return Err(Denied::IdentityChanged);
         }
+        if self.reconfiguring {
+            return Err(Denied::Reconfiguring);
+        }
         match effect {
             Effect::Stops | Effect::Reads => return Err(Denied::NeedsNone),
             Effect::Moves if self.saved.stopped => return Err(Denied::Stopped),
             Effect::Moves | Effect::Changes if self.stops_under_way > 0 => return Err(Denied::StopUnderWay),
-            Effect::Moves | Effect::Changes if self.owes_stop() => return Err(Denied::ListLeft),
+            Effect::Moves | Effect::Changes if self.owes_stop() || self.run_cut().is_some() => {
+                return Err(Denied::ListLeft);
+            }
             Effect::Moves | Effect::Changes => {}
         }
         let link = self.link.filter(|link| now.since(link.seen_at) <= self.fresh_for).ok_or(Denied::NotUp)?;

@@ -43,7 +43,8 @@ impl Cut {
 pub enum Left {
     /// Nothing: its list never left, or it was carried out, or it was stopped and cleared.
     Nothing,
-    /// It was stopped, and nothing proves that the arm stands. A person has to look: a stop holds.
+    /// It was stopped, and nothing proves that the arm stands and the list is cleared. A person has to look: a
+    /// stop holds.
     NotStopped,
     /// Its list may still run, and the robot is out of reach: a stop is owed.
     OutOfReach,
@@ -55,6 +56,10 @@ pub(super) struct Run {
     ticket: Ticket,
     key: Key,
     pub(super) cut: Option<Cut>,
+    /// Whether the seat knows what it leaves.
+    has_left: bool,
+    /// Whether another robot was accepted since. It has no list of this run.
+    pub(super) is_elsewhere: bool,
 }
 
 impl Seat {
@@ -67,9 +72,11 @@ impl Seat {
         if self.run.is_some() {
             return Err(Denied::RunUnderWay);
         }
+        // A command of before must not come between its lists.
+        self.void_permits();
         self.runs += 1;
         let ticket = Ticket(self.runs);
-        self.run = Some(Run { ticket, key, cut: None });
+        self.run = Some(Run { ticket, key, cut: None, has_left: false, is_elsewhere: false });
         Ok(ticket)
     }
 
@@ -103,20 +110,31 @@ impl Seat {
         self.run.is_some()
     }
 
-    /// A run is over. A lease that has waited for that ends now.
-    pub fn end_run(&mut self, ticket: Ticket, left: Left) {
-        if self.run.take_if(|run| run.ticket == ticket).is_none() {
-            return;
-        }
+    /// What a run that ends leaves at the robot, as soon as that is known. A stop that is owed may be made
+    /// from then on. Only the first call of a run counts.
+    pub fn leave(&mut self, ticket: Ticket, left: Left) {
+        let Some(run) = self.run.as_mut().filter(|run| run.ticket == ticket && !run.has_left) else { return };
+        run.has_left = true;
         match left {
-            Left::Nothing => {}
+            Left::Nothing => return,
             Left::NotStopped => self.saved.stopped = true,
-            Left::OutOfReach => self.owes_stop = true,
+            Left::OutOfReach => self.owes_stop |= !run.is_elsewhere,
+        }
+        self.void_permits();
+    }
+
+    /// A run is over. A lease that has waited for that ends now. `left` counts if [`Self::leave`] was not
+    /// called. `false`: it was over before.
+    pub fn end_run(&mut self, ticket: Ticket, left: Left) -> bool {
+        self.leave(ticket, left);
+        if self.run.take_if(|run| run.ticket == ticket).is_none() {
+            return false;
         }
         self.void_permits();
         if let Some(cause) = self.lease.as_ref().and_then(|lease| lease.ends) {
             self.end_lease(cause);
         }
+        true
     }
 
     /// A list of a run of an earlier start may still be at the robot.
@@ -145,8 +163,10 @@ impl Seat {
     }
 
     /// Ends the lease of a run before the robot is configured anew, so that the run is stopped over its
-    /// connection.
+    /// connection. Until [`Self::reconfigured`], no lease and no run begins, and nothing is permitted.
     pub fn will_be_reconfigured(&mut self) {
+        self.reconfiguring = true;
+        self.void_permits();
         if self.has_run() {
             self.end_lease(LeaseEnd::Reconfigured);
         }

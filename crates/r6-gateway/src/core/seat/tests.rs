@@ -126,6 +126,7 @@ struct Model {
 struct ModelRun {
     key: Key,
     cut: bool,
+    elsewhere: bool,
 }
 
 impl Model {
@@ -286,6 +287,8 @@ proptest! {
                     let answers = model.answers.unwrap_or(9);
                     prop_assert_eq!(seat.accept_identity(&robot(answers)).is_ok(), model.is_stranger());
                     model.owes_stop &= !model.is_stranger();
+                    let is_another = model.is_stranger();
+                    model.run.iter_mut().for_each(|run| run.elsewhere |= is_another);
                     model.expected = model.answers.or(model.expected);
                 }
                 Step::Observed { manual } => {
@@ -303,6 +306,10 @@ proptest! {
                 Step::Reconfigured => {
                     // The shell stops a run over the connection that it has.
                     seat.will_be_reconfigured();
+                    let key = model.key(0);
+                    prop_assert!(seat.acquire(now, ask(3)).is_err() && seat.begin_run(now, key).is_err());
+                    let order = Order::from(Command::ModifyGspd { percent: 5.0 });
+                    prop_assert!(seat.permit(now, key, order).is_err());
                     seat.reconfigured();
                     model.end_all();
                     (model.seen, model.answers) = (None, None);
@@ -321,7 +328,8 @@ proptest! {
                         (false, _) => Order::List { replace: true, steps: Vec::new() },
                     };
                     // With an even number it is a start or a change of the speed, else a list.
-                    let is_busy = model.run.is_some() && (moves || number % 2 == 1);
+                    let is_cut = model.run.as_ref().is_some_and(|run| run.cut);
+                    let is_busy = is_cut || model.run.is_some() && (moves || number % 2 == 1);
                     let permit = seat.permit(now, key, order);
                     let seen = model.seen.is_some_and(|(at, manual)| now.since(at) <= FRESH_FOR && !manual);
                     let permitted = model.holds(now, key)
@@ -347,8 +355,9 @@ proptest! {
                     prop_assert_eq!(begun.is_ok(), begins, "{:?}", begun);
                     if let Ok(ticket) = begun {
                         prop_assert!(!model.tickets.contains(&ticket));
+                        prop_assert!(!model.permits.contains(&seat.generation()), "of before the run");
                         model.tickets.push(ticket);
-                        model.run = Some(ModelRun { key, cut: false });
+                        model.run = Some(ModelRun { key, cut: false, elsewhere: false });
                     }
                 }
                 Step::List { back } => {
@@ -369,10 +378,18 @@ proptest! {
                     let Some(ticket) = model.tickets.last().copied() else { continue };
                     let is_cut = seat.cut(ticket).is_some();
                     prop_assert_eq!(is_cut, model.run.as_ref().is_some_and(|run| run.cut));
-                    seat.end_run(ticket, left);
+                    let owes = left == Left::OutOfReach && model.run.as_ref().is_some_and(|run| !run.elsewhere);
+                    if number % 2 == 0 {
+                        seat.leave(ticket, left);
+                        prop_assert_eq!(seat.owes_stop(), model.owes_stop || owes);
+                        // It was said: what is said later does not count.
+                        seat.end_run(ticket, Left::NotStopped);
+                    } else {
+                        seat.end_run(ticket, left);
+                    }
                     if model.run.take().is_some() {
                         model.stopped |= left == Left::NotStopped;
-                        model.owes_stop |= left == Left::OutOfReach;
+                        model.owes_stop |= owes;
                         model.waiting = None;
                     }
                     prop_assert!(!seat.has_run());
@@ -453,6 +470,25 @@ fn a_lease_that_expires_stays_with_its_holder_until_the_arm_stands() {
     seat.end_run(ticket, Left::Nothing);
     assert!(seat.acquire(late, ask).is_ok());
     assert!(!seat.stops().0, "the next holder can move the arm");
+}
+
+#[test]
+fn what_a_run_leaves_is_dealt_with_before_the_run_is_over() {
+    let (now, mut seat, key) = held();
+    let ticket = seat.begin_run(now, key).unwrap();
+    seat.link_lost();
+    // It answers again while the gateway still ends the run.
+    seat.observed(now, 2, false);
+    let order = Order::from(Command::ModifyGspd { percent: 5.0 });
+    assert_eq!(seat.permit(now, key, order.clone()).unwrap_err(), Denied::ListLeft);
+    assert!(!seat.can_pay(), "it may still be stopped");
+    seat.leave(ticket, Left::OutOfReach);
+    assert!(seat.can_pay());
+    seat.pay(true);
+    assert_eq!(seat.permit(now, key, order.clone()).unwrap_err(), Denied::ListLeft);
+    seat.end_run(ticket, Left::OutOfReach);
+    assert!(!seat.owes_stop(), "one stop is enough");
+    assert!(seat.permit(now, key, order).is_ok());
 }
 
 #[test]

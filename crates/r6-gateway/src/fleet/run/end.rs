@@ -2,7 +2,10 @@
 
 use r6_api::Code;
 use r6_api::gateway::{LeaseEnd, RunEnd, RunProof, RunState};
-use r6_client::{Cause, Done, EndProof, MotionError, NotSent, Progress, RequestError, Unmet};
+use r6_client::{
+    Cause, Done, DoubtAfterStop, EndProof, ListAfterStop, MotionError, NotSent, Progress, RequestError,
+    StopReport, Unmet,
+};
 
 use crate::core::seat::{Cut, Left};
 use crate::problem::Problem;
@@ -25,10 +28,26 @@ pub enum Halted {
     NotNeeded,
     /// It was stopped, and it is proved that it stands. The list is cleared.
     Stands,
-    /// It was stopped, and nothing proves that it stands.
+    /// It was stopped, and nothing proves that it stands, or that the list is cleared.
     NotProved,
     /// No stop reached it.
     OutOfReach,
+}
+
+impl Halted {
+    /// What is known of the arm after a stop.
+    pub fn of(report: &StopReport) -> Self {
+        let is_clear =
+            |list: &ListAfterStop| matches!(list, ListAfterStop::WasEmpty | ListAfterStop::Cleared);
+        let no_doubt = |doubt: &DoubtAfterStop| !doubt.still_open && is_clear(&doubt.cleared);
+        // The state counts, not the answer.
+        let is_empty = is_clear(&report.list) && matches!(report.list_length, None | Some(0));
+        if report.confirmed && is_empty && report.doubt.as_ref().is_none_or(no_doubt) {
+            Self::Stands
+        } else {
+            Self::NotProved
+        }
+    }
 }
 
 /// What became of a run.
@@ -53,12 +72,12 @@ impl Ended {
             Halted::NotProved => Left::NotStopped,
             Halted::OutOfReach => Left::OutOfReach,
         };
-        let (because, detail, is_left, code, refused_first) = match outcome {
+        let (because, detail, is_left, code) = match outcome {
             Outcome::Ended(Ok(done)) | Outcome::Halted(Ok(done), _) => return Self::done(&done, left),
             Outcome::Released(progress) => {
                 let because = cut.map_or(RunEnd::LinkLost, of_cut);
                 let detail = format!("{}; {progress}", words(because));
-                (because, detail, progress.left > 0, Code::NotReady, false)
+                (because, detail, progress.left > 0, Code::NotReady)
             }
             Outcome::Ended(Err(error)) | Outcome::Halted(Err(error), _) => {
                 let because = cut.map_or_else(|| of_cause(&error.cause), of_cut);
@@ -66,18 +85,19 @@ impl Ended {
                     Some(_) => format!("{}; {error}", words(because)),
                     None => error.to_string(),
                 };
-                let refused_first = because == RunEnd::Refused && error.progress.accepted == 0;
-                (because, detail, !error.nothing_left(), code(&error.cause), refused_first)
+                (because, detail, !error.nothing_left(), code(&error.cause))
             }
         };
         let detail = match halted {
             Halted::NotNeeded | Halted::Stands => detail,
-            Halted::NotProved => format!("{detail}; it is NOT proved that the arm stands"),
+            Halted::NotProved => {
+                format!("{detail}; it is NOT proved that the arm stands and its list is cleared")
+            }
             Halted::OutOfReach => format!(
                 "{detail}; the robot is out of reach: it may finish its list, and is stopped as soon as it answers"
             ),
         };
-        let state = state(because, cut.is_some(), is_left, refused_first, halted);
+        let state = state(because, cut.is_some(), is_left, halted);
         let code = match (state, because) {
             (RunState::Unknown, _) => Code::OutcomeUnknown,
             (_, RunEnd::Stop) => Code::Stopped,
@@ -105,7 +125,7 @@ impl Ended {
     }
 }
 
-fn state(because: RunEnd, is_cut: bool, is_left: bool, refused_first: bool, halted: Halted) -> RunState {
+fn state(because: RunEnd, is_cut: bool, is_left: bool, halted: Halted) -> RunState {
     match (because, halted) {
         (_, _) if !is_left => RunState::Refused,
         (_, Halted::NotProved | Halted::OutOfReach) => RunState::Unknown,
@@ -119,7 +139,6 @@ fn state(because: RunEnd, is_cut: bool, is_left: bool, refused_first: bool, halt
         ) => RunState::Unknown,
         (_, _) if is_cut => RunState::Stopped,
         (RunEnd::ModeChanged | RunEnd::Stop, _) => RunState::Stopped,
-        (_, _) if refused_first => RunState::Refused,
         (_, _) => RunState::Failed,
     }
 }
@@ -194,6 +213,8 @@ fn words(because: RunEnd) -> &'static str {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     fn error(cause: Cause, left: usize, accepted: usize) -> Outcome {
@@ -215,6 +236,42 @@ mod tests {
     }
 
     #[test]
+    fn a_stop_counts_only_if_its_list_is_cleared_too() {
+        let report = StopReport {
+            confirmed: true,
+            proof: None,
+            means: None,
+            attempts: 1,
+            took: Duration::from_millis(90),
+            robot: None,
+            connection: 1,
+            second: None,
+            moving: Some(false),
+            mode: None,
+            alarm: Some(0),
+            list_length: Some(0),
+            list: ListAfterStop::Cleared,
+            doubt: None,
+        };
+        let doubt = |still_open, cleared| Some(DoubtAfterStop { still_open, cleared });
+        for (report, halted) in [
+            (report.clone(), Halted::Stands),
+            (
+                StopReport { list: ListAfterStop::WasEmpty, list_length: None, ..report.clone() },
+                Halted::Stands,
+            ),
+            (StopReport { doubt: doubt(false, ListAfterStop::Cleared), ..report.clone() }, Halted::Stands),
+            (StopReport { confirmed: false, ..report.clone() }, Halted::NotProved),
+            (StopReport { list: ListAfterStop::Refused(None), ..report.clone() }, Halted::NotProved),
+            (StopReport { list_length: Some(2), ..report.clone() }, Halted::NotProved),
+            (StopReport { doubt: doubt(true, ListAfterStop::Cleared), ..report.clone() }, Halted::NotProved),
+            (StopReport { doubt: doubt(false, ListAfterStop::Refused(None)), ..report }, Halted::NotProved),
+        ] {
+            assert_eq!(Halted::of(&report), halted, "{report:?}");
+        }
+    }
+
+    #[test]
     fn what_never_left_is_refused_and_what_cannot_be_known_is_unknown() {
         let refused = |unmet| error(Cause::NotReady(vec![unmet]), 0, 0);
         let ended = Ended::of(refused(Unmet::LeftoverList { length: 3 }), None, Halted::NotNeeded);
@@ -229,7 +286,7 @@ mod tests {
         // The first list was refused; some controllers run such lists all the same, so the arm was stopped.
         let reason = r6_client::Refused::InstructionList { reason: None };
         let first = Ended::of(error(Cause::Refused(reason.clone()), 5, 0), None, Halted::Stands);
-        assert_eq!((first.state, first.problem.code), (RunState::Refused, Code::Refused));
+        assert_eq!((first.state, first.problem.code), (RunState::Failed, Code::Refused));
         let later = Ended::of(error(Cause::Refused(reason), 9, 5), None, Halted::Stands);
         assert_eq!(later.state, RunState::Failed);
     }
