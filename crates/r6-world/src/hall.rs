@@ -117,8 +117,12 @@ pub struct Hall {
     pub up_since: Option<Duration>,
     /// Whether its system gives it no sockets.
     pub has_no_files: bool,
-    /// Whether its disk is as it should be, since when.
-    pub disk_well_since: Option<Duration>,
+    /// Whether its disk has no room.
+    disk_is_full: bool,
+    /// Whether its disk is slow.
+    disk_is_slow: bool,
+    /// Since when its disk has room and is fast.
+    disk_well_since: Option<Duration>,
     /// The last value that a caller wrote: no value is written twice.
     pub last_value: i64,
     /// The last key of a lease of each robot, for those who try to use the key of another caller.
@@ -157,6 +161,8 @@ impl Hall {
             told_commands: Vec::new(),
             up_since: None,
             has_no_files: false,
+            disk_is_full: false,
+            disk_is_slow: false,
             disk_well_since: Some(Duration::ZERO),
             last_value: 0,
             last_keys: BTreeMap::new(),
@@ -170,6 +176,22 @@ impl Hall {
     #[must_use]
     pub fn is_sound(&self, robot: usize, at: Duration) -> bool {
         self.plan.is_sound(robot, at) && self.up_since.is_some_and(|since| since + STARTS_WITHIN < at)
+    }
+
+    /// Its disk has no room from now on, or has room again.
+    pub fn disk_fills(&mut self, at: Duration, is_full: bool) {
+        self.disk_is_full = is_full;
+        self.note_disk(at);
+    }
+
+    /// Its disk is slow from now on, or fast again.
+    pub fn disk_slows(&mut self, at: Duration, is_slow: bool) {
+        self.disk_is_slow = is_slow;
+        self.note_disk(at);
+    }
+
+    fn note_disk(&mut self, at: Duration) {
+        self.disk_well_since = (!self.disk_is_full && !self.disk_is_slow).then_some(at);
     }
 
     /// A value that nobody wrote yet.
@@ -447,6 +469,19 @@ fn text_of(words: &[&str]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_disk_is_well_when_it_has_room_and_is_fast() {
+        let Some(plan) = crate::plan::Plan::with_gateway(1).hall else { panic!("a hall") };
+        let mut hall = Hall::new(&plan, 1);
+        let second = Duration::from_secs;
+        hall.disk_fills(second(1), true);
+        hall.disk_slows(second(2), true);
+        hall.disk_fills(second(3), false);
+        assert_eq!(hall.disk_well_since, None, "it is slow");
+        hall.disk_slows(second(4), false);
+        assert_eq!(hall.disk_well_since, Some(second(4)));
+    }
 
     #[test]
     fn a_command_is_told_as_the_audit_log_tells_it() {
