@@ -178,6 +178,12 @@ impl Hall {
         self.plan.is_sound(robot, at) && self.up_since.is_some_and(|since| since + STARTS_WITHIN < at)
     }
 
+    /// Whether the gateway has to answer what is asked at this time and is not answered until then.
+    #[must_use]
+    pub fn has_to_answer(&self, asked: Duration, until: Duration) -> bool {
+        !self.plan.is_away(asked, until) && self.up_since.is_some_and(|since| since + STARTS_WITHIN < asked)
+    }
+
     /// Its disk has no room from now on, or has room again.
     pub fn disk_fills(&mut self, at: Duration, is_full: bool) {
         self.disk_is_full = is_full;
