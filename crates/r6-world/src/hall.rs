@@ -275,7 +275,7 @@ impl Hall {
         }
         let word = words.first().copied().unwrap_or_default();
         let effect = if is_list {
-            // Nobody can send a list over HTTP: only a stop clears it.
+            // No caller of a world runs a program: only a stop clears the list.
             let clears = frame["instructions"].as_array().is_some_and(Vec::is_empty);
             if clears { Effect::Stops } else { Effect::Moves }
         } else {
