@@ -220,8 +220,8 @@ fn read_list(from: &Path) -> Result<List, BackupError> {
     if list.format != FORMAT {
         return Err(no(format!("it has format {}, and this version reads {FORMAT}", list.format)));
     }
-    // A list from elsewhere must not make files outside of the folder, nor the log of a database, which would be
-    // played over it. `told` adds up the sizes.
+    // A list from elsewhere must not make files outside of the folder, nor the log of a database, which would
+    // be played over it. `told` adds up the sizes.
     let mut names = BTreeSet::new();
     let mut bytes = 0_u64;
     for file in &list.files {

@@ -57,7 +57,7 @@ pub fn system() -> Micros {
 
 /// The time of day of the system, in seconds since 1970.
 pub fn seconds() -> u64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs()
+    today().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs()
 }
 
 /// A time as text: RFC 3339, UTC, microseconds. Times before 1970 are not kept.

@@ -28,7 +28,7 @@
 //! - `fleet`: a task and a connection for each robot, through `r6-client`.
 //! - `live`: values that change, and events.
 //! - `history`: values and events that are kept, by a thread and in files of their own.
-//! - `programs`: programs without a robot: their check and their plan.
+//! - `programs`: the check and the plan of programs, without a robot. Their runs are in `fleet`.
 //! - `accounts`: users, their passwords and sessions.
 //! - `settings`: the time zone and the shifts of the hall.
 //! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.

@@ -120,7 +120,7 @@ pub const PROMISES: [(Promise, &str); 23] = {
         (Soon, "a stop takes effect within 1.5 s where the first connection is deaf"),
         (Driven, "what comes is read, and heartbeats leave, whichever call drives"),
         (I8, "one robot or caller of a gateway does no harm to the others"),
-        (I12, "nothing that changes or moves leaves a gateway without an audited command of who may"),
+        (I12, "nothing that changes or moves leaves a gateway but audited commands of authorised callers"),
     ]
 };
 

@@ -34,6 +34,9 @@ const SAVED_WITHIN: Duration = Duration::from_millis(300);
 /// between two attempts to connect is 5 s.
 const STARTS_WITHIN: Duration = Duration::from_secs(8);
 
+/// How many entries may come to the audit log while it is read over HTTP at the end.
+const LATE_ENTRIES: usize = 5;
+
 /// The text of a token.
 #[must_use]
 pub fn token_of(caller: usize) -> String {
@@ -103,8 +106,8 @@ pub struct Hall {
     plan: HallPlan,
     /// How the audit log calls the caller of each token, and its role.
     actors: BTreeMap<String, Role>,
-    /// How far the audit log was read.
-    seen: u64,
+    /// The audit log as it was read.
+    log: Vec<AuditRecord>,
     intents: BTreeMap<u64, Intent>,
     /// Who holds each lease, as the audit log says: by robot and number.
     began: BTreeMap<(String, u64), String>,
@@ -117,8 +120,12 @@ pub struct Hall {
     pub up_since: Option<Duration>,
     /// Whether its system gives it no sockets.
     pub has_no_files: bool,
-    /// Whether its disk is as it should be, since when.
-    pub disk_well_since: Option<Duration>,
+    /// Whether its disk has no room.
+    disk_is_full: bool,
+    /// Whether its disk is slow.
+    disk_is_slow: bool,
+    /// Since when its disk has room and is fast.
+    disk_well_since: Option<Duration>,
     /// The last value that a caller wrote: no value is written twice.
     pub last_value: i64,
     /// The last key of a lease of each robot, for those who try to use the key of another caller.
@@ -148,7 +155,7 @@ impl Hall {
         Self {
             disk,
             actors,
-            seen: 0,
+            log: Vec::new(),
             intents,
             began,
             ended,
@@ -157,6 +164,8 @@ impl Hall {
             told_commands: Vec::new(),
             up_since: None,
             has_no_files: false,
+            disk_is_full: false,
+            disk_is_slow: false,
             disk_well_since: Some(Duration::ZERO),
             last_value: 0,
             last_keys: BTreeMap::new(),
@@ -172,6 +181,28 @@ impl Hall {
         self.plan.is_sound(robot, at) && self.up_since.is_some_and(|since| since + STARTS_WITHIN < at)
     }
 
+    /// Whether the gateway has to answer what is asked at this time and is not answered until then.
+    #[must_use]
+    pub fn has_to_answer(&self, asked: Duration, until: Duration) -> bool {
+        !self.plan.is_away(asked, until) && self.up_since.is_some_and(|since| since + STARTS_WITHIN < asked)
+    }
+
+    /// Its disk has no room from now on, or has room again.
+    pub fn disk_fills(&mut self, at: Duration, is_full: bool) {
+        self.disk_is_full = is_full;
+        self.note_disk(at);
+    }
+
+    /// Its disk is slow from now on, or fast again.
+    pub fn disk_slows(&mut self, at: Duration, is_slow: bool) {
+        self.disk_is_slow = is_slow;
+        self.note_disk(at);
+    }
+
+    fn note_disk(&mut self, at: Duration) {
+        self.disk_well_since = (!self.disk_is_full && !self.disk_is_slow).then_some(at);
+    }
+
     /// A value that was never written.
     pub fn next_value(&mut self) -> i64 {
         self.last_value += 1;
@@ -181,14 +212,31 @@ impl Hall {
     /// Reads what is new in the audit log.
     fn read_audit(&mut self) {
         loop {
-            let page = self.disk.entries(self.seen).unwrap_or_default();
+            let page = self.disk.entries(self.seen()).unwrap_or_default();
             if page.is_empty() {
                 return;
             }
             for (number, record) in page {
-                self.seen = number;
+                self.log.push(record.clone());
                 self.enter(number, record);
             }
+        }
+    }
+
+    /// The number of the last entry that was read. There are no gaps.
+    fn seen(&self) -> u64 {
+        self.log.len() as u64
+    }
+
+    /// The whole audit log as the disk has it now.
+    fn log_on_disk(&self) -> Result<Vec<AuditRecord>, String> {
+        let mut log = Vec::new();
+        loop {
+            let page = self.disk.entries(log.len() as u64).map_err(|error| error.to_string())?;
+            if page.is_empty() {
+                return Ok(log);
+            }
+            log.extend(page.into_iter().map(|(_, record)| record));
         }
     }
 
@@ -227,7 +275,7 @@ impl Hall {
         }
         let word = words.first().copied().unwrap_or_default();
         let effect = if is_list {
-            // Nobody can send a list over HTTP: only a stop clears it.
+            // No caller of a world runs a program: only a stop clears the list.
             let clears = frame["instructions"].as_array().is_some_and(Vec::is_empty);
             if clears { Effect::Stops } else { Effect::Moves }
         } else {
@@ -384,11 +432,21 @@ impl Hall {
         for held in self.held.values_mut() {
             held.over.get_or_insert(at);
         }
+        self.check_disk(at, record);
+    }
+
+    /// Checks that the disk has what callers were told of: stops, leases and commands.
+    pub fn check_disk(&mut self, at: Duration, record: &mut Record) {
+        self.check_log(at, record);
         let is_well = self.disk_well_since.is_some_and(|since| since + SAVED_WITHIN < at);
         for (robot, post) in self.posts.iter_mut().enumerate() {
+            let seat = RobotName::new(&name_of(robot)).and_then(|name| self.disk.seat(&name).ok());
+            let (number, is_saved) = seat.unwrap_or_default();
+            let given = post.last_given;
+            record.check(Promise::I7, at, number >= given, || {
+                format!("{}: lease {given} was given out, and the disk has {number}", name_of(robot))
+            });
             let Some(since) = post.stopped else { continue };
-            let name = RobotName::new(&name_of(robot));
-            let is_saved = name.and_then(|name| self.disk.seat(&name).ok()).is_some_and(|seat| seat.1);
             let must_be = is_well && since + SAVED_WITHIN < at;
             record.check(Promise::I7, at, is_saved || !must_be, || {
                 format!("{}: a stop holds since {since:?}, and the disk does not know", name_of(robot))
@@ -398,15 +456,19 @@ impl Hall {
                 post.stopped = None;
             }
         }
-        self.check_log(at, record);
     }
 
-    /// Checks the chain of the audit log, and that it has all commands that callers were told of.
-    pub fn check_log(&mut self, at: Duration, record: &mut Record) {
+    /// Checks the chain of the audit log, that it still has what was read of it before, and that it has all
+    /// commands that callers were told of.
+    fn check_log(&mut self, at: Duration, record: &mut Record) {
         self.read_audit();
         let verified = self.disk.verify();
-        record.check(Promise::I7, at, verified == Ok(self.seen), || {
-            format!("the audit log has {} entries: {verified:?}", self.seen)
+        record.check(Promise::I7, at, verified == Ok(self.seen()), || {
+            format!("the audit log has {} entries: {verified:?}", self.seen())
+        });
+        let kept = self.log_on_disk();
+        record.check(Promise::I7, at, kept.as_ref() == Ok(&self.log), || {
+            format!("the audit log has other entries than before: {:?}", kept.map(|log| log.len()))
         });
         for (id, robot, text) in &self.told_commands {
             let is_there = self.intents.get(id).is_some_and(|intent| {
@@ -416,10 +478,25 @@ impl Hall {
         }
     }
 
-    /// How many entries the audit log has.
-    pub fn entries(&mut self) -> u64 {
+    /// Compares the audit log as it was told over HTTP with the disk. What was noted meanwhile may have been
+    /// written since: some entries at most.
+    ///
+    /// # Errors
+    /// What differs.
+    pub fn compare_log(&mut self, told: &[AuditRecord]) -> Result<(), String> {
         self.read_audit();
-        self.seen
+        let differs = told.iter().zip(&self.log).position(|(told, kept)| told != kept);
+        if let Some(place) = differs {
+            return Err(format!(
+                "entry {} is {:?}, and the disk has {:?}",
+                place + 1,
+                told[place],
+                self.log[place]
+            ));
+        }
+        let (told, kept) = (told.len(), self.log.len());
+        let is_whole = told <= kept && kept <= told + LATE_ENTRIES;
+        if is_whole { Ok(()) } else { Err(format!("it ends with {told}, and the disk has {kept}")) }
     }
 
     /// The commands whose outcome the audit log does not have.
@@ -447,6 +524,19 @@ fn text_of(words: &[&str]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_disk_is_well_when_it_has_room_and_is_fast() {
+        let Some(plan) = crate::plan::Plan::with_gateway(1).hall else { panic!("a hall") };
+        let mut hall = Hall::new(&plan, 1);
+        let second = Duration::from_secs;
+        hall.disk_fills(second(1), true);
+        hall.disk_slows(second(2), true);
+        hall.disk_fills(second(3), false);
+        assert_eq!(hall.disk_well_since, None, "it is slow");
+        hall.disk_slows(second(4), false);
+        assert_eq!(hall.disk_well_since, Some(second(4)));
+    }
 
     #[test]
     fn a_command_is_told_as_the_audit_log_tells_it() {

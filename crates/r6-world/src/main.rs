@@ -33,8 +33,8 @@ const MOST_FAILURES: usize = 5;
     Exit codes: 0 all hold, 1 one does not, 2 a wrong argument."
 )]
 struct Wanted {
-    /// How many seeds to run. Each seed runs three worlds: one with any faults, one with one trap, and one with
-    /// a gateway.
+    /// How many seeds to run. Each seed runs three worlds: one with any faults, one with one trap, and one
+    /// with a gateway.
     #[arg(long, default_value_t = ENOUGH_SEEDS, value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     seeds: u64,
     /// The first seed.

@@ -232,7 +232,7 @@ impl<'s> World<'s> {
         if let Some(hall) = &mut self.shared.state().hall {
             let set = hall.disk.fill(fullness);
             debug_assert!(set.is_ok(), "{set:?}");
-            hall.disk_well_since = (fullness == Fullness::HasRoom).then_some(at);
+            hall.disk_fills(at, fullness != Fullness::HasRoom);
         }
     }
 
@@ -290,7 +290,7 @@ impl<'s> World<'s> {
                 let State { hall: Some(hall), record, .. } = &mut *state else { return };
                 let (least, most) = if is_slow { (20, 500) } else { (0, 4) };
                 hall.disk.set_takes(Duration::from_millis(least), Duration::from_millis(most));
-                hall.disk_well_since = (!is_slow).then_some(at);
+                hall.disk_slows(at, is_slow);
                 if is_slow {
                     record.strikes(Class::S5);
                 }

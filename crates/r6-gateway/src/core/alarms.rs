@@ -94,6 +94,9 @@ pub struct Saved {
     pub ended: Vec<Alarm>,
     /// The codes that are shelved.
     pub shelves: Vec<Shelf>,
+    /// Whether another robot answered since the last reading: nothing goes on.
+    #[serde(default)]
+    pub is_replaced: bool,
 }
 
 /// Why something was not done with an alarm.
@@ -111,15 +114,13 @@ pub struct Alarms {
     saved: Saved,
     /// When the code was read last.
     read_at: Option<Instant>,
-    /// Whether another robot answered since: nothing goes on.
-    is_replaced: bool,
 }
 
 impl Alarms {
     /// As they were saved.
     #[must_use]
     pub fn new(saved: Saved) -> Self {
-        Self { saved, read_at: None, is_replaced: false }
+        Self { saved, read_at: None }
     }
 
     /// What has to survive the end of the process.
@@ -137,7 +138,7 @@ impl Alarms {
             return false;
         }
         self.read_at = Some(at);
-        let is_replaced = std::mem::take(&mut self.is_replaced);
+        let is_replaced = std::mem::take(&mut self.saved.is_replaced);
         if !is_replaced && self.saved.active.as_ref().map_or(0, |active| active.code) == code {
             return false;
         }
@@ -159,7 +160,7 @@ impl Alarms {
 
     /// Another robot answers: the next reading is about another alarm.
     pub fn replace(&mut self) {
-        self.is_replaced = true;
+        self.saved.is_replaced = true;
     }
 
     /// Forgets what is too old at this time.
@@ -316,6 +317,7 @@ mod tests {
         assert_eq!(ids(&alarms), [(2_000_000, 7, true)]);
         assert_eq!(alarms.alarm(2_000_000).unwrap().acknowledged, Some(anna(5)));
         alarms.replace();
+        let mut alarms = Alarms::new(alarms.saved().clone());
         assert!(alarms.read(at(1), Micros(91 * SECOND), 7, true));
         assert_eq!(ids(&alarms), [(91_000_000, 7, true), (2_000_000, 7, false)]);
         let new = alarms.alarm(91_000_000).unwrap();

@@ -334,7 +334,10 @@ impl Station {
     pub async fn accept_identity(&self, by: &By, accepted: RobotIdentity) -> Result<(), Problem> {
         let owed = self.seat(|seat, _| {
             let owed = seat.owes_stop();
-            seat.accept_identity(&accepted).map(|()| owed)
+            seat.accept_identity(&accepted)?;
+            // Before a reading of this robot counts: an alarm of the other one does not go on.
+            self.replace_alarms();
+            Ok::<_, Denied>(owed)
         })?;
         let robot = self.robot.borrow().clone();
         if let Some(robot) = robot {
@@ -347,6 +350,8 @@ impl Station {
             self.note(by, deed);
             return Err(error.into());
         }
+        // Before the identity: otherwise an acknowledgement could pass to this robot after a kill.
+        self.save_alarms().await?;
         self.save().await?;
         if owed {
             self.forget_owed().await;

@@ -70,7 +70,8 @@ impl Fleet {
     /// Adds a robot, or changes a robot that this function has added before. A change ends the robot's lease.
     ///
     /// # Errors
-    /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends.
+    /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends, or
+    /// if the address would change while a stop is owed to the arm there.
     pub async fn put(&self, by: &By, wanted: RobotConfig) -> Result<Put, Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;
@@ -81,6 +82,9 @@ impl Fleet {
         check(others.into_iter().chain([&wanted]))?;
         if known.is_some_and(|known| known.is_as(&wanted)) {
             return Ok(Put::Changed);
+        }
+        if known.is_some_and(|known| known.address != wanted.address) {
+            self.refuse_if_owed(&wanted.name)?;
         }
         let record = record(by, &wanted.name, configured(&wanted));
         self.shared.keeper.put_robot(stored(&wanted), record).await?;
@@ -99,7 +103,8 @@ impl Fleet {
     /// Removes a robot that [`Self::put`] has added. Its lease ends, and the arm goes on with what it does.
     ///
     /// # Errors
-    /// `no_such_robot`, `managed_by_file`, `store_unavailable`; `not_ready` if the gateway ends.
+    /// `no_such_robot`, `managed_by_file`, `store_unavailable`; `not_ready` if the gateway ends, or if a stop is
+    /// owed to the arm.
     pub async fn remove(&self, by: &By, name: &RobotName) -> Result<(), Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;
@@ -107,6 +112,7 @@ impl Fleet {
             .station(name.as_str())
             .ok_or_else(|| Problem::new(Code::NoSuchRobot, format!("there is no robot `{name}`")))?;
         refuse_if_of_file(&station.config())?;
+        self.refuse_if_owed(name)?;
         let record = record(by, name, Deed::RobotRemoved {});
         self.shared.keeper.remove_robot(name.clone(), vec![record]).await?;
         self.take_out(name).await;
@@ -153,6 +159,18 @@ impl Fleet {
         let added = join_all(added.into_iter().map(|robot| self.add(robot))).await;
         changed.into_iter().chain(added).collect::<Result<(), Problem>>()?;
         Ok(changes)
+    }
+
+    /// Refuses to lose an arm that may still carry out a list of the gateway, unless a person has stopped the
+    /// robot: who does that has looked, or could not reach it.
+    fn refuse_if_owed(&self, name: &RobotName) -> Result<(), Problem> {
+        let Some(station) = self.station(name.as_str()) else { return Ok(()) };
+        if !station.seat(|seat, _| seat.owes_stop() && !seat.stops().0) {
+            return Ok(());
+        }
+        let message = "a list of a run may still move this arm, and it is stopped as soon as it answers. If it never will: see \
+                       that the arm stands, stop the robot here (the stop holds, also if it does not reach it), and try again";
+        Err(Problem::new(Code::NotReady, message))
     }
 
     fn configs(&self) -> Vec<RobotConfig> {

@@ -58,7 +58,7 @@ pub async fn show(robot: Robot<Read>) -> Json<RobotState> {
         (status = 204, description = "It is as wanted"),
         (
             status = 409,
-            description = "`managed_by_file`; `address_taken` by another robot; `not_ready`: the gateway ends",
+            description = "`managed_by_file`; `address_taken` by another robot; `not_ready`: the gateway ends, or the arm has to be stopped first",
             body = Problem
         ),
         (status = 422, description = "`bad_value`", body = Problem),
@@ -91,7 +91,7 @@ pub async fn put(
     responses(
         (status = 204, description = "It was removed"),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 409, description = "`managed_by_file`; `not_ready`: the gateway ends", body = Problem),
+        (status = 409, description = "`managed_by_file`; `not_ready`: the gateway ends, or the arm has to be stopped first", body = Problem),
         (status = 503, description = "`store_unavailable`: nothing was changed", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
         OfChange,

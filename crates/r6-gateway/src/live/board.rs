@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use r6_api::gateway::{Signal, SignalQuality};
 use r6_api::{AddressValue, Unit};
-use r6_client::{Address, Quality, Snapshot};
+use r6_client::{Address, Quality, Snapshot, Value};
 use r6_proto::time::Instant;
 
 use crate::clock;
@@ -60,14 +60,10 @@ impl Board {
     /// number of the change, which is larger than all numbers before.
     pub fn take(&mut self, now: Instant, snapshot: &Snapshot, next: impl FnOnce() -> u64) -> bool {
         let mut changed = Vec::new();
+        let fresh_for = self.fresh_for;
         for (place, row) in self.rows.iter_mut().enumerate() {
             let Some(read) = snapshot.value(row.address) else { continue };
-            let value = read.reading.clone().map(AddressValue::from);
-            row.is_unsupported = read.quality == Quality::Unsupported;
-            let quality = quality(&read.quality);
-            row.asked_at = read.age.map(|age| clock::before(now, age));
-            if row.value != value || row.quality != quality {
-                (row.value, row.quality) = (value, quality);
+            if row.take(now, fresh_for, read) {
                 changed.push(place);
             }
         }
@@ -102,6 +98,19 @@ impl Board {
 }
 
 impl Row {
+    /// Takes in what was read. Returns whether it differs from what a reader may have been told.
+    fn take(&mut self, now: Instant, fresh_for: Duration, read: &Value) -> bool {
+        let value = read.reading.clone().map(AddressValue::from);
+        self.is_unsupported = read.quality == Quality::Unsupported;
+        let quality = quality(&read.quality);
+        // A reader may have been told that it grew old. Then it is a change that it is fresh again.
+        let told = self.signal(now, fresh_for).quality;
+        self.asked_at = read.age.map(|age| clock::before(now, age));
+        let is_changed = self.value != value || self.quality != quality || told != quality;
+        (self.value, self.quality) = (value, quality);
+        is_changed
+    }
+
     fn signal(&self, now: Instant, fresh_for: Duration) -> Signal {
         let has_value = self.value.is_some();
         let age = self.asked_at.filter(|_| has_value).map(|asked_at| now.since(asked_at));
@@ -128,21 +137,46 @@ fn quality(quality: &Quality) -> SignalQuality {
 
 #[cfg(test)]
 mod tests {
+    use r6_proto::Reading;
+
     use super::*;
 
-    #[test]
-    fn a_value_that_grew_old_since_it_was_taken_in_is_not_told_as_fresh() {
-        let row = Row {
+    const FRESH_FOR: Duration = Duration::from_millis(1100);
+
+    fn at(millis: u64) -> Instant {
+        Instant::ORIGIN + Duration::from_millis(millis)
+    }
+
+    /// A value that was asked for at the origin.
+    fn row() -> Row {
+        Row {
             address: Address::CurMode,
-            value: Some(AddressValue::Integer(2)),
+            value: Some(AddressValue::from(Reading::Integer(2))),
             quality: SignalQuality::Fresh,
             is_unsupported: false,
             asked_at: Some(Instant::ORIGIN),
-        };
-        let told = |millis| {
-            let now = Instant::ORIGIN + Duration::from_millis(millis);
-            row.signal(now, Duration::from_millis(1100)).quality
-        };
+        }
+    }
+
+    #[test]
+    fn a_value_that_grew_old_since_it_was_taken_in_is_not_told_as_fresh() {
+        let row = row();
+        let told = |millis| row.signal(at(millis), FRESH_FOR).quality;
         assert_eq!((told(1100), told(1101)), (SignalQuality::Fresh, SignalQuality::Stale));
+    }
+
+    #[test]
+    fn the_same_value_is_a_change_when_it_was_told_as_stale_before() {
+        let read = |quality| Value {
+            address: Address::CurMode,
+            reading: Some(Reading::Integer(2)),
+            age: Some(Duration::from_millis(10)),
+            quality,
+        };
+        let mut row = row();
+        assert!(!row.take(at(1100), FRESH_FOR, &read(Quality::Fresh)), "it was never told as stale");
+        assert!(row.take(at(2191), FRESH_FOR, &read(Quality::Fresh)), "it was told as stale at 2191 ms");
+        assert!(!row.take(at(2200), FRESH_FOR, &read(Quality::Fresh)));
+        assert!(row.take(at(9000), FRESH_FOR, &read(Quality::Stale)), "it was told as fresh before");
     }
 }

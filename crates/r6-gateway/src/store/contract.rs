@@ -273,8 +273,13 @@ fn alarms_are_kept_with_their_records_or_not_at_all() {
         let ended = alarms::Alarm { until: Some(Micros(4)), acknowledged: None, ..alarm.clone() };
         let (by, reason) = ("ben".to_owned(), "worn".to_owned());
         let shelf = alarms::Shelf { code: 7, by, at: Micros(6), until: Micros(8), reason };
-        let saved =
-            alarms::Saved { last_id: 5, active: Some(alarm), ended: vec![ended], shelves: vec![shelf] };
+        let saved = alarms::Saved {
+            last_id: 5,
+            active: Some(alarm),
+            ended: vec![ended],
+            shelves: vec![shelf],
+            is_replaced: true,
+        };
         let comment = None;
         let deed = Deed::AlarmAcknowledged { alarm: 5, code: 7, comment };
         store.save_alarms(&press, &saved, &[record(deed.clone())]).unwrap();

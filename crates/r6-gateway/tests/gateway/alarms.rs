@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use r6_api::gateway::Role;
-use r6_controller::PanelAction;
+use r6_controller::{PanelAction, RobotModel};
 use r6_gateway::RobotConfig;
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
@@ -182,6 +182,25 @@ async fn what_was_answered_survives_the_end_of_the_process() {
     hall.clear().await;
     let next = hall.emergency().await;
     assert_eq!((&next["shelved"]["reason"], &next["acknowledged"]), (&json!("worn"), &json!(null)));
+}
+
+#[tokio::test]
+async fn an_acknowledgement_does_not_pass_to_another_robot() {
+    let hall = quiet().await;
+    let alarm = hall.emergency().await;
+    assert_eq!(hall.acknowledge(&hall.operator, &alarm, &json!({})).await.0, 200);
+    let model = RobotModel::named("BRTIRUS1510A").unwrap().clone();
+    let other = VirtualController::builder().model(model).start().await.unwrap();
+    other.handle().operate(&PanelAction::EmergencyStop).unwrap();
+    let config = RobotConfig::new(name("press"), other.address().to_string());
+    let hall = hall.again(vec![config], vec![other]).await;
+    let state = hall.until("press", |state| !state["identity_changed"].is_null()).await;
+    let found = &state["identity_changed"]["found"];
+    assert_eq!(hall.post(&hall.engineer, "/v1/robots/press/accept-identity", found).await.0, 204);
+    let told = hall.until_alarms(|alarms| alarms[0]["state"] == "active").await;
+    assert_ne!(told[0]["id"], alarm["id"]);
+    assert_eq!(told[0]["acknowledged"], json!(null), "{told:#?}");
+    assert_eq!((&told[1]["id"], &told[1]["state"]), (&alarm["id"], &json!("ended")));
 }
 
 #[tokio::test]

@@ -109,6 +109,7 @@ fn two_shifts() -> Value {
 
 #[tokio::test]
 async fn figures_of_shifts_are_those_of_their_instants() {
+    let begun = humantime::format_rfc3339_micros(std::time::SystemTime::now()).to_string();
     let hall = with_counter(VirtualController::start().await.unwrap()).await;
     hall.set(&two_shifts()).await;
     let lease = hall.lease(&hall.operator, "press").await;
@@ -118,18 +119,24 @@ async fn figures_of_shifts_are_those_of_their_instants() {
     let by = hall.get(&hall.viewer, &format!("{PRODUCTION}?by=shift")).await;
     let shifts = by["shifts"].as_array().unwrap();
     assert!((1..=3).contains(&shifts.len()), "{by:#}");
+    // A shift may end meanwhile: then the parts are in the one before the last.
+    let of_parts = shifts.iter().rev().take(2).find(|shift| shift["parts"]["count"] == 3);
+    let Some(of_parts) = of_parts else { panic!("{by:#}") };
+    let shift = &of_parts["shift"];
+    let (name, date) = (shift["name"].as_str().unwrap(), shift["date"].as_str().unwrap());
+    assert_eq!(shift["time_zone"], "Asia/Shanghai");
+    let begin = shift["begin"].as_str().unwrap();
+    assert!(begin[11..].starts_with(if name == "day" { "23:00:00" } else { "11:00:00" }), "{shift:#}");
+    assert_eq!(of_parts["from"], json!(begin));
     let last = shifts.last().unwrap();
-    let (name, date) = (last["shift"]["name"].as_str().unwrap(), last["shift"]["date"].as_str().unwrap());
-    assert_eq!((&last["shift"]["under_way"], &last["parts"]["count"]), (&json!(true), &json!(3)));
-    assert_eq!(last["shift"]["time_zone"], "Asia/Shanghai");
-    let begin = last["shift"]["begin"].as_str().unwrap();
-    assert!(begin[11..].starts_with(if name == "day" { "23:00:00" } else { "11:00:00" }), "{last:#}");
-    assert_eq!(last["from"], json!(begin));
+    assert_eq!(last["shift"]["under_way"], true);
     assert!(last["to"].as_str() < last["shift"]["end"].as_str(), "up to now: {last:#}");
     for shift in &shifts[..shifts.len() - 1] {
         assert_eq!((&shift["shift"]["under_way"], &shift["to"]), (&json!(false), &shift["shift"]["end"]));
-        assert_eq!(shift["seen_ms"], 0.0, "the gateway was not there: {shift:#}");
-        assert_eq!(shift["unseen_ms"], 43_200_000.0);
+        let sum = number(&shift["seen_ms"]) + number(&shift["unseen_ms"]);
+        assert!((sum - 43_200_000.0).abs() < 0.01, "{shift:#}");
+        let was_there = shift["to"].as_str() > Some(&begun);
+        assert!(was_there || shift["seen_ms"] == 0.0, "the gateway was not there: {shift:#}");
     }
 
     let path = format!("{PRODUCTION}?shift={name}&date={date}");

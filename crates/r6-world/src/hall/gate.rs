@@ -166,11 +166,22 @@ impl Tap {
         let mut state = self.shared.state();
         let State { record, hall, .. } = &mut *state;
         record.tell(at, format_args!("robot-{robot} < {}", String::from_utf8_lossy(bytes)));
-        while let Some(Ok(frame)) = frames.next() {
-            end = frames.byte_offset();
-            if let Some(hall) = hall {
-                hall.leaves(at, robot, &frame, record);
+        let left = loop {
+            match frames.next() {
+                Some(Ok(frame)) => {
+                    end = frames.byte_offset();
+                    if let Some(hall) = hall {
+                        hall.leaves(at, robot, &frame, record);
+                    }
+                }
+                left => break left,
             }
+        };
+        // The part of a frame ends too early. Anything else is no frame, and what follows cannot be judged.
+        if let Some(Err(error)) = left.filter(|left| !left.as_ref().is_err_and(serde_json::Error::is_eof)) {
+            record.check(Promise::I12, at, false, || {
+                format!("{}: what leaves is no frame: {error}", name_of(robot))
+            });
         }
         drop(state);
         self.begun.drain(..end);

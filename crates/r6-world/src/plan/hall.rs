@@ -73,6 +73,12 @@ impl HallPlan {
         self.added != Some(robot) && !spans.any(|(from, to)| (*from..=*to).contains(&at))
     }
 
+    /// Whether nobody can expect anything of the gateway at some time of this span.
+    #[must_use]
+    pub fn is_away(&self, from: Duration, to: Duration) -> bool {
+        self.away.iter().any(|(begin, end)| *begin <= to && from <= *end)
+    }
+
     /// Whether another robot than this one is slow.
     #[must_use]
     pub fn another_is_slow(&self, robot: usize, at: Duration) -> bool {

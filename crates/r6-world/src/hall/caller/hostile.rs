@@ -1,6 +1,7 @@
 //! A caller that sends what no client of good will sends (G13).
 
 use std::fmt::Write;
+use std::time::Duration;
 
 use tokio::io::AsyncWriteExt;
 use tokio::time::{sleep, timeout};
@@ -10,6 +11,10 @@ use super::{Work, ms};
 use crate::fault::{Class, Promise};
 use crate::hall::http::{connect, read_answer};
 use crate::hall::token_of;
+use crate::shared::now;
+
+/// How long to wait for an answer: a body and a head have to end within 5 s.
+const ANSWERS_WITHIN: Duration = Duration::from_secs(8);
 
 /// How many connections it opens at once: more than a gateway gives to one peer.
 const MANY: usize = 40;
@@ -37,16 +42,20 @@ impl Work {
         }
     }
 
-    /// Sends bytes and reads the answer. It must be a refusal, or the connection is closed.
+    /// Sends bytes and reads the answer. It must be a refusal, or the connection is closed, both in time.
     async fn send(&mut self, bytes: &[u8]) {
         let Ok(mut stream) = connect().await else { return };
-        let answer = timeout(ms(8000), async {
+        let asked = now();
+        let answer = timeout(ANSWERS_WITHIN, async {
             stream.write_all(bytes).await?;
             read_answer(&mut stream).await
         });
         let index = self.index;
         let Ok(answer) = answer.await else {
-            return self.shared.tell(format_args!("caller-{index}: no answer to an attack"));
+            self.shared.tell(format_args!("caller-{index}: no answer to an attack"));
+            let is_bad = self.hall(|hall, _, at| hall.has_to_answer(asked, at)) == Some(true);
+            let text = || format!("an attack at {asked:?} gets no answer, and its connection stays");
+            return self.shared.check(Promise::I12, !is_bad, text);
         };
         let status = answer.map(|answer| answer.status);
         self.shared.tell(format_args!("caller-{index}: an attack gets {status:?}"));
