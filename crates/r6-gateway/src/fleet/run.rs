@@ -409,7 +409,7 @@ impl Station {
         let record = self.record(&under_way.by, deed);
         let run = run.clone();
         let Problem { code, message, .. } = problem;
-        let answer = if run.accepted > 0 || state == RunState::Done {
+        let answer = if run.accepted > 0 || matches!(state, RunState::Done | RunState::Stopped) {
             Ok(run.clone())
         } else {
             Err((run_id, Problem::new(code, format!("{message} (run {run_id})"))))

@@ -386,6 +386,32 @@ async fn a_robot_that_comes_back_is_stopped_first_and_its_run_is_unknown() {
 }
 
 #[tokio::test]
+async fn an_arm_that_is_owed_a_stop_is_not_lost_by_another_address() {
+    let robot = VirtualController::start().await.unwrap();
+    let (address, cut) = way(robot.address()).await;
+    let hall = Hall::at(tempfile::tempdir().unwrap(), Vec::new(), vec![robot]).await;
+    let put = async |address: String| {
+        let wanted = json!({ "address": address, "period_ms": 20 });
+        hall.call(&hall.admin, "PUT", "/v1/robots/press", Some(&wanted)).await
+    };
+    let remove = async || hall.call(&hall.admin, "DELETE", "/v1/robots/press", None).await;
+    assert_eq!(put(address.to_string()).await.0, 201);
+    hall.until_up("press").await;
+    let lease = hall.long_lease(120).await;
+    let number = hall.begin(&lease, &long()).await;
+    hall.until_moving().await;
+    cut.send(true).unwrap();
+    assert_eq!(hall.until_over(number).await["state"], "unknown");
+    for (status, problem) in [put("127.0.0.1:1".to_owned()).await, remove().await] {
+        assert_eq!((status, &problem["code"]), (409, &json!("not_ready")), "{problem}");
+    }
+    // A person who cannot reach it says so with a stop, which holds.
+    let (status, problem) = hall.post(&hall.operator, "/v1/robots/press/stop", &json!({})).await;
+    assert_eq!((status, &problem["code"]), (504, &json!("not_stopped")), "{problem}");
+    assert_eq!(remove().await.0, 204);
+}
+
+#[tokio::test]
 async fn another_robot_gets_nothing_of_a_run() {
     let mut hall = Hall::start().await;
     let lease = hall.long_lease(120).await;
