@@ -143,12 +143,12 @@ async fn the_end_of_a_run_is_kept_once_the_disk_takes_it() {
         .execute_batch("CREATE TRIGGER full BEFORE INSERT ON audit BEGIN SELECT RAISE(ABORT, 'full'); END")
         .unwrap();
     scene.station.note(&Scene::by(), Deed::StopCleared { lease: 1 });
-    let kept = tokio::spawn(Arc::clone(&scene.station).keep_end(scene.last(true)));
+    let kept = tokio::spawn(Arc::clone(&scene.station).keep_end(scene.last(false)));
     tokio::time::sleep(WRITE_AGAIN / 2).await;
     assert!(!kept.is_finished());
     other.execute_batch("DROP TRIGGER full").unwrap();
     kept.await.unwrap();
     assert_eq!((scene.records("stop_cleared"), scene.records("run_outcome")), (1, 1));
     assert!(scene.store().open_runs().unwrap().is_empty());
-    assert_eq!(scene.store().owed_stops().unwrap(), [scene.station.robot_name().clone()]);
+    assert!(scene.store().owed_stops().unwrap().is_empty());
 }
