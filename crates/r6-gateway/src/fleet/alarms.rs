@@ -184,7 +184,8 @@ impl Station {
             remedy,
             state: match until {
                 Some(_) => RobotAlarmState::Ended,
-                None if is_seen => RobotAlarmState::Active,
+                // If another robot answers since, its alarm is not read yet.
+                None if is_seen && !alarms.saved().is_replaced => RobotAlarmState::Active,
                 None => RobotAlarmState::Unseen,
             },
             since: text(since),
