@@ -332,9 +332,9 @@ proptest! {
                     let is_busy = is_cut || model.run.is_some() && (moves || number % 2 == 1);
                     let permit = seat.permit(now, key, order);
                     let seen = model.seen.is_some_and(|(at, manual)| now.since(at) <= FRESH_FOR && !manual);
+                    let is_stopped = model.stops_under_way > 0 || moves && model.stopped;
                     let permitted = model.holds(now, key)
-                        && model.stops_under_way == 0
-                        && !(moves && model.stopped)
+                        && !is_stopped
                         && !model.is_stranger()
                         && !model.closed
                         && !model.owes_stop
