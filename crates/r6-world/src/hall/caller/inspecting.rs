@@ -7,7 +7,7 @@ use tokio::time::{sleep, timeout};
 
 use super::{Work, ms};
 use crate::fault::{Class, Promise};
-use crate::hall::{name_of, values};
+use crate::hall::{Hall, name_of, values};
 use crate::shared::{State, now};
 
 /// The gateway answers about a robot that is sound within this time, whatever the others do.
@@ -41,7 +41,9 @@ impl Work {
         if let Some(told) = &told {
             values::judge((asked, heard), (robot, told), &floors[robot], record);
         }
-        let is_sound = is_sound && hall.as_ref().is_some_and(|hall| hall.is_sound(robot, heard));
+        // A gateway that was killed meanwhile may be well again.
+        let is_well = |hall: &Hall| hall.is_sound(robot, heard) && hall.has_to_answer(asked, heard);
+        let is_sound = is_sound && hall.as_ref().is_some_and(is_well);
         if is_sound {
             if self.shared.plan.hall.as_ref().is_some_and(|hall| hall.another_is_slow(robot, asked)) {
                 record.strikes(Class::G1);
