@@ -111,6 +111,8 @@ async fn a_robot_that_is_exchanged_while_the_gateway_is_off_is_noticed_too() {
     let hall = Hall::start().await;
     // The identity is on the disk before a lease is given out.
     hall.lease(&hall.operator, "press").await;
+    // A robot of which nothing was kept has no past that could be told apart.
+    hall.until_history("signal=curMode", |history| history["kept_until"].is_string()).await;
     let model = RobotModel::named("BRTIRUS1510A").unwrap().clone();
     let other = VirtualController::builder().model(model).start().await.unwrap();
     let config = RobotConfig::new(name("press"), other.address().to_string());

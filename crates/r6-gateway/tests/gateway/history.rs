@@ -16,7 +16,7 @@ impl Hall {
     }
 
     /// Waits until the history is as `is` says.
-    async fn until_history(&self, query: &str, is: impl Fn(&Value) -> bool) -> Value {
+    pub async fn until_history(&self, query: &str, is: impl Fn(&Value) -> bool) -> Value {
         let begun = Instant::now();
         loop {
             let history = self.history(query).await;
