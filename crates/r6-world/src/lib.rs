@@ -1,5 +1,5 @@
-//! Clients, controllers, cameras, gateways and disks in one process on virtual time. A seed decides what breaks,
-//! and the promises are checked at every step.
+//! Clients, controllers, cameras, gateways and disks in one process on virtual time. A seed decides what
+//! breaks, and the promises are checked at every step.
 //!
 //! `make sim` runs worlds. `plan.rs` draws one from a seed; `world.rs` runs it as a turmoil simulation, in
 //! steps of a millisecond. `docs/SIMULATION.md` describes the hosts, the promises and the faults.

@@ -70,8 +70,8 @@ impl Fleet {
     /// Adds a robot, or changes a robot that this function has added before. A change ends the robot's lease.
     ///
     /// # Errors
-    /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends, or
-    /// if the address would change while a stop is owed to the arm there.
+    /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends,
+    /// or if the address would change while a stop is owed to the arm there.
     pub async fn put(&self, by: &By, wanted: RobotConfig) -> Result<Put, Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;
@@ -103,8 +103,8 @@ impl Fleet {
     /// Removes a robot that [`Self::put`] has added. Its lease ends, and the arm goes on with what it does.
     ///
     /// # Errors
-    /// `no_such_robot`, `managed_by_file`, `store_unavailable`; `not_ready` if the gateway ends, or if a stop is
-    /// owed to the arm.
+    /// `no_such_robot`, `managed_by_file`, `store_unavailable`; `not_ready` if the gateway ends, or if
+    /// a stop is owed to the arm.
     pub async fn remove(&self, by: &By, name: &RobotName) -> Result<(), Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use r6_api::gateway::{AuditRecord, Deed, Happened, Run, RunEnd, RunState};
-use r6_api::{Code, Problem as Told};
+use r6_api::{Code, Problem as ApiProblem};
 use r6_client::{Motion, MotionError, MotionHandle, Progress, Robot, RunOptions};
 use serde::{Deserialize, Serialize};
 use tokio::sync::oneshot;
@@ -92,7 +92,7 @@ enum Answer {
     /// The controller accepted the first list.
     Began(Run),
     /// It did not.
-    Refused(Told),
+    Refused(ApiProblem),
 }
 
 /// A run under way.
@@ -498,7 +498,7 @@ impl Station {
         Err(Problem::new(Code::NotStopped, message))
     }
 
-    /// Waits until no run has the robot. `false` if one that was cut short is not over in time.
+    /// Waits until no run has the robot. `false` if it is not over in time after it was cut short.
     pub async fn run_is_over(&self) -> bool {
         let over = async {
             while self.seat(|seat, _| seat.has_run()) {
@@ -528,8 +528,8 @@ impl Station {
         }
     }
 
-    /// Keeps that no stop is owed any more, if that is so. A stop that holds is on the disk before. If the disk
-    /// fails, the next start makes one more stop.
+    /// Keeps that no stop is owed any more, if that is so. A stop that holds is on the disk before. If the
+    /// disk fails, the next start makes one more stop.
     pub(super) async fn forget_owed(&self) {
         let forgotten = async {
             self.save().await?;
@@ -549,7 +549,7 @@ async fn keep_answer(keeper: &Keeper, answer: &Result<Run, (u64, Problem)>) -> R
     let (run_id, answer) = match answer {
         Ok(run) => (run.run_id, Answer::Began(run.clone())),
         Err((run_id, Problem { code, message, .. })) => {
-            (*run_id, Answer::Refused(Told { code: *code, message: message.clone() }))
+            (*run_id, Answer::Refused(ApiProblem { code: *code, message: message.clone() }))
         }
     };
     let text = serde_json::to_string(&answer).map_err(|error| StoreError::Unreadable(error.to_string()))?;
@@ -565,7 +565,7 @@ fn again(known: KeptRun, hash: [u8; 32]) -> Result<Run, Problem> {
     }
     match known.answer.as_deref().map(serde_json::from_str::<Answer>) {
         Some(Ok(Answer::Began(run))) => Ok(run),
-        Some(Ok(Answer::Refused(Told { code, message }))) => Err(Problem::new(code, message)),
+        Some(Ok(Answer::Refused(ApiProblem { code, message }))) => Err(Problem::new(code, message)),
         None if !known.ended => {
             Err(Problem::new(Code::InProgress, format!("run {run_id} of this request is just beginning")))
         }

@@ -182,8 +182,8 @@ pub struct Station {
     pub(crate) link: watch::Sender<Option<u64>>,
     /// The last run, as it stands.
     pub(super) runs: watch::Sender<Option<Run>>,
-    /// Locked while a run begins, until it is in the store: the same request that comes twice at once finds it
-    /// there.
+    /// Locked while a run begins, until it is in the store: the same request that comes twice at once finds
+    /// it there.
     pub(super) beginning: AsyncMutex<()>,
     /// What cut the run short that has the robot.
     pub(super) cut: watch::Sender<Option<(Ticket, Cut)>>,

@@ -73,7 +73,7 @@ impl HallPlan {
         self.added != Some(robot) && !spans.any(|(from, to)| (*from..=*to).contains(&at))
     }
 
-    /// Whether nobody can expect anything of the gateway at some time of this span.
+    /// Whether nothing can be expected of the gateway at some time of this span.
     #[must_use]
     pub fn is_away(&self, from: Duration, to: Duration) -> bool {
         self.away.iter().any(|(begin, end)| *begin <= to && from <= *end)

@@ -87,7 +87,7 @@ pub enum Denied {
     RunOver,
     /// The lease has ended, and its run is being stopped.
     RunEnding,
-    /// A list of an earlier run, or of one that was cut short, may still be at the robot.
+    /// A list of an earlier run, or of a run that was cut short, may still be at the robot.
     ListLeft,
     /// A command that stops needs no permit.
     NeedsNone,

@@ -43,8 +43,8 @@ impl Cut {
 pub enum Left {
     /// Nothing: its list never left, or it was carried out, or it was stopped and cleared.
     Nothing,
-    /// It was stopped, and nothing proves that the arm stands and the list is cleared. A person has to look: a
-    /// stop holds.
+    /// It was stopped, and nothing proves that the arm stands and the list is cleared. A person has to look:
+    /// a stop holds.
     NotStopped,
     /// Its list may still run, and the robot is out of reach: a stop is owed.
     OutOfReach,
