@@ -67,7 +67,10 @@ pub type Connecting = Pin<Box<dyn Future<Output = Result<Robot, RequestError>> +
 
 /// The ways to the robots of a world.
 #[derive(Clone)]
-pub struct Roads(Arc<dyn Fn(&str, RobotSettings) -> Connecting + Send + Sync>);
+pub struct Roads(Arc<Connect>);
+
+/// Connects to the robot at an address.
+type Connect = dyn Fn(&str, RobotSettings) -> Connecting + Send + Sync;
 
 impl Roads {
     /// This function connects to the robot at an address.

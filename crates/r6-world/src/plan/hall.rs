@@ -234,7 +234,7 @@ impl Draw {
     }
 
     fn pick_fault(&mut self, from: &[LinkFault]) -> LinkFault {
-        from[self.random.below(from.len())].clone()
+        from[self.random.below(from.len())]
     }
 
     /// A fault of the link of a robot, or of its power.
