@@ -174,7 +174,7 @@ impl Hall {
     /// The shift with this name that begins on this date of the hall's calendar.
     ///
     /// # Errors
-    /// [`NoShift`].
+    /// Why there is no such shift on that date.
     pub fn shift(&self, name: &str, date: &str) -> Result<Occurrence, NoShift> {
         let shifts = self.settings.shifts.iter().zip(&self.shifts).enumerate();
         let (number, (shift, timed)) =
