@@ -265,7 +265,7 @@ pub trait Store: Send {
     ///
     /// # Errors
     /// [`StoreError`].
-    fn pay_stop(&mut self, robot: &RobotName) -> Result<(), StoreError>;
+    fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError>;
 }
 
 /// The settings of the hall in the store.

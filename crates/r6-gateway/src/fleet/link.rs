@@ -58,7 +58,7 @@ async fn run(station: &Station) {
             biased;
             () = watch(station, &robot, values, mode) => {}
             () = record(station, &robot, &config) => {}
-            () = station.pay(&robot) => {}
+            () = station.make_owed_stops(&robot) => {}
         },
         // The configuration was checked, so this is a fault of ours.
         Err(error) => tracing::error!(robot = station.name(), %error, "the values cannot be read"),

@@ -2,7 +2,7 @@
 //!
 //! `POST /v1/robots/{name}/programs/run`:
 //!
-//! 1. [`Station::run`] looks whether the request came before (`store/runs.rs`), and takes the robot for the
+//! 1. [`Station::run`] looks whether the request came before (`run/answer.rs`), and takes the robot for the
 //!    run (`core/seat/run.rs`).
 //! 2. The store keeps the run and its intent. Nothing has left yet.
 //! 3. A task of its own streams the steps with the client (`r6-client/src/stream.rs`). Before each list, the
@@ -11,10 +11,12 @@
 //! 5. If the seat cuts the run short, the task stops the arm and clears the list. `run/end.rs` says what
 //!    became of the run. Only then the robot, and a lease that has ended meanwhile, are free.
 //!
-//! A list that may still run at a robot out of reach is stopped by [`Station::pay`], as soon as the robot
-//! answers again.
+//! A list that may still run at a robot out of reach is stopped by `run/owed.rs`, as soon as the robot answers
+//! again.
 
+mod answer;
 mod end;
+mod owed;
 #[cfg(test)]
 mod tests;
 
@@ -22,20 +24,20 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use r6_api::gateway::{AuditRecord, Deed, Happened, Run, RunEnd, RunState};
-use r6_api::{Code, Problem as ApiProblem};
+use r6_api::Code;
 use r6_client::{Motion, MotionError, MotionHandle, Progress, Robot, RunOptions};
-use serde::{Deserialize, Serialize};
 use tokio::sync::oneshot;
 use tokio::time::{Instant, timeout};
 
+use self::answer::{again, keep_answer};
 use self::end::{Ended, Halted, Outcome};
 use super::station::{By, Station};
 use crate::clock;
 use crate::core::library::ProgramName;
 use crate::core::seat::{Cut, Key, Left, Ticket};
 use crate::problem::Problem;
-use crate::store::runs::{Begun, KeptRun, MAX_RUNS, NewRun};
-use crate::store::{Author, Keeper, StoreError};
+use crate::store::runs::{Begun, MAX_RUNS, NewRun};
+use crate::store::{Author, StoreError};
 
 /// How many steps are in the list of the controller at most. The arm finishes them if the gateway or the link
 /// dies, so they are few.
@@ -61,9 +63,6 @@ const FINISH_RUN: Duration = Duration::from_secs(21);
 /// How often to look whether a run is over.
 const FINISH_LOOK: Duration = Duration::from_millis(10);
 
-/// How often to look whether an owed stop can be made, if nothing wakes the task before.
-const LOOK_TO_PAY: Duration = Duration::from_millis(500);
-
 /// A program to run.
 #[derive(Debug)]
 pub struct Wish {
@@ -83,16 +82,6 @@ pub struct Wish {
     pub sha256: String,
     /// How often the program runs.
     pub repeat: u32,
-}
-
-/// The answer to a request for a run, as the store keeps it.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Answer {
-    /// The controller accepted the first list.
-    Began(Run),
-    /// It did not.
-    Refused(ApiProblem),
 }
 
 /// A run under way.
@@ -149,22 +138,6 @@ struct LastWrite {
 }
 
 impl Station {
-    /// The answer to a request that came before; `None` if it did not.
-    ///
-    /// # Errors
-    /// `key_taken`, `in_progress`, `outcome_unknown`, or the problem that was the answer;
-    /// `store_unavailable`.
-    pub async fn answered_before(
-        &self,
-        caller: &str,
-        key: &str,
-        hash: [u8; 32],
-    ) -> Result<Option<Run>, Problem> {
-        let since = clock::seconds().saturating_sub(crate::store::runs::KEPT);
-        let known = self.shared.keeper.run_of_key(caller.to_owned(), key.to_owned(), since).await?;
-        known.map(|known| again(known, hash)).transpose()
-    }
-
     /// Runs a program. Returns once the controller accepted the first list; the run goes on.
     ///
     /// # Errors
@@ -512,69 +485,6 @@ impl Station {
         in_time
     }
 
-    /// Stops the list of an earlier run whenever that is owed and the robot answers. Never ends.
-    pub(super) async fn pay(&self, robot: &Robot) {
-        let mut link = self.link.subscribe();
-        loop {
-            if self.seat(|seat, _| seat.can_pay()) {
-                let halted = self.stop_list(robot).await;
-                if halted != Halted::OutOfReach {
-                    self.seat(|seat, _| seat.pay(halted == Halted::Stands));
-                    self.forget_owed().await;
-                }
-            }
-            // The sender lives as long as this.
-            let _ = timeout(LOOK_TO_PAY, link.changed()).await;
-        }
-    }
-
-    /// Keeps that no stop is owed any more, if that is so. A stop that holds is on the disk before. If the
-    /// disk fails, the next start makes one more stop.
-    pub(super) async fn forget_owed(&self) {
-        let forgotten = async {
-            self.save().await?;
-            if self.seat(|seat, _| seat.owes_stop()) {
-                return Ok(());
-            }
-            self.shared.keeper.pay_stop(self.robot_name().clone()).await
-        };
-        if let Err(error) = forgotten.await {
-            tracing::error!(robot = self.name(), %error, "it was not kept that a list was stopped");
-        }
-    }
-}
-
-/// Keeps the answer to the request for a run: the run, or its number and the problem.
-async fn keep_answer(keeper: &Keeper, answer: &Result<Run, (u64, Problem)>) -> Result<(), StoreError> {
-    let (run_id, answer) = match answer {
-        Ok(run) => (run.run_id, Answer::Began(run.clone())),
-        Err((run_id, Problem { code, message, .. })) => {
-            (*run_id, Answer::Refused(ApiProblem { code: *code, message: message.clone() }))
-        }
-    };
-    let text = serde_json::to_string(&answer).map_err(|error| StoreError::Unreadable(error.to_string()))?;
-    keeper.answer_run(run_id, text).await
-}
-
-/// The answer to a request that came before.
-fn again(known: KeptRun, hash: [u8; 32]) -> Result<Run, Problem> {
-    let run_id = known.run.run_id;
-    if known.hash != hash {
-        let message = "this Idempotency-Key belongs to another request: draw a new one for each run";
-        return Err(Problem::new(Code::KeyTaken, message));
-    }
-    match known.answer.as_deref().map(serde_json::from_str::<Answer>) {
-        Some(Ok(Answer::Began(run))) => Ok(run),
-        Some(Ok(Answer::Refused(ApiProblem { code, message }))) => Err(Problem::new(code, message)),
-        None if !known.ended => {
-            Err(Problem::new(Code::InProgress, format!("run {run_id} of this request is just beginning")))
-        }
-        None | Some(Err(_)) => {
-            let message =
-                format!("what became of run {run_id} of this request is not known: look at the robot");
-            Err(Problem::new(Code::OutcomeUnknown, message))
-        }
-    }
 }
 
 /// The end of a run that was under way when the gateway was killed, and its record.

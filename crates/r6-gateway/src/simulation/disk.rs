@@ -341,7 +341,7 @@ impl Store for Mounted {
         self.read(|store| store.owed_stops())
     }
 
-    fn pay_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
-        self.write(|store| store.pay_stop(robot))
+    fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
+        self.write(|store| store.forget_owed_stop(robot))
     }
 }

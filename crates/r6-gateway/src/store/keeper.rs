@@ -55,7 +55,7 @@ enum Job {
     AnswerRun(u64, String, Answer<()>),
     EndRun(Box<Run>, bool, Vec<AuditRecord>, Answer<()>),
     OwedStops(Answer<Vec<RobotName>>),
-    PayStop(RobotName, Answer<()>),
+    ForgetOwedStop(RobotName, Answer<()>),
 }
 
 /// A handle on the thread of the store. The thread ends with the last handle, after all that was asked for.
@@ -347,12 +347,12 @@ impl Keeper {
         self.ask(Job::OwedStops).await
     }
 
-    /// As [`Store::pay_stop`].
+    /// As [`Store::forget_owed_stop`].
     ///
     /// # Errors
     /// [`StoreError`].
-    pub async fn pay_stop(&self, robot: RobotName) -> Result<(), StoreError> {
-        self.ask(|answer| Job::PayStop(robot, answer)).await
+    pub async fn forget_owed_stop(&self, robot: RobotName) -> Result<(), StoreError> {
+        self.ask(|answer| Job::ForgetOwedStop(robot, answer)).await
     }
 
     async fn ask<T, E: From<StoreError>>(&self, job: impl FnOnce(Answer<T, E>) -> Job) -> Result<T, E> {
@@ -418,7 +418,7 @@ fn carry_out(store: &mut impl Store, job: Job, waiting: &mut Receiver<Job>) -> O
             drop(answer.send(store.end_run(&run, owed, &records)));
         }
         Job::OwedStops(answer) => drop(answer.send(store.owed_stops())),
-        Job::PayStop(robot, answer) => drop(answer.send(store.pay_stop(&robot))),
+        Job::ForgetOwedStop(robot, answer) => drop(answer.send(store.forget_owed_stop(&robot))),
     }
     None
 }

@@ -297,7 +297,7 @@ impl Store for Memory {
         Ok(owed.into_iter().collect())
     }
 
-    fn pay_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
+    fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
         let ended = |run: &&mut MemoryRun| run.robot == *robot && run.kept.ended;
         self.runs.values_mut().filter(ended).for_each(|run| run.owed = false);
         Ok(())

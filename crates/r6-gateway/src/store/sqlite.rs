@@ -734,8 +734,8 @@ impl Store for Sqlite {
         runs::owed(&self.connection)
     }
 
-    fn pay_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
-        runs::pay(&self.connection, robot)
+    fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
+        runs::forget_owed_stop(&self.connection, robot)
     }
 }
 

@@ -151,12 +151,12 @@ impl Seat {
 
     /// Whether the robot answers that an owed stop is for.
     #[must_use]
-    pub fn can_pay(&self) -> bool {
+    pub fn can_make_owed_stop(&self) -> bool {
         self.owes_stop && self.link.is_some() && self.stranger.is_none() && !self.closed
     }
 
     /// The owed stop was made. If nothing proves that the arm stands, a stop holds from now on.
-    pub fn pay(&mut self, confirmed: bool) {
+    pub fn owed_stop_made(&mut self, confirmed: bool) {
         if std::mem::take(&mut self.owes_stop) && !confirmed {
             self.saved.stopped = true;
         }

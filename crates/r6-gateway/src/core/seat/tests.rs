@@ -54,7 +54,7 @@ enum Step {
     EndRun {
         left: Left,
     },
-    Pay {
+    OwedStopMade {
         confirmed: bool,
     },
     Restart,
@@ -85,7 +85,7 @@ fn step() -> impl Strategy<Value = Step> {
             1 => Left::OutOfReach,
             _ => Left::Nothing,
         } }),
-        1 => any::<bool>().prop_map(|confirmed| Step::Pay { confirmed }),
+        1 => any::<bool>().prop_map(|confirmed| Step::OwedStopMade { confirmed }),
         1 => Just(Step::Restart),
     ]
 }
@@ -394,11 +394,11 @@ proptest! {
                     }
                     prop_assert!(!seat.has_run());
                 }
-                Step::Pay { confirmed } => {
+                Step::OwedStopMade { confirmed } => {
                     let can = model.owes_stop && model.seen.is_some() && !model.is_stranger() && !model.closed;
-                    prop_assert_eq!(seat.can_pay(), can);
+                    prop_assert_eq!(seat.can_make_owed_stop(), can);
                     if can {
-                        seat.pay(confirmed);
+                        seat.owed_stop_made(confirmed);
                         model.owes_stop = false;
                         model.stopped |= !confirmed;
                     }
@@ -481,10 +481,10 @@ fn what_a_run_leaves_is_dealt_with_before_the_run_is_over() {
     seat.observed(now, 2, false);
     let order = Order::from(Command::ModifyGspd { percent: 5.0 });
     assert_eq!(seat.permit(now, key, order.clone()).unwrap_err(), Denied::ListLeft);
-    assert!(!seat.can_pay(), "it may still be stopped");
+    assert!(!seat.can_make_owed_stop(), "it may still be stopped");
     seat.leave(ticket, Left::OutOfReach);
-    assert!(seat.can_pay());
-    seat.pay(true);
+    assert!(seat.can_make_owed_stop());
+    seat.owed_stop_made(true);
     assert_eq!(seat.permit(now, key, order.clone()).unwrap_err(), Denied::ListLeft);
     seat.end_run(ticket, Left::OutOfReach);
     assert!(!seat.owes_stop(), "one stop is enough");
@@ -501,12 +501,12 @@ fn a_robot_that_comes_out_of_reach_after_a_stop_was_asked_for_is_owed_one() {
     assert_eq!(seat.cut(ticket), Some(Cut::LinkLost));
     seat.end_run(ticket, Left::OutOfReach);
     seat.stop_ends();
-    assert!(seat.owes_stop() && !seat.can_pay());
+    assert!(seat.owes_stop() && !seat.can_make_owed_stop());
     seat.observed(now, 2, false);
     seat.clear(now, key).unwrap();
     let order = Order::from(Command::ModifyGspd { percent: 5.0 });
     assert_eq!(seat.permit(now, key, order.clone()).unwrap_err(), Denied::ListLeft);
-    assert!(seat.can_pay());
-    seat.pay(true);
+    assert!(seat.can_make_owed_stop());
+    seat.owed_stop_made(true);
     assert!(seat.permit(now, key, order).is_ok());
 }

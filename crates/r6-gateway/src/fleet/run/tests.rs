@@ -103,7 +103,7 @@ async fn a_stop_that_was_not_proved_is_owed_until_it_is_kept_that_a_stop_holds()
         assert_eq!(!scene.store().owed_stops().unwrap().is_empty(), owed, "{left:?}");
         assert_eq!(scene.store().seat(&name).unwrap().stopped, !owed);
         if owed {
-            station.seat(|seat, _| seat.pay(false));
+            station.seat(|seat, _| seat.owed_stop_made(false));
             station.forget_owed().await;
             assert!(scene.store().owed_stops().unwrap().is_empty());
             assert!(scene.store().seat(&name).unwrap().stopped);

@@ -117,7 +117,7 @@ pub fn owed(connection: &Connection) -> Result<Vec<RobotName>, StoreError> {
 }
 
 /// No stop is owed for this robot any more, except for a run under way.
-pub fn pay(connection: &Connection, robot: &RobotName) -> Result<(), StoreError> {
+pub fn forget_owed_stop(connection: &Connection, robot: &RobotName) -> Result<(), StoreError> {
     connection
         .execute("UPDATE run SET owed = 0 WHERE owed = 1 AND ended = 1 AND robot = ?1", [robot.as_str()])?;
     Ok(())
