@@ -275,8 +275,6 @@ impl Gateway {
 /// What a problem of the gateway means for the run. `lost`: how the run ends if the gateway failed itself.
 fn failure(status: StatusCode, problem: Problem, lost: Exit) -> Failure {
     let Problem { code, message } = problem;
-    // What the message advises is for the robot itself, where leases and stops of the gateway do not hold.
-    let message = message.replace("`r6 command ", &format!("`{} ", hint::r6("command")));
     let failure = match (code, status.as_u16()) {
         (Code::OutcomeUnknown | Code::NotStopped, _) => Failure::unknown(message),
         (Code::NoReply | Code::NoConnection | Code::Unreachable, _) => Failure::no_reply(message),

@@ -53,8 +53,6 @@ pub async fn page(
     caller.must(Right::ReadAudit, own)?;
     let Query(Page { after, limit }) = page.map_err(|error| bad_value(error.body_text()))?;
     check_limit(limit, MAX_PAGE)?;
-    // SQLite takes signed numbers only. No log gets that long.
-    let after = after.min(u64::MAX >> 1);
     let entries = state.shared.keeper.entries(after, limit).await;
     let entries = entries.map_err(|error| refusal::of(error.into()))?;
     let next_after = entries.last().filter(|_| entries.len() == limit).map(|entry| entry.number);

@@ -184,8 +184,6 @@ pub async fn show(
 ) -> Result<Response, Refusal> {
     let Query(Which { version: number }) = which.map_err(|error| bad_value(error.body_text()))?;
     let name = known(path)?;
-    // SQLite takes signed numbers only. No program has a version above that.
-    let number = number.map(|number| number.min(u64::MAX >> 1));
     let found = state.shared.keeper.program(name.clone(), number).await;
     let (kept, program) = found.map_err(|error| refusal::of(error.into()))?.ok_or_else(|| no_such(&name))?;
     let version = version(kept);

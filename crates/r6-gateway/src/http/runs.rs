@@ -29,8 +29,8 @@ const MAX_KEY: usize = 128;
 
 /// Runs a program on a robot, with the lease. The gateway feeds its steps, at most 10 ahead of the arm, and
 /// stops the arm if the lease ends. The answer comes once the controller accepted the first list:
-/// `GET /v1/robots/{name}/runs/{run}` tells the rest. A request with the same `Idempotency-Key` and the same
-/// body gets the same answer within 24 h, and runs nothing again.
+/// `GET /v1/robots/{name}/runs/{run}` tells the rest. A request with the same `Idempotency-Key` that asks
+/// for the same gets the same answer within 24 h, and runs nothing again.
 #[utoipa::path(
     post,
     path = "/v1/robots/{name}/programs/run",
@@ -155,8 +155,6 @@ async fn text(state: &State, request: RunRequest) -> Result<(Option<(ProgramName
                 Refusal::not_found(Code::NoSuchProgram, message)
             };
             let name = ProgramName::new(&name).ok_or_else(none)?;
-            // SQLite takes signed numbers only. No program has so many versions.
-            let version = version.map(|version| version.min(u64::MAX >> 1));
             let found = state.shared.keeper.program(name.clone(), version).await;
             let (kept, text) = found.map_err(|error| refusal::of(error.into()))?.ok_or_else(none)?;
             Ok((Some((name, kept.tag.version)), text))
@@ -181,9 +179,12 @@ fn idempotency_key(headers: &HeaderMap) -> Result<String, Refusal> {
     }
 }
 
-/// SHA-256 of a request for this robot. How its JSON is written does not matter.
+/// SHA-256 of what a request asks for. How its JSON is written does not matter, nor which lease it names: who
+/// asks again after a while may have another one.
 fn hash(robot: &str, request: &RunRequest) -> Result<[u8; 32], Refusal> {
-    let text = serde_json::to_string(&(robot, request)).map_err(|error| bad_value(error.to_string()))?;
+    let RunRequest { program, name, version, lease: _, repeat } = request;
+    let text = serde_json::to_string(&(robot, program, name, version, repeat));
+    let text = text.map_err(|error| bad_value(error.to_string()))?;
     Ok(Sha256::digest(text).into())
 }
 

@@ -81,6 +81,7 @@ fn entries_are_numbered_chained_and_read_in_pages() {
         assert_eq!(numbers(store, 0, 2), [1, 2]);
         assert_eq!(numbers(store, 2, 1000), [3, 4]);
         assert!(numbers(store, 4, 1000).is_empty());
+        assert!(numbers(store, u64::MAX, 1000).is_empty());
         assert_eq!(head(store).unwrap().0, 4);
         let entries = store.entries(0, 10).unwrap();
         assert_eq!(serde_json::from_str::<AuditRecord>(&entries[1].body).unwrap(), intent());
@@ -448,6 +449,7 @@ fn programs_have_versions_and_each_change_says_which_one_it_is_for() {
         assert_eq!(store.program(&pick, None), Ok(Some((second.clone(), "bb".to_owned()))));
         assert_eq!(store.program(&pick, Some(1)), Ok(Some((first.clone(), "a".to_owned()))));
         assert_eq!(store.program(&pick, Some(3)), Ok(None));
+        assert_eq!(store.program(&pick, Some(u64::MAX)), Ok(None));
         assert_eq!(store.program_versions(&pick), Ok(vec![second.clone(), first.clone()]));
 
         let by = author();

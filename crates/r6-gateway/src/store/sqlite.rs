@@ -417,6 +417,8 @@ impl Store for Sqlite {
     }
 
     fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
+        // SQLite takes signed numbers only. No log gets that long.
+        let after = after.min(u64::MAX >> 1);
         let mut select = self.connection.prepare_cached(
             "SELECT number, body, hash FROM audit WHERE number > ?1 ORDER BY number LIMIT ?2",
         )?;

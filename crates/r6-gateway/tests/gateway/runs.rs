@@ -109,7 +109,13 @@ async fn the_arm_ends_where_the_program_says_and_a_request_that_comes_twice_runs
     let reordered = format!("{{\"lease\":{lease},\"repeat\":null,\"program\":{}}}", body["program"]);
     let reordered: Value = serde_json::from_str(&reordered).unwrap();
     assert_eq!(hall.run(&hall.operator, "one", &reordered).await.body, first.body);
-    // With another body it is refused. Another caller has keys of its own.
+    // With another lease it is the same request: the first one may have ended meanwhile.
+    let key = json!({ "lease": lease });
+    assert_eq!(hall.call(&hall.operator, "DELETE", LEASE, Some(&key)).await.0, 204);
+    let lease = hall.long_lease(60).await;
+    let renewed = json!({ "program": text, "lease": lease });
+    assert_eq!(hall.run(&hall.operator, "one", &renewed).await.body, first.body);
+    // With another program it is refused. Another caller has keys of its own.
     let other = json!({ "program": moves(100, &[3.0]), "lease": lease });
     let reply = hall.run(&hall.operator, "one", &other).await;
     assert_eq!((reply.status, &reply.body["code"]), (422, &json!("key_taken")));

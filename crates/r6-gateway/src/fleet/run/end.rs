@@ -3,8 +3,8 @@
 use r6_api::Code;
 use r6_api::gateway::{LeaseEnd, RunEnd, RunProof, RunState};
 use r6_client::{
-    Cause, Done, DoubtAfterStop, EndProof, ListAfterStop, MotionError, NotSent, Progress, RequestError,
-    StopReport, Unmet,
+    Cause, Done, DoubtAfterStop, EndProof, ListAfterStop, MotionError, NotSent, OperationMode, Progress,
+    RequestError, StopReport, Unmet,
 };
 
 use crate::core::seat::{Cut, Left};
@@ -82,8 +82,8 @@ impl Ended {
             Outcome::Ended(Err(error)) | Outcome::Halted(Err(error), _) => {
                 let because = cut.map_or_else(|| of_cause(&error.cause), of_cut);
                 let detail = match cut {
-                    Some(_) => format!("{}; {error}", words(because)),
-                    None => error.to_string(),
+                    Some(_) => format!("{}; {}", words(because), told(&error)),
+                    None => told(&error),
                 };
                 (because, detail, !error.nothing_left(), code(&error.cause))
             }
@@ -197,6 +197,20 @@ fn code(cause: &Cause) -> Code {
     }
 }
 
+/// An error for callers of the gateway. What the client advises is for a program that is connected to the robot itself.
+fn told(error: &MotionError) -> String {
+    let Cause::NotReady(unmet) = &error.cause else { return error.to_string() };
+    let told = unmet.iter().map(|unmet| match unmet {
+        Unmet::Mode { found: found @ OperationMode::Auto } => format!(
+            "the operation mode is {found}, not running (7): start the program of the controller. At the pendant, in \
+             Auto, turn Cycle on and press Start; or, with no person near the arm, send the command startButton with \
+             the lease. The program must then be at its \"wait for remote commands\" step"
+        ),
+        unmet => unmet.to_string(),
+    });
+    format!("nothing was sent: {}", told.collect::<Vec<_>>().join("; "))
+}
+
 fn words(because: RunEnd) -> &'static str {
     match because {
         RunEnd::LeaseExpired => "the lease was not renewed",
@@ -278,6 +292,10 @@ mod tests {
         assert_eq!((ended.state, ended.problem.code), (RunState::Refused, Code::LeftoverList));
         let ended = Ended::of(refused(Unmet::Moving), None, Halted::NotNeeded);
         assert_eq!((ended.state, ended.problem.code), (RunState::Refused, Code::NotReady));
+        assert_eq!(ended.detail, Cause::NotReady(vec![Unmet::Moving]).to_string());
+        let ended = Ended::of(refused(Unmet::Mode { found: OperationMode::Auto }), None, Halted::NotNeeded);
+        assert!(ended.detail.contains("send the command startButton with the lease"), "{}", ended.detail);
+        assert!(!ended.detail.contains("r6 command"), "{}", ended.detail);
         let alarm = || error(Cause::AlarmRaised { code: 3 }, 5, 5);
         assert_eq!(Ended::of(alarm(), None, Halted::Stands).state, RunState::Failed);
         assert_eq!(Ended::of(alarm(), None, Halted::NotProved).state, RunState::Unknown);

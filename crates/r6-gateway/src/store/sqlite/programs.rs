@@ -79,6 +79,8 @@ pub fn one(
     name: &ProgramName,
     version: Option<u64>,
 ) -> Result<Option<(Kept, String)>, StoreError> {
+    // SQLite takes signed numbers only. No program has a version above that.
+    let version = version.map(|version| version.min(u64::MAX >> 1));
     let mut select = connection.prepare_cached(&format!(
         "SELECT {COLUMNS}, text FROM program WHERE name = ?1 AND (?2 IS NULL OR version = ?2)
          ORDER BY version DESC LIMIT 1"
