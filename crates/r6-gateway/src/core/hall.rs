@@ -187,7 +187,7 @@ impl Hall {
         self.occurrence(number, shift, *timed, date).ok_or(NoShift::LeftOut)
     }
 
-    /// The shifts that begin in a range of time, in their order, so many at most.
+    /// The shifts that begin in a range of time, in their order, `most` of them at most.
     #[must_use]
     pub fn beginning(&self, from: Micros, to: Micros, most: usize) -> Vec<Occurrence> {
         let mut all = Vec::new();
@@ -234,7 +234,7 @@ impl Hall {
         Some(self.zone.to_datetime(Timestamp::from_microsecond(at.0).ok()?).date())
     }
 
-    /// The instant at which the clock on the wall shows so many minutes behind the begin of this date.
+    /// The instant at which the clock on the wall shows this many minutes after the begin of this date.
     fn instant(&self, date: Date, minutes: u16) -> Option<Micros> {
         let date = date.checked_add(Span::new().days(i64::from(minutes / MINUTES_PER_DAY))).ok()?;
         let minutes = minutes % MINUTES_PER_DAY;

@@ -18,7 +18,7 @@ const TAUGHT: &str = "this is a taught program, with steps that only the control
                       (docs/PROGRAMS.md), select it with the command `switchMold`, and start it at the pendant or with \
                       `startButton`";
 
-/// The steps of a program, so many times.
+/// The steps of a program, `repeat` times one after the other.
 ///
 /// # Errors
 /// `bad_program`: it has mistakes, or it cannot be run from here. `bad_value`: it is too long.

@@ -117,7 +117,7 @@ CREATE TABLE link (
 ) STRICT;
 ";
 
-/// The alarms of each robot, and the settings of the hall, of which there is one row at most.
+/// The alarms of each robot. The settings of the hall: one row at most.
 const ALARMS: &str = "
 CREATE TABLE alarm (
     robot TEXT PRIMARY KEY,
