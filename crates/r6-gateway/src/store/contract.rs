@@ -1,9 +1,13 @@
 //! What every store does: one suite for all.
 
+mod programs;
+mod runs;
+
 use r6_api::gateway::{
     AuditRecord, CommandOutcome, Deed, ProgramType, RobotIdentity, Role, Run, RunEnd, RunState,
 };
 
+use self::programs::version;
 use super::runs::{Begun, KEPT, KeptRun, NewRun};
 use super::{
     Author, Keeper, Kept, LibraryError, Link, Memory, NewToken, NewVersion, Sqlite, Store, StoreError,
@@ -403,117 +407,6 @@ async fn appends_of_many_callers_each_get_their_own_number() {
     assert_eq!(keeper.entries(0, 1000).await.unwrap().len(), 400);
 }
 
-fn version(name: &str, text: &str) -> NewVersion {
-    NewVersion {
-        name: ProgramName::new(name).unwrap(),
-        text: text.to_owned(),
-        hash: [u8::try_from(text.len() % 251).unwrap(); 32],
-        by: author(),
-        kind: ProgramType::Taught,
-        ok: false,
-        steps: 2,
-    }
-}
-
-fn only_if(tag: Tag) -> Condition {
-    Condition { matches: Some(tag.etag()), none_matches: None }
-}
-
-fn numbers_of(versions: &[Kept]) -> Vec<u64> {
-    versions.iter().map(|kept| kept.tag.version).collect()
-}
-
-#[test]
-fn programs_have_versions_and_each_change_says_which_one_it_is_for() {
-    on_each(|store| {
-        let (new, any) =
-            (Condition::default(), Condition { matches: Some("*".to_owned()), none_matches: None });
-        let pick = version("pick", "a").name;
-        assert_eq!((store.programs(), store.program(&pick, None)), (Ok(vec![]), Ok(None)));
-        assert_eq!(store.program_versions(&pick), Ok(vec![]));
-        let missing = LibraryError::Unfit(Unfit::NotThisVersion);
-        assert_eq!(store.put_program(&version("pick", "a"), &any), Err(missing.clone()));
-        let first = store.put_program(&version("pick", "a"), &new).unwrap();
-        assert_eq!(
-            (first.tag.version, first.bytes, first.kind, first.ok),
-            (1, 1, ProgramType::Taught, false)
-        );
-        let needed = LibraryError::Unfit(Unfit::NeedsIfMatch);
-        assert_eq!(store.put_program(&version("pick", "bb"), &new), Err(needed.clone()));
-        let second = store.put_program(&version("pick", "bb"), &only_if(first.tag)).unwrap();
-        assert_eq!(store.put_program(&version("pick", "c"), &only_if(first.tag)), Err(missing.clone()));
-        store.put_program(&version("drop", "x"), &new).unwrap();
-        let listed = store.programs().unwrap();
-        let names: Vec<_> = listed.iter().map(|kept| (kept.name.as_str(), kept.tag.version)).collect();
-        assert_eq!(names, [("drop", 1), ("pick", 2)]);
-        assert_eq!(store.program(&pick, None), Ok(Some((second.clone(), "bb".to_owned()))));
-        assert_eq!(store.program(&pick, Some(1)), Ok(Some((first.clone(), "a".to_owned()))));
-        assert_eq!(store.program(&pick, Some(3)), Ok(None));
-        assert_eq!(store.program(&pick, Some(u64::MAX)), Ok(None));
-        assert_eq!(store.program_versions(&pick), Ok(vec![second.clone(), first.clone()]));
-
-        let by = author();
-        assert_eq!(store.remove_program(&pick, &new, &by), Err(needed));
-        assert_eq!(store.remove_program(&pick, &only_if(first.tag), &by), Err(missing));
-        assert_eq!(store.remove_program(&pick, &only_if(second.tag), &by), Ok(()));
-        assert_eq!(store.remove_program(&pick, &any, &by), Err(LibraryError::NoSuchProgram));
-        assert_eq!((store.program(&pick, None), store.program(&pick, Some(1))), (Ok(None), Ok(None)));
-        assert_eq!(store.programs().unwrap().len(), 1);
-        // It is another program: the tag of the old one does not fit it.
-        let again = store.put_program(&version("pick", "other"), &new).unwrap();
-        assert!(again.tag.version == 1 && again.tag.etag() != first.tag.etag());
-
-        let entries = store.entries(0, 100).unwrap();
-        let records: Vec<AuditRecord> =
-            entries.iter().map(|entry| serde_json::from_str(&entry.body).unwrap()).collect();
-        let deeds: Vec<_> = records.iter().map(|record| &record.deed).collect();
-        let Deed::ProgramStored { program, version: 2, sha256 } = deeds[1] else { panic!("{deeds:?}") };
-        assert_eq!((program.as_str(), sha256.as_str()), ("pick", "02".repeat(32).as_str()));
-        assert_eq!(deeds[3], &Deed::ProgramRemoved { program: "pick".to_owned(), version: 2 });
-        assert_eq!((records[0].actor.as_str(), records.len()), ("anna", 5), "what was refused is not told");
-        assert_eq!(head(store).unwrap().0, 5);
-    });
-}
-
-#[test]
-fn the_oldest_versions_go_and_there_is_a_limit_for_all_programs() {
-    on_each(|store| {
-        let mut last: Option<Kept> = None;
-        for number in 0..MAX_VERSIONS + 3 {
-            let condition = last.map_or_else(Condition::default, |kept| only_if(kept.tag));
-            last = Some(store.put_program(&version("pick", &"x".repeat(number)), &condition).unwrap());
-        }
-        let last = last.unwrap();
-        let versions = store.program_versions(&last.name).unwrap();
-        let wanted: Vec<_> = (4..=MAX_VERSIONS as u64 + 3).rev().collect();
-        assert_eq!(numbers_of(&versions), wanted);
-        assert_eq!(store.program(&last.name, Some(3)), Ok(None));
-
-        // Many long texts: what is there stays as it is.
-        let long = "y".repeat(16 << 20);
-        let mut put = |number: usize| {
-            store.put_program(&version(&format!("long-{number}"), &long), &Condition::default())
-        };
-        assert!((0..3).all(|number| put(number).is_ok()));
-        assert_eq!(put(3), Err(LibraryError::TooManyBytes));
-        assert_eq!(store.programs().unwrap().len(), 4);
-        assert_eq!(store.program_versions(&last.name).unwrap().len(), MAX_VERSIONS);
-    });
-}
-
-#[test]
-fn there_is_a_limit_for_the_number_of_programs() {
-    // One store in memory: a commit for each would take the disk's time.
-    let mut store = Memory::default();
-    for number in 0..MAX_PROGRAMS {
-        store.put_program(&version(&format!("p-{number}"), "x"), &Condition::default()).unwrap();
-    }
-    let more = store.put_program(&version("more", "x"), &Condition::default());
-    assert_eq!(more, Err(LibraryError::TooManyPrograms));
-    let known = store.programs().unwrap().remove(0);
-    assert!(store.put_program(&version(known.name.as_str(), "y"), &only_if(known.tag)).is_ok());
-}
-
 #[test]
 fn a_file_of_the_first_version_gets_all_new_tables() {
     let folder = tempfile::tempdir().unwrap();
@@ -543,125 +436,4 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
     assert_eq!(store.robots(), Ok(vec![robot(Some("BRTIRUS0707A"))]));
     assert_eq!(store.programs().unwrap().len(), 1);
     assert_eq!(head(&mut store).unwrap().0, 3);
-}
-
-fn new_run(caller: &str, key: &str, now: u64) -> NewRun {
-    let run = Run {
-        run_id: 0,
-        robot: "press".to_owned(),
-        state: RunState::Running,
-        program: Some("pick".to_owned()),
-        version: Some(2),
-        sha256: "00".repeat(32),
-        repeat: 1,
-        steps: 7,
-        accepted: 0,
-        done: 0,
-        lease: 3,
-        by: "anna".to_owned(),
-        began_at: "2026-01-01T00:00:00.000000Z".to_owned(),
-        ended_at: None,
-        because: None,
-        proof: None,
-        detail: String::new(),
-    };
-    let robot = RobotName::new("press").unwrap();
-    let (caller, key) = (caller.to_owned(), key.to_owned());
-    NewRun { caller, key, hash: [7; 32], robot, now, run, by: author() }
-}
-
-fn begin(store: &mut dyn Store, new: &NewRun) -> u64 {
-    match store.begin_run(new).unwrap() {
-        Begun::New(number) => number,
-        other => panic!("{other:?}"),
-    }
-}
-
-fn ended(mut run: Run) -> (Run, AuditRecord) {
-    (run.state, run.because, run.done) = (RunState::Done, Some(RunEnd::Finished), run.steps);
-    let deed = Deed::RunOutcome {
-        run: run.run_id,
-        state: run.state,
-        because: RunEnd::Finished,
-        done: run.done,
-        detail: String::new(),
-    };
-    (run, record(deed))
-}
-
-#[test]
-fn a_key_runs_a_program_once_and_the_audit_log_has_intent_and_outcome() {
-    on_each(|store| {
-        let press = RobotName::new("press").unwrap();
-        let new = new_run("token 1", "a", 1_000);
-        let number = begin(store, &new);
-        let open = KeptRun {
-            hash: [7; 32],
-            run: Run { run_id: number, ..new.run.clone() },
-            answer: None,
-            ended: false,
-        };
-        assert_eq!(store.begin_run(&new).unwrap(), Begun::Known(Box::new(open.clone())));
-        assert_eq!(store.run_of_key("token 1", "a", 0).unwrap(), Some(open.clone()));
-        assert_eq!(store.run_of_key("token 2", "a", 0).unwrap(), None, "each caller has its own keys");
-        assert_eq!(store.run(&press, number).unwrap(), Some(open.clone()));
-        assert_eq!(store.run(&RobotName::new("saw").unwrap(), number).unwrap(), None);
-        assert_eq!(store.run(&press, u64::MAX).unwrap(), None);
-        assert_eq!(store.open_runs().unwrap(), std::slice::from_ref(&open.run));
-        assert_eq!(store.owed_stops().unwrap(), std::slice::from_ref(&press));
-
-        store.answer_run(number, "{}").unwrap();
-        let (run, record) = ended(open.run.clone());
-        store.end_run(&run, false, &[record]).unwrap();
-        let done = KeptRun { run, answer: Some("{}".to_owned()), ended: true, ..open };
-        assert_eq!(store.run(&press, number).unwrap(), Some(done));
-        assert!(store.open_runs().unwrap().is_empty() && store.owed_stops().unwrap().is_empty());
-
-        let second = begin(store, &new_run("token 2", "a", 1_000));
-        assert!(number < second);
-        let entries = store.entries(0, 100).unwrap();
-        let kinds: Vec<_> = entries.iter().map(|entry| what(&entry.body)).collect();
-        assert_eq!(kinds, ["run_intent", "run_outcome", "run_intent"]);
-        assert!(entries[0].body.contains(&format!("\"run\":{number}")), "{}", entries[0].body);
-        assert!(head(store).is_ok());
-    });
-}
-
-fn what(body: &str) -> String {
-    let body: serde_json::Value = serde_json::from_str(body).unwrap();
-    body["what"].as_str().unwrap().to_owned()
-}
-
-#[test]
-fn runs_go_after_a_day_but_not_while_they_are_open_or_a_stop_is_owed() {
-    on_each(|store| {
-        let press = RobotName::new("press").unwrap();
-        let numbers = ["done", "owed", "open"].map(|key| begin(store, &new_run("token 1", key, 1_000)));
-        for (number, owed) in [(numbers[0], false), (numbers[1], true)] {
-            let (run, record) = ended(store.run(&press, number).unwrap().unwrap().run);
-            store.end_run(&run, owed, &[record]).unwrap();
-        }
-        let since = 1_001;
-        assert_eq!(store.run_of_key("token 1", "done", since).unwrap(), None, "it is too old");
-        assert!(store.run_of_key("token 1", "owed", since).unwrap().is_some());
-        assert!(store.run_of_key("token 1", "open", since).unwrap().is_some());
-        begin(store, &new_run("token 1", "edge", 1_000 + KEPT));
-        assert!(store.run(&press, numbers[0]).unwrap().is_some(), "a day is not over");
-        begin(store, &new_run("token 1", "later", 1_001 + KEPT));
-        assert_eq!(store.run(&press, numbers[0]).unwrap(), None);
-        assert!(store.run(&press, numbers[1]).unwrap().is_some());
-        // The same key is a new one now, and its run gets a new number.
-        let again = begin(store, &new_run("token 1", "done", 1_001 + KEPT));
-        assert!(numbers[2] < again);
-
-        assert_eq!(store.owed_stops().unwrap(), std::slice::from_ref(&press));
-        store.forget_owed_stop(&press).unwrap();
-        assert_eq!(store.owed_stops().unwrap(), std::slice::from_ref(&press), "open runs still owe it");
-        for run in store.open_runs().unwrap() {
-            let (run, record) = ended(run);
-            store.end_run(&run, true, &[record]).unwrap();
-        }
-        store.forget_owed_stop(&press).unwrap();
-        assert!(store.owed_stops().unwrap().is_empty());
-    });
 }

@@ -2,6 +2,8 @@
 
 mod programs;
 mod runs;
+mod tables;
+mod users;
 
 use std::path::{Path, PathBuf, absolute};
 use std::time::Duration;
@@ -9,13 +11,13 @@ use std::time::Duration;
 use r6_api::gateway::{AuditRecord, RobotIdentity, Run};
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params};
 
+use self::tables::TABLES;
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
     Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
-    StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, check_link, decide, link_made, role,
-    token_made, token_revoked, user_changed,
+    StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, role, token_made, token_revoked,
 };
-use crate::core::account::{Account, Decided, PasswordHash, UserName};
+use crate::core::account::Decided;
 use crate::core::alarms;
 use crate::core::chain::{Broken, Hash, link};
 use crate::core::library::{Condition, ProgramName};
@@ -26,10 +28,6 @@ use crate::files;
 
 /// The name of the file in the folder.
 pub const FILE: &str = "control.db";
-
-/// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
-/// the version of a file.
-const TABLES: [&str; 5] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS];
 
 /// The version from which on there are users.
 const USERS_SINCE: usize = 3;
@@ -42,114 +40,6 @@ const BUSY: Duration = Duration::from_secs(5);
 /// have given out more since the backup was made. A lease lasts 2 s at least, so a million of them take 23
 /// days.
 const LEASES_SINCE_BACKUP: u64 = 1_000_000;
-
-/// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
-/// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
-const CONTROL: &str = "
-CREATE TABLE audit (
-    number INTEGER PRIMARY KEY,
-    body   TEXT NOT NULL,
-    hash   BLOB NOT NULL,
-    what   TEXT GENERATED ALWAYS AS (body ->> '$.what') VIRTUAL,
-    robot  TEXT GENERATED ALWAYS AS (body ->> '$.robot') VIRTUAL,
-    intent INTEGER GENERATED ALWAYS AS (body ->> '$.intent') VIRTUAL
-) STRICT;
-CREATE INDEX audit_intent ON audit (intent) WHERE intent IS NOT NULL;
-CREATE INDEX audit_intents ON audit (number) WHERE what = 'command_intent';
-CREATE TABLE token (
-    number  INTEGER PRIMARY KEY AUTOINCREMENT,
-    hash    BLOB NOT NULL UNIQUE,
-    role    TEXT NOT NULL,
-    only    TEXT,
-    name    TEXT NOT NULL,
-    made    TEXT NOT NULL,
-    revoked TEXT
-) STRICT;
-CREATE TABLE seat (
-    robot        TEXT PRIMARY KEY,
-    lease_number INTEGER NOT NULL,
-    stopped      INTEGER NOT NULL,
-    identity     TEXT
-) STRICT;
-CREATE TABLE robot (
-    name      TEXT PRIMARY KEY,
-    address   TEXT NOT NULL,
-    period_ms INTEGER NOT NULL,
-    read      TEXT NOT NULL
-) STRICT;
-";
-
-/// Programs, and the model of a robot. The text is the last column, so that lists of programs do not read
-/// it.
-const PROGRAMS: &str = "
-ALTER TABLE robot ADD COLUMN model TEXT;
-CREATE TABLE program (
-    name      TEXT NOT NULL,
-    version   INTEGER NOT NULL,
-    hash      BLOB NOT NULL,
-    bytes     INTEGER NOT NULL,
-    stored_at TEXT NOT NULL,
-    stored_by TEXT NOT NULL,
-    kind      TEXT NOT NULL,
-    ok        INTEGER NOT NULL,
-    steps     INTEGER NOT NULL,
-    text      TEXT NOT NULL,
-    PRIMARY KEY (name, version)
-) STRICT;
-CREATE INDEX program_bytes ON program (bytes);
-";
-
-/// The link for the first admin has the name '', which is the name of no user.
-const USERS: &str = "
-CREATE TABLE user (
-    name     TEXT PRIMARY KEY,
-    role     TEXT NOT NULL,
-    only     TEXT,
-    disabled INTEGER NOT NULL,
-    password TEXT,
-    created  TEXT NOT NULL,
-    stamp    INTEGER NOT NULL
-) STRICT;
-CREATE TABLE link (
-    user TEXT PRIMARY KEY,
-    hash BLOB NOT NULL,
-    made INTEGER NOT NULL
-) STRICT;
-";
-
-/// The alarms of each robot. The settings of the hall: one row at most.
-const ALARMS: &str = "
-CREATE TABLE alarm (
-    robot TEXT PRIMARY KEY,
-    state TEXT NOT NULL
-) STRICT;
-CREATE TABLE hall (
-    one      INTEGER PRIMARY KEY CHECK (one = 1),
-    version  INTEGER NOT NULL,
-    settings TEXT NOT NULL
-) STRICT;
-";
-
-/// Runs of programs. `owed`: its list may be at the robot. The indexes of the open and the owed runs are
-/// almost empty.
-const RUNS: &str = "
-CREATE TABLE run (
-    id     INTEGER PRIMARY KEY AUTOINCREMENT,
-    robot  TEXT NOT NULL,
-    caller TEXT NOT NULL,
-    key    TEXT NOT NULL,
-    hash   BLOB NOT NULL,
-    made   INTEGER NOT NULL,
-    run    TEXT NOT NULL,
-    answer TEXT,
-    ended  INTEGER NOT NULL,
-    owed   INTEGER NOT NULL,
-    UNIQUE (caller, key)
-) STRICT;
-CREATE INDEX run_made ON run (made);
-CREATE INDEX run_open ON run (id) WHERE ended = 0;
-CREATE INDEX run_owed ON run (robot) WHERE owed = 1;
-";
 
 /// A store in `control.db` of a folder.
 #[derive(Debug)]
@@ -364,39 +254,6 @@ fn append_in(transaction: &Transaction<'_>, records: &[AuditRecord]) -> Result<u
     Ok(last + 1)
 }
 
-/// The users. A transaction is a connection, too.
-fn users_in(connection: &Connection) -> Result<Vec<StoredUser>, StoreError> {
-    let mut select = connection.prepare_cached(
-        "SELECT name, role, only, disabled, password, created, stamp FROM user ORDER BY name",
-    )?;
-    let rows = select.query_map([], |row| {
-        let name: String = row.get(0)?;
-        let password: Option<String> = row.get(4)?;
-        Ok((name, row.get::<_, String>(1)?, row.get(2)?, row.get(3)?, password, row.get(5)?, row.get(6)?))
-    })?;
-    rows.map(|row| {
-        let (name, role, only, disabled, password, created, stamp) = row?;
-        let name = user_name(&name)?;
-        let password = password.map(PasswordHash);
-        let account = Account { name, grant: grant(&role, only)?, disabled, password };
-        Ok(StoredUser { account, created, stamp })
-    })
-    .collect()
-}
-
-fn link_in(connection: &Connection, hash: &[u8; 32]) -> Result<Option<Link>, StoreError> {
-    let mut select = connection.prepare_cached("SELECT user, made FROM link WHERE hash = ?1")?;
-    let row =
-        select.query_row([hash.as_slice()], |row| Ok((row.get::<_, String>(0)?, row.get(1)?))).optional()?;
-    let Some((user, made)) = row else { return Ok(None) };
-    let user = if user.is_empty() { None } else { Some(user_name(&user)?) };
-    Ok(Some(Link { hash: *hash, user, made }))
-}
-
-fn user_name(text: &str) -> Result<UserName, StoreError> {
-    UserName::new(text).ok_or_else(|| StoreError::Unreadable(format!("the user `{text}`")))
-}
-
 fn grant(word: &str, only: Option<String>) -> Result<Grant, StoreError> {
     let only = only.map(|only| {
         RobotName::new(&only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`")))
@@ -495,62 +352,19 @@ impl Store for Sqlite {
         if self.version()? < USERS_SINCE {
             return Ok(Vec::new());
         }
-        users_in(&self.connection)
+        users::all(&self.connection)
     }
 
     fn change_user(&mut self, change: &UserChange, author: &Author) -> Result<(Decided, u64), StoreError> {
-        let transaction = self.write()?;
-        let link = match &change.link {
-            Some((hash, _)) => link_in(&transaction, hash)?,
-            None => None,
-        };
-        let users = users_in(&transaction)?;
-        let decided = decide(&users, change, link.as_ref())?;
-        let Some(record) = user_changed(change, &decided, author) else { return Ok((decided, 0)) };
-        let stamp = append_in(&transaction, &[record])?;
-        let name = change.name.as_str();
-        match &decided {
-            Decided::Made(account) | Decided::Changed(account) => {
-                let Account { grant, disabled, password, .. } = account;
-                let only = grant.only.as_ref().map(RobotName::as_str);
-                let password = password.as_ref().map(|hash| hash.0.as_str());
-                transaction.execute(
-                    "INSERT INTO user (name, role, only, disabled, password, created, stamp)
-                     VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)
-                     ON CONFLICT (name) DO UPDATE SET role = excluded.role, only = excluded.only,
-                     disabled = excluded.disabled, password = excluded.password, stamp = excluded.stamp",
-                    params![name, grant.role.word(), only, disabled, password, author.time, stamp],
-                )?;
-            }
-            Decided::Removed => drop(transaction.execute("DELETE FROM user WHERE name = ?1", [name])?),
-            Decided::Same => {}
-        }
-        if decided == Decided::Removed || change.wish.sets_password() {
-            transaction.execute("DELETE FROM link WHERE user = ?1", [name])?;
-        }
-        if let Some((hash, _)) = &change.link {
-            transaction.execute("DELETE FROM link WHERE hash = ?1", [hash.as_slice()])?;
-        }
-        transaction.commit()?;
-        Ok((decided, stamp))
+        users::change(self.write()?, change, author)
     }
 
     fn put_link(&mut self, link: &Link, author: &Author) -> Result<(), StoreError> {
-        let transaction = self.write()?;
-        check_link(&users_in(&transaction)?, link)?;
-        append_in(&transaction, &[link_made(link, author)])?;
-        let user = link.user.as_ref().map_or("", UserName::as_str);
-        transaction.execute(
-            "INSERT INTO link (user, hash, made) VALUES (?1, ?2, ?3)
-             ON CONFLICT (user) DO UPDATE SET hash = excluded.hash, made = excluded.made",
-            params![user, link.hash, link.made],
-        )?;
-        transaction.commit()?;
-        Ok(())
+        users::put_link(self.write()?, link, author)
     }
 
     fn link(&mut self, hash: &[u8; 32], now: u64) -> Result<Option<Link>, StoreError> {
-        Ok(link_in(&self.connection, hash)?.filter(|link| link.is_valid(now)))
+        Ok(users::link(&self.connection, hash)?.filter(|link| link.is_valid(now)))
     }
 
     fn remove_setup_link(&mut self) -> Result<(), StoreError> {

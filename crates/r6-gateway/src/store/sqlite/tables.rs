@@ -1,0 +1,113 @@
+//! The tables of the file, as each version added them.
+
+/// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
+/// the version of a file.
+pub const TABLES: [&str; 5] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS];
+
+/// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
+/// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
+const CONTROL: &str = "
+CREATE TABLE audit (
+    number INTEGER PRIMARY KEY,
+    body   TEXT NOT NULL,
+    hash   BLOB NOT NULL,
+    what   TEXT GENERATED ALWAYS AS (body ->> '$.what') VIRTUAL,
+    robot  TEXT GENERATED ALWAYS AS (body ->> '$.robot') VIRTUAL,
+    intent INTEGER GENERATED ALWAYS AS (body ->> '$.intent') VIRTUAL
+) STRICT;
+CREATE INDEX audit_intent ON audit (intent) WHERE intent IS NOT NULL;
+CREATE INDEX audit_intents ON audit (number) WHERE what = 'command_intent';
+CREATE TABLE token (
+    number  INTEGER PRIMARY KEY AUTOINCREMENT,
+    hash    BLOB NOT NULL UNIQUE,
+    role    TEXT NOT NULL,
+    only    TEXT,
+    name    TEXT NOT NULL,
+    made    TEXT NOT NULL,
+    revoked TEXT
+) STRICT;
+CREATE TABLE seat (
+    robot        TEXT PRIMARY KEY,
+    lease_number INTEGER NOT NULL,
+    stopped      INTEGER NOT NULL,
+    identity     TEXT
+) STRICT;
+CREATE TABLE robot (
+    name      TEXT PRIMARY KEY,
+    address   TEXT NOT NULL,
+    period_ms INTEGER NOT NULL,
+    read      TEXT NOT NULL
+) STRICT;
+";
+
+/// Programs, and the model of a robot. The text is the last column, so that lists of programs do not read
+/// it.
+const PROGRAMS: &str = "
+ALTER TABLE robot ADD COLUMN model TEXT;
+CREATE TABLE program (
+    name      TEXT NOT NULL,
+    version   INTEGER NOT NULL,
+    hash      BLOB NOT NULL,
+    bytes     INTEGER NOT NULL,
+    stored_at TEXT NOT NULL,
+    stored_by TEXT NOT NULL,
+    kind      TEXT NOT NULL,
+    ok        INTEGER NOT NULL,
+    steps     INTEGER NOT NULL,
+    text      TEXT NOT NULL,
+    PRIMARY KEY (name, version)
+) STRICT;
+CREATE INDEX program_bytes ON program (bytes);
+";
+
+/// The link for the first admin has the name '', which is the name of no user.
+const USERS: &str = "
+CREATE TABLE user (
+    name     TEXT PRIMARY KEY,
+    role     TEXT NOT NULL,
+    only     TEXT,
+    disabled INTEGER NOT NULL,
+    password TEXT,
+    created  TEXT NOT NULL,
+    stamp    INTEGER NOT NULL
+) STRICT;
+CREATE TABLE link (
+    user TEXT PRIMARY KEY,
+    hash BLOB NOT NULL,
+    made INTEGER NOT NULL
+) STRICT;
+";
+
+/// The alarms of each robot. The settings of the hall: one row at most.
+const ALARMS: &str = "
+CREATE TABLE alarm (
+    robot TEXT PRIMARY KEY,
+    state TEXT NOT NULL
+) STRICT;
+CREATE TABLE hall (
+    one      INTEGER PRIMARY KEY CHECK (one = 1),
+    version  INTEGER NOT NULL,
+    settings TEXT NOT NULL
+) STRICT;
+";
+
+/// Runs of programs. `owed`: its list may be at the robot. The indexes of the open and the owed runs are
+/// almost empty.
+const RUNS: &str = "
+CREATE TABLE run (
+    id     INTEGER PRIMARY KEY AUTOINCREMENT,
+    robot  TEXT NOT NULL,
+    caller TEXT NOT NULL,
+    key    TEXT NOT NULL,
+    hash   BLOB NOT NULL,
+    made   INTEGER NOT NULL,
+    run    TEXT NOT NULL,
+    answer TEXT,
+    ended  INTEGER NOT NULL,
+    owed   INTEGER NOT NULL,
+    UNIQUE (caller, key)
+) STRICT;
+CREATE INDEX run_made ON run (made);
+CREATE INDEX run_open ON run (id) WHERE ended = 0;
+CREATE INDEX run_owed ON run (robot) WHERE owed = 1;
+";
