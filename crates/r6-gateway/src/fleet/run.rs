@@ -23,8 +23,8 @@ mod tests;
 use std::sync::Arc;
 use std::time::Duration;
 
-use r6_api::gateway::{AuditRecord, Deed, Happened, Run, RunEnd, RunState};
 use r6_api::Code;
+use r6_api::gateway::{AuditRecord, Deed, Happened, Run, RunEnd, RunState};
 use r6_client::{Motion, MotionError, MotionHandle, Progress, Robot, RunOptions};
 use tokio::sync::oneshot;
 use tokio::time::{Instant, timeout};
@@ -484,7 +484,6 @@ impl Station {
         }
         in_time
     }
-
 }
 
 /// The end of a run that was under way when the gateway was killed, and its record.

@@ -39,7 +39,10 @@ impl Station {
 }
 
 /// Keeps the answer: the run, or its number and the problem.
-pub(super) async fn keep_answer(keeper: &Keeper, answer: &Result<Run, (u64, Problem)>) -> Result<(), StoreError> {
+pub(super) async fn keep_answer(
+    keeper: &Keeper,
+    answer: &Result<Run, (u64, Problem)>,
+) -> Result<(), StoreError> {
     let (run_id, answer) = match answer {
         Ok(run) => (run.run_id, Answer::Began(run.clone())),
         Err((run_id, Problem { code, message, .. })) => {

@@ -6,7 +6,7 @@ use crate::core::seat::{Ask, Secret};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
 use crate::fleet::station::{Kept, Shared};
-use crate::store::{Sqlite, Store};
+use crate::store::{Keeper, Sqlite, Store};
 
 /// A station whose run is under way, and its store.
 struct Scene {

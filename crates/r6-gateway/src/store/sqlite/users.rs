@@ -5,7 +5,9 @@ use rusqlite::{Connection, OptionalExtension, Transaction, params};
 use super::{append_in, grant};
 use crate::core::account::{Account, Decided, PasswordHash, UserName};
 use crate::core::name::RobotName;
-use crate::store::{Author, Link, StoreError, StoredUser, UserChange, check_link, decide, link_made, user_changed};
+use crate::store::{
+    Author, Link, StoreError, StoredUser, UserChange, check_link, decide, link_made, user_changed,
+};
 
 /// The users. A transaction is a connection, too.
 pub fn all(connection: &Connection) -> Result<Vec<StoredUser>, StoreError> {
