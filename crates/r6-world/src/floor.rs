@@ -177,6 +177,12 @@ impl Floor {
         (self.told, self.last_moved) = (None, at);
     }
 
+    /// Whether something set it in motion, or may have, since this time.
+    #[must_use]
+    pub fn was_moved_since(&self, since: Duration) -> bool {
+        self.last_moved >= since
+    }
+
     /// A frame that may set it in motion is sent to it.
     pub fn is_commanded(&mut self, at: Duration) {
         self.last_moved = at;

@@ -53,7 +53,10 @@ async fn write(station: &Station) -> bool {
         station.save_alarms().await
     };
     match written.await {
-        Ok(()) => true,
+        Ok(()) => {
+            station.wrote.notify_waiters();
+            true
+        }
         Err(error) => {
             tracing::error!(robot = station.name(), %error, "the store failed; it is tried again");
             false

@@ -50,6 +50,10 @@ const MAX_PENDING: usize = 1_000;
 /// The mode is read at least this often, whatever the period of the values: a command needs it.
 pub(super) const MODE_PERIOD: Duration = Duration::from_millis(500);
 
+/// How long an answer waits until the disk has what it tells: a write takes milliseconds, and a person who
+/// stops a robot must not wait for a disk that is full.
+const ANSWERS_WITHIN: Duration = Duration::from_millis(250);
+
 /// For how long an observation of a robot's mode counts. Longer than [`MODE_PERIOD`] by the client's own
 /// limit for a value that is suspect.
 const FRESH_FOR: Duration = Duration::from_millis(1500);
@@ -170,6 +174,8 @@ pub struct Station {
     pub(super) try_now: Notify,
     /// Wakes the task that writes down.
     pub(super) to_write: Notify,
+    /// Wakes those who wait until that task has written.
+    pub(super) wrote: Notify,
     pub(super) commands: Semaphore,
     /// Queries that somebody waits for.
     pub(super) queries: Semaphore,
@@ -226,6 +232,7 @@ impl Station {
             robot: watch::Sender::new(None),
             try_now: Notify::new(),
             to_write: Notify::new(),
+            wrote: Notify::new(),
             commands: Semaphore::new(MAX_COMMANDS as usize),
             queries: Semaphore::new(MAX_QUERIES),
             stops: Semaphore::new(MAX_STOPS as usize),
@@ -449,6 +456,32 @@ impl Station {
             self.put_back(pending);
         }
         written.map(drop)
+    }
+
+    /// Waits until all that has happened so far is on the disk, [`ANSWERS_WITHIN`] at most. So what a caller is
+    /// told survives the gateway, and a disk that is full or slow holds no answer up.
+    pub async fn written(&self) {
+        let written = async {
+            loop {
+                let wrote = self.wrote.notified();
+                if self.is_written() {
+                    return;
+                }
+                wrote.await;
+            }
+        };
+        if tokio::time::timeout(ANSWERS_WITHIN, written).await.is_err() {
+            tracing::warn!(robot = self.name(), "an answer is given before the disk has what it tells");
+        }
+    }
+
+    fn is_written(&self) -> bool {
+        // Records on their way count as not written.
+        let (Ok(_writing), Ok(_saving)) = (self.writing.try_lock(), self.saving.try_lock()) else {
+            return false;
+        };
+        let held = self.held();
+        held.pending.is_empty() && held.seat.saved() == &held.stored
     }
 
     /// How many records wait to be written.

@@ -54,7 +54,11 @@ pub async fn command(
     caller.must(Right::for_effect(effect), station.name())?;
     let by = caller.by();
     let work = match effect {
-        Effect::Stops => tokio::spawn(async move { station.stop_command(&by, command, true).await }),
+        Effect::Stops => tokio::spawn(async move {
+            let done = station.stop_command(&by, command, true).await;
+            station.written().await;
+            done
+        }),
         Effect::Reads | Effect::Changes | Effect::Moves => {
             let held = request.lease.as_ref().ok_or_else(|| Denied::NoLease.into()).and_then(key);
             let key = held.map_err(|problem: problem::Problem| {
@@ -85,7 +89,11 @@ pub async fn command(
 )]
 pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
     let Robot { caller, station, .. } = robot;
-    let work = tokio::spawn(async move { station.stop(&caller.by()).await });
+    let work = tokio::spawn(async move {
+        let stopped = station.stop(&caller.by()).await;
+        station.written().await;
+        stopped
+    });
     work.await.map_err(refusal::of_lost_work)?.map(axum::Json).map_err(refusal::of)
 }
 
@@ -109,7 +117,9 @@ pub async fn clear_stopped(
     Json(held): Json<WithLease>,
 ) -> Result<StatusCode, Refusal> {
     let cleared = key(&held.lease).and_then(|key| robot.station.clear(&robot.caller.by(), key));
-    cleared.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
+    cleared.map_err(refusal::of)?;
+    robot.station.written().await;
+    Ok(StatusCode::NO_CONTENT)
 }
 
 /// Accepts the robot that answers in place of another one: `identity_changed.found` of

@@ -91,7 +91,11 @@ pub async fn acquire(
 )]
 pub async fn release(robot: Robot<Command>, Json(held): Json<WithLease>) -> Result<StatusCode, Refusal> {
     let key = key(&held.lease).map_err(refusal::of)?;
-    let work = tokio::spawn(async move { robot.station.give_back(key).await });
+    let work = tokio::spawn(async move {
+        let released = robot.station.give_back(key).await;
+        robot.station.written().await;
+        released
+    });
     let released = work.await.map_err(refusal::of_lost_work)?;
     released.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
 }

@@ -6,6 +6,7 @@ mod crowded;
 mod ends;
 mod forged;
 mod gateway;
+mod gateway_kills;
 mod help;
 mod inspect;
 mod limits;
