@@ -4,10 +4,10 @@ CARGO ?= cargo
 BUILT := $(or $(CARGO_TARGET_DIR),target)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check dist fuzz sim breaks bench microbench fmt docs clean
+.PHONY: help run test check dist fuzz sim day breaks bench microbench fmt docs clean
 
 help: ## Show this list
-	@echo "Targets (ARGS=\"...\" is passed on to run, dist, breaks and bench):"
+	@echo "Targets (ARGS=\"...\" is passed on to run, dist, day, breaks and bench):"
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
 
 run: ## Build r6 for release and start virtual controllers: r6 up ARGS
@@ -27,6 +27,10 @@ dist: ## Build into target/dist what would be published (crates, wheel, Debian p
 sim: ## Break clients, controllers, cameras, gateways and disks in one process: SEEDS=1000 [FROM=1] [JOBS=cores] [MARKDOWN=1] [TRAP=all: only worlds with one trap] [GATEWAY=1: only worlds with a gateway] [DRIVERS=all: dropped and slow calls drive], or all of one: SEED=7 [TRAP=E1] [GATEWAY=1] [DRIVERS=all] (dev profile)
 	@$(CARGO) build --locked --package r6-world
 	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown) $(if $(TRAP),--trap $(TRAP)) $(if $(DRIVERS),--drivers $(DRIVERS)) $(if $(GATEWAY),--gateway)
+
+day: ## Run a gateway with 200 robots for 24 simulated hours, and look at memory, tasks and files; an hour of a core (docs/SIMULATION.md)
+	@$(CARGO) build --release --locked --package r6-world --bin day
+	@"$(BUILT)/release/day" $(ARGS)
 
 breaks: ## Break each promise on purpose, in a copy, and show that a plan of make sim or a test sees it: ARGS="Gapless A1" chooses rows of crates/r6-world/breaks.toml; half an hour for all (docs/SIMULATION.md)
 	@tools/test toolchain

@@ -2,12 +2,14 @@
 //!
 //! It is the gateway of `r6 gateway`: its router, fleet, seats, store and tables. [`enter`] gives the thread
 //! the time and the random numbers of a world. [`start`] starts a gateway on a [`Disk`] of that world, behind
-//! a listener and [`Roads`] of its network. TLS, raw ports, users with passwords and the history need files
-//! and threads of their own: they are off.
+//! a listener and [`Roads`] of its network. TLS, raw ports and users with passwords need files
+//! and threads of their own: they are off. The history is on if it is given a folder: its files are real, and a task
+//! on the time of the world writes them.
 
 mod disk;
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 
 use r6_client::RobotSettings;
 use r6_http::Listener;
@@ -18,6 +20,7 @@ pub use disk::{Disk, Fullness};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::station::Shared;
 use crate::gateway::{self, GatewayError};
+use crate::history::{HistorySettings, Recorder};
 use crate::http;
 pub use crate::simulated::{Connecting, Entered, Roads, enter};
 use crate::store::Keeper;
@@ -33,6 +36,8 @@ pub struct Settings {
     pub robots: Vec<RobotConfig>,
     /// How to communicate with robots that are added through the API.
     pub robot_settings: RobotSettings,
+    /// The folder of the history, and what is kept; `None` for no history.
+    pub history: Option<(PathBuf, HistorySettings)>,
 }
 
 /// A running gateway. It ends without order when this is dropped: as a process that is killed.
@@ -57,7 +62,8 @@ pub async fn start(
     let saved = gateway::begin(&mut store, robots)?;
     let pace = disk.clone();
     let keeper = Keeper::in_task(store, move || pace.takes());
-    let shared = Shared::new(keeper, crate::fleet::roads::Roads::Simulated(roads), None, gateway::epoch());
+    let history = settings.history.map(|(folder, kept)| Recorder::in_task(&folder, kept));
+    let shared = Shared::new(keeper, crate::fleet::roads::Roads::Simulated(roads), history, gateway::epoch());
     let state = gateway::look_after(saved, shared, None, settings.robot_settings, None).await?;
     let mut server = JoinSet::new();
     let site = gateway::site(settings.address, settings.names, &state);

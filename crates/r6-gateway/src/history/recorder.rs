@@ -92,6 +92,24 @@ impl Recorder {
     /// # Errors
     /// [`StoreError`]: the system gives no thread.
     pub fn start(folder: &Path, settings: HistorySettings) -> Result<Self, StoreError> {
+        let (recorder, worker, jobs) = Self::new(folder, settings);
+        thread::Builder::new()
+            .name("history".to_owned())
+            .spawn(move || work(worker, &jobs))
+            .map_err(|error| StoreError::Unavailable(format!("the system gives no thread: {error}")))?;
+        Ok(recorder)
+    }
+
+    /// The history of a simulated world: a task on its time does the work. What is asked for waits up to
+    /// 250 ms.
+    #[cfg(feature = "simulation")]
+    pub fn in_task(folder: &Path, settings: HistorySettings) -> Self {
+        let (recorder, worker, jobs) = Self::new(folder, settings);
+        tokio::spawn(work_in_task(worker, jobs));
+        recorder
+    }
+
+    fn new(folder: &Path, settings: HistorySettings) -> (Self, Worker, Receiver<Job>) {
         let store = Days::to_write(folder, settings.max_bytes);
         let reader = query::Reader::new(folder.to_owned());
         let counts = Arc::<HistoryCounts>::default();
@@ -106,12 +124,8 @@ impl Recorder {
         let shared = Arc::new(shared);
         let (jobs, waiting) = sync_channel(MAX_WAITING);
         let journal = Journal::new(store, settings, counts);
-        let of_thread = Arc::clone(&shared);
-        thread::Builder::new()
-            .name("history".to_owned())
-            .spawn(move || work(journal, &of_thread, &waiting))
-            .map_err(|error| StoreError::Unavailable(format!("the system gives no thread: {error}")))?;
-        Ok(Self { jobs, shared })
+        let worker = Worker { journal, shared: Arc::clone(&shared), failed: false };
+        (Self { jobs, shared }, worker, waiting)
     }
 
     /// Hands over what is to be kept; never waits.
@@ -204,55 +218,115 @@ impl Shared {
     }
 }
 
-fn work<S: HistoryStore>(mut journal: Journal<S>, shared: &Shared, jobs: &Receiver<Job>) {
-    let mut next_flush = Monotonic::now();
-    let mut next_limits = next_flush + LIMITS_EVERY;
-    let mut failed = false;
-    loop {
-        *shared.turn.lock().unwrap_or_else(PoisonError::into_inner) = Monotonic::now();
-        let wait = next_flush.saturating_duration_since(Monotonic::now());
-        match jobs.recv_timeout(wait) {
-            Ok(Job::Keep(batch)) => journal.take(clock::now(), batch),
+/// What the thread does. In a simulation a task does it.
+struct Worker {
+    journal: Journal<Days>,
+    shared: Arc<Shared>,
+    /// Whether the last write failed.
+    failed: bool,
+}
+
+impl Worker {
+    /// Does a job. Returns whether it was the last one.
+    fn handle(&mut self, job: Job) -> bool {
+        match job {
+            Job::Keep(batch) => self.journal.take(clock::now(), batch),
             // A caller that has gone needs no answer.
-            Ok(Job::Open(robot, address, answer)) => drop(answer.send(journal.open(&robot, address))),
-            Ok(Job::LastSeen(robot, answer)) => {
-                let time = shared.clock().time(clock::now());
-                let _ = answer.send(journal.last_seen(clock::now(), time, &robot));
+            Job::Open(robot, address, answer) => drop(answer.send(self.journal.open(&robot, address))),
+            Job::LastSeen(robot, answer) => {
+                let time = self.shared.clock().time(clock::now());
+                let _ = answer.send(self.journal.last_seen(clock::now(), time, &robot));
             }
-            Ok(Job::End(answer)) => {
-                let time = shared.clock().time(clock::now());
-                return drop(answer.send(journal.flush(clock::now(), time)));
-            }
-            Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => {
-                let time = shared.clock().time(clock::now());
-                return drop(journal.flush(clock::now(), time));
+            Job::End(answer) => {
+                let _ = answer.send(self.flush());
+                return true;
             }
         }
-        if Monotonic::now() < next_flush {
-            continue;
-        }
-        look_at_clock(&mut journal, shared);
-        let (now, time) = (clock::now(), shared.clock().time(clock::now()));
-        let looked = if Monotonic::now() >= next_limits {
-            next_limits = Monotonic::now() + LIMITS_EVERY;
-            journal.look_at_limits(time)
-        } else {
-            Ok(())
-        };
-        let flushed = journal.flush(now, time);
+        false
+    }
+
+    fn begin_turn(&self) {
+        *self.shared.turn.lock().unwrap_or_else(PoisonError::into_inner) = Monotonic::now();
+    }
+
+    fn flush(&mut self) -> Result<(), StoreError> {
+        let time = self.shared.clock().time(clock::now());
+        self.journal.flush(clock::now(), time)
+    }
+
+    /// Writes what came, and looks at the limits first if it is time for that. Returns when to write again.
+    fn write(&mut self, limits: bool) -> Duration {
+        look_at_clock(&mut self.journal, &self.shared);
+        let time = self.shared.clock().time(clock::now());
+        let looked = if limits { self.journal.look_at_limits(time) } else { Ok(()) };
+        let flushed = self.flush();
         match looked.and(flushed) {
-            Err(error) if !failed => {
+            Err(error) if !self.failed => {
                 tracing::error!(%error, "the history pauses: samples wait in memory, and are lost once it is full");
-                failed = true;
+                self.failed = true;
             }
-            Ok(()) if failed => {
+            Ok(()) if self.failed => {
                 tracing::info!("the history goes on");
-                failed = false;
+                self.failed = false;
             }
             Ok(()) | Err(_) => {}
         }
-        next_flush = Monotonic::now() + if failed { AFTER_FAILURE } else { EVERY };
+        if self.failed { AFTER_FAILURE } else { EVERY }
+    }
+}
+
+fn work(mut worker: Worker, jobs: &Receiver<Job>) {
+    let mut next_write = Monotonic::now();
+    let mut next_limits = next_write + LIMITS_EVERY;
+    loop {
+        worker.begin_turn();
+        match jobs.recv_timeout(next_write.saturating_duration_since(Monotonic::now())) {
+            Ok(job) => {
+                if worker.handle(job) {
+                    return;
+                }
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return drop(worker.flush()),
+        }
+        if Monotonic::now() < next_write {
+            continue;
+        }
+        let limits = Monotonic::now() >= next_limits;
+        if limits {
+            next_limits = Monotonic::now() + LIMITS_EVERY;
+        }
+        next_write = Monotonic::now() + worker.write(limits);
+    }
+}
+
+/// The same on the time of a simulated world.
+#[cfg(feature = "simulation")]
+async fn work_in_task(mut worker: Worker, jobs: Receiver<Job>) {
+    use std::sync::mpsc::TryRecvError;
+
+    use tokio::time::{Instant, sleep};
+
+    let mut next_limits = Instant::now() + LIMITS_EVERY;
+    loop {
+        worker.begin_turn();
+        loop {
+            match jobs.try_recv() {
+                Ok(job) => {
+                    if worker.handle(job) {
+                        return;
+                    }
+                }
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => return drop(worker.flush()),
+            }
+        }
+        let limits = Instant::now() >= next_limits;
+        if limits {
+            next_limits = Instant::now() + LIMITS_EVERY;
+        }
+        let wait = worker.write(limits);
+        sleep(wait).await;
     }
 }
 

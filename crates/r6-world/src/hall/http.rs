@@ -4,7 +4,7 @@ use std::io;
 use std::time::Duration;
 
 use serde_json::Value;
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWriteExt};
 use tokio::time::{Instant, timeout};
 use turmoil::net::TcpStream;
 
@@ -79,7 +79,7 @@ impl Session {
 }
 
 /// Reads an answer that has a length.
-pub async fn read_answer(stream: &mut TcpStream) -> io::Result<Answer> {
+pub async fn read_answer(stream: &mut (impl AsyncRead + Unpin)) -> io::Result<Answer> {
     let mut read = Vec::new();
     let ended = || io::Error::from(io::ErrorKind::UnexpectedEof);
     let (status, from, length) = loop {
