@@ -8,9 +8,12 @@ use super::ManagedBy;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct Settings {
-    /// The time zone and the shifts.
-    #[serde(flatten)]
-    pub hall: HallSettings,
+    /// The name of the time zone in the IANA database.
+    #[cfg_attr(feature = "openapi", schema(example = "Europe/Berlin"))]
+    pub time_zone: String,
+    /// The shifts, 12 at most. No two overlap.
+    #[cfg_attr(feature = "openapi", schema(max_items = 12))]
+    pub shifts: Vec<Shift>,
     /// Where they can be changed.
     pub managed_by: ManagedBy,
     /// The `ETag` of these settings, for `If-Match`.

@@ -122,6 +122,12 @@ impl Station {
             let _ = self.release(granted.key);
             return Err(error.into());
         }
+        // An admin can have taken it while the disk was slow.
+        let (number, now_held) = (granted.key.number, self.seat(|seat, now| seat.lease(now)));
+        if now_held.is_none_or(|lease| lease.number != number) {
+            let message = format!("lease {number} ended before the disk had it: acquire another one");
+            return Err(Problem::new(Code::NoLease, message));
+        }
         Ok(granted)
     }
 

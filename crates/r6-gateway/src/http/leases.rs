@@ -27,7 +27,11 @@ const MAX_REASON: usize = 200;
     responses(
         (status = 200, description = "The caller holds the lease", body = Lease),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 409, description = "`leased`, `no_lease` (to renew), `identity_changed`", body = Problem),
+        (
+            status = 409,
+            description = "`leased`, `no_lease` (to renew, or it has ended meanwhile), `identity_changed`",
+            body = Problem
+        ),
         (status = 422, description = "`bad_value`", body = Problem),
         (status = 503, description = "`store_unavailable`", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),

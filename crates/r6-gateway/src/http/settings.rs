@@ -72,6 +72,7 @@ pub async fn put(
 
 fn answer(known: &Known) -> Response {
     let (hall, etag) = (known.hall.settings().clone(), known.tag.etag());
-    let settings = Settings { hall, managed_by: known.managed_by, etag: etag.clone() };
+    let HallSettings { time_zone, shifts } = hall;
+    let settings = Settings { time_zone, shifts, managed_by: known.managed_by, etag: etag.clone() };
     with_etag(StatusCode::OK, etag, &settings)
 }
