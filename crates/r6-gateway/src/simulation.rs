@@ -1,10 +1,10 @@
 //! A whole gateway whose time, random numbers, network and disk come from a simulation.
 //!
-//! It is the gateway of `r6 gateway`: its router, fleet, seats, store and tables. [`enter`] gives the thread
-//! the time and the random numbers of a world. [`start`] starts a gateway on a [`Disk`] of that world, behind
-//! a listener and [`Roads`] of its network. TLS, raw ports and users with passwords need files
-//! and threads of their own: they are off. The history is on if it is given a folder: its files are real, and a task
-//! on the time of the world writes them.
+//! It is the gateway of `r6 gateway`: its router, fleet, seats, store and tables. [`enter`] gives the
+//! thread the time and the random numbers of a world. [`start`] starts a gateway on a [`Disk`] of that
+//! world, behind a listener and [`Roads`] of its network. TLS, raw ports and users with passwords need
+//! files and threads of their own: they are off. The history is on if it is given a folder: its files are
+//! real, and a task on the time of the world writes them.
 
 mod disk;
 

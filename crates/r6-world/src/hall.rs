@@ -27,8 +27,8 @@ use crate::record::Record;
 /// 15 s at most, and a stop may wait 4 s for a connection.
 const STOP_LASTS: Duration = Duration::from_secs(25);
 
-/// A disk that failed is tried again within a second. Some milliseconds later it has everything, and from then on
-/// it has a stop before the answer tells of it.
+/// A disk that failed is tried again within a second. Some milliseconds later it has everything, and from
+/// then on it has a stop before the answer tells of it.
 const TRIED_AGAIN: Duration = Duration::from_millis(1300);
 
 /// A started gateway has the values of robots that are sound, and answers, after this time: the longest wait

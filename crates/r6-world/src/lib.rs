@@ -28,8 +28,8 @@
 //! - `fault_effects.rs` finds which faults took effect, from the events of the controller's log.
 //! - `hall.rs` observes a gateway: what its callers ask for and hear, what its disk has, and what leaves it
 //!   for the robots. `plan/hall.rs` draws its worlds.
-//! - `day.rs` runs a gateway for a day, to see what grows (`make day`). It is no world: nothing is drawn from a
-//!   seed, and its network is in memory (`day/network.rs`).
+//! - `day.rs` runs a gateway for a day, to see what grows (`make day`). It is no world: nothing is drawn
+//!   from a seed, and its network is in memory (`day/network.rs`).
 //! - `pulse.rs` ends a world whose clock has stopped.
 //! - `plan/trap.rs` makes worlds with a single fault, and `client/mishaps.rs` the mishaps of their motions.
 //! - `plan/drivers.rs` makes worlds whose calls are dropped or slow while they drive for others

@@ -13,9 +13,9 @@ const FELT: [Class; 15] = {
 };
 
 /// Worlds that see breaks of `breaks.toml` which the first ones do not see: in 38 and 49 a command is not
-/// acknowledged while its lease goes on, in 59 several robots are stopped at once. And worlds in which something
-/// was mended: in 117 a robot is stopped while the disk is full, in 445 a person starts an arm that is just being
-/// stopped, in 677 an admin takes a lease that the disk does not have yet.
+/// acknowledged while its lease goes on, in 59 several robots are stopped at once. And worlds in which
+/// something was mended: in 117 a robot is stopped while the disk is full, in 445 a person starts an arm
+/// that is just being stopped, in 677 an admin takes a lease that the disk does not have yet.
 const SEE: [u64; 6] = [38, 49, 59, 117, 445, 677];
 
 fn run(seed: u64) -> Outcome {

@@ -146,7 +146,8 @@ pub fn check_address(address: &str) -> Result<(), Invalid> {
 /// As [`check_address`].
 pub fn address_with_port(address: &str) -> Result<String, Invalid> {
     let Tcp { host, port } = Tcp::parse(address)?;
-    let host = host.parse().map_or_else(|_| host.to_ascii_lowercase(), |ip: IpAddr| ip.to_string());
+    let host =
+        host.parse().map_or_else(|_| host.to_ascii_lowercase(), |ip: IpAddr| ip.to_canonical().to_string());
     Ok(Tcp { host, port }.to_string())
 }
 

@@ -47,12 +47,13 @@ pub(super) async fn ended(end: &mut watch::Receiver<bool>) {
 
 /// Writes all that waits. `false` if the store failed.
 async fn write(station: &Station) -> bool {
+    // A stop first: on a disk that is almost full, its row fits in where no record does.
+    let saved = station.save().await;
     let written = async {
         station.write_pending().await?;
-        station.save().await?;
         station.save_alarms().await
     };
-    match written.await {
+    match written.await.and(saved) {
         Ok(()) => {
             station.wrote.notify_waiters();
             true

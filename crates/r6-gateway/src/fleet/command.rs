@@ -20,6 +20,9 @@ use crate::core::seat::{Ask, Denied, Granted, Key, Secret};
 use crate::problem::Problem;
 use crate::secret;
 
+/// How many characters of a refused request are noted: the longest command of the manual fits in.
+const MAX_REQUEST: usize = 100;
+
 /// How long a stop waits for a connection, if there never was one. Longer than an attempt to connect.
 const CONNECT_FOR_STOP: Duration = Duration::from_secs(4);
 
@@ -228,7 +231,8 @@ impl Station {
     /// `not_stopped`.
     pub async fn stop(&self, by: &By) -> Result<Stopped, Problem> {
         let sending = self.sending();
-        self.begin_stop(by, STOP, true);
+        let written = self.is_stop_written(by, STOP);
+        self.begin_stop(by, STOP, written);
         let answer = match self.stops.try_acquire() {
             Ok(_place) => match self.connected().await {
                 Some(robot) => robot.stop().await.map_err(|error| error.to_string()),
@@ -245,7 +249,7 @@ impl Station {
         let detail = match &stopped {
             Ok((_, detail)) | Err(detail) => detail.clone(),
         };
-        self.end_stop(by, STOP, (stopped.is_ok(), detail), true);
+        self.end_stop(by, STOP, (stopped.is_ok(), detail), written);
         let (took, _) = stopped.map_err(|message| Problem::new(Code::NotStopped, message))?;
         Ok(Stopped { confirmed: true, took_ms: clock::milliseconds(took) })
     }
@@ -365,9 +369,21 @@ impl Station {
         Ok(())
     }
 
-    /// Notes that a request was refused.
+    /// Notes that a request was refused: once a minute for each caller, source and request, so that a script
+    /// in a loop does not fill the disk. Of a long request the begin is noted.
     pub fn note_refused(&self, by: &By, request: &str, code: Code) {
-        self.note(by, Deed::Refused { request: request.to_owned(), code });
+        let request: String = request.chars().take(MAX_REQUEST).collect();
+        if self.is_first_in_a_minute(by, &request) {
+            self.note(by, Deed::Refused { request, code });
+        }
+    }
+
+    /// Whether a stop of this caller has to be written and published: one a minute, and each that is the
+    /// first to hold. A script that stops a stopped robot again and again must not fill the disk, nor push
+    /// the events of other robots out.
+    pub fn is_stop_written(&self, by: &By, request: &str) -> bool {
+        let is_first = self.is_first_in_a_minute(by, request);
+        is_first || !self.seat(|seat, _| seat.stops().0)
     }
 
     /// Waits until no command is under way, as long as one may take.

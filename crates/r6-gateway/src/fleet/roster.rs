@@ -104,7 +104,7 @@ impl Fleet {
     ///
     /// # Errors
     /// `no_such_robot`, `managed_by_file`, `store_unavailable`; `not_ready` if the gateway ends, or if
-    /// a stop is owed to the arm.
+    /// a stop is owed to the arm; `stopped` if a stop holds.
     pub async fn remove(&self, by: &By, name: &RobotName) -> Result<(), Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;
@@ -113,6 +113,7 @@ impl Fleet {
             .ok_or_else(|| Problem::new(Code::NoSuchRobot, format!("there is no robot `{name}`")))?;
         refuse_if_of_file(&station.config())?;
         self.refuse_if_owed(name)?;
+        self.refuse_if_stopped(name)?;
         let record = record(by, name, Deed::RobotRemoved {});
         self.shared.keeper.remove_robot(name.clone(), vec![record]).await?;
         self.take_out(name).await;
@@ -123,8 +124,9 @@ impl Fleet {
     /// of these has their name.
     ///
     /// # Errors
-    /// `bad_value`, `address_taken`: nothing was changed. `store_unavailable`: some robots may be changed; to
-    /// call it again does the rest. `not_ready` if the gateway ends.
+    /// `bad_value`, `address_taken`: nothing was changed, nor for `not_ready` (the gateway ends, or a stop is
+    /// owed to an arm that would be lost) and `stopped` (a stop holds at a robot that would be removed).
+    /// `store_unavailable`: some robots may be changed; to call it again does the rest.
     pub async fn reload(&self, robots: Vec<RobotConfig>) -> Result<Changes, Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;
@@ -144,6 +146,14 @@ impl Fleet {
                 Some(_) => changed.push(robot),
             }
         }
+        for name in &gone {
+            self.refuse_if_owed(name)?;
+            self.refuse_if_stopped(name)?;
+        }
+        let moved = |robot: &&RobotConfig| {
+            now.iter().any(|known| known.name == robot.name && known.address != robot.address)
+        };
+        changed.iter().filter(moved).try_for_each(|robot| self.refuse_if_owed(&robot.name))?;
         let changes = Changes { added: added.len(), changed: changed.len(), removed: gone.len() };
         let records = gone.iter().map(|name| record(&by, name, Deed::RobotRemoved {}));
         let news = added.iter().chain(&changed).map(|robot| record(&by, &robot.name, configured(robot)));
@@ -171,6 +181,20 @@ impl Fleet {
         let message = "a list of a run may still move this arm, and it is stopped as soon as it answers. If it never will: see \
                        that the arm stands, stop the robot here (the stop holds, also if it does not reach it), and try again";
         Err(Problem::new(Code::NotReady, message))
+    }
+
+    /// Refuses to forget a stop: under another name, the same arm could be moved before somebody has looked.
+    fn refuse_if_stopped(&self, name: &RobotName) -> Result<(), Problem> {
+        let Some(station) = self.station(name.as_str()) else { return Ok(()) };
+        // If a stop is owed as well, this one says that somebody has looked.
+        if !station.seat(|seat, _| seat.stops().0 && !seat.owes_stop()) {
+            return Ok(());
+        }
+        let message = format!(
+            "`{name}` was stopped, and it would be forgotten: look at it, clear the stop (POST …/clear-stopped), and \
+             then remove it"
+        );
+        Err(Problem::new(Code::Stopped, message))
     }
 
     fn configs(&self) -> Vec<RobotConfig> {

@@ -11,8 +11,8 @@
 //! 5. If the seat cuts the run short, the task stops the arm and clears the list. `run/end.rs` says what
 //!    became of the run. Only then the robot, and a lease that has ended meanwhile, are free.
 //!
-//! A list that may still run at a robot out of reach is stopped by `run/owed.rs`, as soon as the robot answers
-//! again.
+//! A list that may still run at a robot out of reach is stopped by `run/owed.rs`, as soon as the robot
+//! answers again.
 
 mod answer;
 mod end;
@@ -36,7 +36,7 @@ use crate::clock;
 use crate::core::library::ProgramName;
 use crate::core::seat::{Cut, Key, Left, Ticket};
 use crate::problem::Problem;
-use crate::store::runs::{Begun, MAX_RUNS, NewRun};
+use crate::store::runs::{Begun, MAX_RUNS, MAX_RUNS_OF_ONE, NewRun};
 use crate::store::{Author, StoreError};
 
 /// How many steps are in the list of the controller at most. The arm finishes them if the gateway or the link
@@ -159,7 +159,9 @@ impl Station {
             Begun::New(run_id) => Run { run_id, ..run },
             Begun::Known(known) => return again(*known, hash),
             Begun::Full => {
-                let message = format!("{MAX_RUNS} runs of the last 24 h are kept: there is no room for more");
+                let message = format!(
+                    "{MAX_RUNS_OF_ONE} runs of one robot, or {MAX_RUNS} of all, are kept for 24 h: there is no room for more"
+                );
                 return Err(Problem::new(Code::NoRoom, message));
             }
         };

@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering::{Equal, Greater, Less};
 use std::collections::VecDeque;
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -21,6 +22,7 @@ use crate::core::live::follower::{Step, Top};
 use crate::core::live::numbers::Span;
 use crate::core::name::RobotName;
 use crate::core::raw::fresh::Freshness;
+use crate::core::raw::refusals::Refusals;
 use crate::core::seat::{Cut, Noticed, Saved, Seat, Ticket};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
@@ -202,6 +204,8 @@ pub struct Station {
     /// Locked while records are written, so that they stand in their order, and none counts as written that
     /// is still on its way.
     writing: AsyncMutex<()>,
+    /// Which refusals and repeated stops stand in the audit log.
+    refusals: Mutex<Refusals>,
 }
 
 #[derive(Debug)]
@@ -233,6 +237,7 @@ impl Station {
             try_now: Notify::new(),
             to_write: Notify::new(),
             wrote: Notify::new(),
+            refusals: Mutex::default(),
             commands: Semaphore::new(MAX_COMMANDS as usize),
             queries: Semaphore::new(MAX_QUERIES),
             stops: Semaphore::new(MAX_STOPS as usize),
@@ -395,6 +400,14 @@ impl Station {
         self.to_write.notify_one();
     }
 
+    /// Whether this caller did not do this at this robot from the same address within the last minute.
+    pub(super) fn is_first_in_a_minute(&self, by: &By, request: &str) -> bool {
+        let source = by.source.as_deref().and_then(|source| source.parse::<SocketAddr>().ok());
+        let Some(source) = source else { return true };
+        let mut refusals = self.refusals.lock().unwrap_or_else(PoisonError::into_inner);
+        refusals.is_written(clock::now(), source.ip(), &format!("{} {request}", by.actor))
+    }
+
     /// A record about this robot.
     pub(super) fn record(&self, by: &By, deed: Deed) -> AuditRecord {
         AuditRecord {
@@ -458,8 +471,8 @@ impl Station {
         written.map(drop)
     }
 
-    /// Waits until all that has happened so far is on the disk, [`ANSWERS_WITHIN`] at most. So what a caller is
-    /// told survives the gateway, and a disk that is full or slow holds no answer up.
+    /// Waits until all that has happened so far is on the disk, [`ANSWERS_WITHIN`] at most. So what a
+    /// caller is told survives the gateway, and a disk that is full or slow holds no answer up.
     pub async fn written(&self) {
         let written = async {
             loop {

@@ -208,10 +208,12 @@ fn id(named: Result<Path<Named>, PathRejection>) -> Result<u64, Refusal> {
     id.ok_or_else(|| Refusal::not_found(Code::NoSuchAlarm, "there is no alarm with this number"))
 }
 
-/// Refuses a text that is empty or too long.
+/// Refuses a text that is empty or too long, or would break the lines in which others read it.
 fn check_words(field: &str, text: &str) -> Result<(), Refusal> {
-    if text.trim().is_empty() || text.len() > MAX_WORDS {
-        return Err(bad_value(format!("{field} is a text of 1 to {MAX_WORDS} bytes")));
+    if text.trim().is_empty() || text.len() > MAX_WORDS || text.chars().any(char::is_control) {
+        return Err(bad_value(format!(
+            "{field} is a text of 1 to {MAX_WORDS} bytes without control characters"
+        )));
     }
     Ok(())
 }

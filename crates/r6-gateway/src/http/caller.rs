@@ -314,6 +314,10 @@ impl<R: Needs> FromRequestParts<State> for Named<R> {
         let names = Path::<BTreeMap<String, String>>::from_request_parts(parts, state).await;
         let name = names.ok().and_then(|Path(mut names)| names.remove("name")).unwrap_or_default();
         if let Err(refusal) = caller.must(R::RIGHT, &name) {
+            if R::RIGHT == Right::Stop {
+                // What is refused is no stop.
+                caller.count(state)?;
+            }
             if R::RIGHT != Right::Read
                 && let Some(station) = state.fleet.station(&name)
             {

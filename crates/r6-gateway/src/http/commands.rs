@@ -55,7 +55,8 @@ pub async fn command(
     let by = caller.by();
     let work = match effect {
         Effect::Stops => tokio::spawn(async move {
-            let done = station.stop_command(&by, command, true).await;
+            let written = station.is_stop_written(&by, command.name().word());
+            let done = station.stop_command(&by, command, written).await;
             station.written().await;
             done
         }),

@@ -26,10 +26,12 @@ pub async fn healthz() -> StatusCode {
     (status = 503, description = "The store does not answer", body = Ready),
     OfToken,
 ))]
-pub async fn readyz(_caller: Caller, Of(state): Of<State>) -> (StatusCode, Json<Ready>) {
+pub async fn readyz(caller: Caller, Of(state): Of<State>) -> (StatusCode, Json<Ready>) {
     // An empty append takes the way of a real one to the disk, and adds no entry.
     let store = state.shared.keeper.append(Vec::new()).await.is_ok();
-    let links = state.fleet.stations().into_iter().map(|station| station.summary().link);
+    let stations = state.fleet.stations();
+    let seen = stations.iter().filter(|station| caller.grant().covers(station.name()));
+    let links = seen.map(|station| station.summary().link);
     let (robots, robots_up) =
         links.fold((0, 0), |(all, up), link| (all + 1, up + usize::from(link == RobotLink::Up)));
     let status = if store { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };

@@ -54,8 +54,11 @@ pub async fn acquire(
         (Some(_), Some(_)) => return Err(bad_value("either renew or take_because, not both")),
         (Some(held), None) => key(&held).and_then(|key| station.renew(key, lasts)).map_err(refusal::of)?,
         (None, Some(because)) => {
-            if because.trim().is_empty() || because.len() > MAX_REASON {
-                return Err(bad_value(format!("take_because is a reason of 1 to {MAX_REASON} bytes")));
+            let has_control = because.chars().any(char::is_control);
+            if because.trim().is_empty() || because.len() > MAX_REASON || has_control {
+                let wanted =
+                    format!("take_because is a reason of 1 to {MAX_REASON} bytes without control characters");
+                return Err(bad_value(wanted));
             }
             if let Err(refused) = robot.caller.must(Right::TakeLease, station.name()) {
                 station.note_refused(&by, "take the lease", Code::NotAllowed);

@@ -16,6 +16,7 @@ use super::caller::{Caller, Configure, Named, Read, Robot};
 use super::described::{OfBody, OfChange, OfRight, OfToken};
 use super::{State, refusal};
 use crate::core::name::RobotName;
+use crate::core::role::Right;
 use crate::fleet::config::{RobotConfig, USUAL_PERIOD};
 use crate::fleet::roster::Put;
 use crate::{problem, programs};
@@ -74,6 +75,11 @@ pub async fn put(
     body::Json(wanted): body::Json<RobotWanted>,
 ) -> Result<StatusCode, Refusal> {
     let robot = read(&named.name, wanted, state.robot_settings.clone()).map_err(refusal::of)?;
+    let known = state.fleet.station(&named.name).map(|station| station.config().address);
+    if known.as_ref() != Some(&robot.address) {
+        // Behind a new address there may be the arm of any other robot.
+        named.caller.must(Right::Configure, "")?;
+    }
     let by = named.caller.by();
     let work = tokio::spawn(async move { state.fleet.put(&by, robot).await });
     let put = work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?;
@@ -91,7 +97,11 @@ pub async fn put(
     responses(
         (status = 204, description = "It was removed"),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 409, description = "`managed_by_file`; `not_ready`: the gateway ends, or the arm has to be stopped first", body = Problem),
+        (
+            status = 409,
+            description = "`managed_by_file`; `not_ready`: the gateway ends, or the arm has to be stopped first; `stopped`: clear the stop first",
+            body = Problem
+        ),
         (status = 503, description = "`store_unavailable`: nothing was changed", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
         OfChange,

@@ -95,7 +95,7 @@ pub async fn run(
             }
             let (program, text) = text(&state, request).await?;
             let read = move || (Sha256::digest(&text), steps(&text, repeat));
-            let (sha256, motion) = state.bench.compute(read).await.map_err(refusal::of)?;
+            let (sha256, motion) = state.bench.compute_to_run(read).await.map_err(refusal::of)?;
             let wish = Wish {
                 key: held,
                 caller: owner,

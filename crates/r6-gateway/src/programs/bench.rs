@@ -18,13 +18,16 @@ pub struct Bench {
     /// A place of its own for programs that are to be stored: viewers that plan in a loop must not keep
     /// engineers from that.
     to_store: Arc<Semaphore>,
+    /// The same for programs that are to run.
+    to_run: Arc<Semaphore>,
 }
 
 impl Bench {
     /// An empty one.
     #[must_use]
     pub fn new() -> Self {
-        Self { places: Arc::new(Semaphore::new(AT_ONCE)), to_store: Arc::new(Semaphore::new(1)) }
+        let one = || Arc::new(Semaphore::new(1));
+        Self { places: Arc::new(Semaphore::new(AT_ONCE)), to_store: one(), to_run: one() }
     }
 
     /// Computes something on a thread of its own. It goes on to its end if the caller goes away, and takes
@@ -48,6 +51,17 @@ impl Bench {
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Problem> {
         on(place(&self.to_store).or_else(|_| place(&self.places))?, work).await
+    }
+
+    /// The same for a program that is to run, which has a place more.
+    ///
+    /// # Errors
+    /// `overloaded` if that is taken too, or if the process ends.
+    pub async fn compute_to_run<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, Problem> {
+        on(place(&self.to_run).or_else(|_| place(&self.places))?, work).await
     }
 }
 

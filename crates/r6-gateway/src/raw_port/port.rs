@@ -1,6 +1,6 @@
 //! Accepts the clients of one raw port, and looks after the implicit lease.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -21,6 +21,10 @@ use crate::fleet::station::Station;
 /// How many clients a robot has. They share one connection, and a controller answers about 50 requests a
 /// second.
 const MAX_CLIENTS: usize = 16;
+
+/// How many of them come from one address, so that a computer that only reads leaves places for those that
+/// stop and command.
+const MAX_OF_ONE_ADDRESS: usize = 8;
 
 /// How many connections the system queues until they are accepted.
 const BACKLOG: u32 = 64;
@@ -140,6 +144,7 @@ impl Door {
 pub async fn attend(door: Door, listener: TcpListener) {
     let door = Arc::new(door);
     let mut clients: JoinSet<()> = JoinSet::new();
+    let present = Present::default();
     let mut looks = tokio::time::interval(LOOK);
     looks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     loop {
@@ -151,8 +156,13 @@ pub async fn attend(door: Door, listener: TcpListener) {
                     // With `join_next` above, ended clients may still be counted: take them out first.
                     while clients.try_join_next().is_some() {}
                     let source = canonical(source);
-                    if let Some(station) = admit(&door, source, clients.len()) {
-                        clients.spawn(converse(Arc::clone(&door), station, stream, source));
+                    let of_address = present.of(source.ip());
+                    if let Some(station) = admit(&door, source, (clients.len(), of_address)) {
+                        let (door, place) = (Arc::clone(&door), present.enter(source.ip()));
+                        clients.spawn(async move {
+                            converse(door, station, stream, source).await;
+                            drop(place);
+                        });
                     }
                 }
                 Err(error) => {
@@ -170,12 +180,48 @@ fn canonical(source: SocketAddr) -> SocketAddr {
     SocketAddr::new(source.ip().to_canonical(), source.port())
 }
 
-/// The robot, if the client may come in.
-fn admit(door: &Door, source: SocketAddr, clients: usize) -> Option<Arc<Station>> {
+/// The addresses of the clients that are there.
+#[derive(Clone, Debug, Default)]
+struct Present(Arc<Mutex<Vec<IpAddr>>>);
+
+impl Present {
+    fn all(&self) -> MutexGuard<'_, Vec<IpAddr>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How many have this address.
+    fn of(&self, address: IpAddr) -> usize {
+        self.all().iter().filter(|other| **other == address).count()
+    }
+
+    /// One more is there, until this is dropped.
+    fn enter(&self, address: IpAddr) -> Place {
+        self.all().push(address);
+        Place { present: self.clone(), address }
+    }
+}
+
+/// The place of a client.
+struct Place {
+    present: Present,
+    address: IpAddr,
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut all = self.present.all();
+        if let Some(at) = all.iter().position(|other| *other == self.address) {
+            all.swap_remove(at);
+        }
+    }
+}
+
+/// The robot, if the client may come in beside this number of clients, and this number of its own address.
+fn admit(door: &Door, source: SocketAddr, (clients, of_address): (usize, usize)) -> Option<Arc<Station>> {
     let station = door.fleet.station(&door.robot)?;
     let cause = if door.policy.rule(source, &door.robot).is_none() {
         Cause::Denied
-    } else if clients >= MAX_CLIENTS {
+    } else if clients >= MAX_CLIENTS || of_address >= MAX_OF_ONE_ADDRESS {
         Cause::TooManyClients
     } else if station.link.borrow().is_none() {
         Cause::RobotDown

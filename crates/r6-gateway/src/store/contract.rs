@@ -8,7 +8,7 @@ use r6_api::gateway::{
 };
 
 use self::programs::version;
-use super::runs::{Begun, KEPT, KeptRun, NewRun};
+use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS_OF_ONE, NewRun};
 use super::{
     Author, Keeper, Kept, LibraryError, Link, Memory, NewToken, NewVersion, Sqlite, Store, StoreError,
     StoredRobot, StoredSettings, UserChange,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use r6_api::gateway::{AuditRecord, Deed, Run};
 
 use super::library::removed;
-use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS, NewRun};
+use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS, MAX_RUNS_OF_ONE, NewRun};
 use super::{
     Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
     StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, check_link, decide, link_made,
@@ -245,7 +245,8 @@ impl Store for Memory {
         if let Some(known) = self.run_of_key(&new.caller, &new.key, 0)? {
             return Ok(Begun::Known(Box::new(known)));
         }
-        if self.runs.len() >= MAX_RUNS {
+        let own = self.runs.values().filter(|run| run.robot == new.robot).count();
+        if self.runs.len() >= MAX_RUNS || own >= MAX_RUNS_OF_ONE {
             return Ok(Begun::Full);
         }
         let id = self.last_run + 1;

@@ -15,6 +15,10 @@ pub const KEPT: u64 = 24 * 3_600;
 /// copied. A hall can begin one a second for a day.
 pub const MAX_RUNS: usize = 100_000;
 
+/// The most runs of one robot that are kept, so that one script leaves room for all other robots: one every
+/// five seconds for a day.
+pub const MAX_RUNS_OF_ONE: usize = 20_000;
+
 /// A run that is to begin.
 #[derive(Clone, Debug)]
 pub struct NewRun {
@@ -63,7 +67,7 @@ pub enum Begun {
     New(u64),
     /// There is a run with this key of this caller. Nothing was written.
     Known(Box<KeptRun>),
-    /// There are [`MAX_RUNS`]. Nothing was written.
+    /// There are [`MAX_RUNS`], or [`MAX_RUNS_OF_ONE`] of this robot. Nothing was written.
     Full,
 }
 

@@ -299,3 +299,38 @@ async fn pages_of_a_browser_are_refused() {
         assert_eq!((status, &problem["code"]), (403, &json!("foreign_origin")));
     }
 }
+
+#[tokio::test]
+async fn a_caller_who_is_refused_in_a_loop_does_not_fill_the_audit_log() {
+    let hall = Hall::start().await;
+    let long = format!("/v1/robots/press/alarms/{}/acknowledge", "9".repeat(2_000));
+    for _ in 0..20 {
+        assert_eq!(hall.stop(&hall.viewer, "press").await.0, 403);
+        assert_eq!(hall.post(&hall.viewer, &long, &json!({})).await.0, 403);
+        // An operator without the lease is refused and written as seldom.
+        let (status, _) = hall.command(&hall.operator, "press", &json!(null), "clearAlarm").await;
+        assert_eq!(status, 409);
+    }
+    // The last of them is on the disk once a later record is.
+    assert_eq!(hall.stop(&hall.operator, "press").await.0, 200);
+    hall.until_audited(|entry| entry["what"] == "stop").await;
+    let audit = hall.audit().await;
+    let refused: Vec<_> = audit.iter().filter(|entry| entry["what"] == "refused").collect();
+    assert_eq!(refused.len(), 3, "{refused:#?}");
+    assert!(refused.iter().all(|entry| entry["request"].as_str().unwrap().len() <= 100), "{refused:#?}");
+    // What is refused is no stop: it counts as any request.
+    let (address, token) = (hall.gateway.address(), &hall.viewer);
+    let request = |end: &str| {
+        let head = format!("POST /v1/robots/press/stop HTTP/1.1\r\nHost: {address}\r\nContent-Length: 0\r\n");
+        format!("{head}Authorization: Bearer {token}\r\n{end}\r\n")
+    };
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let all = request("").repeat(599) + &request("Connection: close\r\n");
+    let (mut reads, mut writes) = stream.split();
+    let mut answers = String::new();
+    let (written, read) = tokio::join!(writes.write_all(all.as_bytes()), reads.read_to_string(&mut answers));
+    written.and(read).unwrap();
+    let count = |status: &str| answers.matches(&format!("HTTP/1.1 {status} ")).count();
+    assert!(count("429") > 0, "{} {}", count("403"), count("429"));
+    assert_eq!(count("403") + count("429"), 600);
+}

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use r6_api::gateway::Role;
 use r6_gateway::{Changes, RobotConfig};
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
@@ -103,11 +104,12 @@ async fn a_robot_of_the_api_outlives_a_new_start_and_its_lease_numbers_go_on() {
     assert_eq!(put(&hall, "saw", wanted.clone()).await.0, 201);
     hall.until_up("saw").await;
     let lease = hall.lease(&hall.operator, "saw").await;
-    hall.stop(&hall.operator, "saw").await;
 
-    // Removed and added again, it is the same robot: its stop holds, and no number is given out twice.
+    // Removed and added again, it is the same robot: no number is given out twice.
     assert_eq!(hall.call(&hall.admin, "DELETE", SAW, None).await.0, 204);
     assert_eq!(put(&hall, "saw", wanted).await.0, 201);
+    hall.until_up("saw").await;
+    assert_eq!(hall.stop(&hall.operator, "saw").await.0, 200);
     let hall = hall.again(Vec::new(), Vec::new()).await;
     let state = hall.get(&hall.viewer, SAW).await;
     assert_eq!((&state["managed_by"], &state["stopped"]), (&json!("api"), &json!(true)));
@@ -174,4 +176,53 @@ async fn a_configuration_that_is_read_again_touches_only_what_changed() {
     let press = hall.get(&hall.viewer, "/v1/robots/press").await;
     assert_eq!(press["lease"]["number"], lease["number"]);
     hall.until_up("oven").await;
+}
+
+#[tokio::test]
+async fn an_admin_of_one_robot_cannot_point_it_at_another_arm() {
+    let hall = Hall::start().await;
+    let saw = VirtualController::start().await.unwrap();
+    let own = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw")), String::new());
+    let own = own.unwrap().1;
+    let at = |address: String| json!({ "address": address });
+    let press = hall.robots[0].address();
+    let put_own = async |body: Value| hall.call(&own, "PUT", SAW, Some(&body)).await;
+    let (status, problem) = put_own(at(saw.address().to_string())).await;
+    assert_eq!((status, &problem["code"]), (403, &json!("not_allowed")), "a robot that is not there yet");
+    assert_eq!(put(&hall, "saw", at(saw.address().to_string())).await.0, 201);
+    for address in [press.to_string(), format!("[::ffff:127.0.0.1]:{}", press.port()), "10.0.0.1".to_owned()]
+    {
+        let (status, problem) = put_own(at(address)).await;
+        assert_eq!((status, &problem["code"]), (403, &json!("not_allowed")));
+        assert!(!problem["message"].as_str().unwrap().contains("press"), "{problem}");
+    }
+    let period = json!({ "address": saw.address().to_string(), "period_ms": 50 });
+    assert_eq!(put_own(period).await.0, 204);
+    // Nor do two robots have one address that is written in two ways.
+    let (status, problem) = put(&hall, "saw", at(format!("[::ffff:127.0.0.1]:{}", press.port()))).await;
+    assert_eq!((status, &problem["code"]), (409, &json!("address_taken")));
+}
+
+#[tokio::test]
+async fn a_robot_whose_stop_holds_is_not_removed() {
+    let hall = Hall::start().await;
+    let saw = VirtualController::start().await.unwrap();
+    assert_eq!(put(&hall, "saw", json!({ "address": saw.address().to_string() })).await.0, 201);
+    hall.until_up("saw").await;
+    for robot in ["saw", "press"] {
+        assert_eq!(hall.stop(&hall.operator, robot).await.0, 200);
+    }
+    let (status, problem) = hall.call(&hall.admin, "DELETE", SAW, None).await;
+    assert_eq!((status, &problem["code"]), (409, &json!("stopped")));
+    let refused = hall.gateway.reload(Vec::new()).await.unwrap_err();
+    assert!(refused.message.contains("`press` was stopped"), "{refused:?}");
+    assert_eq!(hall.get(&hall.viewer, "/v1/robots").await["robots"].as_array().unwrap().len(), 2);
+
+    for robot in ["saw", "press"] {
+        let lease = hall.lease(&hall.operator, robot).await;
+        let path = format!("/v1/robots/{robot}/clear-stopped");
+        assert_eq!(hall.post(&hall.operator, &path, &json!({ "lease": lease })).await.0, 204);
+    }
+    assert_eq!(hall.call(&hall.admin, "DELETE", SAW, None).await.0, 204);
+    assert_eq!(hall.gateway.reload(Vec::new()).await.unwrap().removed, 1);
 }

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use r6_world::day::{self, DayPlan, Seen};
 
-/// Runs one gateway with its history, virtual robots and callers for a day of simulated time, and looks at what
-/// grows: memory, tasks, files (docs/SIMULATION.md).
+/// Runs one gateway with its history, virtual robots and callers for a day of simulated time, and looks at
+/// what grows: memory, tasks, files (docs/SIMULATION.md).
 #[derive(Parser)]
 #[command(after_help = "Examples:\n  day\n  day --robots 50 --hours 2 --period-ms 200\n\n\
     Exit codes: 0 nothing grew and everything was answered, 1 otherwise, 2 a wrong argument.")]

@@ -114,7 +114,7 @@ impl Callers {
 
     /// Commands the robots of this operator, one after the other.
     async fn command(self, operator: u16) {
-        // The last robot is the one that is stopped, and the one before the one that is cut.
+        // The last robot is stopped by another caller, and the connection to the one before it is cut.
         let own: Vec<u16> =
             (0..self.robots.saturating_sub(2)).filter(|robot| robot % OPERATORS == operator).collect();
         for (round, robot) in (0_u64..).zip(own.iter().cycle()) {

@@ -50,7 +50,7 @@ fn ask(url: &str, token: &str, method: &str, path: &str, lines: &str, body: &Val
     stream.read_to_string(&mut reply).ok()?;
     let (head, body) = reply.split_once("\r\n\r\n")?;
     let length = head.lines().find_map(|line| line.strip_prefix("content-length: "));
-    // A part of an answer is none.
+    // A part of an answer does not count.
     let is_whole = length.is_none_or(|length| length.parse() == Ok(body.len()));
     let status = head.split(' ').nth(1)?.parse().ok()?;
     is_whole.then(|| (status, serde_json::from_str(body).unwrap_or(Value::Null)))

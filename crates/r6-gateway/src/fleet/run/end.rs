@@ -197,7 +197,8 @@ fn code(cause: &Cause) -> Code {
     }
 }
 
-/// An error for callers of the gateway. What the client advises is for a program that is connected to the robot itself.
+/// An error for callers of the gateway. What the client advises is for a program that is connected to the
+/// robot itself.
 fn told(error: &MotionError) -> String {
     let Cause::NotReady(unmet) = &error.cause else { return error.to_string() };
     let told = unmet.iter().map(|unmet| match unmet {

@@ -122,3 +122,23 @@ fn runs_go_after_a_day_but_not_while_they_are_open_or_a_stop_is_owed() {
         assert!(store.owed_stops().unwrap().is_empty());
     });
 }
+
+#[test]
+fn one_robot_leaves_room_for_the_runs_of_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = Sqlite::open(folder.path()).unwrap();
+    drop(store.begin_run(&new_run("anna", "first", 100)).unwrap());
+    // As many as there may be, without a turn of the disk for each.
+    let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
+    let more = MAX_RUNS_OF_ONE - 1;
+    raw.execute_batch(&format!(
+        "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {more})
+         INSERT INTO run (robot, caller, key, hash, made, run, ended, owed)
+         SELECT 'press', 'anna', 'key ' || i, hash, made, run, 1, 0 FROM n, (SELECT * FROM run LIMIT 1)"
+    ))
+    .unwrap();
+    drop(raw);
+    assert_eq!(store.begin_run(&new_run("anna", "last", 100)), Ok(Begun::Full));
+    let other = NewRun { robot: RobotName::new("saw").unwrap(), ..new_run("anna", "other", 100) };
+    assert!(matches!(store.begin_run(&other), Ok(Begun::New(_))));
+}

@@ -6,7 +6,7 @@ use rusqlite::{Connection, OptionalExtension, Row, Transaction, params};
 use super::append_in;
 use crate::core::name::RobotName;
 use crate::store::StoreError;
-use crate::store::runs::{Begun, KEPT, KeptRun, MAX_RUNS, NewRun, of_text, to_text};
+use crate::store::runs::{Begun, KEPT, KeptRun, MAX_RUNS, MAX_RUNS_OF_ONE, NewRun, of_text, to_text};
 
 const COLUMNS: &str = "id, hash, run, answer, ended";
 
@@ -33,7 +33,8 @@ pub fn begin(transaction: Transaction<'_>, new: &NewRun) -> Result<Begun, StoreE
     let known = by_key(&transaction, &new.caller, &new.key, 0)?;
     let begun = match known {
         Some(known) => Begun::Known(Box::new(known)),
-        None if count(&transaction)? >= MAX_RUNS => Begun::Full,
+        None if count(&transaction, None)? >= MAX_RUNS => Begun::Full,
+        None if count(&transaction, Some(&new.robot))? >= MAX_RUNS_OF_ONE => Begun::Full,
         None => {
             transaction.execute(
                 "INSERT INTO run (robot, caller, key, hash, made, run, ended, owed)
@@ -49,8 +50,10 @@ pub fn begin(transaction: Transaction<'_>, new: &NewRun) -> Result<Begun, StoreE
     Ok(begun)
 }
 
-fn count(connection: &Connection) -> Result<usize, StoreError> {
-    Ok(connection.query_row("SELECT count(*) FROM run", [], |row| row.get(0))?)
+/// How many runs there are, of one robot or of all.
+fn count(connection: &Connection, robot: Option<&RobotName>) -> Result<usize, StoreError> {
+    let mut select = connection.prepare_cached("SELECT count(*) FROM run WHERE ?1 IS NULL OR robot = ?1")?;
+    Ok(select.query_row([robot.map(RobotName::as_str)], |row| row.get(0))?)
 }
 
 /// The run with this key of this caller, if it is not too old.

@@ -84,7 +84,7 @@ pub fn change(
     Ok((decided, stamp))
 }
 
-/// Keeps a link in place of the one that its user had.
+/// Keeps a link in place of the last link of its user.
 pub fn put_link(transaction: Transaction<'_>, link: &Link, author: &Author) -> Result<(), StoreError> {
     check_link(&all(&transaction)?, link)?;
     append_in(&transaction, &[link_made(link, author)])?;

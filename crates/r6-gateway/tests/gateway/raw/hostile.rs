@@ -128,6 +128,23 @@ async fn the_seventeenth_client_is_not_let_in_and_one_that_leaves_makes_room() {
 }
 
 #[tokio::test]
+async fn one_address_takes_half_of_the_places_at_most() {
+    let raw = Raw::start(VirtualController::start().await.unwrap(), READ).await;
+    let mut scripts = Vec::new();
+    for _ in 1..=8 {
+        let mut script = Script::from(2, raw.address()).await;
+        assert_eq!(script.query("curMode").await, ["7"]);
+        scripts.push(script);
+    }
+    assert_eq!(Script::from(2, raw.address()).await.reply().await, None);
+    until_counted(&raw, &closed("too_many_clients", 1)).await;
+    assert_eq!(Script::from(3, raw.address()).await.query("curMode").await, ["7"]);
+    drop(scripts.pop());
+    until_counted(&raw, "r6_gateway_raw_clients{robot=\"press\"} 7").await;
+    assert_eq!(Script::from(2, raw.address()).await.query("curMode").await, ["7"]);
+}
+
+#[tokio::test]
 async fn strangers_are_closed_counted_and_not_written_down() {
     let rules = [("127.0.0.3", RawAllow::Deny), ("127.0.0.2/31", RawAllow::Read)];
     let raw = Raw::start(VirtualController::start().await.unwrap(), &rules).await;

@@ -117,7 +117,7 @@ impl Work {
         let Some(hall) = hall else { return false };
         if was_sound && hall.is_sound(robot, heard) && hall.is_sound(robot, asked + STOPS_WITHIN) {
             let (took, status) = (heard - asked, answer.as_ref().map(|answer| answer.status).ok());
-            // A person who starts the arm meanwhile makes the stop one that is not proved.
+            // If a person starts the arm meanwhile, the stop cannot be proved.
             let is_told = is_confirmed || (status == Some(504) && floors[robot].was_moved_since(asked));
             record.check(Promise::I8, heard, is_told && took <= STOPS_WITHIN, || {
                 format!("{}: a stop took {took:?}: {status:?}", name_of(robot))
