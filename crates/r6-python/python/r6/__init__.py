@@ -42,16 +42,9 @@ from ._errors import (
     UnknownAddress,
     WaitError,
 )
-from ._gateway import (
-    Gateway,
-    GatewayChange,
-    GatewayEvent,
-    GatewayLease,
-    GatewayRobot,
-    GatewayRun,
-    GatewaySignal,
-    GatewayState,
-)
+from ._gateway import Gateway
+from ._gateway_robot import GatewayLease, GatewayRobot, GatewayRun
+from ._gateway_values import GatewayChange, GatewayEvent, GatewaySignal, GatewayState
 from ._motion import Following, MotionHandle, Step
 from ._r6 import (
     AxisMask,
