@@ -109,6 +109,7 @@ mod tests {
         }
         assert_eq!(bench.compute(|| 1).await.unwrap_err().code, Code::Overloaded);
         assert_eq!(bench.compute_to_store(|| 1).await.unwrap(), 1, "this has a place of its own");
+        assert_eq!(bench.compute_to_run(|| 1).await.unwrap(), 1, "and this");
         // A caller that goes away leaves its place to the work that goes on.
         running[0].0.abort();
         assert_eq!(bench.compute(|| 1).await.unwrap_err().code, Code::Overloaded);

@@ -251,6 +251,8 @@ async fn a_token_for_one_robot_sees_no_other() {
         assert_eq!(hall.call(&only, "GET", &format!("/v1/robots/{robot}"), None).await.0, 403, "{robot}");
     }
     assert_eq!(hall.call(&only, "GET", "/v1/live?robot=press", None).await.0, 403);
+    assert_eq!(hall.get(&hall.viewer, "/readyz").await["robots"], 2);
+    assert_eq!(hall.get(&only, "/readyz").await["robots"], 1);
     hall.lease(&hall.operator, "press").await;
     hall.lease(&only, "saw").await;
     let seen = hall.get(&only, "/v1/audit").await;

@@ -250,6 +250,7 @@ async fn every_caller_sees_and_answers_the_alarms_of_its_robots() {
     for (path, body, part) in [
         ("acknowledge", json!({ "comment": "" }), "comment is a text of 1 to 200 bytes"),
         ("acknowledge", json!({ "comment": "x".repeat(201) }), "comment is"),
+        ("acknowledge", json!({ "comment": "a\nb" }), "without control characters"),
         ("acknowledge", json!({ "comment": 3 }), "expected a string"),
         ("shelve", json!({ "for_ms": 1_000 }), "reason"),
         ("shelve", json!({ "for_ms": 1_000, "reason": "  " }), "reason is a text"),

@@ -392,6 +392,33 @@ async fn a_robot_that_comes_back_is_stopped_first_and_its_run_is_unknown() {
 }
 
 #[tokio::test]
+async fn an_arm_that_is_owed_a_stop_is_not_lost_by_a_file_that_is_read_again() {
+    let robot = VirtualController::start().await.unwrap();
+    let (address, cut) = way(robot.address()).await;
+    let config = |address: String| RobotConfig {
+        period: Duration::from_millis(20),
+        ..RobotConfig::new(name("press"), address)
+    };
+    let here = vec![config(address.to_string())];
+    let hall = Hall::at(tempfile::tempdir().unwrap(), here.clone(), vec![robot]).await;
+    hall.until_up("press").await;
+    let lease = hall.long_lease(120).await;
+    let number = hall.begin(&lease, &long()).await;
+    hall.until_moving().await;
+    cut.send(true).unwrap();
+    assert_eq!(hall.until_over(number).await["state"], "unknown");
+    for file in [vec![config("127.0.0.1:1".to_owned())], Vec::new()] {
+        let refused = hall.gateway.reload(file).await.unwrap_err();
+        assert_eq!(refused.code.word(), "not_ready", "{refused:?}");
+    }
+    assert_eq!(hall.gateway.reload(here).await.unwrap(), r6_gateway::Changes::default());
+    // It is still stopped as soon as it answers.
+    cut.send(false).unwrap();
+    hall.until_audited(|entry| entry["what"] == "stop" && entry["confirmed"] == true).await;
+    assert!(hall.stands().await);
+}
+
+#[tokio::test]
 async fn an_arm_that_is_owed_a_stop_is_not_lost_by_another_address() {
     let robot = VirtualController::start().await.unwrap();
     let (address, cut) = way(robot.address()).await;
