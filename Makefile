@@ -28,7 +28,7 @@ sim: ## Break clients, controllers, cameras, gateways and disks in one process: 
 	@$(CARGO) build --locked --package r6-world
 	@"$(BUILT)/debug/r6-world" $(if $(SEED),--seed $(SEED),--seeds $(or $(SEEDS),1000)) $(if $(FROM),--from $(FROM)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MARKDOWN),--markdown) $(if $(TRAP),--trap $(TRAP)) $(if $(DRIVERS),--drivers $(DRIVERS)) $(if $(GATEWAY),--gateway)
 
-day: ## Run a gateway with 200 robots for 24 simulated hours, and look at memory, tasks and files; an hour of a core (docs/SIMULATION.md)
+day: ## Run a gateway with 200 robots for 24 simulated hours, and look at memory, tasks and files; up to an hour and a half (docs/SIMULATION.md)
 	@$(CARGO) build --release --locked --package r6-world --bin day
 	@"$(BUILT)/release/day" $(ARGS)
 

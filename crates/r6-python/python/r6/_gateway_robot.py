@@ -247,8 +247,8 @@ class GatewayLease:
         repeat: int = 1,
         key: str | None = None,
     ) -> GatewayRun:
-        """Runs a program on the robot: the text of it, or one that the gateway keeps, by its ``name`` and perhaps
-        its ``version``. It runs ``repeat`` times. Returns once the controller accepted the first list;
+        """Runs a program on the robot. Give either ``program``, its text, or the ``name`` of a program that the
+        gateway keeps; without ``version``, the latest one. It runs ``repeat`` times. Returns once the controller accepted the first list;
         ``GatewayRun.wait`` waits for the end. The arm is stopped if the lease ends.
 
         ``key``: the ``Idempotency-Key``. A second call with the same key and the same arguments gets the same
