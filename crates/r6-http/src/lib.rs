@@ -21,6 +21,7 @@ mod in_json;
 mod refusal;
 pub mod server;
 mod slowed;
+mod stalled;
 mod tls;
 mod work;
 

@@ -23,6 +23,7 @@ use crate::afterwards::Afterwards;
 use crate::ends_with::EndsWith;
 use crate::in_json::InJson;
 use crate::slowed::Slowed;
+use crate::stalled::Stalled;
 use crate::tls::Tls;
 
 /// How many connections are open at once. A person and a few scripts need one each.
@@ -259,7 +260,7 @@ where
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIME)
         .max_buf_size(MAX_HEAD_BYTES)
-        .serve_connection(TokioIo::new(InJson::new(stream)), service)
+        .serve_connection(TokioIo::new(InJson::new(Stalled::new(stream))), service)
         .with_upgrades();
     tokio::select! {
         biased;
