@@ -16,6 +16,7 @@ mod health;
 mod history;
 mod leases;
 mod metrics;
+mod parquet;
 mod production;
 mod programs;
 mod query;

@@ -22,6 +22,7 @@ use super::State;
 use super::caller::{Read, Robot};
 use super::csv;
 use super::described::OfRight;
+use super::parquet;
 use super::range::{Lengths, check_limit, shown};
 use super::refusal::{self, bad_value};
 use crate::clock::{self, text};
@@ -76,8 +77,9 @@ fn usual_limit() -> usize {
     1000
 }
 
-/// The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table; the
-/// header `r6-next-cursor` says where it goes on.
+/// The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table,
+/// `Accept: application/vnd.apache.parquet` a file with the same columns; the header `r6-next-cursor` says where
+/// they go on.
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}/history",
@@ -86,7 +88,11 @@ fn usual_limit() -> usize {
         (
             status = 200,
             description = "The samples or buckets",
-            content((History = "application/json"), (String = "text/csv")),
+            content(
+                (History = "application/json"),
+                (String = "text/csv"),
+                (Vec<u8> = "application/vnd.apache.parquet"),
+            ),
         ),
         (status = 404, description = "`no_such_robot`", body = Problem),
         (
@@ -119,11 +125,20 @@ pub async fn show(
     if answer.is_too_wide {
         return Err(bad_value("a bucket of this width has too many samples: ask for a narrower one"));
     }
-    let page = page(&robot.station, &question, answer);
-    if !wants_csv(&headers) {
-        return Ok(Json(page).into_response());
+    let page = page(&robot.station, &question, &answer);
+    match form(&headers, &[Form::Json, Form::Csv, Form::Parquet]) {
+        Form::Json => Ok(Json(page).into_response()),
+        Form::Csv => Ok(table(csv::table(&page), page.next_cursor)),
+        Form::Parquet => {
+            let kind = question.address.info().value;
+            let file = match question.bucket {
+                Some(_) => parquet::of_buckets(&answer.buckets, kind, &page),
+                None => parquet::of_samples(&answer.samples, kind, &page),
+            };
+            let file = file.map_err(refusal::of_file)?;
+            Ok(with_next(([(CONTENT_TYPE, parquet::MEDIA_TYPE)], file), page.next_cursor))
+        }
     }
-    Ok(table(csv::table(&page), page.next_cursor))
 }
 
 /// The history of this gateway.
@@ -142,21 +157,50 @@ pub(super) fn permit(recorder: &Recorder) -> Result<OwnedSemaphorePermit, Refusa
 
 /// A table, and the place where it goes on.
 pub(super) fn table(table: String, next_cursor: Option<String>) -> Response {
-    let mut response = ([(CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], table).into_response();
+    with_next(([(CONTENT_TYPE, "text/csv; charset=utf-8; header=present")], table), next_cursor)
+}
+
+fn with_next(answer: impl IntoResponse, next_cursor: Option<String>) -> Response {
+    let mut response = answer.into_response();
     let next = next_cursor.and_then(|cursor| HeaderValue::from_str(&cursor).ok());
     response.headers_mut().extend(next.map(|next| (NEXT_CURSOR, next)));
     response
 }
 
-/// Whether the caller wants a table. Without a wish it is JSON.
+/// In which form an answer can be given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    Json,
+    Csv,
+    Parquet,
+}
+
+impl Form {
+    fn media_type(self) -> &'static str {
+        match self {
+            Self::Json => "application/json",
+            Self::Csv => "text/csv",
+            Self::Parquet => parquet::MEDIA_TYPE,
+        }
+    }
+}
+
+/// Whether the caller wants a table of text. Without a wish it is JSON.
 pub(super) fn wants_csv(headers: &HeaderMap) -> bool {
+    form(headers, &[Form::Json, Form::Csv]) == Form::Csv
+}
+
+/// The first form that the caller names, of those that are offered. Without a wish it is JSON.
+fn form(headers: &HeaderMap, offered: &[Form]) -> Form {
     let accept = headers.get(ACCEPT).and_then(|accept| accept.to_str().ok()).unwrap_or_default();
     let is_wanted =
         |kind: &&str| kind.split(';').all(|part| part.trim().trim_end_matches(['0', '.']) != "q=");
-    let kinds = accept.split(',').filter(is_wanted).filter_map(|kind| kind.split(';').next());
-    let mut kinds = kinds.map(|kind| kind.trim().to_ascii_lowercase());
-    kinds.find(|kind| matches!(kind.as_str(), "text/csv" | "application/json" | "*/*"))
-        == Some("text/csv".to_owned())
+    let mut kinds = accept.split(',').filter(is_wanted).filter_map(|kind| kind.split(';').next());
+    let of_kind = |kind: &str| match kind.trim() {
+        "*/*" => Some(Form::Json),
+        kind => offered.iter().copied().find(|form| form.media_type().eq_ignore_ascii_case(kind)),
+    };
+    kinds.find_map(of_kind).unwrap_or(Form::Json)
 }
 
 fn question(range: Range, station: &Station, recorder: &Recorder) -> Result<Question, Refusal> {
@@ -180,21 +224,26 @@ fn question(range: Range, station: &Station, recorder: &Recorder) -> Result<Ques
     Ok(Question { robot, address, from, to, bucket, limit: range.limit, cursor })
 }
 
-fn page(station: &Station, question: &Question, answer: Answer) -> History {
+/// How long there was a value in a bucket, in milliseconds.
+pub(super) fn good_ms(bucket: &Bucket) -> f64 {
+    clock::milliseconds(Duration::from_micros(u64::try_from(bucket.good).unwrap_or(0)))
+}
+
+fn page(station: &Station, question: &Question, answer: &Answer) -> History {
     let Question { address, from, to, bucket, .. } = question;
     let kind = address.info().value;
-    let sample = |sample: Sample| HistorySample {
+    let sample = |sample: &Sample| HistorySample {
         time: text(sample.time),
         value: sample.state.value(kind),
         gap: sample.state.gap(),
     };
-    let of = |bucket: Bucket| HistoryBucket {
+    let of = |bucket: &Bucket| HistoryBucket {
         time: text(bucket.start),
         mean: bucket.mean,
         min: bucket.range.map(|range| range.0),
         max: bucket.range.map(|range| range.1),
-        last: bucket.last.and_then(|last| last.value(kind)),
-        good_ms: clock::milliseconds(Duration::from_micros(u64::try_from(bucket.good).unwrap_or(0))),
+        last: bucket.last.as_ref().and_then(|last| last.value(kind)),
+        good_ms: good_ms(bucket),
         samples: bucket.samples,
     };
     History {
@@ -204,8 +253,8 @@ fn page(station: &Station, question: &Question, answer: Answer) -> History {
         from: text(*from),
         to: text(*to),
         bucket_ms: bucket.map(|width| u64::try_from(width / 1000).unwrap_or(0)),
-        samples: bucket.is_none().then(|| answer.samples.into_iter().map(sample).collect()),
-        buckets: bucket.is_some().then(|| answer.buckets.into_iter().map(of).collect()),
+        samples: bucket.is_none().then(|| answer.samples.iter().map(sample).collect()),
+        buckets: bucket.is_some().then(|| answer.buckets.iter().map(of).collect()),
         kept_until: station.counts.history.kept_until().map(text),
         unreadable_chunks: answer.unreadable,
         next_cursor: answer.next.map(|next| format!("t{}", next.0)),
@@ -231,5 +280,13 @@ mod tests {
             assert_eq!(wants_csv(&headers), is_wanted, "{accept}");
         }
         assert!(!wants_csv(&HeaderMap::new()));
+    }
+
+    #[test]
+    fn a_form_that_is_not_offered_is_passed_over() {
+        let accept = HeaderValue::from_static("application/vnd.apache.parquet, text/csv;q=0.5");
+        let headers = HeaderMap::from_iter([(ACCEPT, accept)]);
+        assert_eq!(form(&headers, &[Form::Json, Form::Csv, Form::Parquet]), Form::Parquet);
+        assert!(wants_csv(&headers));
     }
 }

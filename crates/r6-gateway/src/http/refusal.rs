@@ -25,6 +25,11 @@ pub fn of_lost_work(_: tokio::task::JoinError) -> Refusal {
     Refusal::new(StatusCode::GATEWAY_TIMEOUT, Code::OutcomeUnknown, message)
 }
 
+/// A file for the answer that could not be made.
+pub fn of_file(error: impl std::fmt::Display) -> Refusal {
+    of(Problem::new(Code::StoreUnavailable, format!("the file cannot be made: {error}")))
+}
+
 fn status(code: Code) -> StatusCode {
     match code {
         Code::NoToken | Code::NoSession | Code::WrongPassword => StatusCode::UNAUTHORIZED,

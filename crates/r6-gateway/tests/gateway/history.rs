@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::Field;
 use r6_gateway::{Gateway, HistorySettings, RobotConfig};
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
@@ -13,6 +15,23 @@ use crate::support::{Hall, PATIENCE, name, ready_to_start, settings};
 impl Hall {
     async fn history(&self, query: &str) -> Value {
         self.get(&self.viewer, &format!("/v1/robots/press/history?{query}")).await
+    }
+
+    /// The history of the press in another form: the head of the answer and its body.
+    async fn history_as(&self, form: &str, query: &str) -> (String, Vec<u8>) {
+        let address = self.gateway.address();
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        let request = format!(
+            "GET /v1/robots/press/history?{query} HTTP/1.1\r\nHost: {address}\r\nAccept: {form}\r\n\
+             Authorization: Bearer {}\r\nConnection: close\r\n\r\n",
+            self.viewer
+        );
+        stream.write_all(request.as_bytes()).await.unwrap();
+        let mut reply = Vec::new();
+        stream.read_to_end(&mut reply).await.unwrap();
+        let end = reply.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+        let body = reply.split_off(end + 4);
+        (String::from_utf8(reply).unwrap(), body)
     }
 
     /// Waits until the history is as `is` says.
@@ -84,20 +103,51 @@ async fn buckets_weigh_by_time_and_a_table_is_given_on_request() {
     assert_eq!(history["bucket_ms"], 3_600_000);
     assert!(history["samples"].is_null());
 
-    let address = hall.gateway.address();
-    let mut stream = TcpStream::connect(address).await.unwrap();
-    let request = format!(
-        "GET /v1/robots/press/history?signal=curMode HTTP/1.1\r\nHost: {address}\r\nAccept: text/csv\r\n\
-         Authorization: Bearer {}\r\nConnection: close\r\n\r\n",
-        hall.viewer
-    );
-    stream.write_all(request.as_bytes()).await.unwrap();
-    let mut reply = String::new();
-    stream.read_to_string(&mut reply).await.unwrap();
-    assert!(reply.contains("content-type: text/csv"), "{reply}");
-    let table = reply.split_once("\r\n\r\n").unwrap().1;
+    let (head, table) = hall.history_as("text/csv", "signal=curMode").await;
+    assert!(head.contains("content-type: text/csv"), "{head}");
+    let table = String::from_utf8(table).unwrap();
     let lines: Vec<_> = table.lines().collect();
     assert!(lines[0] == "time,value,gap" && lines[1].ends_with("Z,7,"), "{table}");
+}
+
+#[tokio::test]
+async fn a_file_of_parquet_has_the_rows_of_the_table() {
+    let hall = Hall::with(vec![ready_to_start().await]).await;
+    let lease = hall.lease(&hall.operator, "press").await;
+    assert_eq!(hall.command(&hall.operator, "press", &lease, "startButton").await.0, 200);
+    let history = hall.until_history("signal=axis-0", |history| samples(history).len() > 20).await;
+    let (from, to) = (history["from"].as_str().unwrap(), samples(&history)[20]["time"].as_str().unwrap());
+    for more in ["", "&bucket=1m", "&limit=7"] {
+        let query = format!("signal=axis-0&from={from}&to={to}{more}");
+        let (of_table, table) = hall.history_as("text/csv", &query).await;
+        let (of_file, file) = hall.history_as("application/vnd.apache.parquet", &query).await;
+        assert!(of_file.contains("content-type: application/vnd.apache.parquet"), "{of_file}");
+        let next =
+            |head: &str| head.lines().find(|line| line.starts_with("r6-next-cursor")).map(str::to_owned);
+        assert_eq!(next(&of_table), next(&of_file));
+        assert_eq!(next(&of_file).is_some(), more == "&limit=7", "{of_file}");
+        let table = String::from_utf8(table).unwrap();
+        assert_eq!(rows_of_file(file), table.lines().skip(1).collect::<Vec<_>>(), "{query}");
+    }
+}
+
+/// The rows of a file of Parquet, written as the table writes them.
+fn rows_of_file(file: Vec<u8>) -> Vec<String> {
+    let reader = SerializedFileReader::new(axum::body::Bytes::from(file)).unwrap();
+    let cell = |field: &Field| match field {
+        Field::Null => String::new(),
+        Field::TimestampMicros(time) => {
+            let time = jiff::Timestamp::from_microsecond(*time).unwrap();
+            format!("{time:.6}")
+        }
+        Field::Double(number) => number.to_string(),
+        Field::Long(number) => number.to_string(),
+        Field::Str(text) => text.clone(),
+        other => panic!("{other:?}"),
+    };
+    let rows = reader.get_row_iter(None).unwrap();
+    rows.map(|row| row.unwrap().get_column_iter().map(|(_, field)| cell(field)).collect::<Vec<_>>().join(","))
+        .collect()
 }
 
 #[tokio::test]
