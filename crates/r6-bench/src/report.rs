@@ -197,7 +197,7 @@ fn others() -> String {
     while let Some(line) = lines.next() {
         let name = line.strip_prefix("name = \"").and_then(|name| name.strip_suffix('"'));
         if let Some(name) =
-            name.filter(|name| ["serde_json", "sonic-rs", "tokio", "tokio-modbus"].contains(name))
+            name.filter(|name| ["rusqlite", "serde_json", "sonic-rs", "tokio", "tokio-modbus"].contains(name))
         {
             let version = lines.next().unwrap_or_default().trim_start_matches("version = ").trim_matches('"');
             versions.push(format!("{name} {version}"));

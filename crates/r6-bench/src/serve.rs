@@ -27,16 +27,19 @@ pub enum Server {
     Working,
     /// A gateway in front of the robots with these addresses.
     Gateway,
+    /// A gateway with a day of history.
+    Day,
 }
 
 impl Server {
-    const ALL: [(&'static str, Self); 6] = [
+    const ALL: [(&'static str, Self); 7] = [
         ("canned", Self::Canned),
         ("echo", Self::Echo),
         ("controller", Self::Controller),
         ("at-rest", Self::AtRest),
         ("working", Self::Working),
         ("gateway", Self::Gateway),
+        ("day", Self::Day),
     ];
 
     /// Starts it in a separate process.
@@ -104,6 +107,7 @@ pub fn asked() -> Option<ExitCode> {
         Server::AtRest => at_rest::serve(),
         Server::Working => gateway::serve_robots(),
         Server::Gateway => gateway::serve_gateway(&words.collect::<Vec<_>>()),
+        Server::Day => gateway::day::serve(),
     }
     Some(ExitCode::SUCCESS)
 }

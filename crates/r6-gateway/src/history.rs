@@ -7,7 +7,7 @@
 //! are lost, and nothing else waits.
 
 mod counts;
-mod journal;
+pub mod journal;
 pub mod query;
 mod recorder;
 

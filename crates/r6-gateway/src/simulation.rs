@@ -7,6 +7,7 @@
 //! real, and a task on the time of the world writes them.
 
 mod disk;
+mod history;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ use r6_http::Listener;
 use tokio::task::JoinSet;
 
 pub use disk::{Disk, Fullness};
+pub use history::write_history;
 
 use crate::fleet::config::RobotConfig;
 use crate::fleet::station::Shared;

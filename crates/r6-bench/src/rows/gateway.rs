@@ -1,8 +1,11 @@
 //! A gateway in front of a thousand robots that work: what a poll that is kept costs, and what it takes
 //! besides.
 
-use std::fmt::Write as _;
-use std::io::{BufRead, BufReader, Read, Write as _};
+mod client;
+pub mod day;
+mod live;
+
+use std::io::{Read, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -12,9 +15,9 @@ use r6_client::{Address, RobotSettings};
 use r6_controller::Library;
 use r6_gateway::{Gateway, GatewaySettings, HistorySettings, RawPolicy, RobotConfig, RobotName, TlsSettings};
 use r6_sim::{SimSettings, Simulation};
-use serde_json::Value;
 use tokio::runtime::Builder;
 
+use self::client::Client;
 use crate::measure::{Contender, compare, processor_time, processor_time_of};
 use crate::report::{Figure, Goal, Row};
 use crate::rows::at_rest::resident_megabytes;
@@ -34,6 +37,13 @@ const SETTLE: Duration = Duration::from_secs(15);
 
 /// How many commands are measured.
 const COMMANDS: usize = 300;
+
+/// Between two commands. A controller takes about ten a second.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// Why a command takes longer through the gateway.
+const SYNCHRONISED: &str =
+    "its intent is on the disk before it leaves, and its outcome before the answer: two synchronised writes";
 
 /// A program that moves all axes back and forth without an end.
 const WORK: &str = "[[step]]\ndo = \"axis-move\"\nto = [60, -10, 20, 30, 40, 50]\nspeed = 20\n\
@@ -58,6 +68,7 @@ pub fn serve_gateway(robots: &[String]) {
     let data = tempfile::tempdir().expect("a folder");
     let robots = robots.iter().enumerate().map(|(number, address)| RobotConfig {
         period: EVERY,
+        addresses: vec![Address::parse("output-0").expect("an address")],
         ..RobotConfig::new(name(number), address.as_str())
     });
     let settings = GatewaySettings {
@@ -72,9 +83,15 @@ pub fn serve_gateway(robots: &[String]) {
         names: Vec::new(),
         tls: TlsSettings::Off,
     };
+    run_gateway(&runtime, settings);
+}
+
+/// Runs a gateway until the parent process is gone.
+fn run_gateway(runtime: &tokio::runtime::Runtime, settings: GatewaySettings) {
+    let data = settings.data.clone();
     let gateway = runtime.block_on(Gateway::start(settings)).expect("it starts");
-    let token = r6_gateway::make_token(data.path(), Role::Operator, None, String::new()).expect("a token").1;
-    wait(&runtime, format!("{} {token} {}", gateway.address(), data.path().display()));
+    let token = r6_gateway::make_token(&data, Role::Operator, None, String::new()).expect("a token").1;
+    wait(runtime, format!("{} {token} {}", gateway.address(), data.display()));
 }
 
 fn name(number: usize) -> RobotName {
@@ -89,59 +106,6 @@ fn wait(runtime: &tokio::runtime::Runtime, line: String) {
         end.send(()).ok();
     });
     runtime.block_on(ended).ok();
-}
-
-/// A client of the gateway over one connection.
-struct Client {
-    stream: BufReader<TcpStream>,
-    token: String,
-}
-
-impl Client {
-    fn new(running: &Running) -> Self {
-        let stream = TcpStream::connect(running.address).expect("it listens");
-        stream.set_nodelay(true).expect("small requests leave at once");
-        let token = running.words.get(1).expect("a token").clone();
-        Self { stream: BufReader::new(stream), token }
-    }
-
-    fn ask(&mut self, method: &str, path: &str, body: &str) -> (u16, String) {
-        let mut request = format!("{method} {path} HTTP/1.1\r\nHost: localhost\r\n");
-        write!(request, "Authorization: Bearer {}\r\nContent-Type: application/json\r\n", self.token)
-            .and_then(|()| write!(request, "Content-Length: {}\r\n\r\n{body}", body.len()))
-            .expect("a text can be written");
-        self.stream.get_mut().write_all(request.as_bytes()).expect("it is read");
-        let (mut line, mut status, mut length) = (String::new(), 0, 0);
-        loop {
-            line.clear();
-            self.stream.read_line(&mut line).expect("an answer");
-            if let Some(rest) = line.strip_prefix("HTTP/1.1 ") {
-                status = rest.get(..3).and_then(|status| status.parse().ok()).expect("a status");
-            } else if let Some(told) = line.strip_prefix("content-length: ") {
-                length = told.trim().parse().expect("a length");
-            } else if line.trim().is_empty() {
-                break;
-            }
-        }
-        let mut body = vec![0; length];
-        self.stream.read_exact(&mut body).expect("the body");
-        (status, String::from_utf8(body).expect("text"))
-    }
-
-    fn json(&mut self, method: &str, path: &str, body: &str) -> Value {
-        let (status, answer) = self.ask(method, path, body);
-        assert_eq!(status, 200, "{method} {path}: {answer}");
-        serde_json::from_str(&answer).expect("JSON")
-    }
-
-    /// The sum of a metric over all robots.
-    fn total(&mut self, metric: &str) -> f64 {
-        let (_, text) = self.ask("GET", "/metrics", "");
-        let rows =
-            text.lines().filter(|line| line.starts_with(metric) && line[metric.len()..].starts_with('{'));
-        rows.map(|row| row.rsplit(' ').next().and_then(|value| value.parse::<f64>().ok()).expect("a number"))
-            .sum()
-    }
 }
 
 /// A poll over bare sockets and through the gateway, and what the gateway takes.
@@ -165,28 +129,15 @@ pub fn rows() -> Vec<Row> {
         r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"10000","queryAddr":[{}]}}"#,
         quoted.join(",")
     );
-    let mut streams: Vec<TcpStream> = robots
-        .addresses
-        .iter()
-        .map(|address| {
-            let stream = TcpStream::connect(address).expect("it listens");
-            stream.set_nodelay(true).expect("small frames leave at once");
-            stream
-        })
-        .collect();
+    let mut sockets: Vec<Bare> = robots.addresses.iter().map(|address| Bare::new(*address)).collect();
     let mut buffer = vec![0; 16 * 1024];
     let bare = move || {
         let before = processor_time();
         let (begun, mut polls) = (Instant::now(), 0_u32);
         while begun.elapsed() < LONG_SLICE {
             let round = Instant::now();
-            for stream in &mut streams {
-                stream.write_all(query.as_bytes()).expect("it is read");
-                // A reply is sent in one write, and ends with its brace.
-                let mut filled = 0;
-                while buffer[..filled].last() != Some(&b'}') {
-                    filled += stream.read(&mut buffer[filled..]).expect("a reply");
-                }
+            for socket in &mut sockets {
+                socket.ask(&query, &mut buffer);
                 polls += 1;
             }
             std::thread::sleep(EVERY.saturating_sub(round.elapsed()));
@@ -212,7 +163,8 @@ pub fn rows() -> Vec<Row> {
     let mut contenders: Vec<Contender<'_>> = vec![Box::new(bare), Box::new(through_the_gateway)];
     let ratio = compare(&mut contenders).remove(0).remove(0);
     drop(contenders);
-    let [p50, p99] = commands(&mut client);
+    let [through, direct] = commands(&mut client, &mut Bare::new(robots.addresses[1]));
+    let [change_p50, change_p99] = live::changes(&gateway, robots.addresses[2], "robot-2");
     let floor = disk(gateway.words.get(2).expect("a folder"));
     // What is kept by now is on the disk after the next write.
     std::thread::sleep(Duration::from_secs(1));
@@ -227,6 +179,13 @@ pub fn rows() -> Vec<Row> {
         goal: Some(Goal::AmountAtMost(limit)),
         figure: Figure::Amount(amount, unit),
         in_the_way,
+    };
+    let told = |text: &str, amount, unit| Row {
+        what: what(text),
+        against: "–",
+        goal: None,
+        figure: Figure::Amount(amount, unit),
+        in_the_way: "",
     };
     vec![
         Row {
@@ -245,26 +204,20 @@ pub fn rows() -> Vec<Row> {
             "each robot has its last values, its open blocks of the history and its connection",
         ),
         amount(
-            "a command over HTTP, median",
+            "what a command takes longer over HTTP than over a bare socket, median",
             1.0,
-            p50,
+            through[0] - direct[0],
             " ms",
-            "its intent is on the disk before it leaves, and its outcome before the answer: two synchronised writes",
+            SYNCHRONISED,
         ),
-        amount(
-            "a command over HTTP, 99 of 100",
-            5.0,
-            p99,
+        amount("the same, 99 of 100", 5.0, through[1] - direct[1], " ms", SYNCHRONISED),
+        told(
+            "from the change of an output at the controller to a WebSocket client, median",
+            change_p50,
             " ms",
-            "its intent is on the disk before it leaves, and its outcome before the answer: two synchronised writes",
         ),
-        Row {
-            what: what("a synchronised write of 4 KiB on the disk of its folder, median, for comparison"),
-            against: "–",
-            goal: None,
-            figure: Figure::Amount(floor, " ms"),
-            in_the_way: "",
-        },
+        told("the same, 99 of 100; a poll every 100 ms sees it", change_p99, " ms"),
+        told("a synchronised write of 4 KiB on the disk of its folder, median, for comparison", floor, " ms"),
         amount(
             "history, bytes on the disk for each kept sample",
             4.0,
@@ -272,7 +225,38 @@ pub fn rows() -> Vec<Row> {
             " B",
             "the tails of open blocks are written again and again, and files grow by pages",
         ),
+        day::row(),
     ]
+}
+
+/// A bare socket to a controller.
+struct Bare(TcpStream);
+
+impl Bare {
+    fn new(address: SocketAddr) -> Self {
+        let stream = TcpStream::connect(address).expect("it listens");
+        stream.set_nodelay(true).expect("small frames leave at once");
+        Self(stream)
+    }
+
+    /// Sends a frame and reads the reply, which a controller sends in one write, and which ends with its brace.
+    fn ask(&mut self, frame: &str, reply: &mut [u8]) {
+        self.0.write_all(frame.as_bytes()).expect("it is read");
+        let mut filled = 0;
+        while reply[..filled].last() != Some(&b'}') {
+            let count = self.0.read(&mut reply[filled..]).expect("a reply");
+            assert!(count > 0, "the controller closed the connection");
+            filled += count;
+        }
+    }
+
+    /// Switches the output Y013.
+    fn set_output(&mut self, on: usize) {
+        let frame = format!(
+            r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"command","packID":"10001","cmdData":["modifyOutput","0","3","{on}"]}}"#
+        );
+        self.ask(&frame, &mut [0; 1024]);
+    }
 }
 
 /// The samples that were kept, and the bytes of all files of the history.
@@ -283,37 +267,43 @@ fn counting_kept(client: &mut Client) -> (f64, f64) {
     (kept, bytes.and_then(|bytes| bytes.parse().ok()).expect("the size of the history"))
 }
 
-/// The median and the 99th of 100 of commands, in ms, from the request to the answer.
-fn commands(client: &mut Client) -> [f64; 2] {
+/// Commands through the gateway, and the same command over a bare socket to another robot, in turns. The median
+/// and the 99th of 100 of each, in ms, from the request to the answer.
+fn commands(client: &mut Client, bare: &mut Bare) -> [[f64; 2]; 2] {
     let lease = client.json("POST", "/v1/robots/robot-0/lease", r#"{"duration_ms":300000}"#);
     let lease = lease["lease"].to_string();
-    let mut times: Vec<f64> = (0..COMMANDS)
-        .map(|number| {
-            let on = number % 2;
-            let body =
-                format!(r#"{{"command":"modifyOutput","arguments":["0","3","{on}"],"lease":{lease}}}"#);
-            let begun = Instant::now();
-            client.json("POST", "/v1/robots/robot-0/commands", &body);
-            let took = begun.elapsed();
-            // A controller takes about ten a second.
-            std::thread::sleep(Duration::from_millis(20));
-            took.as_secs_f64() * 1e3
-        })
-        .collect();
+    let (mut through, mut direct) = (Vec::new(), Vec::new());
+    for number in 0..COMMANDS {
+        let on = number % 2;
+        let body = format!(r#"{{"command":"modifyOutput","arguments":["0","3","{on}"],"lease":{lease}}}"#);
+        let begun = Instant::now();
+        client.json("POST", "/v1/robots/robot-0/commands", &body);
+        through.push(begun.elapsed().as_secs_f64() * 1e3);
+        std::thread::sleep(PAUSE);
+        let begun = Instant::now();
+        bare.set_output(on);
+        direct.push(begun.elapsed().as_secs_f64() * 1e3);
+        std::thread::sleep(PAUSE);
+    }
+    [through, direct].map(|times| percentiles(times, [50, 99]))
+}
+
+/// These percentiles of the times.
+fn percentiles<const N: usize>(mut times: Vec<f64>, percents: [usize; N]) -> [f64; N] {
     times.sort_by(f64::total_cmp);
-    [50, 99].map(|percent| times[times.len() * percent / 100])
+    percents.map(|percent| times[times.len() * percent / 100])
 }
 
 /// The median of a synchronised write of 4 KiB in this folder, in ms.
 fn disk(folder: &str) -> f64 {
     let mut file = std::fs::File::create(Path::new(folder).join("floor")).expect("a file");
-    let mut times: Vec<f64> = (0..COMMANDS)
+    let times: Vec<f64> = (0..COMMANDS)
         .map(|_| {
             let begun = Instant::now();
             file.write_all(&[0; 4096]).and_then(|()| file.sync_data()).expect("it is written");
             begun.elapsed().as_secs_f64() * 1e3
         })
         .collect();
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+    let [median] = percentiles(times, [50]);
+    median
 }

@@ -22,6 +22,8 @@ use crate::core::history::{tail, turns};
 use crate::core::name::RobotName;
 use crate::core::watch::Before;
 use crate::store::StoreError;
+#[cfg(feature = "simulation")]
+use crate::store::history::Days;
 use crate::store::history::{HistoryStore, Part};
 
 /// How much is written in one transaction, in bytes, so that the write-ahead log stays small.
@@ -78,7 +80,7 @@ impl Robot {
 
 /// The open blocks of all robots.
 #[derive(Debug)]
-pub(super) struct Journal<S> {
+pub struct Journal<S> {
     store: S,
     settings: HistorySettings,
     counts: Arc<HistoryCounts>,
@@ -99,6 +101,13 @@ pub(super) struct Journal<S> {
     written: u64,
     /// Whether the disk had too little room when it was looked at last.
     has_no_room: bool,
+}
+
+/// A journal of the history in this folder, for a simulated past.
+#[cfg(feature = "simulation")]
+pub fn of_folder(folder: &std::path::Path, settings: HistorySettings) -> Journal<Days> {
+    let store = Days::to_write(folder, settings.max_bytes);
+    Journal::new(store, settings, Arc::default())
 }
 
 impl<S: HistoryStore> Journal<S> {
