@@ -1,7 +1,8 @@
 //! Backups of the folder of a gateway, and a folder made of one.
 //!
 //! A backup is a folder: a copy of `control.db`, of the files of the history and of a certificate that the
-//! gateway made, and `backup.json`, which lists them with their checksums. Each database is copied within
+//! gateway made, and `backup.json`, which lists them with their checksums. The key that signs the heads of the
+//! audit log is not in it: two gateways with one key could sign heads that contradict each other. Each database is copied within
 //! one reading transaction, so the gateway may go on meanwhile. `control.db` is copied last, so that the
 //! audit log of a backup knows everything that made the rest.
 
@@ -19,9 +20,9 @@ use crate::certificate;
 use crate::clock;
 use crate::files;
 use crate::gateway::HISTORY;
-use crate::shell;
 use crate::store::history::{file_names, is_file_name};
 use crate::store::{self, Author, Sqlite, StoreError};
+use crate::verify::{VerifyError, verify};
 
 /// What lists the files of a backup.
 pub const LIST: &str = "backup.json";
@@ -252,14 +253,16 @@ fn is_of_a_backup(name: &str) -> bool {
 
 /// How many entries the audit log of a folder has. A log that is not whole is a problem, but is kept.
 fn entries(folder: &Path, problems: &mut Vec<String>) -> Result<u64, BackupError> {
-    match shell::verify(folder) {
-        Ok(verified) => Ok(verified.entries),
-        Err(StoreError::Broken(broken)) => {
-            problems.push(format!("the audit log is NOT whole: {broken}"));
-            Ok(Sqlite::open_to_read(folder, false)?.last_number()?)
+    let problem = match verify(folder, &[], None) {
+        Ok(verified) => return Ok(verified.entries),
+        Err(VerifyError::Store(StoreError::Broken(broken))) => {
+            format!("the audit log is NOT whole: {broken}")
         }
-        Err(error) => Err(error.into()),
-    }
+        Err(VerifyError::Store(error)) => return Err(error.into()),
+        Err(error) => format!("the audit log is NOT whole: {error}"),
+    };
+    problems.push(problem);
+    Ok(Sqlite::open_to_read(folder, false)?.count_entries()?)
 }
 
 /// Makes the folder of an unfinished backup, in place of the last unfinished one. The file is locked until it
@@ -377,7 +380,7 @@ mod tests {
         assert_eq!(restored, made);
         assert_eq!(std::fs::read_to_string(new.join("tls/key.pem")).unwrap(), "key");
         assert_eq!(crate::list_tokens(&new).unwrap().len(), 1);
-        assert_eq!(crate::verify(&new).unwrap().entries, 2, "and the entry that says so");
+        assert_eq!(verify(&new, &[], None).unwrap().entries, 2, "and the entry that says so");
         let last = Sqlite::open_existing(&new).unwrap().entries(1, 1).unwrap().remove(0);
         assert!(last.body.contains("restored") && last.body.contains("\"actor\":\"shell\""), "{}", last.body);
         let mut store = Sqlite::open_existing(&new).unwrap();
@@ -463,7 +466,7 @@ mod tests {
         let control = to.join("control.db");
         let old = rusqlite::Connection::open(&control).unwrap();
         old.execute_batch(
-            "DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program; DROP TABLE alarm; DROP TABLE hall;
+            "DROP TABLE audit_head; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program; DROP TABLE alarm; DROP TABLE hall;
              ALTER TABLE robot DROP COLUMN model;
              PRAGMA user_version = 1; PRAGMA journal_mode = WAL;",
         )
@@ -474,19 +477,19 @@ mod tests {
             files.collect::<std::collections::BTreeSet<_>>()
         };
         let (bytes, names) = (std::fs::read(&control).unwrap(), files());
-        assert_eq!(crate::verify(&to).unwrap().entries, 1);
+        assert_eq!(verify(&to, &[], None).unwrap().entries, 1);
         assert_eq!(crate::list_tokens(&to).unwrap().len(), 1);
         assert!(crate::list_users(&to).unwrap().is_empty());
         assert!(std::fs::read(&control).unwrap() == bytes, "the tables are those of the older r6");
         assert_eq!(files(), names, "nothing is made beside it");
         // The same for a folder that is no backup.
         std::fs::remove_file(to.join(LIST)).unwrap();
-        assert_eq!(crate::verify(&to).unwrap().entries, 1);
+        assert_eq!(verify(&to, &[], None).unwrap().entries, 1);
         assert!(std::fs::read(&control).unwrap() == bytes);
         let newer = rusqlite::Connection::open(&control).unwrap();
         newer.execute_batch("PRAGMA user_version = 99").unwrap();
         drop(newer);
-        assert!(crate::verify(&to).unwrap_err().to_string().contains("of a newer r6 (tables 99)"));
+        assert!(verify(&to, &[], None).unwrap_err().to_string().contains("of a newer r6 (tables 99)"));
     }
 
     #[test]
@@ -522,7 +525,7 @@ mod tests {
         let failed = restore(&new, &to, |_| ()).unwrap_err();
         assert!(matches!(failed, BackupError::Store(StoreError::Unreadable(_))), "{failed}");
         assert!(!new.join("control.db").exists(), "no robot could be moved with it");
-        assert!(crate::verify(&new).unwrap_err().to_string().contains("there is no"));
+        assert!(verify(&new, &[], None).unwrap_err().to_string().contains("there is no"));
         assert!(matches!(restore(&new, &to, |_| ()), Err(BackupError::NotEmpty(_))));
     }
 

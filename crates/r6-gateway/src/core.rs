@@ -4,6 +4,8 @@
 //!   It alone makes a [`seat::Permit`], without which no command leaves.
 //! - [`role`]: which role may do what.
 //! - [`chain`]: the hash chain of the audit log.
+//! - [`head`]: signed heads of the audit log.
+//! - [`retention`]: how much of the audit log is kept.
 //! - [`hall`]: the time zone of the hall, and which instants a shift has.
 //! - [`history`]: which values are kept, and how.
 //! - [`alarms`]: the alarms of a robot, acknowledged and shelved.
@@ -23,6 +25,7 @@ pub mod account;
 pub mod alarms;
 pub mod chain;
 pub mod hall;
+pub mod head;
 pub mod history;
 pub mod library;
 pub mod live;
@@ -31,6 +34,7 @@ pub mod order;
 pub mod production;
 pub mod rate;
 pub mod raw;
+pub mod retention;
 pub mod role;
 pub mod seat;
 pub mod session;

@@ -16,9 +16,11 @@ use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 
 use crate::accounts::Accounts;
+use crate::auditor::{self, AuditSettings, Auditor, open_key};
 use crate::certificate::{Certificate, CertificateError, TlsSettings};
 use crate::clock;
 use crate::core::hall::Hall;
+use crate::core::head::Signer;
 use crate::core::name::RobotName;
 use crate::core::raw::policy::RawPolicy;
 use crate::fleet::Fleet;
@@ -62,6 +64,8 @@ pub struct GatewaySettings {
     pub raw_policy: RawPolicy,
     /// The time zone and the shifts, if the file has them.
     pub hall: Option<Hall>,
+    /// What is kept of the audit log.
+    pub audit: AuditSettings,
     /// What is kept of values.
     pub history: HistorySettings,
     /// Host names by which clients reach the gateway, besides the addresses of this machine.
@@ -157,6 +161,8 @@ impl Gateway {
         let listener = TcpListener::bind(listen).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
 
+        let audit = (open_key(&settings.data)?, settings.audit);
+        auditor::begin(&mut store, &audit.0)?;
         let begun = begin(&mut store, robots)?;
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
         let history = settings.history;
@@ -164,7 +170,7 @@ impl Gateway {
             history.on.then(|| Recorder::start(&settings.data.join(HISTORY), history)).transpose()?;
         let shared = Shared::new(keeper, Roads::Tcp, history, epoch());
         let (robots, hall) = (settings.robot_settings, settings.hall);
-        let state = look_after(begun, shared, certificate.clone(), robots, hall).await?;
+        let state = look_after(begun, shared, certificate.clone(), robots, hall, audit).await?;
         let raw_policy = SharedPolicy::new(settings.raw_policy);
         let doors = match open(settings.raw, &state.fleet, &raw_policy) {
             Ok(doors) => doors,
@@ -179,6 +185,8 @@ impl Gateway {
         server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
         server.spawn(follow(certificate.clone()));
         keep_fresh(&state, &mut server);
+        let auditor = Arc::clone(&state.auditor);
+        server.spawn(async move { auditor.keep().await });
         let mut raw_ports = Vec::new();
         for (port, door, listener) in doors {
             raw_ports.push(port);
@@ -262,6 +270,9 @@ impl Gateway {
             tracing::error!("the last records about users were not written");
         }
         let ended = shared.keeper.append(vec![record(None, Deed::GatewayEnded {})]).await.map(drop);
+        if let Err(error) = self.state.auditor.put_head().await {
+            tracing::error!(%error, "the last head of the audit log was not stored");
+        }
         if let Some(history) = &shared.history
             && !matches!(tokio::time::timeout(LAST_SAMPLES, history.end()).await, Ok(Ok(())))
         {
@@ -300,14 +311,27 @@ pub(crate) async fn look_after(
     certificate: Option<Certificate>,
     robot_settings: RobotSettings,
     hall: Option<Hall>,
+    (signer, audit): (Signer, AuditSettings),
 ) -> Result<State, StoreError> {
     let shared = Arc::new(shared);
     let tokens = Arc::new(Tokens::read(shared.keeper.clone()).await?);
     let accounts = Arc::new(Accounts::read(shared.keeper.clone()).await?);
     let settings = Arc::new(Settings::read(shared.keeper.clone(), hall).await?);
     let fleet = Arc::new(Fleet::start(robots, &owed, Arc::clone(&shared)));
+    let auditor = Arc::new(Auditor::new(shared.keeper.clone(), signer, audit));
     let (is_secure, bench) = (certificate.is_some(), Bench::new());
-    Ok(State { fleet, tokens, accounts, shared, is_secure, certificate, robot_settings, settings, bench })
+    Ok(State {
+        fleet,
+        tokens,
+        accounts,
+        auditor,
+        shared,
+        is_secure,
+        certificate,
+        robot_settings,
+        settings,
+        bench,
+    })
 }
 
 /// How the gateway is reached.

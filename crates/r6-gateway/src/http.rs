@@ -48,6 +48,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use crate::accounts::Accounts;
+use crate::auditor::Auditor;
 use crate::certificate::Certificate;
 use crate::fleet::Fleet;
 use crate::fleet::station::Shared;
@@ -66,6 +67,8 @@ pub struct State {
     pub tokens: Arc<Tokens>,
     /// The users and their sessions.
     pub accounts: Arc<Accounts>,
+    /// What signs the heads of the audit log.
+    pub auditor: Arc<Auditor>,
     /// What they share.
     pub shared: Arc<Shared>,
     /// Whether clients speak TLS with the gateway.
@@ -138,6 +141,7 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(alarms::acknowledge))
         .routes(routes!(alarms::shelve, alarms::unshelve))
         .routes(routes!(audit::page))
+        .routes(routes!(audit::head))
         .routes(routes!(history::show))
         .routes(routes!(history::events::show))
         .routes(routes!(production::show))

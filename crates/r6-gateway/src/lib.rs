@@ -30,6 +30,7 @@
 //! - `history`: values and events that are kept, by a thread and in files of their own.
 //! - `programs`: the check and the plan of programs, without a robot. Their runs are in `fleet`.
 //! - `accounts`: users, their passwords and sessions.
+//! - `auditor`: signs the heads of the audit log and removes its oldest entries; `verify` checks it.
 //! - `settings`: the time zone and the shifts of the hall.
 //! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
@@ -42,6 +43,7 @@
 )]
 
 mod accounts;
+mod auditor;
 mod backup;
 mod certificate;
 mod clock;
@@ -64,13 +66,17 @@ mod simulated;
 pub mod simulation;
 mod store;
 mod tokens;
+mod verify;
 
+pub use crate::auditor::AuditSettings;
 pub use crate::backup::{Backup, BackupError, backup, restore};
 pub use crate::certificate::{Certificate, CertificateError, TlsSettings};
 pub use crate::core::account::{Account, PasswordHash, UserName};
 pub use crate::core::hall::{Hall, Mistake as HallMistake};
+pub use crate::core::head::PublicKey;
 pub use crate::core::name::RobotName;
 pub use crate::core::raw::policy::{RawAllow, RawPolicy, RawRule, RawSource};
+pub use crate::core::retention::LEAST_ENTRIES;
 pub use crate::core::role::Grant;
 pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
 pub use crate::fleet::roster::Changes;
@@ -80,10 +86,10 @@ pub use crate::http::openapi;
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
 pub use crate::shell::{
-    Verified, add_user, disable_user, has_certificate, list_tokens, list_users, make_link, make_token,
-    revoke_token, verify,
+    add_user, disable_user, has_certificate, list_tokens, list_users, make_link, make_token, revoke_token,
 };
 pub use crate::store::{StoreError, Token};
+pub use crate::verify::{Signed, Verified, VerifyError, verify};
 
 /// The default port of the gateway.
 pub const DEFAULT_PORT: u16 = 9780;

@@ -5,15 +5,14 @@ use std::path::Path;
 use r6_api::gateway::Role;
 
 use crate::accounts;
-use crate::backup;
 use crate::certificate;
 use crate::clock;
 use crate::core::account::{Account, UserName, Wish};
-use crate::core::chain::Verifier;
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
-use crate::store::{Author, MAX_PAGE, NewToken, Sqlite, Store, StoreError, Token, UserChange};
+use crate::store::{Author, NewToken, Sqlite, Store, StoreError, Token, UserChange};
 use crate::tokens;
+use crate::verify::to_read;
 
 /// Makes a token. Returns its number and its text, which is nowhere else.
 ///
@@ -97,38 +96,4 @@ pub fn has_certificate(folder: &Path) -> bool {
 pub fn list_users(folder: &Path) -> Result<Vec<Account>, StoreError> {
     let users = to_read(folder)?.users()?;
     Ok(users.into_iter().map(|user| user.account).collect())
-}
-
-/// An audit log that is whole.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Verified {
-    /// How many entries it has.
-    pub entries: u64,
-    /// The hash of the last one: note it elsewhere, to notice later that entries were cut off.
-    pub head: String,
-}
-
-/// The store of a folder that is only read. A backup is written by no other process.
-fn to_read(folder: &Path) -> Result<Sqlite, StoreError> {
-    Sqlite::open_to_read(folder, folder.join(backup::LIST).is_file())
-}
-
-/// Checks the audit log from its first entry to its last. Nothing is changed, also if an older r6 made the
-/// file.
-///
-/// # Errors
-/// [`StoreError::Broken`] with the first entry that is wrong; other errors if it cannot be read.
-pub fn verify(folder: &Path) -> Result<Verified, StoreError> {
-    let mut store = to_read(folder)?;
-    let mut verifier = Verifier::default();
-    loop {
-        let page = store.entries(verifier.head().0, MAX_PAGE)?;
-        for entry in &page {
-            verifier.check(entry.number, &entry.body, entry.hash).map_err(StoreError::Broken)?;
-        }
-        if page.is_empty() {
-            let (entries, head) = verifier.head();
-            return Ok(Verified { entries, head: head.to_string() });
-        }
-    }
 }

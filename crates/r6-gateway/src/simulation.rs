@@ -11,6 +11,7 @@ mod history;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use r6_client::RobotSettings;
 use r6_http::Listener;
@@ -19,13 +20,15 @@ use tokio::task::JoinSet;
 pub use disk::{Disk, Fullness};
 pub use history::write_history;
 
+use crate::auditor::{self, AuditSettings};
+use crate::core::head::Signer;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::station::Shared;
 use crate::gateway::{self, GatewayError};
 use crate::history::{HistorySettings, Recorder};
 use crate::http;
 pub use crate::simulated::{Connecting, Entered, Roads, enter};
-use crate::store::Keeper;
+use crate::store::{Keeper, StoreError};
 
 /// What a simulated gateway needs.
 #[derive(Debug)]
@@ -38,6 +41,8 @@ pub struct Settings {
     pub robots: Vec<RobotConfig>,
     /// How to communicate with robots that are added through the API.
     pub robot_settings: RobotSettings,
+    /// What is kept of the audit log; `None` for all of it, without signed heads on the disk.
+    pub audit: Option<AuditSettings>,
     /// The folder of the history, and what is kept; `None` for no history.
     pub history: Option<(PathBuf, HistorySettings)>,
 }
@@ -61,15 +66,25 @@ pub async fn start(
 ) -> Result<Running, GatewayError> {
     let mut store = disk.mount();
     let robots = gateway::all_robots(&mut store, settings.robots, &settings.robot_settings)?;
+    // It has no folder for a key.
+    let signer = Signer::of_seed([0; 32]).ok_or_else(|| StoreError::Unavailable("no key".to_owned()))?;
+    if settings.audit.is_some() {
+        auditor::begin(&mut store, &signer)?;
+    }
     let saved = gateway::begin(&mut store, robots)?;
     let pace = disk.clone();
     let keeper = Keeper::in_task(store, move || pace.takes());
     let history = settings.history.map(|(folder, kept)| Recorder::in_task(&folder, kept));
     let shared = Shared::new(keeper, crate::fleet::roads::Roads::Simulated(roads), history, gateway::epoch());
-    let state = gateway::look_after(saved, shared, None, settings.robot_settings, None).await?;
+    let audit = (signer, settings.audit.unwrap_or_default());
+    let state = gateway::look_after(saved, shared, None, settings.robot_settings, None, audit).await?;
     let mut server = JoinSet::new();
     let site = gateway::site(settings.address, settings.names, &state);
     server.spawn(r6_http::serve_plain(listener, http::router(state.clone(), site)));
     gateway::keep_fresh(&state, &mut server);
+    if settings.audit.is_some() {
+        let auditor = Arc::clone(&state.auditor);
+        server.spawn(async move { auditor.keep().await });
+    }
     Ok(Running { _server: server })
 }

@@ -7,6 +7,7 @@
 
 #[cfg(test)]
 mod contract;
+mod heads;
 pub mod history;
 mod keeper;
 mod library;
@@ -27,6 +28,7 @@ use crate::core::name::RobotName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 
+pub use heads::{Ends, Heads};
 pub use keeper::Keeper;
 pub use library::{Kept, LibraryError, NewVersion};
 #[cfg(test)]
@@ -54,6 +56,40 @@ pub trait Store: Send {
     /// # Errors
     /// [`StoreError`].
     fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError>;
+
+    /// The ends of the audit log.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn ends(&mut self) -> Result<Ends, StoreError>;
+
+    /// The signed heads of the audit log; none if an older r6 made the store.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn heads(&mut self) -> Result<Heads, StoreError>;
+
+    /// Puts the public key of the heads in the place of the one before, and the head of the removed entries
+    /// as this key signed it. Removes the newest head, which another key signed. Appends a record to the audit
+    /// log. All or nothing.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn put_key(&mut self, key: &str, cut: Option<&str>, record: &AuditRecord) -> Result<(), StoreError>;
+
+    /// Puts a signed head of the audit log in the place of the one before.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn put_head(&mut self, note: &str) -> Result<(), StoreError>;
+
+    /// Removes the entries of the audit log up to this number, and puts the signed head of the last one of
+    /// them in the place of the one before, both or neither. Changes nothing if no entry would be left:
+    /// numbers go on behind the newest entry.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn cut(&mut self, until: u64, note: &str) -> Result<(), StoreError>;
 
     /// The numbers and robots of commands whose outcome is not in the audit log.
     ///
@@ -449,6 +485,12 @@ impl fmt::Display for StoreError {
 }
 
 impl std::error::Error for StoreError {}
+
+impl From<Broken> for StoreError {
+    fn from(broken: Broken) -> Self {
+        Self::Broken(broken)
+    }
+}
 
 /// The text of a record in the audit log.
 fn body(record: &AuditRecord) -> Result<String, StoreError> {

@@ -19,7 +19,7 @@ use r6_api::gateway::Role;
 use r6_client::RobotSettings;
 use r6_controller::{Button, Library, PanelAction};
 use r6_gateway::simulation::{self, Disk};
-use r6_gateway::{HistorySettings, RobotConfig, RobotName};
+use r6_gateway::{AuditSettings, HistorySettings, RobotConfig, RobotName};
 use r6_sim::{SimSettings, Simulation};
 use tokio::time::{Instant, sleep};
 
@@ -34,6 +34,9 @@ const WORK: &str = "\
 
 /// How often everything is looked at.
 const LOOK: Duration = Duration::from_secs(600);
+
+/// How many entries of the audit log are kept: fewer than a day makes.
+const MOST_ENTRIES: u64 = 1_000;
 
 /// How much more memory the last quarter of the time may need than the second one: a tenth, and what the
 /// control data in memory and the allocator take.
@@ -173,6 +176,7 @@ async fn day(
         names: vec![crate::hall::gate::GATEWAY.to_owned()],
         robots: configs(plan)?,
         robot_settings: RobotSettings::default(),
+        audit: Some(AuditSettings { max_entries: MOST_ENTRIES }),
         history: Some((folder.to_owned(), history)),
     };
     let running = simulation::start(&disk, listener, network.roads(), settings).await?;

@@ -279,6 +279,22 @@ pub struct Audit {
     pub next_after: Option<u64>,
 }
 
+/// The signed end of the audit log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct AuditHead {
+    /// The number of the last entry.
+    pub number: u64,
+    /// Its hash.
+    pub hash: String,
+    /// When it was signed: RFC 3339, UTC.
+    pub time: String,
+    /// The three above, signed: a C2SP signed note. Keep it on another machine.
+    pub note: String,
+    /// The public key that checks the note. Keep it too, once.
+    pub key: String,
+}
+
 /// An entry of the audit log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -328,6 +344,12 @@ pub enum Deed {
         made: String,
         /// How many entries its log has.
         entries: u64,
+    },
+    /// The heads of the audit log are signed with this key from now on: at the first start, after a restore,
+    /// and if the file `audit.key` was lost or exchanged.
+    AuditKey {
+        /// The public key.
+        key: String,
     },
     /// A token was made.
     TokenMade {

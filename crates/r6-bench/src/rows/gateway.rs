@@ -13,7 +13,9 @@ use std::time::{Duration, Instant};
 use r6_api::gateway::Role;
 use r6_client::{Address, RobotSettings};
 use r6_controller::Library;
-use r6_gateway::{Gateway, GatewaySettings, HistorySettings, RawPolicy, RobotConfig, RobotName, TlsSettings};
+use r6_gateway::{
+    AuditSettings, Gateway, GatewaySettings, HistorySettings, RawPolicy, RobotConfig, RobotName, TlsSettings,
+};
 use r6_sim::{SimSettings, Simulation};
 use tokio::runtime::Builder;
 
@@ -79,6 +81,7 @@ pub fn serve_gateway(robots: &[String]) {
         raw: Vec::new(),
         raw_policy: RawPolicy::default(),
         hall: None,
+        audit: AuditSettings::default(),
         history: HistorySettings::default(),
         names: Vec::new(),
         tls: TlsSettings::Off,

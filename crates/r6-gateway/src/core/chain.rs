@@ -1,11 +1,13 @@
 //! The hash chain of the audit log: each entry carries a hash over the hash of the entry before.
 //!
 //! A changed, removed or moved entry breaks the chain, unless all later hashes are computed anew. Entries cut
-//! off at the end leave a shorter chain that is whole: compare its head with a noted one.
+//! off at the end leave a shorter chain that is whole: signed heads ([`super::head`]) find that.
 
 use std::fmt;
 
 use sha2::{Digest, Sha256};
+
+use super::head::Unfit;
 
 /// The hash of an entry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,6 +51,7 @@ pub fn link(before: Hash, number: u64, body: &str) -> Hash {
 /// Checks a chain, entry by entry.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Verifier {
+    /// The number of the last entry.
     entries: u64,
     head: Hash,
 }
@@ -74,6 +77,13 @@ pub enum Broken {
         /// The number of the entry.
         number: u64,
     },
+    /// The log does not have the entry of a signed head: its end was cut off, or it was rewritten.
+    Head {
+        /// The number of the entry.
+        number: u64,
+    },
+    /// A signed head beside the log is wrong.
+    Signature(Unfit),
 }
 
 impl fmt::Display for Broken {
@@ -85,6 +95,12 @@ impl fmt::Display for Broken {
             Self::Changed { number } => {
                 write!(f, "entry {number} does not fit its hash: it or an entry before it was changed")
             }
+            Self::Head { number } => write!(
+                f,
+                "a signed head is about entry {number}, and the log does not have this entry: its end was cut \
+                 off, or it was rewritten"
+            ),
+            Self::Signature(unfit) => write!(f, "a stored head: {unfit}"),
         }
     }
 }
@@ -92,12 +108,18 @@ impl fmt::Display for Broken {
 impl std::error::Error for Broken {}
 
 impl Verifier {
+    /// A verifier of the entries behind this one, which has this hash.
+    #[must_use]
+    pub fn after(number: u64, hash: Hash) -> Self {
+        Self { entries: number, head: hash }
+    }
+
     /// Checks the next entry.
     ///
     /// # Errors
     /// [`Broken`]: the chain is not whole. The verifier stays where it was.
     pub fn check(&mut self, number: u64, body: &str, hash: Hash) -> Result<(), Broken> {
-        let wanted = self.entries + 1;
+        let wanted = self.entries.saturating_add(1);
         if number != wanted {
             return Err(Broken::Missing { wanted, found: number });
         }
@@ -108,7 +130,7 @@ impl Verifier {
         Ok(())
     }
 
-    /// How many entries were checked, and the hash of the last one.
+    /// The number of the last entry that was checked, and its hash.
     #[must_use]
     pub fn head(&self) -> (u64, Hash) {
         (self.entries, self.head)

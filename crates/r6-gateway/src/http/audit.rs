@@ -3,7 +3,7 @@
 use axum::Json;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State as Of};
-use r6_api::gateway::{Audit, AuditEntry};
+use r6_api::gateway::{Audit, AuditEntry, AuditHead};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
 use serde::Deserialize;
@@ -69,4 +69,19 @@ pub async fn page(
         (Some(only), robot) => robot.as_deref() == Some(only.as_str()),
     };
     Ok(Json(Audit { entries: entries.into_iter().filter(seen).collect(), next_after }))
+}
+
+/// The present end of the audit log, signed. Keep the note on another machine: `r6 gateway verify --head` finds
+/// with it whether the log was cut off or rewritten since.
+#[utoipa::path(get, path = "/v1/audit/head", responses(
+    (status = 200, description = "The head", body = AuditHead),
+    (status = 503, description = "`store_unavailable`", body = Problem),
+    OfRight,
+))]
+pub async fn head(caller: Caller, Of(state): Of<State>) -> Result<Json<AuditHead>, Refusal> {
+    let grant = caller.grant();
+    caller.must(Right::ReadAudit, grant.only.as_ref().map_or("", |only| only.as_str()))?;
+    let (head, note) = state.auditor.head().await.map_err(|error| refusal::of(error.into()))?;
+    let (number, hash, key) = (head.number, head.hash.to_string(), state.auditor.key().to_string());
+    Ok(Json(AuditHead { number, hash, time: head.time, note, key }))
 }

@@ -8,7 +8,6 @@ use r6_api::gateway::{AuditRecord, Role, Run};
 
 use crate::core::account::Decided;
 use crate::core::alarms;
-use crate::core::chain::Verifier;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
@@ -16,9 +15,10 @@ use crate::core::seat::Saved;
 use crate::secret;
 use crate::store::runs::{Begun, KeptRun, NewRun};
 use crate::store::{
-    Author, Entry, Kept, LibraryError, Link, MAX_PAGE, NewToken, NewVersion, Sqlite, Store, StoreError,
-    StoredRobot, StoredSettings, StoredUser, Token, UserChange,
+    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, NewToken, NewVersion, Sqlite, Store,
+    StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange,
 };
+use crate::verify::{self, VerifyError};
 
 /// What a disk takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,22 +136,21 @@ impl Disk {
             .collect()
     }
 
-    /// Checks the chain of the audit log from its beginning. Returns the number of its last entry.
+    /// Checks the audit log and its signed heads. Returns the number of its last entry.
     ///
     /// # Errors
-    /// [`StoreError`].
-    pub fn verify(&self) -> Result<u64, StoreError> {
-        let mut verifier = Verifier::default();
-        loop {
-            let (after, _) = verifier.head();
-            let page = self.platter().store.entries(after, MAX_PAGE)?;
-            if page.is_empty() {
-                return Ok(after);
-            }
-            for entry in page {
-                verifier.check(entry.number, &entry.body, entry.hash).map_err(StoreError::Broken)?;
-            }
-        }
+    /// [`VerifyError`].
+    pub fn verify(&self) -> Result<u64, VerifyError> {
+        let verified = verify::of_store(&mut self.platter().store, &[], None)?;
+        Ok(verified.removed + verified.entries)
+    }
+
+    /// How many entries of its audit log were removed because there were too many.
+    ///
+    /// # Errors
+    /// [`VerifyError`].
+    pub fn removed(&self) -> Result<u64, VerifyError> {
+        Ok(verify::of_store(&mut self.platter().store, &[], None)?.removed)
     }
 
     /// The number of the last lease of a robot as it was saved, and whether a stop was saved.
@@ -205,6 +204,26 @@ impl Store for Mounted {
 
     fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
         self.read(|store| store.entries(after, most))
+    }
+
+    fn ends(&mut self) -> Result<Ends, StoreError> {
+        self.read(|store| store.ends())
+    }
+
+    fn heads(&mut self) -> Result<Heads, StoreError> {
+        self.read(|store| store.heads())
+    }
+
+    fn put_key(&mut self, key: &str, cut: Option<&str>, record: &AuditRecord) -> Result<(), StoreError> {
+        self.write(|store| store.put_key(key, cut, record))
+    }
+
+    fn put_head(&mut self, note: &str) -> Result<(), StoreError> {
+        self.write(|store| store.put_head(note))
+    }
+
+    fn cut(&mut self, until: u64, note: &str) -> Result<(), StoreError> {
+        self.write(|store| store.cut(until, note))
     }
 
     fn open_intents(&mut self) -> Result<Vec<(u64, Option<String>)>, StoreError> {
@@ -345,3 +364,6 @@ impl Store for Mounted {
         self.write(|store| store.forget_owed_stop(robot))
     }
 }
+
+#[cfg(test)]
+mod tests;

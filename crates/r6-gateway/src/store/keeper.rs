@@ -9,8 +9,8 @@ use tokio::sync::oneshot;
 
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
-    Author, Entry, Kept, LibraryError, Link, NewToken, NewVersion, Store, StoreError, StoredRobot,
-    StoredSettings, StoredUser, Token, UserChange,
+    Author, Ends, Entry, Heads, Kept, LibraryError, Link, NewToken, NewVersion, Store, StoreError,
+    StoredRobot, StoredSettings, StoredUser, Token, UserChange,
 };
 use crate::core::account::Decided;
 use crate::core::alarms;
@@ -29,6 +29,10 @@ type Answer<T, E = StoreError> = oneshot::Sender<Result<T, E>>;
 enum Job {
     Append(Vec<AuditRecord>, Answer<u64>),
     Entries(u64, usize, Answer<Vec<Entry>>),
+    Ends(Answer<Ends>),
+    Heads(Answer<Heads>),
+    PutHead(String, Answer<()>),
+    Cut(u64, String, Answer<()>),
     Tokens(Answer<Vec<Token>>),
     AddToken(NewToken, Author, Answer<i64>),
     RevokeToken(i64, Author, Answer<bool>),
@@ -118,6 +122,38 @@ impl Keeper {
     /// [`StoreError`].
     pub async fn entries(&self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
         self.ask(|answer| Job::Entries(after, most, answer)).await
+    }
+
+    /// As [`Store::ends`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn ends(&self) -> Result<Ends, StoreError> {
+        self.ask(Job::Ends).await
+    }
+
+    /// As [`Store::heads`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn heads(&self) -> Result<Heads, StoreError> {
+        self.ask(Job::Heads).await
+    }
+
+    /// As [`Store::put_head`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn put_head(&self, note: String) -> Result<(), StoreError> {
+        self.ask(|answer| Job::PutHead(note, answer)).await
+    }
+
+    /// As [`Store::cut`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn cut(&self, until: u64, note: String) -> Result<(), StoreError> {
+        self.ask(|answer| Job::Cut(until, note, answer)).await
     }
 
     /// As [`Store::tokens`].
@@ -380,6 +416,10 @@ fn carry_out(store: &mut impl Store, job: Job, waiting: &mut Receiver<Job>) -> O
     match job {
         Job::Append(records, answer) => return append(store, records, answer, waiting),
         Job::Entries(after, most, answer) => drop(answer.send(store.entries(after, most))),
+        Job::Ends(answer) => drop(answer.send(store.ends())),
+        Job::Heads(answer) => drop(answer.send(store.heads())),
+        Job::PutHead(note, answer) => drop(answer.send(store.put_head(&note))),
+        Job::Cut(until, note, answer) => drop(answer.send(store.cut(until, &note))),
         Job::Tokens(answer) => drop(answer.send(store.tokens())),
         Job::AddToken(token, author, answer) => drop(answer.send(store.add_token(&token, &author))),
         Job::RevokeToken(number, by, answer) => drop(answer.send(store.revoke_token(number, &by))),

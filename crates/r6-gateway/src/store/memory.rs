@@ -7,21 +7,23 @@ use r6_api::gateway::{AuditRecord, Deed, Run};
 use super::library::removed;
 use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS, MAX_RUNS_OF_ONE, NewRun};
 use super::{
-    Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
-    StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, check_link, decide, link_made,
-    token_made, token_revoked, user_changed,
+    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store,
+    StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, check_link, decide,
+    link_made, token_made, token_revoked, user_changed,
 };
 use crate::core::account::{Decided, UserName};
 use crate::core::alarms;
 use crate::core::chain::{Hash, link};
 use crate::core::library::{Condition, MAX_VERSIONS, ProgramName};
 use crate::core::name::RobotName;
+use crate::core::retention::BATCH;
 use crate::core::seat::Saved;
 
 /// A store in memory.
 #[derive(Debug, Default)]
 pub struct Memory {
     entries: Vec<Entry>,
+    heads: Heads,
     tokens: Vec<Token>,
     last_token: i64,
     seats: BTreeMap<RobotName, Saved>,
@@ -47,7 +49,7 @@ struct MemoryRun {
 
 impl Store for Memory {
     fn append(&mut self, records: &[AuditRecord]) -> Result<u64, StoreError> {
-        let first = self.entries.len() as u64 + 1;
+        let first = self.entries.last().map_or(1, |entry| entry.number + 1);
         let bodies = records.iter().map(body).collect::<Result<Vec<_>, _>>()?;
         for (number, body) in (first..).zip(bodies) {
             let before = self.entries.last().map_or(Hash::ORIGIN, |entry| entry.hash);
@@ -60,6 +62,40 @@ impl Store for Memory {
     fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
         let entries = self.entries.iter().filter(|entry| entry.number > after);
         Ok(entries.take(most.min(MAX_PAGE)).cloned().collect())
+    }
+
+    fn ends(&mut self) -> Result<Ends, StoreError> {
+        let first = self.entries.first().map_or(0, |entry| entry.number);
+        let (last, hash) = self.entries.last().map_or((0, Hash::ORIGIN), |entry| (entry.number, entry.hash));
+        let open = self.open_intents()?.into_iter().map(|(number, _)| number);
+        Ok(Ends { first, last, hash, open: open.take_while(|number| *number < first + BATCH).next() })
+    }
+
+    fn heads(&mut self) -> Result<Heads, StoreError> {
+        Ok(self.heads.clone())
+    }
+
+    fn put_key(&mut self, key: &str, cut: Option<&str>, record: &AuditRecord) -> Result<(), StoreError> {
+        self.append(std::slice::from_ref(record))?;
+        self.heads = Heads {
+            key: Some(key.to_owned()),
+            end: None,
+            cut: cut.map(str::to_owned).or(self.heads.cut.take()),
+        };
+        Ok(())
+    }
+
+    fn put_head(&mut self, note: &str) -> Result<(), StoreError> {
+        self.heads.end = Some(note.to_owned());
+        Ok(())
+    }
+
+    fn cut(&mut self, until: u64, note: &str) -> Result<(), StoreError> {
+        if self.entries.last().is_some_and(|last| until < last.number) {
+            self.entries.retain(|entry| entry.number > until);
+            self.heads.cut = Some(note.to_owned());
+        }
+        Ok(())
     }
 
     fn open_intents(&mut self) -> Result<Vec<(u64, Option<String>)>, StoreError> {

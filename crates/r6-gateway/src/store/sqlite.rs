@@ -1,5 +1,6 @@
 //! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit.
 
+mod heads;
 mod programs;
 mod runs;
 mod tables;
@@ -14,8 +15,9 @@ use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, Transactio
 use self::tables::TABLES;
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
-    Author, Entry, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store, StoreError,
-    StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, role, token_made, token_revoked,
+    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store,
+    StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, role, token_made,
+    token_revoked,
 };
 use crate::core::account::Decided;
 use crate::core::alarms;
@@ -31,6 +33,9 @@ pub const FILE: &str = "control.db";
 
 /// The version from which on there are users.
 const USERS_SINCE: usize = 3;
+
+/// The version from which on there are signed heads.
+const HEADS_SINCE: usize = 6;
 
 /// How long a write waits for another process, such as `r6 gateway token`: its transactions take
 /// milliseconds.
@@ -144,10 +149,10 @@ impl Sqlite {
         Ok(store)
     }
 
-    /// Lets a stop hold for each robot, raises the numbers of leases, forgets which alarms were acknowledged
-    /// and shelved, and says so in the audit log. Robots
-    /// without a seat are meant too: those of the configuration that never answered, and those that come
-    /// later.
+    /// Makes the copy of a store the store of another gateway: lets a stop hold for each robot, raises the
+    /// numbers of leases, forgets which alarms were acknowledged and shelved, removes the newest signed head,
+    /// and says so in the audit log. Robots without a seat are meant too: those of the configuration that
+    /// never answered, and those that come later.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -161,6 +166,8 @@ impl Sqlite {
             "UPDATE seat SET stopped = 1, lease_number = lease_number + ?1",
             [LEASES_SINCE_BACKUP],
         )?;
+        // Another gateway may go on from here. So this one gets a key of its own, and signs anew.
+        transaction.execute("DELETE FROM audit_head WHERE what = 'end'", [])?;
         // Whether an alarm ended and came again since is not known, so nothing is acknowledged any more.
         transaction.execute("DELETE FROM alarm", [])?;
         append_in(&transaction, std::slice::from_ref(record))?;
@@ -168,12 +175,20 @@ impl Sqlite {
         Ok(())
     }
 
-    /// The number of the last entry of the audit log; 0 without one.
+    /// How many entries the audit log has.
     ///
     /// # Errors
     /// [`StoreError`].
-    pub fn last_number(&self) -> Result<u64, StoreError> {
-        Ok(self.connection.query_row("SELECT coalesce(max(number), 0) FROM audit", [], |row| row.get(0))?)
+    pub fn count_entries(&self) -> Result<u64, StoreError> {
+        Ok(self.connection.query_row("SELECT count(*) FROM audit", [], |row| row.get(0))?)
+    }
+
+    /// Makes everything that is read from now on of one moment, while others write.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn hold_still(&self) -> Result<(), StoreError> {
+        Ok(self.connection.execute_batch("BEGIN")?)
     }
 
     /// Closes the file, with nothing beside it.
@@ -233,17 +248,7 @@ pub fn copy(from: &Path, to: &Path) -> Result<(), StoreError> {
 
 /// Appends to the audit log within a transaction. Returns the number of the first entry.
 fn append_in(transaction: &Transaction<'_>, records: &[AuditRecord]) -> Result<u64, StoreError> {
-    let last = transaction
-        .prepare_cached("SELECT number, hash FROM audit ORDER BY number DESC LIMIT 1")?
-        .query_row([], |row| Ok((row.get::<_, u64>(0)?, row.get::<_, Vec<u8>>(1)?)))
-        .optional()?;
-    let (last, mut head) = match last {
-        None => (0, Hash::ORIGIN),
-        Some((number, hash)) => {
-            let broken = StoreError::Broken(Broken::Changed { number });
-            (number, Hash::of_bytes(&hash).ok_or(broken)?)
-        }
-    };
+    let (last, mut head) = heads::last(transaction)?;
     let mut insert =
         transaction.prepare_cached("INSERT INTO audit (number, body, hash) VALUES (?1, ?2, ?3)")?;
     for (number, record) in (last + 1..).zip(records) {
@@ -288,6 +293,34 @@ impl Store for Sqlite {
             Ok(Entry { number, body, hash })
         })
         .collect()
+    }
+
+    fn ends(&mut self) -> Result<Ends, StoreError> {
+        heads::ends(&self.connection)
+    }
+
+    fn heads(&mut self) -> Result<Heads, StoreError> {
+        // A file that is only read can be older than heads.
+        if self.version()? < HEADS_SINCE {
+            return Ok(Heads::default());
+        }
+        heads::all(&self.connection)
+    }
+
+    fn put_key(&mut self, key: &str, cut: Option<&str>, record: &AuditRecord) -> Result<(), StoreError> {
+        let transaction = self.write()?;
+        heads::put_key(&transaction, key, cut)?;
+        append_in(&transaction, std::slice::from_ref(record))?;
+        transaction.commit()?;
+        Ok(())
+    }
+
+    fn put_head(&mut self, note: &str) -> Result<(), StoreError> {
+        heads::put(&self.connection, "end", note)
+    }
+
+    fn cut(&mut self, until: u64, note: &str) -> Result<(), StoreError> {
+        heads::cut(self.write()?, until, note)
     }
 
     fn open_intents(&mut self) -> Result<Vec<(u64, Option<String>)>, StoreError> {

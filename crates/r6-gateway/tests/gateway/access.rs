@@ -22,11 +22,12 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 50] = [
+const ROUTES: [(&str, &str, Needs); 51] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
     ("GET", "/v1/audit", Needs::Role(Role::Engineer)),
+    ("GET", "/v1/audit/head", Needs::Role(Role::Engineer)),
     ("GET", "/v1/events", Needs::Role(Role::Viewer)),
     ("GET", "/v1/live", Needs::Role(Role::Viewer)),
     ("GET", "/v1/openapi.json", Needs::Role(Role::Viewer)),

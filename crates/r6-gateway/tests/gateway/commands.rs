@@ -32,7 +32,7 @@ async fn a_command_needs_role_and_lease_and_stands_in_the_audit_log() {
     let refused = audit.iter().filter(|entry| entry["what"] == "refused");
     let codes: Vec<_> = refused.map(|entry| &entry["code"]).collect();
     assert_eq!(codes, ["not_allowed", "no_lease"]);
-    assert!(r6_gateway::verify(hall.data.path()).unwrap().entries >= audit.len() as u64);
+    assert!(r6_gateway::verify(hall.data.path(), &[], None).unwrap().entries >= audit.len() as u64);
 }
 
 #[tokio::test]

@@ -5,6 +5,7 @@ mod alarms;
 mod commands;
 mod fleet;
 mod happenings;
+mod heads;
 mod history;
 mod leases;
 mod openapi;

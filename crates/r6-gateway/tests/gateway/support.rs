@@ -9,7 +9,8 @@ use r6_api::gateway::Role;
 use r6_client::RobotSettings;
 use r6_controller::{Event, LogEntry, Program, StartState};
 use r6_gateway::{
-    Gateway, GatewaySettings, HistorySettings, RawPolicy, RawPort, RobotConfig, RobotName, TlsSettings,
+    AuditSettings, Gateway, GatewaySettings, HistorySettings, RawPolicy, RawPort, RobotConfig, RobotName,
+    TlsSettings,
 };
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
@@ -212,6 +213,7 @@ pub fn settings(data: &Path, robots: Vec<RobotConfig>) -> GatewaySettings {
         raw: Vec::new(),
         raw_policy: RawPolicy::default(),
         hall: None,
+        audit: AuditSettings::default(),
         history: HistorySettings::default(),
         names: Vec::new(),
         tls: TlsSettings::Off,

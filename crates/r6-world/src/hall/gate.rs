@@ -85,6 +85,7 @@ async fn start(
         names: vec![GATEWAY.to_owned()],
         robots,
         robot_settings: settings(99),
+        audit: None,
         history: None,
     };
     Ok(simulation::start(&disk, Entrance { shared: shared.clone(), listener }, roads, settings).await?)

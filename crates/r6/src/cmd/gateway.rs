@@ -57,6 +57,10 @@ What is kept of values, and for how long; it holds from the next start:
   keep_days = 30                       today included
   max_mb = 10240                       all files together; the oldest values go first
 
+How much of the audit log is kept; it holds from the next start:
+  [audit]
+  max_entries = 2000000                an entry takes about 0.4 KiB; the oldest go first
+
 The time zone of the hall, and its shifts; over HTTP, an admin can change them only without these:
   [hall]
   time_zone = \"Europe/Berlin\"
@@ -147,7 +151,7 @@ pub fn run(args: GatewayArgs, robot_typed: bool) -> Result<Exit, Failure> {
 
 async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let typed = if robot_typed { args.robots.as_slice() } else { &[] };
-    let Config { robots, mut raw, policy, hall, history, http } = all(args.config.as_deref(), typed)?;
+    let Config { robots, mut raw, policy, hall, audit, history, http } = all(args.config.as_deref(), typed)?;
     let tls = match (args.tls_cert, args.tls_key) {
         (Some(certificate), Some(key)) => TlsSettings::Files { certificate, key },
         _ if args.tls => TlsSettings::Made,
@@ -167,8 +171,19 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let (listen, data) = (args.listen, args.data.clone());
     let raw_policy = policy.unwrap_or_default();
     let robot_settings = robot::settings();
-    let settings =
-        GatewaySettings { listen, data, robots, robot_settings, raw, raw_policy, hall, history, names, tls };
+    let settings = GatewaySettings {
+        listen,
+        data,
+        robots,
+        robot_settings,
+        raw,
+        raw_policy,
+        hall,
+        audit,
+        history,
+        names,
+        tls,
+    };
     let gateway = Gateway::start(settings).await.map_err(Failure::usage)?;
     tell_start(&gateway, &args.data);
     tell_raw(&gateway, rules);

@@ -297,8 +297,37 @@ fn a_value_is_read_with_a_token_and_the_log_is_whole_in_the_end() {
     gateway.signal("TERM");
     assert_eq!(gateway.code(), Some(0));
     let verified = r6(&["gateway", "verify", "--data", &data, "--json"]).json();
-    // Two tokens, one revoked, a link, a start and an end.
-    assert_eq!((&verified["whole"], &verified["entries"]), (&true.into(), &6.into()));
+    // Two tokens, one revoked, the key of the log, a link, a start and an end.
+    assert_eq!((&verified["whole"], &verified["entries"]), (&true.into(), &7.into()));
+}
+
+#[test]
+fn a_head_that_was_kept_is_checked_with_its_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (data, other, kept) = (path("data"), path("other"), path("kept.json"));
+    let (mut running, url) = gateway(&data, &[]);
+    let engineer = token(&data, "engineer");
+    let head = until(|| Some(get(&url, &engineer, "/v1/audit/head")).filter(|answer| answer.0 == 200)).1;
+    assert_eq!(running.end("TERM"), Some(0));
+    let (mut stranger, _) = gateway(&other, &[]);
+    assert_eq!(stranger.end("TERM"), Some(0));
+
+    std::fs::write(&kept, head.to_string()).unwrap();
+    let key = head["key"].as_str().unwrap();
+    let verify = |data: &str, more: &[&str]| {
+        r6(&[["gateway", "verify", "--data", data, "--head", &kept].as_slice(), more].concat())
+    };
+    let whole = verify(&data, &["--key", key]);
+    assert_eq!((whole.code, whole.out.contains("of the kept head of")), (0, true), "{whole:?}");
+    assert!(whole.out.contains(key), "{whole:?}");
+    let foreign = verify(&other, &[]);
+    assert_eq!((foreign.code, foreign.err.contains("another key signed it")), (1, true), "{foreign:?}");
+    let wrong = verify(&data, &["--key", "letter"]);
+    assert_eq!((wrong.code, wrong.err.contains("r6-gateway/audit/")), (2, true), "{wrong:?}");
+    std::fs::write(&kept, "letter").unwrap();
+    let letter = verify(&data, &[]);
+    assert_eq!((letter.code, letter.err.contains("not a head")), (2, true), "{letter:?}");
 }
 
 #[test]

@@ -1,9 +1,12 @@
 //! A gateway that works is killed at random moments, and started again on its folder: what it acknowledged is
-//! there, each lease, command, stop and program, and the audit log is whole. `R6_KILLS` says how often.
+//! there, each lease, command, stop and program, and the audit log is whole. It is longer than it may be, so its
+//! oldest entries are removed meanwhile, and it has the entries of the heads that were signed. `R6_KILLS` says how
+//! often.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Read, Write};
 use std::net::TcpStream;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -15,6 +18,9 @@ use crate::support::{Robot, r6};
 
 /// How often it is killed, if nothing else is said.
 const KILLS: u64 = 12;
+
+/// How many entries of the audit log are kept, and how many it has before the first start.
+const ENTRIES: (usize, usize) = (1_000, 1_050);
 
 /// The robots. Each has a caller that leases, commands and stops it.
 const ROBOTS: [&str; 2] = ["press", "saw"];
@@ -42,7 +48,7 @@ fn ask(url: &str, token: &str, method: &str, path: &str, lines: &str, body: &Val
     let mut stream = TcpStream::connect(host).ok()?;
     let body = if body.is_null() { String::new() } else { body.to_string() };
     // A token may make 100 requests a second.
-    thread::sleep(Duration::from_millis(10 * (ROBOTS.len() as u64 + 1)));
+    thread::sleep(Duration::from_millis(10 * (ROBOTS.len() as u64 + 2)));
     let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{lines}");
     let length = format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
     write!(stream, "{head}{length}Authorization: Bearer {token}\r\n\r\n{body}").ok()?;
@@ -118,6 +124,33 @@ fn write(url: &str, token: &str, told: &mut Told) -> Option<()> {
     None
 }
 
+/// Fetches signed heads until the gateway is killed.
+fn keep_heads(url: &str, token: &str, kept: &mut Option<Value>) -> Option<()> {
+    loop {
+        let (status, head) = ask(url, token, "GET", "/v1/audit/head", "", &Value::Null)?;
+        assert_eq!(status, 200, "{head}");
+        *kept = Some(head);
+    }
+}
+
+/// Whether the audit log is whole, and has the entry of this head. Returns how many entries were removed.
+fn check_heads(kill: u64, data: &str, kept: Option<&Value>) -> u64 {
+    let mut args = vec!["gateway", "verify", "--data", data, "--json"];
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let path = file.path().display().to_string();
+    if let Some(head) = kept {
+        std::fs::write(file.path(), head.to_string()).unwrap();
+        args.extend(["--head", &path, "--key", head["key"].as_str().unwrap()]);
+    }
+    let verified = r6(&args).json();
+    assert_eq!(verified["whole"], true, "kill {kill}: {verified}");
+    if let Some(head) = kept {
+        assert_eq!(verified["kept_head"]["number"], head["number"], "kill {kill}: {verified}");
+        assert_eq!(verified["key"], head["key"], "kill {kill}: the key stays");
+    }
+    verified["removed"].as_u64().unwrap()
+}
+
 /// The entries of the audit log after this one.
 fn entries(url: &str, token: &str, mut after: u64) -> Vec<Value> {
     let mut all = Vec::new();
@@ -168,7 +201,13 @@ fn nothing_that_a_gateway_acknowledged_is_lost_when_it_is_killed() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("data").display().to_string();
     let named = robots.each_ref().map(|(name, robot)| format!("{name}={}", robot.address()));
-    let start = || gateway(&data, &["--robot", &named[0], "--robot", &named[1]]);
+    let config = folder.path().join("hall.toml").display().to_string();
+    std::fs::write(&config, format!("[audit]\nmax_entries = {}\n", ENTRIES.0)).unwrap();
+    for _ in 0..ENTRIES.1 {
+        let viewer = r6_api::gateway::Role::Viewer;
+        r6_gateway::make_token(Path::new(&data), viewer, None, String::new()).unwrap();
+    }
+    let start = || gateway(&data, &["--robot", &named[0], "--robot", &named[1], "--config", &config]);
     let (mut running, mut url) = start();
     let admin = token(&data, "admin");
     // A killed gateway takes the new token once it has read it.
@@ -176,11 +215,13 @@ fn nothing_that_a_gateway_acknowledged_is_lost_when_it_is_killed() {
     let mut stopped: [Option<bool>; 2] = [Some(false); 2];
     let (mut seed, mut last_lease) = (0x2545_F491_u64, [0; 2]);
     let mut counts = [0_usize; 4];
+    let (mut heads, mut removed) = (0, 0);
     for kill in 0..kills {
         crate::gateway::until(|| (get(&url, &admin, "/v1/robots").0 == 200).then_some(()));
         let is_killed = AtomicBool::new(false);
         let mut told = [0, 1].map(|at: usize| Told { stopped: stopped[at], ..Told::default() });
         let mut of_program = Told::default();
+        let mut kept = None;
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         let lives = Duration::from_micros(20_000 + (seed >> 33) % 600_000);
         thread::scope(|scope| {
@@ -196,12 +237,19 @@ fn nothing_that_a_gateway_acknowledged_is_lost_when_it_is_killed() {
                 write(url, admin, of_program);
                 assert!(is_killed.load(Ordering::SeqCst), "a request about a program had no answer");
             });
+            let kept = &mut kept;
+            scope.spawn(move || {
+                keep_heads(url, admin, kept);
+                assert!(is_killed.load(Ordering::SeqCst), "a request for a head had no answer");
+            });
             thread::sleep(lives);
             is_killed.store(true, Ordering::SeqCst);
             running.kill();
         });
-        let verified = r6(&["gateway", "verify", "--data", &data, "--json"]).json();
-        assert_eq!(verified["whole"], true, "kill {kill}: {verified}");
+        heads += usize::from(kept.is_some());
+        let now = check_heads(kill, &data, kept.as_ref());
+        assert!(now >= removed, "kill {kill}: {now} removed entries, and there were {removed}");
+        removed = now;
         (running, url) = start();
         let entries = entries(&url, &admin, seen);
         seen = entries.last().map_or(seen, |entry| entry["number"].as_u64().unwrap());
@@ -228,5 +276,9 @@ fn nothing_that_a_gateway_acknowledged_is_lost_when_it_is_killed() {
         }
     }
     assert!(counts.iter().all(|count| *count > 0), "leases, commands, stops, programs: {counts:?}");
-    println!("{kills} kills; told and kept: {counts:?} leases, commands, stops, last versions of programs");
+    assert!(heads > 0 && removed > 0, "{heads} heads, {removed} removed entries");
+    println!(
+        "{kills} kills; told and kept: {counts:?} leases, commands, stops, last versions of programs; {heads} heads; \
+         {removed} entries removed"
+    );
 }

@@ -2,7 +2,7 @@
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-pub const TABLES: [&str; 5] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS];
+pub const TABLES: [&str; 6] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS];
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
 /// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -110,4 +110,13 @@ CREATE TABLE run (
 CREATE INDEX run_made ON run (made);
 CREATE INDEX run_open ON run (id) WHERE ended = 0;
 CREATE INDEX run_owed ON run (robot) WHERE owed = 1;
+";
+
+/// Signed heads of the audit log: `end`, the newest one, and `cut`, that of the last entry that was removed.
+/// `key` is the public key that checks them.
+const HEADS: &str = "
+CREATE TABLE audit_head (
+    what TEXT PRIMARY KEY CHECK (what IN ('key', 'end', 'cut')),
+    text TEXT NOT NULL
+) STRICT;
 ";

@@ -1,5 +1,6 @@
 //! The file of a gateway: robots, raw ports, who may use these, HTTP, and the history.
 
+mod audit;
 mod hall;
 mod history;
 mod http;
@@ -11,8 +12,8 @@ use r6_client::Address;
 use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_controller::RobotModel;
 use r6_gateway::{
-    Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotConfig,
-    RobotName,
+    AuditSettings, Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule,
+    RawSource, RobotConfig, RobotName,
 };
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Node, Wrong};
@@ -38,6 +39,8 @@ pub struct Config {
     pub policy: Option<RawPolicy>,
     /// `[hall]` and `[[shift]]`, if there is any.
     pub hall: Option<Hall>,
+    /// `[audit]`.
+    pub audit: AuditSettings,
     /// `[history]`.
     pub history: HistorySettings,
     /// `[http]`.
@@ -86,11 +89,13 @@ fn parse(text: &str) -> Result<Config, Mistakes> {
     let policy = (!rules.is_empty()).then(|| RawPolicy::new(rules));
     let hall = fields.optional("hall", "a table: [hall]", |value| value.table());
     let hall = hall::read(hall, &fields.tables("shift"), &mut found);
+    let audit = fields.optional("audit", "a table: [audit]", |value| value.table());
+    let audit = audit.and_then(|table| audit::read(table, &mut found)).unwrap_or_default();
     let history = fields.optional("history", "a table: [history]", |value| value.table());
     let history = history.and_then(|table| history::read(table, &mut found)).unwrap_or_default();
     let http = fields.optional("http", "a table: [http]", |value| value.table());
     let http = http.and_then(|table| http::read(table, &mut found)).unwrap_or_default();
-    let config = fields.finish(Ok(Config { robots, raw, policy, hall, history, http }), &mut found);
+    let config = fields.finish(Ok(Config { robots, raw, policy, hall, audit, history, http }), &mut found);
     found.finish(config)
 }
 
@@ -163,9 +168,10 @@ mod tests {
         let text = "[[robot]]\nname = \"press-4\"\naddress = \"192.168.1.10\"\nperiod_ms = 50\n\
                     read = [\"Addr-800\", \"counter-1\"]\nmodel = \"brtirus0707a\"\n\
                     [[robot]]\nname = \"saw\"\naddress = \"saw.hall:9761\"\n";
-        let Config { robots, raw, policy, hall, history, http } = parse(text).unwrap();
+        let Config { robots, raw, policy, hall, audit, history, http } = parse(text).unwrap();
         assert!(hall.is_none());
         assert_eq!((history, http), (HistorySettings::default(), HttpSettings::default()));
+        assert_eq!(audit, AuditSettings::default());
         assert!(raw.is_empty() && policy.is_none());
         let [press, saw] = &robots[..] else { panic!("{robots:?}") };
         assert_eq!((press.name.as_str(), press.period), ("press-4", Duration::from_millis(50)));
@@ -193,6 +199,14 @@ mod tests {
         assert_eq!(history.deadband(Address::parse("axis-0").unwrap()), 0.05);
         assert_eq!(history.deadband(Address::parse("axis-1").unwrap()), 0.001);
         assert!(!parse("[history]\nkeep = false\n").unwrap().history.on);
+    }
+
+    #[test]
+    fn a_file_says_how_much_of_the_audit_log_is_kept() {
+        let of = |count: u64| parse(&format!("[audit]\nmax_entries = {count}\n"));
+        assert_eq!(of(1_000).unwrap().audit.max_entries, 1_000);
+        assert_told("[audit]\nmax_entries = 999\n", &[("hall.toml:2:", "from 1000 to 1000000000")]);
+        assert_told("[audit]\nkeep_days = 9\n", &[("hall.toml:2:", "`keep_days`")]);
     }
 
     #[test]

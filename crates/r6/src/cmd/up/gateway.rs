@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use r6_api::gateway::Role;
 use r6_gateway::{
-    DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, HistorySettings, RawAllow, RawPolicy, RawPort,
-    RawRule, RawSource, RobotConfig, RobotName, TlsSettings,
+    AuditSettings, DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, HistorySettings, RawAllow,
+    RawPolicy, RawPort, RawRule, RawSource, RobotConfig, RobotName, TlsSettings,
 };
 use r6_proto::Language;
 use tempfile::TempDir;
@@ -138,6 +138,7 @@ fn settings(
         raw_policy: RawPolicy::new(rules),
         // It goes with the folder.
         hall: None,
+        audit: AuditSettings::default(),
         history: HistorySettings { max_bytes: 256 * 1024 * 1024, ..HistorySettings::default() },
         names: Vec::new(),
         // It is gone soon, and so is its token.
