@@ -24,7 +24,9 @@ pub use account::{
 pub use alarm::{
     AcknowledgeRequest, Acknowledged, RobotAlarm, RobotAlarmState, RobotAlarms, ShelveRequest, Shelved,
 };
-pub use audit::{Audit, AuditEntry, AuditHead, AuditRecord, CommandOutcome, Deed, Event, Happened, LeaseEnd};
+pub use audit::{
+    Audit, AuditEntry, AuditHead, AuditRecord, CommandOutcome, Deed, Event, Happened, LeaseEnd, RawPortRule,
+};
 pub use command::{CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease};
 pub use history::{
     Gap, History, HistoryBucket, HistoryEvent, HistoryEvents, HistorySample, HistoryState, UnseenBecause,

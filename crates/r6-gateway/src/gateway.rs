@@ -28,7 +28,7 @@ use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
 use crate::fleet::roster::{self, Changes};
 use crate::fleet::run;
-use crate::fleet::station::{Kept, Shared};
+use crate::fleet::station::{By, Kept, Shared};
 use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, State};
 use crate::problem::Problem;
@@ -164,6 +164,9 @@ impl Gateway {
         let audit = (open_key(&settings.data)?, settings.audit);
         auditor::begin(&mut store, &audit.0)?;
         let begun = begin(&mut store, robots)?;
+        if !settings.raw.is_empty() {
+            store.append(&[record(None, settings.raw_policy.deed())])?;
+        }
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
         let history = settings.history;
         let history =
@@ -230,9 +233,12 @@ impl Gateway {
         Ok(secret.map(|secret| format!("{scheme}://{host}/setup#{}", secret.0)))
     }
 
-    /// Makes these rules those of all raw ports, from the next frame of each client on.
+    /// Makes these rules those of all raw ports, from the next frame of each client on. The audit log tells of
+    /// them, as soon as the disk takes it.
     pub fn set_raw_policy(&self, policy: RawPolicy) {
-        self.raw_policy.set(policy);
+        if let Some(changed) = self.raw_policy.set(policy) {
+            self.state.accounts.ledger.note(&by_itself(), changed.deed());
+        }
     }
 
     /// Makes the time zone and the shifts of the file these. Without, those that were stored over the API
@@ -435,6 +441,11 @@ fn lock(folder: &Path) -> Result<File, GatewayError> {
         Err(TryLockError::WouldBlock) => Err(GatewayError::InUse(folder.to_owned())),
         Err(TryLockError::Error(error)) => Err(GatewayError::System(error)),
     }
+}
+
+/// The gateway, for what it does by itself or because its file was read.
+fn by_itself() -> By {
+    By { actor: "gateway".to_owned(), source: None }
 }
 
 fn record(robot: Option<String>, deed: Deed) -> AuditRecord {

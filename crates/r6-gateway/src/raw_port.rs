@@ -41,9 +41,12 @@ impl SharedPolicy {
         Self(Arc::new(RwLock::new(policy)))
     }
 
-    /// Exchanges it.
-    pub fn set(&self, policy: RawPolicy) {
-        *self.0.write().unwrap_or_else(PoisonError::into_inner) = policy;
+    /// Exchanges it. Returns the new one if it differs.
+    pub fn set(&self, policy: RawPolicy) -> Option<RawPolicy> {
+        let mut held = self.0.write().unwrap_or_else(PoisonError::into_inner);
+        let is_new = *held != policy;
+        held.clone_from(&policy);
+        is_new.then_some(policy)
     }
 
     /// The rule for this source and robot; `None` if the source may do nothing.

@@ -232,6 +232,28 @@ pub enum Happened {
     },
 }
 
+/// A rule for clients of raw ports.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct RawPortRule {
+    /// The address or the network that it is for.
+    pub source: String,
+    /// The only robot that it is for; `null` for all.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub only: Option<String>,
+    /// `deny`, `read` or `command`.
+    pub allow: String,
+    /// The highest global speed that these sources may set, in percent; absent without a limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_global_speed: Option<f64>,
+    /// The highest speed of moves in their lists, in percent; absent without a limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_speed: Option<f64>,
+    /// The highest path speed in their lists, in mm/s; absent without a limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_path_speed: Option<u32>,
+}
+
 /// Why a lease ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -426,7 +448,7 @@ pub enum Deed {
         #[cfg_attr(feature = "openapi", schema(required = true))]
         taken_because: Option<String>,
     },
-    /// A lease ended.
+    /// A lease ended. The actor is the caller who gave it back, and `gateway` for all other causes.
     LeaseEnded {
         /// Its number.
         lease: u64,
@@ -554,6 +576,13 @@ pub enum Deed {
     AlarmUnshelved {
         /// The code.
         code: u32,
+    },
+    /// These rules hold for the clients of raw ports from now on.
+    RawRules {
+        /// The rules, in their order: the first that fits decides.
+        rules: Vec<RawPortRule>,
+        /// How many more rules there are: the first 100 are told.
+        more: usize,
     },
     /// The settings of the hall are these from now on.
     SettingsChanged {

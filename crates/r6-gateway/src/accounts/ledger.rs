@@ -1,4 +1,5 @@
-//! What the audit log tells of users besides changes: who signed in and out, and who failed to.
+//! What the audit log tells of users besides changes: who signed in and out, and who failed to. The rules of
+//! raw ports too: they change at once, and their record waits for the disk.
 //!
 //! No caller waits long for it: with a full disk, people must still be able to sign in and stop a robot.
 
@@ -103,7 +104,8 @@ impl Ledger {
         }
     }
 
-    fn note(&self, by: &By, deed: Deed) -> u64 {
+    /// Notes something, to be written soon. Returns how many records were noted until now.
+    pub fn note(&self, by: &By, deed: Deed) -> u64 {
         let By { actor, source } = by.clone();
         let record = AuditRecord { time: clock::time_of_day(), actor, source, robot: None, deed };
         let mut waiting = lock(&self.waiting);

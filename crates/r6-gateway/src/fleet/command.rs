@@ -106,8 +106,8 @@ impl Station {
     ///
     /// # Errors
     /// `no_lease`.
-    pub fn release(&self, key: Key) -> Result<(), Problem> {
-        Ok(self.seat(|seat, now| seat.release(now, key))?)
+    pub fn release(&self, by: &By, key: Key) -> Result<(), Problem> {
+        Ok(self.release_by(by, key)?)
     }
 
     fn lease_began(&self, by: &By, granted: &Granted, taken_because: Option<String>) -> AuditRecord {
@@ -122,7 +122,7 @@ impl Station {
             self.write_pending().await
         };
         if let Err(error) = kept.await {
-            let _ = self.release(granted.key);
+            let _ = self.seat(|seat, now| seat.release(now, granted.key));
             return Err(error.into());
         }
         // An admin can have taken it while the disk was slow.
@@ -298,7 +298,9 @@ impl Station {
     fn end_stop(&self, by: &By, request: &str, (confirmed, detail): (bool, String), written: bool) {
         self.seat(|seat, _| seat.stop_ends());
         self.counts.count_stop(confirmed);
-        if written {
+        // A stop before it may have been confirmed. That this one is not has to stand in the log too.
+        let is_news = !confirmed && self.is_first_unconfirmed(by, request);
+        if written || is_news {
             tracing::warn!(robot = self.name(), request, confirmed, by = %by.actor, "a stop");
             self.publish(Happened::StopEnded { confirmed });
             self.note(by, Deed::Stop { request: request.to_owned(), confirmed, detail });
@@ -379,7 +381,7 @@ impl Station {
     }
 
     /// Whether a stop of this caller has to be written and published: one a minute, and each that is the
-    /// first to hold. A script that stops a stopped robot again and again must not fill the disk, nor push
+    /// first to hold. One that is not confirmed is also written for its own sake ([`Self::end_stop`]). A script that stops a stopped robot again and again must not fill the disk, nor push
     /// the events of other robots out.
     pub fn is_stop_written(&self, by: &By, request: &str) -> bool {
         let is_first = self.is_first_in_a_minute(by, request);

@@ -453,9 +453,9 @@ impl Station {
     ///
     /// # Errors
     /// `no_lease`; `not_stopped`.
-    pub async fn give_back(&self, key: Key) -> Result<(), Problem> {
+    pub async fn give_back(&self, by: &By, key: Key) -> Result<(), Problem> {
         let had_run = self.seat(|seat, _| seat.has_run());
-        self.release(key)?;
+        self.release(by, key)?;
         if !had_run {
             return Ok(());
         }

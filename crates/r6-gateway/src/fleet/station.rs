@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use r6_api::AddressValue;
 use r6_api::gateway::{
-    AuditRecord, Deed, Happened, LeaseHolder, RobotLink, RobotState, RobotSummary, Run, Signal, SignalQuality,
+    AuditRecord, Deed, Happened, LeaseEnd, LeaseHolder, RobotLink, RobotState, RobotSummary, Run, Signal,
+    SignalQuality,
 };
 use r6_api::status::is_virtual;
 use r6_client::{Address, Permission, Robot};
@@ -23,7 +24,7 @@ use crate::core::live::numbers::Span;
 use crate::core::name::RobotName;
 use crate::core::raw::fresh::Freshness;
 use crate::core::raw::refusals::Refusals;
-use crate::core::seat::{Cut, Noticed, Saved, Seat, Ticket};
+use crate::core::seat::{Cut, Denied, Key, Noticed, Saved, Seat, Ticket};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
 use crate::fleet::desk::Desk;
@@ -206,6 +207,8 @@ pub struct Station {
     writing: AsyncMutex<()>,
     /// Which refusals and repeated stops stand in the audit log.
     refusals: Mutex<Refusals>,
+    /// Which stops that were not confirmed stand in it. Refusals do not push them out.
+    unconfirmed: Mutex<Refusals>,
 }
 
 #[derive(Debug)]
@@ -216,6 +219,8 @@ struct Held {
     /// What the store has of the seat.
     stored: Saved,
     pending: VecDeque<AuditRecord>,
+    /// The lease that was given back last, and by whom: its end may come later, after a run of it.
+    given_back: Option<(u64, By)>,
 }
 
 impl Station {
@@ -224,7 +229,13 @@ impl Station {
     pub fn new(config: RobotConfig, saved: Kept, shared: Arc<Shared>) -> Self {
         let Kept { seat: saved, alarms } = saved;
         let seat = Seat::new(saved.clone(), FRESH_FOR);
-        let held = Held { seat, permission: Permission::new(), stored: saved, pending: VecDeque::new() };
+        let held = Held {
+            seat,
+            permission: Permission::new(),
+            stored: saved,
+            pending: VecDeque::new(),
+            given_back: None,
+        };
         Self {
             name: config.name.clone(),
             board: Mutex::new(shared.new_board(&config)),
@@ -238,6 +249,7 @@ impl Station {
             to_write: Notify::new(),
             wrote: Notify::new(),
             refusals: Mutex::default(),
+            unconfirmed: Mutex::default(),
             commands: Semaphore::new(MAX_COMMANDS as usize),
             queries: Semaphore::new(MAX_QUERIES),
             stops: Semaphore::new(MAX_STOPS as usize),
@@ -313,11 +325,15 @@ impl Station {
         &self,
         act: impl FnOnce(&mut Seat, Instant) -> (T, Option<AuditRecord>),
     ) -> T {
+        self.hold(|held, now| act(&mut held.seat, now))
+    }
+
+    fn hold<T>(&self, act: impl FnOnce(&mut Held, Instant) -> (T, Option<AuditRecord>)) -> T {
         let mut held = self.held();
         let now = clock::now();
         let generation = held.seat.generation();
         held.seat.handle_timeout(now);
-        let (result, record) = act(&mut held.seat, now);
+        let (result, record) = act(&mut held, now);
         if held.seat.generation() != generation {
             std::mem::take(&mut held.permission).withdraw();
         }
@@ -327,7 +343,7 @@ impl Station {
         self.link.send_if_modified(|known| std::mem::replace(known, link) != link);
         let mut writes = held.seat.saved() != &held.stored;
         while let Some(noticed) = held.seat.poll_noticed() {
-            writes |= self.tell(&mut held.pending, noticed);
+            writes |= self.tell(&mut held, noticed);
         }
         if let Some(record) = record {
             push(&mut held.pending, record);
@@ -338,6 +354,18 @@ impl Station {
             self.to_write.notify_one();
         }
         result
+    }
+
+    /// Gives the lease back. The entry about its end names this caller, who has its secret: this need not be
+    /// the holder.
+    pub(super) fn release_by(&self, by: &By, key: Key) -> Result<(), Denied> {
+        self.hold(|held, now| {
+            let released = held.seat.release(now, key);
+            if released.is_ok() {
+                held.given_back = Some((key.number, by.clone()));
+            }
+            (released, None)
+        })
     }
 
     /// A command or a stop is about to leave. It is over when the returned value is dropped.
@@ -402,10 +430,13 @@ impl Station {
 
     /// Whether this caller did not do this at this robot from the same address within the last minute.
     pub(super) fn is_first_in_a_minute(&self, by: &By, request: &str) -> bool {
-        let source = by.source.as_deref().and_then(|source| source.parse::<SocketAddr>().ok());
-        let Some(source) = source else { return true };
-        let mut refusals = self.refusals.lock().unwrap_or_else(PoisonError::into_inner);
-        refusals.is_written(clock::now(), source.ip(), &format!("{} {request}", by.actor))
+        is_first(&self.refusals, by, request)
+    }
+
+    /// Whether this caller has had no stop of this robot from the same address within the last minute that
+    /// was not confirmed.
+    pub(super) fn is_first_unconfirmed(&self, by: &By, request: &str) -> bool {
+        is_first(&self.unconfirmed, by, request)
     }
 
     /// A record about this robot.
@@ -516,9 +547,9 @@ impl Station {
     }
 
     /// Publishes what the seat noticed. Returns whether there is something to write.
-    fn tell(&self, pending: &mut VecDeque<AuditRecord>, noticed: Noticed) -> bool {
+    fn tell(&self, held: &mut Held, noticed: Noticed) -> bool {
         let robot = self.name();
-        let gateway = By { actor: "gateway".to_owned(), source: None };
+        let mut by = By { actor: "gateway".to_owned(), source: None };
         let (happened, deed) = match noticed {
             Noticed::LeaseBegan { number, holder } => {
                 tracing::info!(robot, lease = number, %holder, "a lease began");
@@ -527,6 +558,10 @@ impl Station {
             }
             Noticed::LeaseEnded { number, holder, cause } => {
                 tracing::info!(robot, lease = number, %holder, ?cause, "a lease ended");
+                let given_back = held.given_back.take_if(|(lease, _)| *lease == number);
+                if let Some((_, caller)) = given_back.filter(|_| cause == LeaseEnd::Released) {
+                    by = caller;
+                }
                 let deed = Deed::LeaseEnded { lease: number, holder: holder.clone(), cause };
                 (Happened::LeaseEnded { lease: number, holder, cause }, Some(deed))
             }
@@ -549,7 +584,7 @@ impl Station {
         };
         self.publish(happened);
         let writes = deed.is_some();
-        deed.into_iter().for_each(|deed| push(pending, self.record(&gateway, deed)));
+        deed.into_iter().for_each(|deed| push(&mut held.pending, self.record(&by, deed)));
         writes
     }
 
@@ -646,6 +681,13 @@ fn push(pending: &mut VecDeque<AuditRecord>, record: AuditRecord) {
     if let Some(lost) = pending.remove(refusal.unwrap_or(0)) {
         tracing::error!(?lost, "the store does not take records: one is lost");
     }
+}
+
+fn is_first(remembered: &Mutex<Refusals>, by: &By, request: &str) -> bool {
+    let source = by.source.as_deref().and_then(|source| source.parse::<SocketAddr>().ok());
+    let Some(source) = source else { return true };
+    let mut remembered = remembered.lock().unwrap_or_else(PoisonError::into_inner);
+    remembered.is_written(clock::now(), source.ip(), &format!("{} {request}", by.actor))
 }
 
 /// Whole milliseconds.

@@ -99,7 +99,7 @@ pub async fn acquire(
 pub async fn release(robot: Robot<Command>, Json(held): Json<WithLease>) -> Result<StatusCode, Refusal> {
     let key = key(&held.lease).map_err(refusal::of)?;
     let work = tokio::spawn(async move {
-        let released = robot.station.give_back(key).await;
+        let released = robot.station.give_back(&robot.caller.by(), key).await;
         robot.station.written().await;
         released
     });

@@ -123,3 +123,24 @@ async fn the_audit_log_has_the_order_in_which_things_happened() {
     wanted.push("lease_began");
     assert_eq!(kinds, wanted);
 }
+
+#[tokio::test]
+async fn the_audit_log_tells_who_gave_a_lease_back() {
+    let hall = Hall::start().await;
+    let lease = hall.lease(&hall.operator, "press").await;
+    // A wrong secret gives nothing back, and is not named.
+    let wrong = json!({ "lease": { "number": lease["number"], "secret": "0".repeat(32) } });
+    assert_eq!(hall.call(&hall.admin, "DELETE", LEASE, Some(&wrong)).await.0, 409);
+    // Another token that has the secret.
+    let (status, _) = hall.call(&hall.engineer, "DELETE", LEASE, Some(&json!({ "lease": lease }))).await;
+    assert_eq!(status, 204);
+    let ended = hall.until_audited(|entry| entry["what"] == "lease_ended").await;
+    assert_eq!((&ended["actor"], &ended["holder"]), (&json!("3 (engineer)"), &json!("2 (operator)")));
+    assert!(ended["source"].as_str().unwrap().starts_with("127.0.0.1:"), "{ended}");
+    // The gateway ends the next one by itself.
+    let (status, lease) = hall.post(&hall.operator, LEASE, &json!({ "duration_ms": 2000 })).await;
+    assert_eq!(status, 200, "{lease}");
+    let is_expired = |entry: &serde_json::Value| entry["cause"] == "expired";
+    let ended = hall.until_audited(is_expired).await;
+    assert_eq!((&ended["actor"], &ended["source"]), (&json!("gateway"), &json!(null)), "{ended}");
+}

@@ -135,3 +135,22 @@ async fn stops_in_a_loop_are_all_made_and_written_once_a_minute() {
         audit.iter().filter(|entry| entry["what"] == "stop").map(|entry| &entry["actor"]).collect();
     assert_eq!(actors, [&json!("2 (operator)"), &json!("3 (engineer)")], "each caller once");
 }
+
+#[tokio::test]
+async fn a_stop_that_is_not_confirmed_is_written_also_right_after_one_that_was() {
+    let mut hall = Hall::start().await;
+    assert_eq!(hall.stop(&hall.operator, "press").await.0, 200);
+    hall.robots.pop().unwrap().shutdown().await.unwrap();
+    for _ in 0..2 {
+        assert_eq!(hall.stop(&hall.operator, "press").await.0, 504);
+    }
+    let (status, _) = hall.command(&hall.operator, "press", &json!(null), "actionPause").await;
+    assert_ne!(status, 200);
+    let audit = hall.audit().await;
+    let stops: Vec<_> = audit
+        .iter()
+        .filter(|entry| entry["what"] == "stop")
+        .map(|entry| (entry["request"].as_str().unwrap(), entry["confirmed"] == true))
+        .collect();
+    assert_eq!(stops, [("stop", true), ("stop", false), ("actionPause", false)], "once a minute: {audit:#?}");
+}

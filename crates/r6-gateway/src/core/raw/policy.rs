@@ -3,10 +3,14 @@
 use std::fmt;
 use std::net::IpAddr;
 
+use r6_api::gateway::{Deed, RawPortRule};
 use r6_proto::Command;
 
 use crate::core::name::RobotName;
 use crate::core::order::Order;
+
+/// How many rules an entry of the audit log has. A file with more of them must not make it large.
+const MAX_TOLD: usize = 100;
 
 /// What a rule allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -163,6 +167,20 @@ impl RawPolicy {
     #[must_use]
     pub fn new(rules: Vec<RawRule>) -> Self {
         Self { rules }
+    }
+
+    /// What the audit log tells of the rules.
+    #[must_use]
+    pub fn deed(&self) -> Deed {
+        let rules = self.rules.iter().take(MAX_TOLD).map(|rule| RawPortRule {
+            source: rule.source.to_string(),
+            only: rule.robot.as_ref().map(ToString::to_string),
+            allow: rule.allow.word().to_owned(),
+            max_global_speed: rule.max_global_speed,
+            max_speed: rule.max_speed,
+            max_path_speed: rule.max_path_speed,
+        });
+        Deed::RawRules { rules: rules.collect(), more: self.rules.len().saturating_sub(MAX_TOLD) }
     }
 
     /// The first rule for this address and robot. `None`: the source may do nothing.

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use r6_gateway::RawAllow;
 use r6_sim::VirtualController;
+use serde_json::json;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpSocket;
 
@@ -169,4 +170,14 @@ async fn new_rules_hold_from_the_next_frame_on() {
     let mut bytes = [0; 16];
     assert!(matches!(script.stream.read(&mut bytes).await, Ok(0) | Err(_)));
     until_counted(&raw, &closed("denied", 1)).await;
+    // The audit log tells of the rules at the start, and of each change.
+    let rules = raw.hall.until_audited(|entry| entry["rules"][0]["allow"] == "deny").await;
+    let expected = json!([{ "source": "127.0.0.1", "only": null, "allow": "deny" }]);
+    assert_eq!((&rules["what"], &rules["rules"]), (&json!("raw_rules"), &expected), "{rules}");
+    raw.hall.gateway.set_raw_policy(super::policy(&[("127.0.0.1", RawAllow::Deny)]));
+    raw.hall.gateway.set_raw_policy(super::policy(&[("127.0.0.9", RawAllow::Command)]));
+    raw.hall.until_audited(|entry| entry["rules"][0]["source"] == "127.0.0.9").await;
+    let audit = raw.hall.audit().await;
+    let told = audit.iter().filter(|entry| entry["what"] == "raw_rules").count();
+    assert_eq!(told, 3, "the same rules again are no change: {audit:#?}");
 }
