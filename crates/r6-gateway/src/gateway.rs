@@ -247,7 +247,7 @@ impl Gateway {
         self.state.settings.set_file(hall);
     }
 
-    /// How many robots it looks after.
+    /// How many robots it looks after, twins included.
     #[must_use]
     pub fn robots(&self) -> usize {
         self.state.fleet.stations().len()
@@ -362,7 +362,10 @@ pub(crate) fn all_robots(
     settings: &RobotSettings,
 ) -> Result<Vec<RobotConfig>, GatewayError> {
     let mut robots = configured;
-    for stored in store.robots()? {
+    let added = store.robots()?;
+    roster::check_names_of_twins(&robots, added.iter().map(|robot| &robot.name))
+        .map_err(GatewayError::Robots)?;
+    for stored in added {
         if robots.iter().any(|robot| robot.name == stored.name) {
             tracing::warn!(robot = %stored.name, "it was added through the API: from now on it is as configured");
             store.remove_robot(&stored.name, &[])?;

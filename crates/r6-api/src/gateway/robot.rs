@@ -28,6 +28,15 @@ pub struct RobotSummary {
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true, example = "BRTIRUS0707A"))]
     pub model: Option<String>,
+    /// The robot that this virtual controller is the twin of, with `r6 gateway --twins`; `null` for every
+    /// other robot.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub twin_of: Option<String>,
+    /// The name of its twin, a virtual controller to try programs on; `null` if it has none.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true, example = "press-4-twin"))]
+    pub twin: Option<String>,
     /// Whether it can be reached.
     pub link: RobotLink,
     /// What it says of itself; `null` until it was read.
@@ -37,7 +46,8 @@ pub struct RobotSummary {
     /// accepts it.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub identity_changed: Option<IdentityChange>,
-    /// Whether its name says that it is not a real machine; `null` until its name was read.
+    /// Whether its name says that it is not a real machine; `null` until its name was read. Always true for a
+    /// twin.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub r#virtual: Option<bool>,
     /// Who may send commands now; `null` if the lease is free.

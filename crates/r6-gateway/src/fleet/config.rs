@@ -34,6 +34,10 @@ pub struct RobotConfig {
     /// The counter of parts, a `counter-n`; `None` for the first counter of [`Self::addresses`], if there is
     /// one.
     pub parts: Option<Address>,
+    /// The robot that this virtual controller is the twin of; `None` for every other robot.
+    pub twin_of: Option<RobotName>,
+    /// The twin of this robot, if it has one.
+    pub twin: Option<RobotName>,
     /// How to communicate with it.
     pub settings: RobotSettings,
     /// Who may change all this.
@@ -51,6 +55,8 @@ impl RobotConfig {
             addresses: Vec::new(),
             model: None,
             parts: None,
+            twin_of: None,
+            twin: None,
             settings: RobotSettings::default(),
             managed_by: ManagedBy::File,
         }
@@ -75,11 +81,13 @@ impl RobotConfig {
         address.map_err(|error| r6_client::RequestError::Invalid(error).to_string())
     }
 
-    /// Whether the robot is the same, is read in the same way, and has the same model.
+    /// Whether the robot is the same, is read in the same way, and has the same model and twin.
     #[must_use]
     pub fn is_as(&self, other: &Self) -> bool {
         let read = (&self.addresses, self.parts) == (&other.addresses, other.parts);
-        self.address == other.address && self.period == other.period && read && self.model == other.model
+        let twins = (&self.twin_of, &self.twin) == (&other.twin_of, &other.twin);
+        let way = (&self.address, self.period) == (&other.address, other.period);
+        way && read && twins && self.model == other.model
     }
 
     /// The model of its arm, if one is configured.

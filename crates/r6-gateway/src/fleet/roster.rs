@@ -3,6 +3,7 @@
 //! One change is made at a time. It is on the disk and in the audit log before it takes effect.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -49,7 +50,8 @@ pub struct Changes {
 pub fn check<'r>(robots: impl IntoIterator<Item = &'r RobotConfig>) -> Result<(), Problem> {
     let bad_value = |message| Problem::new(Code::BadValue, message);
     let (mut names, mut addresses) = (BTreeSet::new(), BTreeMap::new());
-    for robot in robots {
+    let all: Vec<_> = robots.into_iter().collect();
+    for robot in &all {
         let name = &robot.name;
         let address = robot.check().map_err(|wrong| bad_value(format!("robot `{name}`: {wrong}")))?;
         if !names.insert(name) {
@@ -60,10 +62,65 @@ pub fn check<'r>(robots: impl IntoIterator<Item = &'r RobotConfig>) -> Result<()
             return Err(Problem::new(Code::AddressTaken, message));
         }
     }
+    check_twins(&all, &addresses)?;
     if names.len() > MAX_ROBOTS {
         return Err(bad_value(format!("a gateway has at most {MAX_ROBOTS} robots")));
     }
     Ok(())
+}
+
+/// Refuses a robot that may be at the address of a twin. Twins listen on a port of this machine, which has
+/// several names and addresses.
+fn check_twins(robots: &[&RobotConfig], addresses: &BTreeMap<String, &RobotName>) -> Result<(), Problem> {
+    let twins = || robots.iter().filter(|robot| robot.twin_of.is_some());
+    if twins().next().is_none() {
+        return Ok(());
+    }
+    let names: BTreeSet<_> = twins().map(|twin| &twin.name).collect();
+    let of_twin = |name: &RobotName| names.contains(name);
+    let ports: BTreeMap<_, _> = addresses.iter().filter(|(_, name)| of_twin(name)).collect();
+    let ports: BTreeMap<_, _> = ports.into_iter().map(|(at, name)| (split(at).1, *name)).collect();
+    for (address, name) in addresses.iter().filter(|(_, name)| !of_twin(name)) {
+        let (host, port) = split(address);
+        if let Some(twin) = ports.get(port).filter(|_| may_be_here(host)) {
+            let message = format!("`{name}` may be at the address of the twin `{twin}`: {address}");
+            return Err(Problem::new(Code::AddressTaken, message));
+        }
+    }
+    Ok(())
+}
+
+/// Host and port of an address that has a port.
+fn split(address: &str) -> (&str, &str) {
+    address.rsplit_once(':').unwrap_or((address, ""))
+}
+
+/// Whether this host may be this machine: each name may be.
+fn may_be_here(host: &str) -> bool {
+    match host.trim_matches(['[', ']']).parse::<IpAddr>() {
+        Ok(ip) => ip.to_canonical().is_loopback() || ip.is_unspecified(),
+        Err(_name) => true,
+    }
+}
+
+/// Refuses twins with the name of a robot that was added through the API.
+///
+/// # Errors
+/// `bad_value`.
+pub fn check_names_of_twins<'n>(
+    configured: &[RobotConfig],
+    mut added: impl Iterator<Item = &'n RobotName>,
+) -> Result<(), Problem> {
+    let is_twin =
+        |name: &RobotName| configured.iter().any(|robot| robot.twin_of.is_some() && robot.name == *name);
+    match added.find(|name| is_twin(name)) {
+        None => Ok(()),
+        Some(name) => {
+            let message =
+                format!("`{name}` is a robot that was added over the API, and a twin would have its name");
+            Err(Problem::new(Code::BadValue, message))
+        }
+    }
 }
 
 impl Fleet {
@@ -133,6 +190,7 @@ impl Fleet {
         let now = self.configs();
         let names: BTreeSet<_> = robots.iter().map(|robot| robot.name.clone()).collect();
         let of_api = now.iter().filter(|robot| robot.managed_by == ManagedBy::Api);
+        check_names_of_twins(&robots, of_api.clone().map(|robot| &robot.name))?;
         check(of_api.filter(|robot| !names.contains(&robot.name)).chain(&robots))?;
 
         let by = By { actor: "gateway".to_owned(), source: None };
@@ -327,6 +385,14 @@ mod tests {
         assert_eq!(same.message, "`b` and `a` both have the address 10.0.0.1:9760");
         assert_eq!(check(&[robot("a", "x"), robot("a", "y")]).unwrap_err().code, Code::BadValue);
         assert_eq!(check(&[robot("a", "x y")]).unwrap_err().code, Code::BadValue);
+        let twin = RobotConfig { twin_of: RobotName::new("a"), ..robot("a-twin", "127.0.0.1:5000") };
+        for here in ["localhost:5000", "127.0.0.2:5000", "hall-pc.local:5000", "[::1]:5000", "0.0.0.0:5000"] {
+            let wrong = check(&[robot("a", here), twin.clone()]).unwrap_err();
+            assert_eq!(wrong.code, Code::AddressTaken, "{here}");
+        }
+        for elsewhere in ["192.168.1.10:5000", "localhost:5001", "[2001:db8::1]:5000"] {
+            assert!(check(&[robot("a", elsewhere), twin.clone()]).is_ok(), "{elsewhere}");
+        }
         let many: Vec<_> =
             (0..=MAX_ROBOTS).map(|number| robot(&format!("r{number}"), &format!("h{number}"))).collect();
         assert!(check(&many[1..]).is_ok());

@@ -599,7 +599,7 @@ impl Station {
 
     /// The robot without its values.
     pub fn summary(&self) -> RobotSummary {
-        let RobotConfig { address, managed_by, model, .. } = self.config();
+        let RobotConfig { address, managed_by, model, twin_of, twin, .. } = self.config();
         self.seat(|seat, now| {
             let (stopped, stops_under_way) = seat.stops();
             let identity_changed = seat.identity_change();
@@ -610,13 +610,16 @@ impl Station {
                 holder: lease.holder,
                 expires_in_ms: millis(lease.left),
             });
+            let named = identity.as_ref().and_then(|robot| robot.machine_name.as_deref().map(is_virtual));
             RobotSummary {
                 name: self.name().to_owned(),
                 address,
                 managed_by,
                 model,
                 link: if seat.is_up() { RobotLink::Up } else { RobotLink::Down },
-                r#virtual: identity.as_ref().and_then(|robot| robot.machine_name.as_deref().map(is_virtual)),
+                r#virtual: if twin_of.is_some() { Some(true) } else { named },
+                twin_of: twin_of.map(|name| name.to_string()),
+                twin: twin.map(|name| name.to_string()),
                 identity,
                 identity_changed,
                 lease,

@@ -21,5 +21,6 @@ mod stops;
 mod streams;
 mod support;
 mod tls;
+mod twins;
 mod unread;
 mod users;
