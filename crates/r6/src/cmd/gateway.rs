@@ -3,9 +3,11 @@
 mod backup;
 mod config;
 mod token;
+mod twins;
 mod user;
 mod verify;
 
+use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +17,7 @@ use r6_gateway::{
 };
 
 use crate::cmd::gateway::config::Config;
+use crate::cmd::gateway::twins::Twins;
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::robot;
@@ -42,6 +45,7 @@ Examples:
   r6 gateway --robot virtual=127.0.0.1:9760 --listen 127.0.0.1:0
   r6 gateway --robot press-4=192.168.1.10 --raw press-4=127.0.0.1:9761
   r6 gateway --robot press-4=192.168.1.10 --listen 0.0.0.0:9780 --tls --host-name hall-pc.local
+  r6 gateway --config hall.toml --twins         then press-4-twin is a virtual press-4
 
 In hall.toml, for each robot:
   [[robot]]
@@ -132,6 +136,10 @@ struct ServeArgs {
     /// no login: see [[raw_rule]] below
     #[arg(long, value_name = "NAME=ADDR:PORT")]
     raw: Vec<String>,
+    /// Start a virtual controller of its model for each robot of the file and of the command line, to try
+    /// programs on: robot NAME-twin, in this process
+    #[arg(long)]
+    twins: bool,
 }
 
 /// Runs the gateway until it is ended, or works on its folder.
@@ -171,6 +179,11 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let (listen, data) = (args.listen, args.data.clone());
     let raw_policy = policy.unwrap_or_default();
     let robot_settings = robot::settings();
+    let mut beside = args.twins.then(|| Beside::new(listen, &raw));
+    let (robots, prepared) = match &beside {
+        Some(beside) => beside.twins.prepare(robots, &beside.avoided).await?,
+        None => (robots, twins::Prepared::default()),
+    };
     let settings = GatewaySettings {
         listen,
         data,
@@ -185,8 +198,13 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
         tls,
     };
     let gateway = Gateway::start(settings).await.map_err(Failure::usage)?;
-    tell_start(&gateway, &args.data);
+    let lines = match &mut beside {
+        Some(beside) => beside.twins.commit(prepared).await,
+        None => Vec::new(),
+    };
+    tell_start(&gateway, &args.data, beside.as_ref());
     tell_raw(&gateway, rules);
+    lines.into_iter().for_each(output::line);
     tell_link(&gateway).await;
     loop {
         let asked = async {
@@ -200,15 +218,42 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
         };
         tokio::select! {
             () = ending.signalled() => break,
-            path = asked => reread(&gateway, path, typed).await,
+            path = asked => reread(&gateway, path, typed, beside.as_mut()).await,
         }
     }
-    gateway.shutdown().await.map_err(Failure::unknown)?;
-    Ok(Exit::Done)
+    let ended = gateway.shutdown().await.map_err(Failure::unknown);
+    if let Some(beside) = beside {
+        beside.twins.end().await;
+    }
+    ended.map(|()| Exit::Done)
 }
 
-fn tell_start(gateway: &Gateway, data: &Path) {
-    let (url, robots) = (gateway.address(), output::counted(gateway.robots(), "robot"));
+/// The twins of the robots.
+struct Beside {
+    twins: Twins,
+    /// Ports that the gateway itself listens on.
+    avoided: BTreeSet<u16>,
+}
+
+impl Beside {
+    fn new(listen: SocketAddr, raw: &[RawPort]) -> Self {
+        let avoided = raw.iter().map(|port| port.listen.port()).chain([listen.port()]).collect();
+        Self { twins: Twins::default(), avoided }
+    }
+}
+
+/// How many robots there are, and twins of them.
+fn counted(gateway: &Gateway, beside: Option<&Beside>) -> String {
+    let twins = beside.map_or(0, |beside| beside.twins.count());
+    let robots = output::counted(gateway.robots().saturating_sub(twins), "robot");
+    match beside {
+        Some(_) => format!("{robots}, {}", output::counted(twins, "twin")),
+        None => robots,
+    }
+}
+
+fn tell_start(gateway: &Gateway, data: &Path, beside: Option<&Beside>) {
+    let (url, robots) = (gateway.address(), counted(gateway, beside));
     let scheme = if gateway.certificate().is_some() { "https" } else { "http" };
     output::line(format_args!("gateway on {scheme}://{url}, {robots}, data in {}", data.display()));
     match gateway.certificate() {
@@ -272,20 +317,35 @@ async fn tell_link(gateway: &Gateway) {
 
 /// Reads the file again. A mistake in it changes nothing. Raw ports stay as they are until the next start;
 /// the rules change at once.
-async fn reread(gateway: &Gateway, path: &Path, typed: &[String]) {
+async fn reread(gateway: &Gateway, path: &Path, typed: &[String], mut beside: Option<&mut Beside>) {
     let Config { robots, policy, hall, .. } = match all(Some(path), typed) {
         Ok(config) => config,
+        Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
+    };
+    let prepared = match &beside {
+        Some(beside) => beside.twins.prepare(robots, &beside.avoided).await,
+        None => Ok((robots, twins::Prepared::default())),
+    };
+    let (robots, prepared) = match prepared {
+        Ok(prepared) => prepared,
         Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
     };
     // Before the robots, which may take their time: a source that is denied now commands nothing more.
     gateway.set_raw_policy(policy.unwrap_or_default());
     gateway.set_hall(hall);
     match gateway.reload(robots).await {
-        Ok(Changes { added, changed, removed }) => output::line(format_args!(
-            "read {} again: {added} added, {changed} changed, {removed} removed, {} now",
-            path.display(),
-            output::counted(gateway.robots(), "robot")
-        )),
+        Ok(Changes { added, changed, removed }) => {
+            let lines = match &mut beside {
+                Some(beside) => beside.twins.commit(prepared).await,
+                None => Vec::new(),
+            };
+            output::line(format_args!(
+                "read {} again: {added} added, {changed} changed, {removed} removed, {} now",
+                path.display(),
+                counted(gateway, beside.as_deref())
+            ));
+            lines.into_iter().for_each(output::line);
+        }
         Err(problem) => output::note(format_args!(
             "r6: {}: the robots stay as they were, and the rules of raw ports and the shifts changed: {}",
             path.display(),

@@ -42,6 +42,12 @@ pub fn robot(told: &RobotState) -> String {
         head.row([&"machine", &format!("{name}, firmware {firmware}")]);
     }
     head.row([&"model", &robot.model.as_deref().unwrap_or("not configured")]);
+    if let Some(real) = &robot.twin_of {
+        head.row([&"twin of", &format!("{} (this one is virtual)", printable(real))]);
+    }
+    if let Some(twin) = &robot.twin {
+        head.row([&"twin", &printable(twin)]);
+    }
     head.row([&"lease", &lease(robot.lease.as_ref())]);
     head.row([&"state", &state(robot)]);
     let mut values = Table::with_right_columns(&[1, 4]);

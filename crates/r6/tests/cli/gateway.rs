@@ -15,7 +15,14 @@ pub(crate) fn call(gateway: &str, token: &str, method: &str, path: &str, body: &
 }
 
 /// The same, with these lines of the head besides.
-fn call_with(gateway: &str, token: &str, method: &str, path: &str, lines: &str, body: &str) -> (u16, Value) {
+pub(crate) fn call_with(
+    gateway: &str,
+    token: &str,
+    method: &str,
+    path: &str,
+    lines: &str,
+    body: &str,
+) -> (u16, Value) {
     let host = gateway.strip_prefix("http://").unwrap();
     let mut stream = TcpStream::connect(host).unwrap();
     let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{lines}");

@@ -22,4 +22,5 @@ mod sim;
 mod stopping;
 mod streaming;
 mod support;
+mod twins;
 mod unwritten;

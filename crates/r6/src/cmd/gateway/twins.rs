@@ -1,0 +1,246 @@
+//! The twins of `r6 gateway --twins`: a virtual controller of its model for each robot, to try programs on.
+//! They run in this process, on ports of this machine. The gateway reaches them over the wire, as it reaches
+//! robots.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::net::SocketAddr;
+
+use r6_client::RobotSettings;
+use r6_controller::RobotModel;
+use r6_gateway::{RobotConfig, RobotName};
+use r6_sim::{SimSettings, Simulation};
+
+use crate::exit::Failure;
+
+/// What follows the name of the robot in the name of its twin.
+const SUFFIX: &str = "-twin";
+
+/// The model of a twin whose robot has none configured: the default of `r6 sim` and `r6 up`.
+const USUAL_MODEL: &str = "BRTIRUS0707A";
+
+/// The twins that run, by the names of their robots.
+#[derive(Debug, Default)]
+pub struct Twins {
+    running: BTreeMap<RobotName, Twin>,
+}
+
+/// One virtual controller.
+#[derive(Debug)]
+struct Twin {
+    name: RobotName,
+    model: RobotModel,
+    /// Whether the robot has a model, which is that of the twin.
+    is_known: bool,
+    address: SocketAddr,
+    simulation: Simulation,
+}
+
+/// Twins for a configuration that the gateway does not have yet. Those that are new run already. If this is
+/// dropped, they end.
+#[derive(Debug, Default)]
+pub struct Prepared {
+    new: BTreeMap<RobotName, Twin>,
+    kept: BTreeSet<RobotName>,
+}
+
+impl Twins {
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.running.len()
+    }
+
+    /// Returns the robots, each followed by its twin. Starts twins that are missing, on free ports.
+    /// `avoided`: ports that other servers of this process need. Twins that go on have the same model as
+    /// before.
+    ///
+    /// # Errors
+    /// A name that a twin cannot have, or no port. Nothing is left running.
+    pub async fn prepare(
+        &self,
+        robots: Vec<RobotConfig>,
+        avoided: &BTreeSet<u16>,
+    ) -> Result<(Vec<RobotConfig>, Prepared), Failure> {
+        let names = robots.iter().map(|robot| name_of_twin(&robot.name, &robots));
+        let names = names.collect::<Result<Vec<_>, _>>()?;
+        let of_robots = robots.iter().filter_map(|robot| port(&robot.address));
+        let avoided: BTreeSet<_> = of_robots.chain(avoided.iter().copied()).collect();
+        let (mut all, mut prepared) = (Vec::new(), Prepared::default());
+        for (robot, name) in robots.into_iter().zip(names) {
+            let (model, is_known) = model(&robot)?;
+            let going_on = self.running.get(&robot.name).filter(|twin| {
+                (&twin.model.name, twin.is_known) == (&model.name, is_known)
+                    && !avoided.contains(&twin.address.port())
+            });
+            let address = match going_on {
+                Some(twin) => {
+                    prepared.kept.insert(robot.name.clone());
+                    twin.address
+                }
+                None => {
+                    let (simulation, address) = start(model, &avoided).await?;
+                    let twin =
+                        Twin { name: name.clone(), model: model.clone(), is_known, address, simulation };
+                    prepared.new.insert(robot.name.clone(), twin);
+                    address
+                }
+            };
+            let twin = RobotConfig {
+                address: address.to_string(),
+                model: Some(model.name.to_string()),
+                twin_of: Some(robot.name.clone()),
+                // The options about the wire are for the robots.
+                settings: RobotSettings::default(),
+                name: name.clone(),
+                ..robot.clone()
+            };
+            all.extend([RobotConfig { twin: Some(name), ..robot }, twin]);
+        }
+        Ok((all, prepared))
+    }
+
+    /// Takes over the twins of [`Self::prepare`], once the gateway has their robots, and ends those that are
+    /// not needed any more. Returns a line for each twin that is new.
+    pub async fn commit(&mut self, Prepared { new, kept }: Prepared) -> Vec<String> {
+        let lines = new.iter().map(|(robot, twin)| twin.line(robot)).collect();
+        let (going_on, over) =
+            std::mem::take(&mut self.running).into_iter().partition(|(robot, _)| kept.contains(robot));
+        self.running = going_on;
+        self.running.extend(new);
+        end_all(over).await;
+        lines
+    }
+
+    /// Ends all of them, after the gateway.
+    pub async fn end(self) {
+        end_all(self.running).await;
+    }
+}
+
+impl Twin {
+    /// The line that names it.
+    fn line(&self, robot: &RobotName) -> String {
+        let Self { name, model, address, .. } = self;
+        let why = if self.is_known { "" } else { ": the model of the robot is not configured" };
+        format!("twin of {robot}: {name} on {address}, {}{why}", model.name)
+    }
+}
+
+async fn end_all(twins: BTreeMap<RobotName, Twin>) {
+    for twin in twins.into_values() {
+        // It keeps no state, so there is none that cannot be written.
+        let _ = twin.simulation.shutdown().await;
+    }
+}
+
+/// The name of the twin of a robot among these.
+fn name_of_twin(robot: &RobotName, robots: &[RobotConfig]) -> Result<RobotName, Failure> {
+    let name = RobotName::new(&format!("{robot}{SUFFIX}")).ok_or_else(|| {
+        Failure::usage(format!("`{robot}{SUFFIX}`, the name of a twin, is longer than 32 characters"))
+            .advise("with --twins, the name of a robot has 27 characters at most")
+    })?;
+    match robots.iter().any(|other| other.name == name) {
+        true => Err(Failure::usage(format!("two robots are called `{name}`: one is the twin of `{robot}`"))
+            .advise("give the robot another name, or leave --twins out")),
+        false => Ok(name),
+    }
+}
+
+/// The model of a twin, and whether it is that of its robot.
+fn model(robot: &RobotConfig) -> Result<(&'static RobotModel, bool), Failure> {
+    let name = robot.model.as_deref();
+    let model = RobotModel::named(name.unwrap_or(USUAL_MODEL));
+    let model = model.ok_or_else(|| Failure::usage(format!("`{}`: there is no such model", robot.name)))?;
+    Ok((model, name.is_some()))
+}
+
+/// The port of an address.
+fn port(address: &str) -> Option<u16> {
+    r6_client::address_with_port(address).ok()?.rsplit_once(':')?.1.parse().ok()
+}
+
+/// Starts a virtual controller on a free port of this machine that is not one of these.
+async fn start(model: &RobotModel, avoided: &BTreeSet<u16>) -> Result<(Simulation, SocketAddr), Failure> {
+    // Each try keeps its port until the end, so the next one gets another port.
+    let mut tries = Vec::new();
+    for _ in 0..=avoided.len() {
+        let settings = SimSettings { model: model.clone(), ..SimSettings::default() };
+        let simulation = Simulation::start(settings).await.map_err(Failure::usage)?;
+        let address = simulation.controllers().first().map(r6_sim::ControllerHandle::address);
+        match address.filter(|address| !avoided.contains(&address.port())) {
+            Some(address) => return Ok((simulation, address)),
+            None => tries.push(simulation),
+        }
+    }
+    Err(Failure::usage("there is no free port for a twin"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn robot(name: &str) -> RobotConfig {
+        RobotConfig::new(RobotName::new(name).unwrap(), "192.168.1.10")
+    }
+
+    #[tokio::test]
+    async fn each_robot_has_a_twin_with_its_name_and_model_on_a_port_of_its_own() {
+        let press = RobotConfig { model: Some("GENERIC-SCARA".to_owned()), ..robot("press") };
+        let twins = Twins::default();
+        let (all, prepared) = twins.prepare(vec![press, robot("saw")], &BTreeSet::new()).await.unwrap();
+        let told: Vec<_> = all.iter().map(|one| (one.name.as_str(), one.model.as_deref())).collect();
+        let scara = Some("GENERIC-SCARA");
+        let wanted =
+            [("press", scara), ("press-twin", scara), ("saw", None), ("saw-twin", Some(USUAL_MODEL))];
+        assert_eq!(told, wanted);
+        for pair in all.chunks(2) {
+            let [robot, twin] = pair else { panic!("{pair:?}") };
+            assert_eq!((robot.twin.as_ref(), twin.twin_of.as_ref()), (Some(&twin.name), Some(&robot.name)));
+            assert_eq!((&robot.twin_of, &twin.twin, robot.address.as_str()), (&None, &None, "192.168.1.10"));
+            assert!(twin.address.starts_with("127.0.0.1:"), "{twin:?}");
+        }
+        assert_ne!(all[1].address, all[3].address);
+        assert_eq!(prepared.new.len(), 2);
+    }
+
+    #[tokio::test]
+    async fn a_twin_goes_on_until_its_robot_goes_or_has_another_model() {
+        let none = BTreeSet::new();
+        let mut twins = Twins::default();
+        let (first, prepared) = twins.prepare(vec![robot("press"), robot("saw")], &none).await.unwrap();
+        let lines = twins.commit(prepared).await;
+        assert!(lines[0].starts_with("twin of press: press-twin on 127.0.0.1:"), "{lines:?}");
+        assert!(lines[0].ends_with("BRTIRUS0707A: the model of the robot is not configured"), "{lines:?}");
+        let press = RobotConfig { model: Some("GENERIC-SCARA".to_owned()), ..robot("press") };
+        let (second, prepared) = twins.prepare(vec![press, robot("saw")], &none).await.unwrap();
+        assert_ne!(first[1].address, second[1].address);
+        assert_eq!(first[3].address, second[3].address);
+        assert_eq!(twins.commit(prepared).await.len(), 1, "the new one alone is told");
+        assert!(tokio::net::TcpStream::connect(&first[1].address).await.is_err(), "the old one has ended");
+        assert!(tokio::net::TcpStream::connect(&second[1].address).await.is_ok());
+        let (_, prepared) = twins.prepare(Vec::new(), &none).await.unwrap();
+        twins.commit(prepared).await;
+        assert_eq!(twins.count(), 0);
+        assert!(tokio::net::TcpStream::connect(&second[3].address).await.is_err());
+    }
+
+    #[tokio::test]
+    async fn a_twin_never_has_the_port_of_a_robot() {
+        let none = BTreeSet::new();
+        let mut twins = Twins::default();
+        let (all, prepared) = twins.prepare(vec![robot("press")], &none).await.unwrap();
+        twins.commit(prepared).await;
+        // The robot gets the address of its own twin: the twin moves away.
+        let here = RobotConfig { address: all[1].address.clone(), ..robot("press") };
+        let (moved, _prepared) = twins.prepare(vec![here], &none).await.unwrap();
+        assert_ne!(moved[1].address, moved[0].address);
+    }
+
+    #[test]
+    fn a_name_that_is_too_long_or_taken_is_a_mistake() {
+        let (fits, long) = (robot(&"x".repeat(27)), robot(&"x".repeat(28)));
+        assert_eq!(name_of_twin(&fits.name, &[]).unwrap().as_str().len(), 32);
+        assert!(name_of_twin(&long.name, &[]).is_err());
+        let taken = name_of_twin(&robot("a").name, &[robot("a"), robot("a-twin")]).unwrap_err();
+        assert!(taken.to_string().contains("two robots are called `a-twin`"), "{taken}");
+    }
+}

@@ -1,0 +1,119 @@
+//! `r6 gateway --twins`: programs are tried on virtual controllers beside the robots.
+
+use std::net::TcpStream;
+
+use serde_json::{Value, json};
+
+use crate::gateway::{call, call_with, gateway, get, token, until};
+use crate::support::{Robot, TempFile, r6};
+
+/// The address of a twin, from the line that names it.
+fn address(line: &str, robot: &str) -> String {
+    let rest = line.strip_prefix(&format!("twin of {robot}: {robot}-twin on "));
+    let (address, _) = rest.and_then(|rest| rest.split_once(',')).unwrap_or_else(|| panic!("{line}"));
+    address.to_owned()
+}
+
+#[test]
+fn a_program_runs_on_a_twin_while_the_robots_stand_and_all_twins_end_with_the_gateway() {
+    let robots = [Robot::start(&[]), Robot::start(&[])];
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data").display().to_string();
+    let [press, saw] = ["press", "saw"].map(str::to_owned);
+    let named = [format!("{press}={}", robots[0].address()), format!("{saw}={}", robots[1].address())];
+    let start = ["--robot", &named[0], "--robot", &named[1], "--twins"];
+    let (mut running, url) = gateway(&data, &start);
+    let lines = [running.line(), running.line()];
+    let twins = [address(&lines[0], "press"), address(&lines[1], "saw")];
+    let operator = token(&data, "operator");
+    let path = |robot: &str| format!("/v1/robots/{robot}");
+    for robot in ["press", "saw", "press-twin", "saw-twin"] {
+        until(|| (get(&url, &operator, &path(robot)).1["link"] == "up").then_some(()));
+    }
+    let state = get(&url, &operator, &path("press-twin")).1;
+    assert_eq!(
+        (&state["twin_of"], &state["virtual"], &state["address"]),
+        (&json!("press"), &json!(true), &json!(twins[0]))
+    );
+
+    let text = "[[instruction]]\ndo = \"axis-move\"\nto = [30, 0, 0, 0, 0, 0]\nspeed = 100\n";
+    let lease = call(&url, &operator, "POST", "/v1/robots/press-twin/lease", "{\"duration_ms\":60000}").1;
+    let body = json!({ "program": text, "lease": lease["lease"] }).to_string();
+    let key = "Idempotency-Key: one\r\n";
+    let at = "/v1/robots/press-twin/programs/run";
+    let (status, begun) = call_with(&url, &operator, "POST", at, key, &body);
+    assert_eq!(status, 202, "{begun}");
+    let run = format!("/v1/robots/press-twin/runs/{}", begun["run_id"]);
+    let ended = until(|| Some(get(&url, &operator, &run).1).filter(|run| run["ended_at"] != Value::Null));
+    assert_eq!(ended["state"], "done", "{ended}");
+    // The robots themselves are asked now, and not a value from before.
+    let j1 = |robot: &str| {
+        let asked = format!("/v1/robots/{robot}/query?address=axis-0");
+        get(&url, &operator, &asked).1["signals"][0]["value"].as_f64().unwrap()
+    };
+    assert!((j1("press-twin") - 30.0).abs() < 0.01);
+    assert_eq!([j1("press"), j1("saw"), j1("saw-twin")], [0.0; 3]);
+
+    assert_eq!(running.end("TERM"), Some(0));
+    for twin in twins {
+        assert!(TcpStream::connect(&twin).is_err(), "{twin} has ended");
+    }
+}
+
+#[test]
+fn a_file_that_is_read_again_brings_twins_and_takes_them_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, file) = (folder.path().join("data").display().to_string(), folder.path().join("hall.toml"));
+    let robot = |name: &str, port: u16| {
+        format!("[[robot]]\nname = \"{name}\"\naddress = \"127.0.0.1:{port}\"\nmodel = \"GENERIC-SCARA\"\n")
+    };
+    std::fs::write(&file, robot("press", 1)).unwrap();
+    let (mut running, url) = gateway(&data, &["--twins", "--config", &file.display().to_string()]);
+    let line = running.line();
+    assert!(line.ends_with(", GENERIC-SCARA"), "{line}");
+    let of_press = address(&line, "press");
+    assert!(running.line().starts_with("to make the first admin"));
+    let viewer = token(&data, "viewer");
+    let names = || -> Vec<_> {
+        let robots = get(&url, &viewer, "/v1/robots").1["robots"].as_array().unwrap().clone();
+        robots.iter().map(|robot| robot["name"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(names(), ["press", "press-twin"]);
+
+    // `press` keeps its twin, and another robot brings one.
+    std::fs::write(&file, robot("press", 1) + &robot("saw", 2)).unwrap();
+    running.signal("HUP");
+    let line = running.line();
+    assert!(line.ends_with(": 2 added, 0 changed, 0 removed, 2 robots, 2 twins now"), "{line}");
+    let of_saw = address(&running.line(), "saw");
+    assert_eq!(names(), ["press", "press-twin", "saw", "saw-twin"]);
+    assert_eq!(get(&url, &viewer, "/v1/robots/press-twin").1["address"], of_press);
+
+    std::fs::write(&file, robot("press", 1)).unwrap();
+    running.signal("HUP");
+    let line = running.line();
+    assert!(line.ends_with(": 0 added, 0 changed, 2 removed, 1 robot, 1 twin now"), "{line}");
+    assert_eq!(names(), ["press", "press-twin"]);
+    assert!(TcpStream::connect(&of_saw).is_err(), "the twin of saw has ended");
+    assert_eq!(running.end("TERM"), Some(0));
+}
+
+#[test]
+fn twins_that_cannot_be_are_told_before_anything_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data").display().to_string();
+    let long = format!("{}=127.0.0.1:1", "x".repeat(28));
+    for (robots, part) in [
+        (["--robot", long.as_str()].as_slice(), "is longer than 32 characters"),
+        (&["--robot", "a=127.0.0.1:1", "--robot", "a-twin=127.0.0.1:2"], "two robots are called `a-twin`"),
+    ] {
+        let args = [&["gateway", "--listen", "127.0.0.1:0", "--data", &data, "--twins"], robots].concat();
+        let wrong = r6(&args);
+        assert!(wrong.code == 2 && wrong.err.contains(part), "{args:?}: {wrong:?}");
+    }
+    assert!(!folder.path().join("data").exists(), "nothing was started");
+    let file =
+        TempFile::new("hall.toml", "[[robot]]\nname = \"a\"\naddress = \"127.0.0.1:1\"\nmodel = \"none\"\n");
+    let wrong = r6(&["gateway", "--twins", "--config", file.path()]);
+    assert!(wrong.code == 2 && wrong.err.contains("a model"), "{wrong:?}");
+}
