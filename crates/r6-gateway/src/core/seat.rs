@@ -405,6 +405,12 @@ impl Seat {
         Ok(())
     }
 
+    /// Forgets which robot this name stands for: it is the next one that answers.
+    pub fn forget_identity(&mut self) {
+        self.saved.identity = None;
+        self.stranger = None;
+    }
+
     /// The robot's state was read on this connection.
     pub fn observed(&mut self, asked_at: Instant, connection: u64, manual: bool) {
         match self.link {

@@ -230,10 +230,11 @@ impl Fleet {
     }
 
     /// Refuses to lose an arm that may still carry out a list of the gateway, unless a person has stopped the
-    /// robot: who does that has looked, or could not reach it.
+    /// robot: who does that has looked, or could not reach it. A twin has no arm.
     fn refuse_if_owed(&self, name: &RobotName) -> Result<(), Problem> {
         let Some(station) = self.station(name.as_str()) else { return Ok(()) };
-        if !station.seat(|seat, _| seat.owes_stop() && !seat.stops().0) {
+        let is_owed = station.seat(|seat, _| seat.owes_stop() && !seat.stops().0);
+        if !is_owed || station.config().twin_of.is_some() {
             return Ok(());
         }
         let message = "a list of a run may still move this arm, and it is stopped as soon as it answers. If it never will: see \
@@ -241,11 +242,13 @@ impl Fleet {
         Err(Problem::new(Code::NotReady, message))
     }
 
-    /// Refuses to forget a stop: under another name, the same arm could be moved before somebody has looked.
+    /// Refuses to forget a stop: under another name, the same arm could be moved before somebody has looked. A
+    /// twin has no arm.
     fn refuse_if_stopped(&self, name: &RobotName) -> Result<(), Problem> {
         let Some(station) = self.station(name.as_str()) else { return Ok(()) };
         // If a stop is owed as well, this one says that somebody has looked.
-        if !station.seat(|seat, _| seat.stops().0 && !seat.owes_stop()) {
+        let is_stopped = station.seat(|seat, _| seat.stops().0 && !seat.owes_stop());
+        if !is_stopped || station.config().twin_of.is_some() {
             return Ok(());
         }
         let message = format!(

@@ -228,7 +228,11 @@ impl Station {
     #[must_use]
     pub fn new(config: RobotConfig, saved: Kept, shared: Arc<Shared>) -> Self {
         let Kept { seat: saved, alarms } = saved;
-        let seat = Seat::new(saved.clone(), FRESH_FOR);
+        let mut seat = Seat::new(saved.clone(), FRESH_FOR);
+        if config.twin_of.is_some() {
+            // The process has just started it.
+            seat.forget_identity();
+        }
         let held = Held {
             seat,
             permission: Permission::new(),
@@ -285,6 +289,10 @@ impl Station {
 
     /// Configures it anew. The caller has ended the task that keeps the connection, and starts another one.
     pub(super) fn configure(&self, config: RobotConfig) {
+        if config.twin_of.is_some() {
+            // It is another virtual controller, perhaps of another model, and the process has just started it.
+            self.seat(|seat, _| seat.forget_identity());
+        }
         {
             // Its number is drawn under the lock.
             let mut board = self.board();

@@ -1,5 +1,6 @@
 //! Twins: virtual controllers beside the robots.
 
+use r6_controller::RobotModel;
 use r6_gateway::RobotConfig;
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
@@ -91,4 +92,41 @@ async fn the_api_makes_no_robot_of_a_twin_and_no_twin_has_the_name_of_its_robots
     let settings = crate::support::settings(data.path(), vec![saw]);
     let refused = r6_gateway::Gateway::start(settings).await.unwrap_err();
     assert!(refused.to_string().contains("a twin would have its name"), "{refused}");
+}
+
+#[tokio::test]
+async fn a_twin_of_another_model_is_no_exchanged_robot_and_a_stop_of_it_holds() {
+    let hall = hall().await;
+    let press = hall.get(&hall.viewer, "/v1/robots/press").await;
+    assert_eq!(hall.stop(&hall.operator, "press-twin").await.0, 200);
+    // The next twin has four axes, and its robot is as before.
+    let scara = RobotModel::named("GENERIC-SCARA").unwrap().clone();
+    let other = VirtualController::builder().model(scara).start().await.unwrap();
+    let address = |robot: &Value| robot["address"].as_str().unwrap().to_owned();
+    let robots = |twin: String| {
+        let press = RobotConfig {
+            twin: Some(name("press-twin")),
+            ..RobotConfig::new(name("press"), address(&press))
+        };
+        let twin = RobotConfig { twin_of: Some(name("press")), ..RobotConfig::new(name("press-twin"), twin) };
+        vec![press, twin]
+    };
+    hall.gateway.reload(robots(other.address().to_string())).await.unwrap();
+    let is_scara = |robot: &Value| robot["link"] == "up" && robot["identity"]["axis_count"] == 4;
+    let twin = hall.until("press-twin", is_scara).await;
+    assert_eq!((&twin["identity_changed"], &twin["stopped"]), (&json!(null), &json!(true)), "{twin}");
+
+    // The same at the next start of the gateway, with six axes again.
+    let six = VirtualController::start().await.unwrap();
+    let robots = robots(six.address().to_string());
+    let hall = hall.again(robots, vec![other, six]).await;
+    let twin = hall.until("press-twin", |robot| robot["link"] == "up").await;
+    assert_eq!((&twin["identity_changed"], &twin["stopped"]), (&json!(null), &json!(true)), "{twin}");
+
+    // A robot that takes the name of a twin is another one, and gets no command.
+    let robot = RobotConfig::new(name("press-twin"), hall.robots[0].address().to_string());
+    hall.gateway.reload(vec![robot]).await.unwrap();
+    let is_other = |robot: &Value| !robot["identity_changed"].is_null();
+    let changed = hall.until("press-twin", is_other).await;
+    assert_eq!((&changed["twin_of"], &changed["stopped"]), (&json!(null), &json!(true)), "{changed}");
 }
