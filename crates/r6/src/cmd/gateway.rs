@@ -54,7 +54,8 @@ In hall.toml, for each robot:
   period_ms = 100                      how often its values are read
   read = [\"Addr-800\", \"counter-1\"]     values to read besides the usual ones
   parts = \"counter-1\"                  the counter of parts; the first counter of read if it is missing
-  model = \"BRTIRUS0707A\"               the model of its arm, for plans; `r6 plot --help` has all
+  model = \"BRTIRUS0707A\"               the model of its arm, for plans and its twin; `r6 plot --help` has all
+  profile = \"hc1\"                      the profile of its firmware, for its twin; `r6 sim --help` has all
 
 What is kept of values, and for how long; it holds from the next start:
   [history]
@@ -136,8 +137,8 @@ struct ServeArgs {
     /// no login: see [[raw_rule]] below
     #[arg(long, value_name = "NAME=ADDR:PORT")]
     raw: Vec<String>,
-    /// Start a virtual controller of its model for each robot of the file and of the command line, to try
-    /// programs on: robot NAME-twin, in this process
+    /// Start a virtual controller of its model and profile for each robot of the file and of the command line,
+    /// to try programs on: robot NAME-twin, in this process
     #[arg(long)]
     twins: bool,
 }
@@ -159,7 +160,8 @@ pub fn run(args: GatewayArgs, robot_typed: bool) -> Result<Exit, Failure> {
 
 async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let typed = if robot_typed { args.robots.as_slice() } else { &[] };
-    let Config { robots, mut raw, policy, hall, audit, history, http } = all(args.config.as_deref(), typed)?;
+    let Config { robots, profiles, mut raw, policy, hall, audit, history, http } =
+        all(args.config.as_deref(), typed)?;
     let tls = match (args.tls_cert, args.tls_key) {
         (Some(certificate), Some(key)) => TlsSettings::Files { certificate, key },
         _ if args.tls => TlsSettings::Made,
@@ -181,7 +183,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let robot_settings = robot::settings();
     let mut beside = args.twins.then(|| Beside::new(listen, &raw));
     let (robots, prepared) = match &beside {
-        Some(beside) => beside.twins.prepare(robots, &beside.avoided).await?,
+        Some(beside) => beside.twins.prepare(robots, &profiles, &beside.avoided).await?,
         None => (robots, twins::Prepared::default()),
     };
     let settings = GatewaySettings {
@@ -318,12 +320,12 @@ async fn tell_link(gateway: &Gateway) {
 /// Reads the file again. A mistake in it changes nothing. Raw ports stay as they are until the next start;
 /// the rules change at once.
 async fn reread(gateway: &Gateway, path: &Path, typed: &[String], mut beside: Option<&mut Beside>) {
-    let Config { robots, policy, hall, .. } = match all(Some(path), typed) {
+    let Config { robots, profiles, policy, hall, .. } = match all(Some(path), typed) {
         Ok(config) => config,
         Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
     };
     let prepared = match &beside {
-        Some(beside) => beside.twins.prepare(robots, &beside.avoided).await,
+        Some(beside) => beside.twins.prepare(robots, &profiles, &beside.avoided).await,
         None => Ok((robots, twins::Prepared::default())),
     };
     let (robots, prepared) = match prepared {

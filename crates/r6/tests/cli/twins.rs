@@ -46,6 +46,26 @@ fn a_program_runs_on_a_twin_while_the_robots_stand_and_all_twins_end_with_the_ga
     let run = format!("/v1/robots/press-twin/runs/{}", begun["run_id"]);
     let ended = until(|| Some(get(&url, &operator, &run).1).filter(|run| run["ended_at"] != Value::Null));
     assert_eq!(ended["state"], "done", "{ended}");
+    // `r6 -g` tells them apart, as text and as JSON.
+    let secret = TempFile::new("twins-token", &operator);
+    let ask = |end: &[&str]| r6(&[&["-g", &url, "--token-file", secret.path()], end].concat());
+    let told = ask(&["status", "--json"]).json();
+    let told: Vec<_> = told["robots"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|robot| json!([robot["name"], robot["twin_of"], robot["twin"]]))
+        .collect();
+    let pair = |robot: &str| {
+        let twin = format!("{robot}-twin");
+        [json!([robot, null, twin]), json!([twin, robot, null])]
+    };
+    assert_eq!(told, [pair("press"), pair("saw")].concat());
+    let of_twin = ask(&["-r", "press-twin", "status"]);
+    assert!(of_twin.out.contains("press (this one is virtual)"), "{of_twin:?}");
+    // A twin is never meant by leaving the name out.
+    let nameless = ask(&["stop"]);
+    assert_eq!(nameless.code, 2, "{nameless:?}");
     // The robots themselves are asked now, and not a value from before.
     let j1 = |robot: &str| {
         let asked = format!("/v1/robots/{robot}/query?address=axis-0");
@@ -65,12 +85,13 @@ fn a_file_that_is_read_again_brings_twins_and_takes_them_away() {
     let folder = tempfile::tempdir().unwrap();
     let (data, file) = (folder.path().join("data").display().to_string(), folder.path().join("hall.toml"));
     let robot = |name: &str, port: u16| {
-        format!("[[robot]]\nname = \"{name}\"\naddress = \"127.0.0.1:{port}\"\nmodel = \"GENERIC-SCARA\"\n")
+        let place = format!("[[robot]]\nname = \"{name}\"\naddress = \"127.0.0.1:{port}\"\n");
+        place + "model = \"GENERIC-SCARA\"\nprofile = \"legacy\"\n"
     };
     std::fs::write(&file, robot("press", 1)).unwrap();
     let (mut running, url) = gateway(&data, &["--twins", "--config", &file.display().to_string()]);
     let line = running.line();
-    assert!(line.ends_with(", GENERIC-SCARA"), "{line}");
+    assert!(line.ends_with(", GENERIC-SCARA, profile legacy"), "{line}");
     let of_press = address(&line, "press");
     assert!(running.line().starts_with("to make the first admin"));
     let viewer = token(&data, "viewer");
@@ -79,6 +100,9 @@ fn a_file_that_is_read_again_brings_twins_and_takes_them_away() {
         robots.iter().map(|robot| robot["name"].as_str().unwrap().to_owned()).collect()
     };
     assert_eq!(names(), ["press", "press-twin"]);
+    // It speaks as the firmware of its profile does.
+    let up = || Some(get(&url, &viewer, "/v1/robots/press-twin").1).filter(|twin| twin["link"] == "up");
+    assert_eq!(until(up)["identity"]["firmware"], "2.0.1.9");
 
     // `press` keeps its twin, and another robot brings one.
     std::fs::write(&file, robot("press", 1) + &robot("saw", 2)).unwrap();
@@ -89,6 +113,9 @@ fn a_file_that_is_read_again_brings_twins_and_takes_them_away() {
     assert_eq!(names(), ["press", "press-twin", "saw", "saw-twin"]);
     assert_eq!(get(&url, &viewer, "/v1/robots/press-twin").1["address"], of_press);
 
+    // A twin that was stopped goes with its robot: it has no arm that could be moved under another name.
+    let operator = token(&data, "operator");
+    until(|| (call(&url, &operator, "POST", "/v1/robots/saw-twin/stop", "").0 == 200).then_some(()));
     std::fs::write(&file, robot("press", 1)).unwrap();
     running.signal("HUP");
     let line = running.line();

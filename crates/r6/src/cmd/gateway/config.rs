@@ -5,12 +5,13 @@ mod hall;
 mod history;
 mod http;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
 use r6_client::Address;
 use r6_client::units::{MillimetresPerSecond, Percent};
-use r6_controller::RobotModel;
+use r6_controller::{Profile, RobotModel};
 use r6_gateway::{
     AuditSettings, Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule,
     RawSource, RobotConfig, RobotName,
@@ -33,6 +34,8 @@ const MAX_FILE_BYTES: usize = 1024 * 1024;
 pub struct Config {
     /// `[[robot]]`.
     pub robots: Vec<RobotConfig>,
+    /// The profiles of the robots that name one, for their twins.
+    pub profiles: BTreeMap<RobotName, Profile>,
     /// `[[raw]]`.
     pub raw: Vec<RawPort>,
     /// `[[raw_rule]]`, if there is any.
@@ -59,12 +62,15 @@ fn parse(text: &str) -> Result<Config, Mistakes> {
     let (document, mut found) = form::parse(text);
     let fields = Fields::of(&document, &[], "");
     let mut robots: Vec<RobotConfig> = Vec::new();
+    let mut profiles = BTreeMap::new();
     for (number, table) in (1..).zip(fields.tables("robot")) {
         let inner = Fields::of(table, &[], format!("[[robot]] {number}: "));
+        let profile = profile(&inner);
         let read = one(&inner).and_then(|robot| {
             if robots.iter().any(|known| known.name == robot.name) {
                 return Err(inner.wrong("name", format!("two robots are called `{}`", robot.name)));
             }
+            profiles.extend(profile.map(|profile| (robot.name.clone(), profile)));
             Ok(robot)
         });
         robots.extend(inner.finish(read, &mut found));
@@ -95,7 +101,7 @@ fn parse(text: &str) -> Result<Config, Mistakes> {
     let history = history.and_then(|table| history::read(table, &mut found)).unwrap_or_default();
     let http = fields.optional("http", "a table: [http]", |value| value.table());
     let http = http.and_then(|table| http::read(table, &mut found)).unwrap_or_default();
-    let config = fields.finish(Ok(Config { robots, raw, policy, hall, audit, history, http }), &mut found);
+    let config = fields.finish(Ok(Config { robots, profiles, raw, policy, hall, audit, history, http }), &mut found);
     found.finish(config)
 }
 
@@ -153,6 +159,12 @@ fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
     })
 }
 
+/// The profile of the firmware of a robot: what its twin answers.
+fn profile(fields: &Fields<'_>) -> Option<Profile> {
+    let wanted = format!("a profile: {}", Profile::names().join(", "));
+    fields.optional("profile", &wanted, |value| Profile::named(value.text()?))
+}
+
 fn address_of(node: &Node) -> Option<Address> {
     Address::parse(node.text()?).ok()
 }
@@ -166,9 +178,9 @@ mod tests {
     #[test]
     fn a_file_names_robots_and_what_to_read() {
         let text = "[[robot]]\nname = \"press-4\"\naddress = \"192.168.1.10\"\nperiod_ms = 50\n\
-                    read = [\"Addr-800\", \"counter-1\"]\nmodel = \"brtirus0707a\"\n\
+                    read = [\"Addr-800\", \"counter-1\"]\nmodel = \"brtirus0707a\"\nprofile = \"legacy\"\n\
                     [[robot]]\nname = \"saw\"\naddress = \"saw.hall:9761\"\n";
-        let Config { robots, raw, policy, hall, audit, history, http } = parse(text).unwrap();
+        let Config { robots, profiles, raw, policy, hall, audit, history, http } = parse(text).unwrap();
         assert!(hall.is_none());
         assert_eq!((history, http), (HistorySettings::default(), HttpSettings::default()));
         assert_eq!(audit, AuditSettings::default());
@@ -178,6 +190,9 @@ mod tests {
         assert_eq!((press.addresses.len(), press.model.as_deref()), (2, Some("BRTIRUS0707A")));
         assert_eq!(press.parts(), Some(Address::Counter(1)), "the first counter that is read");
         assert_eq!(saw.parts(), None);
+        let profiles: Vec<_> =
+            profiles.iter().map(|(robot, profile)| (robot, profile.name.as_str())).collect();
+        assert_eq!(profiles, [(&press.name, "legacy")]);
         assert_eq!((saw.address.as_str(), saw.period), ("saw.hall:9761", r6_gateway::USUAL_PERIOD));
     }
 
@@ -318,7 +333,8 @@ mod tests {
     #[test]
     fn every_mistake_is_told_with_its_line() {
         let text = "[[robot]]\nname = \"Press 4\"\naddress = \"a:b:c\"\n[[robot]]\nname = \"saw\"\naddress = \"a\"\n\
-                    period_ms = 1\nread = [\"axis-99\"]\nx = 1\nmodel = \"X\"\nparts = \"axis-0\"\n";
+                    period_ms = 1\nread = [\"axis-99\"]\nx = 1\nmodel = \"X\"\nparts = \"axis-0\"\n\
+                    profile = \"hc2\"\n";
         assert_told(
             text,
             &[
@@ -329,6 +345,7 @@ mod tests {
                 ("hall.toml:9:", "`x`"),
                 ("hall.toml:10:", "BRTIRUS0707A"),
                 ("hall.toml:11:", "`parts`"),
+                ("hall.toml:12:", "a profile: hc1, r6-host"),
             ],
         );
         let twice =

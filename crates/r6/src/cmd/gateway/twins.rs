@@ -1,12 +1,12 @@
-//! The twins of `r6 gateway --twins`: a virtual controller of its model for each robot, to try programs on.
-//! They run in this process, on ports of this machine. The gateway reaches them over the wire, as it reaches
-//! robots.
+//! The twins of `r6 gateway --twins`: a virtual controller of its model and profile for each robot, to try
+//! programs on. They run in this process, on ports of this machine. The gateway reaches them over the wire,
+//! as it reaches robots.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
 
 use r6_client::RobotSettings;
-use r6_controller::RobotModel;
+use r6_controller::{Profile, RobotModel};
 use r6_gateway::{RobotConfig, RobotName};
 use r6_sim::{SimSettings, Simulation};
 
@@ -28,11 +28,18 @@ pub struct Twins {
 #[derive(Debug)]
 struct Twin {
     name: RobotName,
-    model: RobotModel,
-    /// Whether the robot has a model, which is that of the twin.
-    is_known: bool,
+    kind: Kind,
     address: SocketAddr,
     simulation: Simulation,
+}
+
+/// What is simulated.
+#[derive(Clone, Debug, PartialEq)]
+struct Kind {
+    model: &'static RobotModel,
+    /// Whether the robot has a model, which is that of the twin.
+    is_known: bool,
+    profile: Profile,
 }
 
 /// Twins for a configuration that the gateway does not have yet. Those that are new run already. If this is
@@ -50,14 +57,15 @@ impl Twins {
     }
 
     /// Returns the robots, each followed by its twin. Starts twins that are missing, on free ports.
-    /// `avoided`: ports that other servers of this process need. Twins that go on have the same model as
-    /// before.
+    /// `profiles`: those of robots that name one. `avoided`: ports that other servers of this process need.
+    /// Twins that go on have the same model and profile as before.
     ///
     /// # Errors
     /// A name that a twin cannot have, or no port. Nothing is left running.
     pub async fn prepare(
         &self,
         robots: Vec<RobotConfig>,
+        profiles: &BTreeMap<RobotName, Profile>,
         avoided: &BTreeSet<u16>,
     ) -> Result<(Vec<RobotConfig>, Prepared), Failure> {
         let names = robots.iter().map(|robot| name_of_twin(&robot.name, &robots));
@@ -67,19 +75,18 @@ impl Twins {
         let (mut all, mut prepared) = (Vec::new(), Prepared::default());
         for (robot, name) in robots.into_iter().zip(names) {
             let (model, is_known) = model(&robot)?;
-            let going_on = self.running.get(&robot.name).filter(|twin| {
-                (&twin.model.name, twin.is_known) == (&model.name, is_known)
-                    && !avoided.contains(&twin.address.port())
-            });
+            let profile = profiles.get(&robot.name).cloned().unwrap_or_else(Profile::hc1);
+            let kind = Kind { model, is_known, profile };
+            let going_on = self.running.get(&robot.name);
+            let going_on = going_on.filter(|twin| twin.kind == kind && !twin.is_on_any(&avoided));
             let address = match going_on {
                 Some(twin) => {
                     prepared.kept.insert(robot.name.clone());
                     twin.address
                 }
                 None => {
-                    let (simulation, address) = start(model, &avoided).await?;
-                    let twin =
-                        Twin { name: name.clone(), model: model.clone(), is_known, address, simulation };
+                    let twin = Twin::start(name.clone(), kind, &avoided).await?;
+                    let address = twin.address;
                     prepared.new.insert(robot.name.clone(), twin);
                     address
                 }
@@ -117,11 +124,38 @@ impl Twins {
 }
 
 impl Twin {
+    /// Starts a twin on a free port of this machine that is none of these.
+    async fn start(name: RobotName, kind: Kind, avoided: &BTreeSet<u16>) -> Result<Self, Failure> {
+        // Each try keeps its port until the end, so the next one gets another port.
+        let mut tries = Vec::new();
+        for _ in 0..=avoided.len() {
+            let settings = SimSettings {
+                model: kind.model.clone(),
+                profile: kind.profile.clone(),
+                ..SimSettings::default()
+            };
+            let simulation = Simulation::start(settings).await.map_err(Failure::usage)?;
+            let address = simulation.controllers().first().map(r6_sim::ControllerHandle::address);
+            let Some(address) = address else { break };
+            let twin = Self { name: name.clone(), kind: kind.clone(), address, simulation };
+            if !twin.is_on_any(avoided) {
+                return Ok(twin);
+            }
+            tries.push(twin);
+        }
+        Err(Failure::usage("there is no free port for a twin"))
+    }
+
+    /// Whether it is on one of these ports.
+    fn is_on_any(&self, ports: &BTreeSet<u16>) -> bool {
+        ports.contains(&self.address.port())
+    }
+
     /// The line that names it.
     fn line(&self, robot: &RobotName) -> String {
-        let Self { name, model, address, .. } = self;
-        let why = if self.is_known { "" } else { ": the model of the robot is not configured" };
-        format!("twin of {robot}: {name} on {address}, {}{why}", model.name)
+        let Self { name, address, kind: Kind { model, is_known, profile }, .. } = self;
+        let why = if *is_known { "" } else { " (the model of the robot is not configured)" };
+        format!("twin of {robot}: {name} on {address}, {}{why}, profile {}", model.name, profile.name)
     }
 }
 
@@ -158,22 +192,6 @@ fn port(address: &str) -> Option<u16> {
     r6_client::address_with_port(address).ok()?.rsplit_once(':')?.1.parse().ok()
 }
 
-/// Starts a virtual controller on a free port of this machine that is not one of these.
-async fn start(model: &RobotModel, avoided: &BTreeSet<u16>) -> Result<(Simulation, SocketAddr), Failure> {
-    // Each try keeps its port until the end, so the next one gets another port.
-    let mut tries = Vec::new();
-    for _ in 0..=avoided.len() {
-        let settings = SimSettings { model: model.clone(), ..SimSettings::default() };
-        let simulation = Simulation::start(settings).await.map_err(Failure::usage)?;
-        let address = simulation.controllers().first().map(r6_sim::ControllerHandle::address);
-        match address.filter(|address| !avoided.contains(&address.port())) {
-            Some(address) => return Ok((simulation, address)),
-            None => tries.push(simulation),
-        }
-    }
-    Err(Failure::usage("there is no free port for a twin"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -182,11 +200,15 @@ mod tests {
         RobotConfig::new(RobotName::new(name).unwrap(), "192.168.1.10")
     }
 
+    /// Prepares twins whose robots have the usual profile.
+    async fn prepare(twins: &Twins, robots: Vec<RobotConfig>) -> (Vec<RobotConfig>, Prepared) {
+        twins.prepare(robots, &BTreeMap::new(), &BTreeSet::new()).await.unwrap()
+    }
+
     #[tokio::test]
     async fn each_robot_has_a_twin_with_its_name_and_model_on_a_port_of_its_own() {
         let press = RobotConfig { model: Some("GENERIC-SCARA".to_owned()), ..robot("press") };
-        let twins = Twins::default();
-        let (all, prepared) = twins.prepare(vec![press, robot("saw")], &BTreeSet::new()).await.unwrap();
+        let (all, prepared) = prepare(&Twins::default(), vec![press, robot("saw")]).await;
         let told: Vec<_> = all.iter().map(|one| (one.name.as_str(), one.model.as_deref())).collect();
         let scara = Some("GENERIC-SCARA");
         let wanted =
@@ -203,36 +225,50 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_twin_goes_on_until_its_robot_goes_or_has_another_model() {
-        let none = BTreeSet::new();
+    async fn a_twin_goes_on_until_its_robot_goes_or_has_another_model_or_profile() {
         let mut twins = Twins::default();
-        let (first, prepared) = twins.prepare(vec![robot("press"), robot("saw")], &none).await.unwrap();
+        let (first, prepared) = prepare(&twins, vec![robot("press"), robot("saw")]).await;
         let lines = twins.commit(prepared).await;
         assert!(lines[0].starts_with("twin of press: press-twin on 127.0.0.1:"), "{lines:?}");
-        assert!(lines[0].ends_with("BRTIRUS0707A: the model of the robot is not configured"), "{lines:?}");
+        let end = "BRTIRUS0707A (the model of the robot is not configured), profile hc1";
+        assert!(lines[0].ends_with(end), "{lines:?}");
         let press = RobotConfig { model: Some("GENERIC-SCARA".to_owned()), ..robot("press") };
-        let (second, prepared) = twins.prepare(vec![press, robot("saw")], &none).await.unwrap();
+        let (second, prepared) = prepare(&twins, vec![press, robot("saw")]).await;
         assert_ne!(first[1].address, second[1].address);
         assert_eq!(first[3].address, second[3].address);
         assert_eq!(twins.commit(prepared).await.len(), 1, "the new one alone is told");
-        assert!(tokio::net::TcpStream::connect(&first[1].address).await.is_err(), "the old one has ended");
-        assert!(tokio::net::TcpStream::connect(&second[1].address).await.is_ok());
-        let (_, prepared) = twins.prepare(Vec::new(), &none).await.unwrap();
+        let is_there = async |address: &str| tokio::net::TcpStream::connect(address).await.is_ok();
+        assert!(!is_there(&first[1].address).await, "the old one has ended");
+        assert!(is_there(&second[1].address).await);
+
+        let legacy = Profile::named("legacy").unwrap();
+        let profiles = [(robot("saw").name, legacy)].into();
+        let prepared = twins.prepare(vec![robot("saw")], &profiles, &BTreeSet::new()).await;
+        let (third, prepared) = prepared.unwrap();
+        assert_ne!(second[3].address, third[1].address);
+        let lines = twins.commit(prepared).await;
+        assert!(lines.len() == 1 && lines[0].ends_with(", profile legacy"), "{lines:?}");
+        let (_, prepared) = prepare(&twins, Vec::new()).await;
         twins.commit(prepared).await;
         assert_eq!(twins.count(), 0);
-        assert!(tokio::net::TcpStream::connect(&second[3].address).await.is_err());
+        for gone in [&second[1], &second[3], &third[1]] {
+            assert!(!is_there(&gone.address).await, "{gone:?}");
+        }
     }
 
     #[tokio::test]
-    async fn a_twin_never_has_the_port_of_a_robot() {
-        let none = BTreeSet::new();
+    async fn a_twin_never_has_a_port_of_a_robot_or_of_the_gateway() {
         let mut twins = Twins::default();
-        let (all, prepared) = twins.prepare(vec![robot("press")], &none).await.unwrap();
+        let (all, prepared) = prepare(&twins, vec![robot("press")]).await;
         twins.commit(prepared).await;
         // The robot gets the address of its own twin: the twin moves away.
         let here = RobotConfig { address: all[1].address.clone(), ..robot("press") };
-        let (moved, _prepared) = twins.prepare(vec![here], &none).await.unwrap();
+        let (moved, _prepared) = prepare(&twins, vec![here]).await;
         assert_ne!(moved[1].address, moved[0].address);
+        // The same with a port that the gateway needs itself.
+        let avoided = [port(&all[1].address).unwrap()].into();
+        let moved = twins.prepare(vec![robot("press")], &BTreeMap::new(), &avoided).await;
+        assert_ne!(moved.unwrap().0[1].address, all[1].address);
     }
 
     #[test]
