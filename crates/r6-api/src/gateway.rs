@@ -9,6 +9,7 @@ mod audit;
 mod command;
 mod history;
 mod live;
+mod panel;
 mod production;
 mod program;
 mod robot;
@@ -35,6 +36,7 @@ pub use live::{
     LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveRequest, LiveReset, LiveResume, LiveSent,
     LiveSubscribe, LiveSubscribed,
 };
+pub use panel::{PanelDone, PanelRequest};
 pub use production::{
     AlarmFigure, AlarmFigures, Availability, CycleFigures, PartFigures, Production, ProductionByShift,
     ProductionFigures, StateFigures,

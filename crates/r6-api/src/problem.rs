@@ -210,6 +210,8 @@ codes! {
     LastAdmin "last_admin",
     /// There is no robot with this name.
     NoSuchRobot "no_such_robot",
+    /// The robot has no panel at the gateway: it is not a virtual robot of the gateway's own process.
+    NoPanel "no_panel",
     /// The caller does not hold the lease.
     NoLease "no_lease",
     /// Another holds the lease.

@@ -14,6 +14,7 @@
 //! - [`sign_in`]: how often passwords can be tried.
 //! - [`name`]: names of robots.
 //! - [`order`]: what the holder of a lease sends.
+//! - [`panel`]: actions at the panel of a virtual robot, and what they need.
 //! - [`rate`]: how many requests a token may make.
 //! - [`library`]: the programs that are kept, and which version a change is for.
 //! - [`live`]: what readers of values get, and where they go on.
@@ -31,6 +32,7 @@ pub mod library;
 pub mod live;
 pub mod name;
 pub mod order;
+pub mod panel;
 pub mod production;
 pub mod rate;
 pub mod raw;

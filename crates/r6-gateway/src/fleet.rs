@@ -9,6 +9,7 @@
 //! - [`observe`]: what happens, from the values.
 //! - [`command`]: leases, commands, stops and the acceptance of another robot.
 //! - [`run`]: runs programs.
+//! - `operate`: acts at the panel of a virtual robot; [`panel`] is the way to it.
 //! - [`query`]: asks the robot for values that are not read again and again.
 //! - [`counts`]: what happened, counted.
 //! - [`alarms`]: the alarms of a robot, acknowledged and shelved; [`desk`] has them and saves them.
@@ -22,6 +23,8 @@ pub mod counts;
 pub mod desk;
 pub mod link;
 mod observe;
+mod operate;
+pub mod panel;
 pub mod query;
 mod record;
 pub mod roads;

@@ -16,6 +16,7 @@ mod health;
 mod history;
 mod leases;
 mod metrics;
+mod panel;
 mod parquet;
 mod production;
 mod programs;
@@ -134,6 +135,7 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(commands::stop))
         .routes(routes!(commands::clear_stopped))
         .routes(routes!(commands::accept_identity))
+        .routes(routes!(panel::show, panel::act))
         .routes(routes!(streams::events))
         .routes(routes!(streams::live))
         .routes(routes!(alarms::all))

@@ -19,7 +19,8 @@
 //! A stop takes `http/commands.rs` and `fleet/command.rs` alone: no lease, no disk. `fleet/link.rs` keeps the
 //! connection and takes in values (`live/board.rs`), and `http/streams.rs` reads them for each client at its
 //! own pace. `fleet/clerk.rs` ends leases in time, and writes what need not be written first.
-//! `fleet/roster.rs` adds, changes and removes robots. The walk of a run of a program is in `fleet/run.rs`.
+//! `fleet/roster.rs` adds, changes and removes robots. The walk of a run of a program is in `fleet/run.rs`,
+//! that of an action at the panel of a virtual robot in `fleet/operate.rs`.
 //!
 //! # The parts
 //!
@@ -79,6 +80,7 @@ pub use crate::core::raw::policy::{RawAllow, RawPolicy, RawRule, RawSource};
 pub use crate::core::retention::LEAST_ENTRIES;
 pub use crate::core::role::Grant;
 pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
+pub use crate::fleet::panel::Panel;
 pub use crate::fleet::roster::Changes;
 pub use crate::gateway::{Gateway, GatewayError, GatewaySettings};
 pub use crate::history::{HistorySettings, LEAST_MAX_BYTES};

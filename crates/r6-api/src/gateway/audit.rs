@@ -460,7 +460,7 @@ pub enum Deed {
     },
     /// A command will be sent. Its outcome follows in another entry.
     CommandIntent {
-        /// The command as it will be sent.
+        /// The command as it will be sent; or `panel` and an action at the panel of a virtual robot.
         command: String,
         /// The lease.
         lease: u64,
@@ -515,12 +515,12 @@ pub enum Deed {
     },
     /// A stop was asked for. Its outcome follows in another entry.
     StopBegan {
-        /// What is sent: `stop`, or the word of a command that stops.
+        /// What is sent: `stop`, the word of a command that stops, or `panel` and an action at the panel.
         request: String,
     },
     /// The robot was stopped, or that was tried.
     Stop {
-        /// What was sent: `stop`, or the word of a command that stops.
+        /// What was sent: `stop`, the word of a command that stops, or `panel` and an action at the panel.
         request: String,
         /// Whether it is proved that the arm stands; for a command, whether the controller accepted it.
         confirmed: bool,

@@ -37,6 +37,11 @@ pub struct RobotSummary {
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true, example = "press-4-twin"))]
     pub twin: Option<String>,
+    /// Whether the gateway reaches its panel, the person at the machine: twins and the robot of `r6 up` have
+    /// one.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub panel: bool,
     /// Whether it can be reached.
     pub link: RobotLink,
     /// What it says of itself; `null` until it was read.

@@ -18,6 +18,8 @@ pub enum Right {
     AcknowledgeAlarm,
     /// Shelve the alarms of a code for a time.
     ShelveAlarm,
+    /// Turn the key of a virtual robot's panel, set inputs, raise alarms, and remove points there.
+    SetUpPanel,
     /// Accept another robot at an address.
     AcceptIdentity,
     /// Read the audit log.
@@ -51,9 +53,11 @@ impl Right {
         match self {
             Self::Read => Role::Viewer,
             Self::Stop | Self::Command | Self::AcknowledgeAlarm => Role::Operator,
-            Self::AcceptIdentity | Self::ReadAudit | Self::StorePrograms | Self::ShelveAlarm => {
-                Role::Engineer
-            }
+            Self::AcceptIdentity
+            | Self::ReadAudit
+            | Self::StorePrograms
+            | Self::ShelveAlarm
+            | Self::SetUpPanel => Role::Engineer,
             Self::TakeLease | Self::Configure | Self::ManageUsers | Self::ManageSettings => Role::Admin,
         }
     }
@@ -94,6 +98,7 @@ mod tests {
             Right::Command,
             Right::AcknowledgeAlarm,
             Right::ShelveAlarm,
+            Right::SetUpPanel,
             Right::AcceptIdentity,
             Right::ReadAudit,
             Right::StorePrograms,
@@ -105,14 +110,17 @@ mod tests {
         for (role, allowed) in [
             (
                 Role::Viewer,
-                [true, false, false, false, false, false, false, false, false, false, false, false],
+                [true, false, false, false, false, false, false, false, false, false, false, false, false],
             ),
             (
                 Role::Operator,
-                [true, true, true, true, false, false, false, false, false, false, false, false],
+                [true, true, true, true, false, false, false, false, false, false, false, false, false],
             ),
-            (Role::Engineer, [true, true, true, true, true, true, true, true, false, false, false, false]),
-            (Role::Admin, [true; 12]),
+            (
+                Role::Engineer,
+                [true, true, true, true, true, true, true, true, true, false, false, false, false],
+            ),
+            (Role::Admin, [true; 13]),
         ] {
             let all = Grant { role, only: None };
             let one = Grant { role, only: RobotName::new("press") };

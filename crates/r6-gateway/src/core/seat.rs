@@ -3,8 +3,9 @@
 //! A [`Seat`] knows the lease, the stop that holds, the identity and the link of one robot. It alone makes a
 //! [`Permit`], and the fleet sends nothing that changes or moves without one. Times are those of one clock
 //! that counts suspend. [`Seat::generation`] grows whenever all permits made so far are void. `run.rs` has
-//! the run of a program.
+//! the run of a program, `panel.rs` the panel of a virtual robot, which needs no permit.
 
+mod panel;
 mod permit;
 mod run;
 #[cfg(test)]
@@ -405,7 +406,7 @@ impl Seat {
         Ok(())
     }
 
-    /// Forgets which robot this name stands for: it is the next one that answers.
+    /// Forgets which robot this name stands for. The next robot that answers is the robot of this name.
     pub fn forget_identity(&mut self) {
         self.saved.identity = None;
         self.stranger = None;

@@ -183,24 +183,38 @@ impl Station {
         }
 
         let sent = order.to_string();
-        let intent = Deed::CommandIntent { command: sent.clone(), lease: key.number };
-        let intent = self.append(self.record(by, intent)).await;
-        let command_id = intent.map_err(|error| untold(error.into()))?;
-        self.publish(Happened::CommandBegan { command_id, command: sent.clone() });
-        // What was true before the disk had its turn may not be true any more.
-        let answer = match self.seat(|seat, now| seat.permit(now, key, order)) {
-            Ok(permit) => {
-                let _sending = self.sending();
-                let answer = self.send(&robot, permit).await;
-                answer.map_err(|error| (outcome(&error), self.problem_of(&error, key, effect)))
-            }
-            Err(denied) => Err((CommandOutcome::NotSent, denied.into())),
+        let send = async {
+            // What was true before the disk had its turn may not be true any more.
+            let permit = self.seat(|seat, now| seat.permit(now, key, order));
+            let permit = permit.map_err(|denied| (CommandOutcome::NotSent, denied.into()))?;
+            let _sending = self.sending();
+            let answer = self.send(&robot, permit).await;
+            answer.map_err(|error| (outcome(&error), self.problem_of(&error, key, effect)))
         };
+        let (command_id, accepted) = self.recorded(by, &sent, key.number, send).await?;
+        let after_ms = clock::milliseconds(accepted.after);
+        Ok(CommandDone { command_id: Some(command_id), sent, after_ms })
+    }
+
+    /// Sends something to the robot. Its intent is on the disk before `send` begins, its outcome after.
+    /// Returns the number of the intent.
+    pub(super) async fn recorded<T>(
+        &self,
+        by: &By,
+        command: &str,
+        lease: u64,
+        send: impl Future<Output = Result<T, (CommandOutcome, Problem)>>,
+    ) -> Result<(u64, T), (Problem, Told)> {
+        let intent = Deed::CommandIntent { command: command.to_owned(), lease };
+        let intent = self.append(self.record(by, intent)).await;
+        let command_id = intent.map_err(|error| (error.into(), Told::No))?;
+        self.publish(Happened::CommandBegan { command_id, command: command.to_owned() });
+        let answer = send.await;
         let (outcome, detail) = match &answer {
             Ok(_) => (CommandOutcome::Accepted, String::new()),
             Err((outcome, problem)) => (*outcome, problem.message.clone()),
         };
-        tracing::info!(robot = self.name(), command_id, command = %sent, ?outcome, by = %by.actor, "a command");
+        tracing::info!(robot = self.name(), command_id, %command, ?outcome, by = %by.actor, "a command");
         self.counts.count_command(outcome);
         self.publish(Happened::CommandEnded { command_id, outcome });
         let deed = Deed::CommandOutcome { intent: command_id, outcome, detail };
@@ -209,8 +223,7 @@ impl Station {
             self.note(by, deed);
         }
         let accepted = answer.map_err(|(_, problem)| (problem, Told::Yes))?;
-        let after_ms = clock::milliseconds(accepted.after);
-        Ok(CommandDone { command_id: Some(command_id), sent, after_ms })
+        Ok((command_id, accepted))
     }
 
     /// The problem of a command that failed. If it was taken back, the seat knows why.
@@ -287,7 +300,7 @@ impl Station {
     }
 
     /// A stop holds before anything is sent. The audit log is told soon: a stop does not wait for the disk.
-    fn begin_stop(&self, by: &By, request: &str, written: bool) {
+    pub(super) fn begin_stop(&self, by: &By, request: &str, written: bool) {
         self.seat(|seat, _| seat.stop_begins());
         if written {
             self.publish(Happened::StopBegan { by: by.actor.clone() });
@@ -295,7 +308,13 @@ impl Station {
         }
     }
 
-    fn end_stop(&self, by: &By, request: &str, (confirmed, detail): (bool, String), written: bool) {
+    pub(super) fn end_stop(
+        &self,
+        by: &By,
+        request: &str,
+        (confirmed, detail): (bool, String),
+        written: bool,
+    ) {
         self.seat(|seat, _| seat.stop_ends());
         self.counts.count_stop(confirmed);
         // A stop before it may have been confirmed. That this one is not has to stand in the log too.
@@ -413,7 +432,7 @@ async fn finish(places: &Semaphore, all: u32, within: Duration) {
 }
 
 /// Whether a command stands in the audit log.
-enum Told {
+pub(super) enum Told {
     Yes,
     No,
 }
@@ -434,7 +453,7 @@ fn outcome(error: &RequestError) -> CommandOutcome {
 }
 
 /// Refuses if instructions are left in the list. Passes if the firmware does not tell its length.
-async fn check_list(robot: &Robot) -> Result<(), Problem> {
+pub(super) async fn check_list(robot: &Robot) -> Result<(), Problem> {
     let read = robot.query(&[Address::RemoteCmdLen]).await.map_err(|error| match error {
         RequestError::OutcomeUnknown(OutcomeUnknown::AnotherRobot { .. }) => {
             Problem::new(Code::IdentityChanged, error.to_string())

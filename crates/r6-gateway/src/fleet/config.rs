@@ -7,6 +7,7 @@ use r6_client::{Address, AxisIndex, RobotSettings};
 use r6_motion::RobotModel;
 
 use crate::core::name::RobotName;
+use crate::fleet::panel::Panel;
 use crate::programs;
 
 /// How often the values are read if nothing else is said.
@@ -38,6 +39,8 @@ pub struct RobotConfig {
     pub twin_of: Option<RobotName>,
     /// The twin of this robot, if it has one.
     pub twin: Option<RobotName>,
+    /// Its panel, if it is a virtual robot of this process; `None` for every other robot.
+    pub panel: Option<Panel>,
     /// How to communicate with it.
     pub settings: RobotSettings,
     /// Who may change all this.
@@ -57,6 +60,7 @@ impl RobotConfig {
             parts: None,
             twin_of: None,
             twin: None,
+            panel: None,
             settings: RobotSettings::default(),
             managed_by: ManagedBy::File,
         }
@@ -81,11 +85,11 @@ impl RobotConfig {
         address.map_err(|error| r6_client::RequestError::Invalid(error).to_string())
     }
 
-    /// Whether the robot is the same, is read in the same way, and has the same model and twin.
+    /// Whether the robot is the same, is read in the same way, and has the same model, twin and panel.
     #[must_use]
     pub fn is_as(&self, other: &Self) -> bool {
         let read = (&self.addresses, self.parts) == (&other.addresses, other.parts);
-        let twins = (&self.twin_of, &self.twin) == (&other.twin_of, &other.twin);
+        let twins = (&self.twin_of, &self.twin, self.panel) == (&other.twin_of, &other.twin, other.panel);
         let way = (&self.address, self.period) == (&other.address, other.period);
         way && read && twins && self.model == other.model
     }

@@ -242,8 +242,8 @@ impl Fleet {
         Err(Problem::new(Code::NotReady, message))
     }
 
-    /// Refuses to forget a stop: under another name, the same arm could be moved before somebody has looked. A
-    /// twin has no arm.
+    /// Refuses to forget a stop: under another name, the same arm could be moved before somebody has looked.
+    /// A twin has no arm.
     fn refuse_if_stopped(&self, name: &RobotName) -> Result<(), Problem> {
         let Some(station) = self.station(name.as_str()) else { return Ok(()) };
         // If a stop is owed as well, this one says that somebody has looked.

@@ -290,7 +290,7 @@ impl Station {
     /// Configures it anew. The caller has ended the task that keeps the connection, and starts another one.
     pub(super) fn configure(&self, config: RobotConfig) {
         if config.twin_of.is_some() {
-            // It is another virtual controller, perhaps of another model, and the process has just started it.
+            // It is another virtual controller, perhaps of another model, that has just been started.
             self.seat(|seat, _| seat.forget_identity());
         }
         {
@@ -607,7 +607,7 @@ impl Station {
 
     /// The robot without its values.
     pub fn summary(&self) -> RobotSummary {
-        let RobotConfig { address, managed_by, model, twin_of, twin, .. } = self.config();
+        let RobotConfig { address, managed_by, model, twin_of, twin, panel, .. } = self.config();
         self.seat(|seat, now| {
             let (stopped, stops_under_way) = seat.stops();
             let identity_changed = seat.identity_change();
@@ -628,6 +628,7 @@ impl Station {
                 r#virtual: if twin_of.is_some() { Some(true) } else { named },
                 twin_of: twin_of.map(|name| name.to_string()),
                 twin: twin.map(|name| name.to_string()),
+                panel: panel.is_some(),
                 identity,
                 identity_changed,
                 lease,

@@ -39,14 +39,21 @@ fn status(code: Code) -> StatusCode {
         | Code::NoSuchUser
         | Code::NoSuchToken
         | Code::NoSuchAlarm
-        | Code::NoSuchRun => StatusCode::NOT_FOUND,
+        | Code::NoSuchRun
+        | Code::NoPanel => StatusCode::NOT_FOUND,
         Code::LinkVoid => StatusCode::GONE,
         Code::NeedsIfMatch => StatusCode::PRECONDITION_REQUIRED,
         Code::NotThisVersion => StatusCode::PRECONDITION_FAILED,
         Code::NeedsIdempotencyKey => StatusCode::BAD_REQUEST,
-        Code::BadCommand | Code::BadValue | Code::BadProgram | Code::KeyTaken => {
-            StatusCode::UNPROCESSABLE_ENTITY
-        }
+        Code::BadCommand
+        | Code::BadValue
+        | Code::BadProgram
+        | Code::KeyTaken
+        | Code::BadAction
+        | Code::NoSuchInput
+        | Code::NoSuchAxis
+        | Code::NoDistance
+        | Code::BadSpeed => StatusCode::UNPROCESSABLE_ENTITY,
         Code::StoreUnavailable | Code::Overloaded => StatusCode::SERVICE_UNAVAILABLE,
         Code::OutcomeUnknown | Code::NotStopped | Code::NoReply => StatusCode::GATEWAY_TIMEOUT,
         // The state of the robot, of its lease or of its configuration does not allow it now.

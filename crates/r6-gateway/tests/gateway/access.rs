@@ -22,7 +22,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 51] = [
+const ROUTES: [(&str, &str, Needs); 53] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -42,6 +42,8 @@ const ROUTES: [(&str, &str, Needs); 51] = [
     ("DELETE", "/v1/robots/{name}/lease", Needs::Role(Role::Operator)),
     ("POST", "/v1/robots/{name}/lease", Needs::Role(Role::Operator)),
     ("POST", "/v1/robots/{name}/stop", Needs::Role(Role::Operator)),
+    ("GET", "/v1/robots/{name}/panel", Needs::Role(Role::Viewer)),
+    ("POST", "/v1/robots/{name}/panel", Needs::Role(Role::Operator)),
     ("GET", "/setup", Needs::Nothing),
     ("GET", "/setup.js", Needs::Nothing),
     ("POST", "/v1/setup", Needs::Nothing),

@@ -9,6 +9,7 @@ mod heads;
 mod history;
 mod leases;
 mod openapi;
+mod panel;
 mod production;
 mod programs;
 mod query;

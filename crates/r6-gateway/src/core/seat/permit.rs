@@ -6,7 +6,7 @@ use std::time::Duration;
 use r6_proto::Effect;
 use r6_proto::time::Instant;
 
-use super::{Key, Seat};
+use super::{Key, Link, Seat};
 use crate::core::order::Order;
 
 /// A permitted command does not leave later than this after it was permitted: later it would be a surprise.
@@ -190,24 +190,31 @@ impl Seat {
 
     /// The connection, and until when the caller holds the lease.
     pub(super) fn may(&mut self, now: Instant, key: Key, effect: Effect) -> Result<(u64, Instant), Denied> {
-        if self.closed {
-            return Err(Denied::Closed);
-        }
-        if self.stranger.is_some() {
-            return Err(Denied::IdentityChanged);
-        }
+        self.is_this_robot()?;
         let until = self.held(now, key)?.until;
         Ok((self.is_fit(now, effect)?, until))
     }
 
     /// The connection, if the robot may get a command with this effect from the holder of the lease.
     fn is_fit(&self, now: Instant, effect: Effect) -> Result<u64, Denied> {
+        let link = self.fit_link(now, effect)?;
+        if link.manual { Err(Denied::Manual) } else { Ok(link.connection) }
+    }
+
+    /// Refuses if the robot gets nothing any more, or if another one answers.
+    pub(super) fn is_this_robot(&self) -> Result<(), Denied> {
         if self.closed {
             return Err(Denied::Closed);
         }
         if self.stranger.is_some() {
             return Err(Denied::IdentityChanged);
         }
+        Ok(())
+    }
+
+    /// The connection, if the robot may get something with this effect, but for its mode.
+    pub(super) fn fit_link(&self, now: Instant, effect: Effect) -> Result<Link, Denied> {
+        self.is_this_robot()?;
         if self.reconfiguring {
             return Err(Denied::Reconfiguring);
         }
@@ -220,10 +227,6 @@ impl Seat {
             }
             Effect::Moves | Effect::Changes => {}
         }
-        let link = self.link.filter(|link| now.since(link.seen_at) <= self.fresh_for).ok_or(Denied::NotUp)?;
-        if link.manual {
-            return Err(Denied::Manual);
-        }
-        Ok(link.connection)
+        self.link.filter(|link| now.since(link.seen_at) <= self.fresh_for).ok_or(Denied::NotUp)
     }
 }

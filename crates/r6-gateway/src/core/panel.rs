@@ -1,0 +1,148 @@
+//! Actions at the panel of a virtual robot: what each does, and what the gateway asks for before.
+
+use std::fmt;
+
+use r6_api::panel::{Action, Button, Key};
+use r6_proto::{Effect, printable};
+
+use crate::core::role::Right;
+
+/// How many characters of a name that the caller chose are told. The longest that can be right is that of a
+/// program: 64 bytes.
+const MAX_NAME: usize = 64;
+
+/// An action, with what the gateway has to know about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Press {
+    /// The action.
+    pub action: Action,
+    /// What it does to the machine. What stops needs no lease.
+    pub effect: Effect,
+    /// The right that it needs.
+    pub right: Right,
+    /// Whether a run of a program must not be interrupted by it. A fault, an input or the mode key may: how a
+    /// program takes them is what they are for.
+    pub disturbs_run: bool,
+    /// Whether the arm also runs what is left in the instruction list.
+    pub runs_leftover: bool,
+}
+
+impl Press {
+    /// Classifies an action.
+    #[must_use]
+    pub fn new(action: Action) -> Self {
+        use Effect::{Changes, Moves, Stops};
+        let (effect, right, disturbs_run, runs_leftover) = match &action {
+            Action::Press { button: Button::Stop | Button::Pause } | Action::EmergencyStop {} => {
+                (Stops, Right::Stop, false, false)
+            }
+            Action::Press { button: Button::Start | Button::SingleCycle | Button::SingleStep } => {
+                (Moves, Right::Command, true, true)
+            }
+            Action::Home {} | Action::Jog { .. } => (Moves, Right::Command, true, false),
+            Action::SwitchProgram { .. } => (Changes, Right::Command, true, false),
+            Action::ReleaseEmergencyStop {} | Action::ClearAlarm {} => {
+                (Changes, Right::Command, false, false)
+            }
+            Action::SetInput { .. }
+            | Action::TurnKey { .. }
+            | Action::RaiseAlarm { .. }
+            | Action::ClearPoints {} => (Changes, Right::SetUpPanel, false, false),
+        };
+        Self { action, effect, right, disturbs_run, runs_leftover }
+    }
+}
+
+impl fmt::Display for Press {
+    /// For the audit log: `panel`, and then as `r6 panel` has it. Names that the caller chose are printable
+    /// and no longer than 64 characters.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = |text: &str| printable(&text.chars().take(MAX_NAME).collect::<String>()).to_string();
+        match &self.action {
+            Action::SetInput { point, on } => {
+                write!(f, "panel input {} {}", name(point), if *on { "on" } else { "off" })
+            }
+            Action::Press { button } => {
+                let word = match button {
+                    Button::Start => "start",
+                    Button::Stop => "stop",
+                    Button::Pause => "pause",
+                    Button::SingleCycle => "single-cycle",
+                    Button::SingleStep => "single-step",
+                };
+                write!(f, "panel button {word}")
+            }
+            Action::TurnKey { key } => {
+                let word = match key {
+                    Key::Manual => "manual",
+                    Key::Auto => "auto",
+                    Key::Stop => "stop",
+                };
+                write!(f, "panel key {word}")
+            }
+            Action::EmergencyStop {} => f.write_str("panel estop"),
+            Action::ReleaseEmergencyStop {} => f.write_str("panel release"),
+            Action::ClearAlarm {} => f.write_str("panel clear"),
+            Action::RaiseAlarm { alarm } => write!(f, "panel alarm {alarm}"),
+            Action::Home {} => f.write_str("panel home"),
+            Action::Jog { axis, by, speed_percent } => {
+                write!(f, "panel jog {} {by:+} --speed {speed_percent}", name(axis))
+            }
+            Action::ClearPoints {} => f.write_str("panel clear-points"),
+            Action::SwitchProgram { program } => write!(f, "panel program {}", name(program)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An action of JSON.
+    fn press(json: &str) -> Press {
+        Press::new(serde_json::from_str(json).unwrap())
+    }
+
+    #[test]
+    fn each_action_needs_what_the_page_says() {
+        use Effect::{Changes, Moves, Stops};
+        use Right::{Command, SetUpPanel, Stop};
+        for (json, effect, right, disturbs_run, shown) in [
+            (r#"{"do":"press","button":"stop"}"#, Stops, Stop, false, "panel button stop"),
+            (r#"{"do":"press","button":"pause"}"#, Stops, Stop, false, "panel button pause"),
+            (r#"{"do":"emergency_stop"}"#, Stops, Stop, false, "panel estop"),
+            (r#"{"do":"press","button":"start"}"#, Moves, Command, true, "panel button start"),
+            (r#"{"do":"press","button":"single_cycle"}"#, Moves, Command, true, "panel button single-cycle"),
+            (r#"{"do":"press","button":"single_step"}"#, Moves, Command, true, "panel button single-step"),
+            (r#"{"do":"home"}"#, Moves, Command, true, "panel home"),
+            (r#"{"do":"jog","axis":"J1","by":10}"#, Moves, Command, true, "panel jog J1 +10 --speed 10"),
+            (r#"{"do":"switch_program","program":"a"}"#, Changes, Command, true, "panel program a"),
+            (r#"{"do":"release_emergency_stop"}"#, Changes, Command, false, "panel release"),
+            (r#"{"do":"clear_alarm"}"#, Changes, Command, false, "panel clear"),
+            (
+                r#"{"do":"set_input","point":"X010","on":true}"#,
+                Changes,
+                SetUpPanel,
+                false,
+                "panel input X010 on",
+            ),
+            (r#"{"do":"turn_key","key":"manual"}"#, Changes, SetUpPanel, false, "panel key manual"),
+            (r#"{"do":"raise_alarm","alarm":850}"#, Changes, SetUpPanel, false, "panel alarm 850"),
+            (r#"{"do":"clear_points"}"#, Changes, SetUpPanel, false, "panel clear-points"),
+        ] {
+            let press = press(json);
+            let told = (press.effect, press.right, press.disturbs_run);
+            assert_eq!(told, (effect, right, disturbs_run), "{json}");
+            assert_eq!(press.to_string(), shown);
+            let is_button = matches!(press.action, Action::Press { .. });
+            assert_eq!(press.runs_leftover, is_button && effect == Moves, "{json}");
+        }
+    }
+
+    #[test]
+    fn a_name_that_the_caller_chose_is_printable_and_not_long() {
+        let program = "a\u{1b}[2J".to_owned() + &"b".repeat(200);
+        let told = Press::new(Action::SwitchProgram { program }).to_string();
+        assert!(told.len() < 100 && !told.contains('\u{1b}'), "{told}");
+    }
+}

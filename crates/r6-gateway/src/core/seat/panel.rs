@@ -1,0 +1,112 @@
+//! Who may use the panel of a virtual robot now.
+
+use r6_proto::time::Instant;
+
+use super::{Denied, Key, Seat};
+use crate::core::panel::Press;
+
+impl Seat {
+    /// Whether the panel may get this action from the holder of the lease. In manual mode, too: the panel is
+    /// the pendant. Actions that stop need no lease, and are not asked for here.
+    ///
+    /// # Errors
+    /// [`Denied`].
+    pub fn check_press(&mut self, now: Instant, key: Key, press: &Press) -> Result<(), Denied> {
+        self.is_this_robot()?;
+        self.held(now, key)?;
+        if press.disturbs_run && self.has_run() {
+            return Err(Denied::RunUnderWay);
+        }
+        self.fit_link(now, press.effect).map(|_| ())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use r6_api::gateway::{LeaseEnd, RobotIdentity};
+
+    use super::*;
+    use crate::core::seat::{Ask, Saved, Secret};
+
+    const NOW: Instant = Instant::ORIGIN;
+
+    /// A seat with a lease, whose robot is in manual mode, and its key.
+    fn seat() -> (Seat, Key) {
+        let mut seat = Seat::new(Saved::default(), Duration::from_secs(1));
+        let ask = Ask { holder: "anna".to_owned(), lasts: Duration::from_secs(60), secret: Secret([7; 16]) };
+        let key = seat.acquire(NOW, ask).unwrap().key;
+        seat.identified(RobotIdentity { axis_count: Some(6), ..RobotIdentity::default() });
+        seat.observed(NOW, 1, true);
+        (seat, key)
+    }
+
+    fn press(json: &str) -> Press {
+        Press::new(serde_json::from_str(json).unwrap())
+    }
+
+    fn jog() -> Press {
+        press(r#"{"do":"jog","axis":"J1","by":10}"#)
+    }
+
+    fn key_to_auto() -> Press {
+        press(r#"{"do":"turn_key","key":"auto"}"#)
+    }
+
+    #[test]
+    fn the_panel_leads_in_manual_mode_and_commands_do_not() {
+        let (mut seat, key) = seat();
+        for press in [jog(), key_to_auto()] {
+            assert_eq!(seat.check_press(NOW, key, &press), Ok(()), "{press}");
+            assert_eq!(seat.check(NOW, key, press.effect), Err(Denied::Manual), "{press}");
+        }
+    }
+
+    #[test]
+    fn nothing_moves_while_a_stop_holds_and_nothing_changes_while_it_is_under_way() {
+        let (mut seat, key) = seat();
+        seat.stop_begins();
+        assert_eq!(seat.check_press(NOW, key, &jog()), Err(Denied::Stopped));
+        assert_eq!(seat.check_press(NOW, key, &key_to_auto()), Err(Denied::StopUnderWay));
+        seat.stop_ends();
+        assert_eq!(seat.check_press(NOW, key, &jog()), Err(Denied::Stopped));
+        assert_eq!(seat.check_press(NOW, key, &key_to_auto()), Ok(()));
+        seat.clear(NOW, key).unwrap();
+        assert_eq!(seat.check_press(NOW, key, &jog()), Ok(()));
+    }
+
+    #[test]
+    fn a_run_is_not_disturbed_and_meets_faults_and_inputs() {
+        let (mut seat, key) = seat();
+        seat.observed(NOW, 1, false);
+        seat.begin_run(NOW, key).unwrap();
+        assert_eq!(seat.check_press(NOW, key, &jog()), Err(Denied::RunUnderWay));
+        let start = press(r#"{"do":"press","button":"start"}"#);
+        assert_eq!(seat.check_press(NOW, key, &start), Err(Denied::RunUnderWay));
+        for json in [r#"{"do":"raise_alarm","alarm":850}"#, r#"{"do":"set_input","point":"X010","on":true}"#]
+        {
+            assert_eq!(seat.check_press(NOW, key, &press(json)), Ok(()), "{json}");
+        }
+    }
+
+    #[test]
+    fn only_the_holder_of_this_robot_uses_a_panel_that_answers() {
+        let (mut seat, key) = seat();
+        let other = Key { number: key.number, secret: Secret([8; 16]) };
+        assert_eq!(seat.check_press(NOW, other, &jog()), Err(Denied::NoLease));
+        let late = NOW + Duration::from_secs(2);
+        assert_eq!(seat.check_press(late, key, &jog()), Err(Denied::NotUp), "its state is too old");
+        let over = NOW + Duration::from_secs(61);
+        assert_eq!(seat.check_press(over, key, &jog()), Err(Denied::NoLease));
+        let (mut seat, key) = self::seat();
+        seat.link_lost();
+        assert_eq!(seat.check_press(NOW, key, &jog()), Err(Denied::NotUp));
+        let (mut seat, key) = self::seat();
+        seat.identified(RobotIdentity { axis_count: Some(4), ..RobotIdentity::default() });
+        assert_eq!(seat.check_press(NOW, key, &jog()), Err(Denied::IdentityChanged));
+        let (mut seat, key) = self::seat();
+        seat.close(LeaseEnd::GatewayEnded);
+        assert_eq!(seat.check_press(NOW, key, &jog()), Err(Denied::Closed));
+    }
+}
