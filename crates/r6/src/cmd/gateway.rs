@@ -137,8 +137,8 @@ struct ServeArgs {
     /// no login: see [[raw_rule]] below
     #[arg(long, value_name = "NAME=ADDR:PORT")]
     raw: Vec<String>,
-    /// Start a virtual controller of its model and profile for each robot of the file and of the command line,
-    /// to try programs on: robot NAME-twin, in this process
+    /// Start a virtual controller of its model and profile for each robot of the file and of the command
+    /// line, to try programs on: robot NAME-twin, in this process
     #[arg(long)]
     twins: bool,
 }

@@ -7,12 +7,13 @@ use std::time::Duration;
 
 use clap::Args;
 use crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
+use r6_gateway::Panel;
 use r6_proto::Language;
 use r6_sim::panel::DEFAULT_PORT;
 use r6_sim::{ControllerHandle, SimError, SimSettings, Simulation};
 use tokio::sync::broadcast::error::TryRecvError;
 
-use self::gateway::CellGateway;
+use self::gateway::{Cell, CellGateway};
 use crate::cmd::sim::{self, CellArgs, LangArg};
 use crate::exit::{Exit, Failure};
 use crate::output;
@@ -101,8 +102,11 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let (place, usual_port) = (args.gateway, args.listen.port() == DEFAULT_LISTEN_PORT);
     let model = args.cell.known_model();
     let simulation = start(args).await?;
+    let panel = simulation.panel().and_then(|panel| Panel::new(panel, 1));
     let gateway = match simulation.controllers().first() {
-        Some(robot) => CellGateway::start(place, robot.local_address(), model, usual_port).await?,
+        Some(robot) => {
+            CellGateway::start(place, Cell { robot: robot.local_address(), panel, model }, usual_port).await?
+        }
         None => None,
     };
     let result = tokio::select! {

@@ -82,6 +82,11 @@ fn up_without_a_terminal_prints_lines() {
         // An old script moves the arm over the raw port.
         let start = r6(&["-r", &raw, "command", "startButton"]);
         assert_eq!(start.code, 0, "{start:?}");
+        // The gateway has the panel of this robot, too.
+        let url = format!("http://{gateway}");
+        let ask = ["-g", &url, "--token-file", token.to_str().unwrap(), "panel", "button", "pause"];
+        let paused = r6(&ask);
+        assert!(paused.code == 0 && paused.out.contains(&address), "{paused:?}");
         let folder = token.parent().unwrap();
         let mode = std::os::unix::fs::PermissionsExt::mode(&std::fs::metadata(folder).unwrap().permissions());
         assert_eq!(mode & 0o777, 0o700, "the token is for its owner alone");

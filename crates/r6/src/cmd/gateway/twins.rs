@@ -1,13 +1,13 @@
 //! The twins of `r6 gateway --twins`: a virtual controller of its model and profile for each robot, to try
 //! programs on. They run in this process, on ports of this machine. The gateway reaches them over the wire,
-//! as it reaches robots.
+//! as it reaches robots, and their panels over HTTP.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 
 use r6_client::RobotSettings;
 use r6_controller::{Profile, RobotModel};
-use r6_gateway::{RobotConfig, RobotName};
+use r6_gateway::{Panel, RobotConfig, RobotName};
 use r6_sim::{SimSettings, Simulation};
 
 use crate::exit::Failure;
@@ -30,6 +30,7 @@ struct Twin {
     name: RobotName,
     kind: Kind,
     address: SocketAddr,
+    panel: Panel,
     simulation: Simulation,
 }
 
@@ -79,20 +80,21 @@ impl Twins {
             let kind = Kind { model, is_known, profile };
             let going_on = self.running.get(&robot.name);
             let going_on = going_on.filter(|twin| twin.kind == kind && !twin.is_on_any(&avoided));
-            let address = match going_on {
+            let (address, panel) = match going_on {
                 Some(twin) => {
                     prepared.kept.insert(robot.name.clone());
-                    twin.address
+                    (twin.address, twin.panel)
                 }
                 None => {
                     let twin = Twin::start(name.clone(), kind, &avoided).await?;
-                    let address = twin.address;
+                    let places = (twin.address, twin.panel);
                     prepared.new.insert(robot.name.clone(), twin);
-                    address
+                    places
                 }
             };
             let twin = RobotConfig {
                 address: address.to_string(),
+                panel: Some(panel),
                 model: Some(model.name.to_string()),
                 twin_of: Some(robot.name.clone()),
                 // The options about the wire are for the robots.
@@ -124,20 +126,22 @@ impl Twins {
 }
 
 impl Twin {
-    /// Starts a twin on a free port of this machine that is none of these.
+    /// Starts a twin. It and its panel are on free ports of this machine, which are none of these.
     async fn start(name: RobotName, kind: Kind, avoided: &BTreeSet<u16>) -> Result<Self, Failure> {
-        // Each try keeps its port until the end, so the next one gets another port.
+        // Each try keeps its ports until the end, so the next one gets others.
         let mut tries = Vec::new();
         for _ in 0..=avoided.len() {
             let settings = SimSettings {
                 model: kind.model.clone(),
                 profile: kind.profile.clone(),
+                panel: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, 0))),
                 ..SimSettings::default()
             };
             let simulation = Simulation::start(settings).await.map_err(Failure::usage)?;
             let address = simulation.controllers().first().map(r6_sim::ControllerHandle::address);
-            let Some(address) = address else { break };
-            let twin = Self { name: name.clone(), kind: kind.clone(), address, simulation };
+            let panel = simulation.panel().and_then(|panel| Panel::new(panel, 1));
+            let (Some(address), Some(panel)) = (address, panel) else { break };
+            let twin = Self { name: name.clone(), kind: kind.clone(), address, panel, simulation };
             if !twin.is_on_any(avoided) {
                 return Ok(twin);
             }
@@ -146,9 +150,9 @@ impl Twin {
         Err(Failure::usage("there is no free port for a twin"))
     }
 
-    /// Whether it is on one of these ports.
+    /// Whether it or its panel is on one of these ports.
     fn is_on_any(&self, ports: &BTreeSet<u16>) -> bool {
-        ports.contains(&self.address.port())
+        [self.address, self.panel.address()].iter().any(|place| ports.contains(&place.port()))
     }
 
     /// The line that names it.
@@ -161,7 +165,7 @@ impl Twin {
 
 async fn end_all(twins: BTreeMap<RobotName, Twin>) {
     for twin in twins.into_values() {
-        // It keeps no state, so there is none that cannot be written.
+        // It keeps no state, so nothing can fail to be written.
         let _ = twin.simulation.shutdown().await;
     }
 }
@@ -206,7 +210,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn each_robot_has_a_twin_with_its_name_and_model_on_a_port_of_its_own() {
+    async fn each_robot_has_a_twin_with_its_name_and_model_on_ports_of_its_own() {
         let press = RobotConfig { model: Some("GENERIC-SCARA".to_owned()), ..robot("press") };
         let (all, prepared) = prepare(&Twins::default(), vec![press, robot("saw")]).await;
         let told: Vec<_> = all.iter().map(|one| (one.name.as_str(), one.model.as_deref())).collect();
@@ -219,8 +223,10 @@ mod tests {
             assert_eq!((robot.twin.as_ref(), twin.twin_of.as_ref()), (Some(&twin.name), Some(&robot.name)));
             assert_eq!((&robot.twin_of, &twin.twin, robot.address.as_str()), (&None, &None, "192.168.1.10"));
             assert!(twin.address.starts_with("127.0.0.1:"), "{twin:?}");
+            assert!(robot.panel.is_none() && twin.panel.is_some(), "{pair:?}");
         }
         assert_ne!(all[1].address, all[3].address);
+        assert_ne!(all[1].panel, all[3].panel);
         assert_eq!(prepared.new.len(), 2);
     }
 
@@ -238,8 +244,12 @@ mod tests {
         assert_eq!(first[3].address, second[3].address);
         assert_eq!(twins.commit(prepared).await.len(), 1, "the new one alone is told");
         let is_there = async |address: &str| tokio::net::TcpStream::connect(address).await.is_ok();
-        assert!(!is_there(&first[1].address).await, "the old one has ended");
-        assert!(is_there(&second[1].address).await);
+        let panel = |of: &RobotConfig| of.panel.unwrap().address().to_string();
+        assert!(
+            !is_there(&first[1].address).await && !is_there(&panel(&first[1])).await,
+            "the old one ended"
+        );
+        assert!(is_there(&second[1].address).await && is_there(&panel(&second[1])).await);
 
         let legacy = Profile::named("legacy").unwrap();
         let profiles = [(robot("saw").name, legacy)].into();
@@ -252,7 +262,7 @@ mod tests {
         twins.commit(prepared).await;
         assert_eq!(twins.count(), 0);
         for gone in [&second[1], &second[3], &third[1]] {
-            assert!(!is_there(&gone.address).await, "{gone:?}");
+            assert!(!is_there(&gone.address).await && !is_there(&panel(gone)).await, "{gone:?}");
         }
     }
 
@@ -266,9 +276,9 @@ mod tests {
         let (moved, _prepared) = prepare(&twins, vec![here]).await;
         assert_ne!(moved[1].address, moved[0].address);
         // The same with a port that the gateway needs itself.
-        let avoided = [port(&all[1].address).unwrap()].into();
+        let avoided = [all[1].panel.unwrap().address().port()].into();
         let moved = twins.prepare(vec![robot("press")], &BTreeMap::new(), &avoided).await;
-        assert_ne!(moved.unwrap().0[1].address, all[1].address);
+        assert_ne!(moved.unwrap().0[1].panel, all[1].panel);
     }
 
     #[test]

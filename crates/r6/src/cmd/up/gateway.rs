@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use r6_api::gateway::Role;
 use r6_gateway::{
-    AuditSettings, DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, HistorySettings, RawAllow,
+    AuditSettings, DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, HistorySettings, Panel, RawAllow,
     RawPolicy, RawPort, RawRule, RawSource, RobotConfig, RobotName, TlsSettings,
 };
 use r6_proto::Language;
@@ -26,6 +26,17 @@ const RAW_PORT: u16 = DEFAULT_PORT + 1;
 /// The file with the header that `curl -H @FILE` sends.
 const TOKEN_FILE: &str = "token";
 
+/// The virtual robot.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// Where it listens.
+    pub robot: SocketAddr,
+    /// Its panel, if there is one on this machine.
+    pub panel: Option<Panel>,
+    /// The model of its arm, if it is one of those with a name.
+    pub model: Option<String>,
+}
+
 /// A gateway before one virtual robot. Its folder goes with it.
 #[derive(Debug)]
 pub struct CellGateway {
@@ -34,14 +45,9 @@ pub struct CellGateway {
 }
 
 impl CellGateway {
-    /// Starts the gateway of the robot at this address, whose arm has this model. `usual_port`: without
-    /// `--gateway` it takes its usual port if that is free, else any free port.
-    pub async fn start(
-        place: Option<Place>,
-        robot: SocketAddr,
-        model: Option<String>,
-        usual_port: bool,
-    ) -> Result<Option<Self>, Failure> {
+    /// Starts the gateway of this robot. `usual_port`: without `--gateway` it takes its usual port if that is
+    /// free, else any free port.
+    pub async fn start(place: Option<Place>, cell: Cell, usual_port: bool) -> Result<Option<Self>, Failure> {
         // The gateway, and beside it the raw port.
         let here = |port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
         let [usual, any] = [(here(DEFAULT_PORT), here(RAW_PORT)), (here(0), here(0))];
@@ -54,7 +60,7 @@ impl CellGateway {
         let folder = folder()?;
         let mut last = None;
         for (listen, raw) in places {
-            match Gateway::start(settings(listen, raw, folder.path(), robot, model.clone())?).await {
+            match Gateway::start(settings(listen, raw, folder.path(), cell.clone())?).await {
                 Ok(gateway) => return Ok(Some(Self { gateway, folder })),
                 Err(error @ GatewayError::Listen { .. }) => last = Some(error),
                 Err(error) => return Err(Failure::usage(format!("the gateway does not start: {error}"))),
@@ -119,16 +125,15 @@ fn settings(
     listen: SocketAddr,
     raw: SocketAddr,
     data: &Path,
-    robot: SocketAddr,
-    model: Option<String>,
+    Cell { robot, panel, model }: Cell,
 ) -> Result<GatewaySettings, Failure> {
     let name = RobotName::new(ROBOT).ok_or_else(|| Failure::usage(RobotName::WANTED))?;
     let port = RawPort { robot: name.clone(), listen: raw };
     // The robot is virtual: programs of this machine may move it. Others cannot reach the raw port.
     let sources = ["127.0.0.0/8", "::1"].into_iter().filter_map(RawSource::parse);
     let rules = sources.map(|source| RawRule::new(source, RawAllow::Command)).collect();
-    let config =
-        RobotConfig { settings: robot::settings(), model, ..RobotConfig::new(name, robot.to_string()) };
+    let usual = RobotConfig::new(name, robot.to_string());
+    let config = RobotConfig { settings: robot::settings(), model, panel, ..usual };
     Ok(GatewaySettings {
         listen,
         data: data.to_owned(),
