@@ -166,6 +166,34 @@ def test_a_stop_holds_until_it_is_cleared(operator: r6.Gateway) -> None:
         assert not arm.state().is_stopped
 
 
+def test_the_panel_of_a_twin_needs_the_lease_and_its_stop_holds(
+    program: Path, tmp_path: Path, controller: r6.Simulator
+) -> None:
+    hall = Hall(program, tmp_path / "data", controller, "--twins")
+    try:
+        gateway = r6.Gateway(hall.url, token=hall.token("--role", "engineer"))
+        twin, end = gateway.robot("arm-twin"), monotonic() + 30
+        while not twin.state().is_up:
+            assert monotonic() < end, gateway.robots()
+            sleep(0.02)
+        assert twin.panel()["virtual"] is True
+        with twin.lease() as lease:
+            assert lease.panel("set_input", point="X010", on=True)["inputs_on"] == ["X010"]
+            with pytest.raises(r6.NotSent) as refused:
+                lease.panel("jog", axis="J1", by=10)
+            assert refused.value.reason == "not_manual"
+            assert twin.panel_stop("emergency_stop")["emergency_stop"] is True
+            with pytest.raises(r6.NotSent) as refused:
+                lease.panel("press", button="start")
+            assert refused.value.reason == "stopped"
+            assert lease.panel("release_emergency_stop")["emergency_stop"] is False
+        with pytest.raises(r6.InvalidRequest) as none:
+            gateway.robot("arm").panel()
+        assert none.value.reason == "no_panel"
+    finally:
+        hall.close()
+
+
 def test_what_happened_and_the_figures_are_read_later(operator: r6.Gateway) -> None:
     # A stop changes the mode, here or in a test before.
     arm = operator.robot("arm")

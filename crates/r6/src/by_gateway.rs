@@ -11,9 +11,10 @@ use hyper::body::Bytes;
 use hyper::header::{AUTHORIZATION, CONTENT_TYPE, HOST};
 use hyper::{Method, Request, StatusCode, Uri};
 use r6_api::gateway::{
-    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Queried, RobotState, Robots, Run, RunRequest,
-    Stopped, WithLease,
+    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, PanelDone, PanelRequest, Queried, RobotState,
+    Robots, Run, RunRequest, Stopped, WithLease,
 };
+use r6_api::panel::Snapshot;
 use r6_api::{Code, Problem};
 use r6_gateway::DEFAULT_PORT;
 use r6_proto::{Address, printable};
@@ -334,6 +335,16 @@ impl GatewayRobot {
     /// Sends a command that needs no lease, or with the lease of the caller. It is sent once.
     pub async fn command(&self, request: &CommandRequest) -> Result<CommandDone, Failure> {
         self.post("/commands", request).await
+    }
+
+    /// What a person sees at the panel of a virtual robot.
+    pub async fn panel(&self) -> Result<Snapshot, Failure> {
+        self.gateway.read(&self.path("/panel")).await
+    }
+
+    /// Does something at the panel of a virtual robot. It is sent once.
+    pub async fn panel_action(&self, request: &PanelRequest) -> Result<PanelDone, Failure> {
+        self.post("/panel", request).await
     }
 
     /// Stops the robot; the answer comes when the arm is proved to stand.

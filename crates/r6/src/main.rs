@@ -116,7 +116,8 @@ fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     let options = cli.robot.wire_options() + &cli.gateway.options();
     hint::remember(cli.robot.address(), robot_typed, &options);
     cli.robot.remember();
-    if robot_typed && let Some(refused) = asks_no_robot(&cli.subcommand, cli.robot.address()) {
+    let by_gateway = cli.gateway.url().is_some();
+    if robot_typed && let Some(refused) = asks_no_robot(&cli.subcommand, cli.robot.address(), by_gateway) {
         return Err(refused);
     }
     let usual = match &cli.subcommand {
@@ -134,8 +135,10 @@ fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
 /// Why `--robot` on the command line makes no sense for this subcommand. `None` where it does.
 ///
 /// A person who writes `r6 -r ADDR up` may think that the screen is about the robot at ADDR.
-fn asks_no_robot(subcommand: &Subcommands, robot: &str) -> Option<Failure> {
+fn asks_no_robot(subcommand: &Subcommands, robot: &str, by_gateway: bool) -> Option<Failure> {
     let (name, advice) = match subcommand {
+        // Here it is the name of a robot of the gateway.
+        Subcommands::Panel(_) if by_gateway => return None,
         Subcommands::Panel(_) => return Some(cmd::panel::no_robot(robot)),
         Subcommands::Up(_) => (
             "up",
@@ -245,10 +248,11 @@ fn run_by_gateway(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
         Subcommands::Command(args) => cmd::block_on(cmd::command::run_by_gateway(args, gateway)),
         Subcommands::Stop(args) => cmd::block_on(cmd::stop::run_by_gateway(args, gateway)),
         Subcommands::Run(args) => cmd::block_on(cmd::run::by_gateway::run(args, gateway)),
+        Subcommands::Panel(args) => cmd::block_on(cmd::panel::run_by_gateway(args, gateway)),
         Subcommands::Move(_) => Err(Failure::usage("a single move does not go over a gateway")
             .advise("put it into a file for `run`; without --gateway-url, leases and stops of the gateway do not hold")),
         _ => Err(Failure::usage("this command does not go over a gateway")
-            .advise("status, query, watch, command, run and stop do")),
+            .advise("status, query, watch, command, run, stop and panel do")),
     }
 }
 

@@ -130,6 +130,20 @@ class GatewayRobot:
         prove that the arm stands."""
         self._ask("POST", "/commands", read_after, {"command": word}, "stops")
 
+    def panel(self) -> dict[str, Any]:
+        """What a person at the machine sees: mode, alarm, inputs, axes, program. Twins (``r6 gateway --twins``) and
+        the robot of ``r6 up`` have a panel.
+
+        ``InvalidRequest`` with the reason ``no_panel``: this robot has none.
+        """
+        return self._ask("GET", "/panel", dict)
+
+    def panel_stop(self, button: Literal["stop", "pause", "emergency_stop"]) -> dict[str, Any]:
+        """Presses this button of a virtual robot's panel, and returns what a person then sees. It needs no lease
+        and holds as ``stop`` does, but does not prove that the arm stands."""
+        action = {"do": button} if button == "emergency_stop" else {"do": "press", "button": button}
+        return self._ask("POST", "/panel", lambda done: dict(done["panel"]), {"action": action}, "stops")
+
     def lease(self, duration: float = 10.0, *, take_because: str | None = None) -> GatewayLease:
         """Acquires the command lease for 2 to 300 seconds. With ``take_because`` an admin takes it from its
         holder; the robot is stopped first.
@@ -269,6 +283,18 @@ class GatewayLease:
             "moves",
             headers,
         )
+
+    def panel(self, do: str, *, run_leftover: bool = False, **fields: object) -> dict[str, Any]:
+        """Does what a person does at the machine, and returns what the person then sees:
+        ``lease.panel("press", button="start")``, ``lease.panel("turn_key", key="manual")``,
+        ``lease.panel("jog", axis="J1", by=10)``. The words are those of the panel's HTTP API. A move has begun
+        then, not ended. For a stop, see ``GatewayRobot.panel_stop``.
+
+        ``run_leftover``: start even if instructions are left in the list. ``NotSent``: it was not done, and
+        ``reason`` says why, such as ``not_manual``. ``InvalidRequest`` with the reason ``no_panel``: this robot has no panel.
+        """
+        body = {"action": {"do": do, **fields}, "lease": self._key, "run_leftover": run_leftover}
+        return self._robot._ask("POST", "/panel", lambda done: dict(done["panel"]), body, "moves")
 
     def clear_stopped(self) -> None:
         """Lets the robot move again after a stop. Look at the robot first."""

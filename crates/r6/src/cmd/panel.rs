@@ -6,12 +6,14 @@ mod http;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
+use r6_api::gateway::{Lease, PanelRequest};
 use r6_api::panel::{Action, Button, Key, Snapshot};
 use r6_proto::io_point::{IoPoint, PointKind};
 use r6_proto::{AxisIndex, printable};
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::by_gateway::ByGateway;
 use crate::exit::{Exit, Failure};
 use crate::hint::DEFAULT_PANEL;
 use crate::output::problem::{self, Code};
@@ -25,7 +27,8 @@ use http::Panel;
     arg_required_else_help = true,
     after_help = "\
 It talks to the panel of `r6 up`, or of `r6 sim --panel ADDR:PORT`. A real machine has no such panel. \
-Which panel is said by --panel or R6_PANEL, and not by --robot or R6_ROBOT.
+Which panel is said by --panel or R6_PANEL, and not by --robot or R6_ROBOT. With --gateway-url, it is the panel \
+of the virtual robot --robot at the gateway: it needs the role and, but for a stop, the lease.
 
 Examples:
   r6 panel status
@@ -41,7 +44,8 @@ Examples:
   r6 panel program register-move
   r6 panel clear-points                         what cameras sent and no program took
   r6 panel load cell.toml                       then: program cell, button start
-  r6 panel --panel 127.0.0.1:9771 --controller 2 status --json"
+  r6 panel --panel 127.0.0.1:9771 --controller 2 status --json
+  r6 -g http://127.0.0.1:9780 -r press-4-twin panel button start"
 )]
 pub struct PanelArgs {
     #[command(subcommand)]
@@ -180,13 +184,8 @@ enum KeyWord {
 /// Sends the action to the panel, and prints what an operator then sees.
 pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
     let panel = Panel::at(args.panel.as_deref().unwrap_or(DEFAULT_PANEL))?;
-    let starts = args.what.starts();
-    let looks = matches!(args.what, What::Status);
-    let input = match &args.what {
-        What::Input { point, level } => Some(format!("{point} is {}; ", level.word())),
-        _ => None,
-    };
-    if args.panel.is_none() && !looks {
+    let told = Told::of(&args);
+    if args.panel.is_none() && !told.looks {
         is_of_the_named_robot(&panel, args.controller).await?;
     }
     let state = match args.what.wish()? {
@@ -198,22 +197,75 @@ pub async fn run(args: PanelArgs) -> Result<Exit, Failure> {
             .inspect(|_| output::acts())
             .map_err(|failure| failure.while_doing(file.display()))?,
     };
-    // The panel refuses a start while there is an alarm, so this alarm is new.
-    let alarmed = (starts && state.alarm != 0).then(|| {
-        let code = i64::from(state.alarm);
-        Failure::refused(format!("the program ended at once with alarm {}", alarm::short(code)))
-            .with_code(Code::Alarm)
-            .advise(alarm::advice(code))
-            .told()
-    });
-    if args.json {
-        output::json_pretty(&Seen { state: &state, problem: alarmed.as_ref().map(problem::object) });
-    } else if looks {
-        output::line(panel::text(&state));
+    told.show(&state)
+}
+
+/// The same at the panel of a virtual robot behind a gateway. An action that does not stop takes the lease,
+/// and gives it back.
+pub async fn run_by_gateway(args: PanelArgs, gateway: ByGateway) -> Result<Exit, Failure> {
+    let told = Told::of(&args);
+    let wish = args.what.wish()?;
+    let robot = gateway.robot().await?;
+    let action = match wish {
+        Wish::Look => return told.show(&robot.panel().await?),
+        Wish::Act(action) => action,
+        Wish::Load { .. } => {
+            return Err(Failure::usage("a program is not loaded over a gateway")
+                .advise("`run` has the gateway run a program of motions"));
+        }
+    };
+    let stops =
+        matches!(action, Action::EmergencyStop {} | Action::Press { button: Button::Stop | Button::Pause });
+    let request = PanelRequest { action, lease: None, run_leftover: false };
+    let done = if stops {
+        robot.panel_action(&request).await
     } else {
-        output::line(format!("{}{}", input.unwrap_or_default(), panel::summary(&state)));
+        let with = async |lease: &Lease| {
+            robot.panel_action(&PanelRequest { lease: Some(lease.lease.clone()), ..request }).await
+        };
+        robot.with_lease(with).await
+    };
+    let done = done.inspect(|_| output::acts())?;
+    told.show(&done.panel)
+}
+
+/// How the answer is told.
+struct Told {
+    looks: bool,
+    starts: bool,
+    json: bool,
+    input: Option<String>,
+}
+
+impl Told {
+    fn of(args: &PanelArgs) -> Self {
+        let input = match &args.what {
+            What::Input { point, level } => Some(format!("{point} is {}; ", level.word())),
+            _ => None,
+        };
+        let looks = matches!(args.what, What::Status);
+        Self { looks, starts: args.what.starts(), json: args.json, input }
     }
-    alarmed.map_or(Ok(Exit::Done), Err)
+
+    /// Prints what an operator then sees.
+    fn show(self, state: &Snapshot) -> Result<Exit, Failure> {
+        // The panel refuses a start while there is an alarm, so this alarm is new.
+        let alarmed = (self.starts && state.alarm != 0).then(|| {
+            let code = i64::from(state.alarm);
+            Failure::refused(format!("the program ended at once with alarm {}", alarm::short(code)))
+                .with_code(Code::Alarm)
+                .advise(alarm::advice(code))
+                .told()
+        });
+        if self.json {
+            output::json_pretty(&Seen { state, problem: alarmed.as_ref().map(problem::object) });
+        } else if self.looks {
+            output::line(panel::text(state));
+        } else {
+            output::line(format!("{}{}", self.input.unwrap_or_default(), panel::summary(state)));
+        }
+        alarmed.map_or(Ok(Exit::Done), Err)
+    }
 }
 
 /// Refuses to act at the default panel if `R6_ROBOT` names a robot on another port: the panel that answers

@@ -74,6 +74,23 @@ fn a_program_runs_on_a_twin_while_the_robots_stand_and_all_twins_end_with_the_ga
     assert!((j1("press-twin") - 30.0).abs() < 0.01);
     assert_eq!([j1("press"), j1("saw"), j1("saw-twin")], [0.0; 3]);
 
+    // The panel of a twin stops the twin, and a robot has none.
+    let seen = ask(&["-r", "press-twin", "panel", "status", "--json"]).json();
+    assert_eq!((&seen["virtual"], &seen["axes"][0]["name"]), (&json!(true), &json!("J1")));
+    let refused = ask(&["-r", "press", "panel", "estop"]);
+    assert!(refused.code == 2 && refused.err.contains("has no panel here"), "{refused:?}");
+    let pressed = ask(&["-r", "press-twin", "panel", "estop"]);
+    assert!(pressed.code == 0 && pressed.out.contains("EMERGENCY STOP pressed"), "{pressed:?}");
+    let stopped = |robot: &str| get(&url, &operator, &path(robot)).1["stopped"].clone();
+    assert_eq!(["press", "press-twin", "saw-twin"].map(stopped), [false, true, false].map(Value::from));
+    // The run is over, and everything but a stop needs the lease.
+    let held = json!({ "lease": lease["lease"] }).to_string();
+    assert_eq!(call(&url, &operator, "DELETE", "/v1/robots/press-twin/lease", &held).0, 204);
+    let released = ask(&["-r", "press-twin", "panel", "release"]);
+    assert!(released.code == 0 && !released.out.contains("EMERGENCY"), "{released:?}");
+    let refused = ask(&["-r", "press-twin", "panel", "button", "start"]);
+    assert!(refused.code == 1 && refused.err.contains("the robot was stopped"), "{refused:?}");
+
     assert_eq!(running.end("TERM"), Some(0));
     for twin in twins {
         assert!(TcpStream::connect(&twin).is_err(), "{twin} has ended");
