@@ -72,6 +72,14 @@ impl Cell {
         (status, problem["code"].as_str().unwrap_or_else(|| panic!("{problem}")).to_owned())
     }
 
+    /// A lease that outlasts the test.
+    async fn lease(&self) -> Value {
+        let asked = json!({ "duration_ms": 300_000 });
+        let (status, lease) = self.hall.post(&self.hall.operator, "/v1/robots/press/lease", &asked).await;
+        assert_eq!(status, 200, "{lease}");
+        lease["lease"].clone()
+    }
+
     async fn clear_stop(&self, lease: &Value) {
         let clear = json!({ "lease": lease });
         let path = "/v1/robots/press/clear-stopped";
@@ -106,7 +114,7 @@ async fn a_move_by_hand_needs_the_lease_and_the_key_an_engineer_and_both_are_in_
     assert_eq!(cell.refused(viewer, &none, button("stop")).await, refusal(403, "not_allowed"));
     assert_eq!(cell.refused(operator, &none, jog()).await, refusal(409, "no_lease"));
 
-    let lease = cell.hall.lease(operator, "press").await;
+    let lease = cell.lease().await;
     let wrong = json!({ "number": lease["number"], "secret": "0".repeat(32) });
     assert_eq!(cell.refused(operator, &wrong, jog()).await, refusal(409, "no_lease"));
     for action in [
@@ -158,7 +166,7 @@ async fn a_stop_at_the_panel_needs_no_lease_and_holds_for_starts_and_moves_by_ha
     let cell = Cell::start(long()).await;
     let Hall { operator, engineer, .. } = &cell.hall;
     let none = Value::Null;
-    let lease = cell.hall.lease(operator, "press").await;
+    let lease = cell.lease().await;
     for stop in [button("pause"), button("stop"), json!({ "do": "emergency_stop" })] {
         cell.done(operator, &lease, button("start")).await;
         cell.hall.until("press", |state| signal(state, "isMoving")["value"] == true).await;
@@ -202,7 +210,7 @@ async fn a_stop_at_the_panel_needs_no_lease_and_holds_for_starts_and_moves_by_ha
 async fn a_run_is_not_disturbed_and_meets_the_emergency_stop() {
     let cell = Cell::start(SimSettings::default()).await;
     let operator = &cell.hall.operator;
-    let lease = cell.hall.lease(operator, "press").await;
+    let lease = cell.lease().await;
     let text = "[[instruction]]\ndo = \"axis-move\"\nto = [60, 0, 0, 0, 0, 0]\nspeed = 1\n";
     let body = json!({ "program": text, "lease": lease });
     let (address, key) = (cell.hall.gateway.address(), "Idempotency-Key: one\r\n");
@@ -259,7 +267,7 @@ async fn a_panel_that_cannot_be_reached_got_nothing_and_a_stop_holds_all_the_sam
     let operator = &cell.hall.operator;
     let (status, problem) = cell.hall.call(operator, "GET", PANEL, None).await;
     assert_eq!((status, &problem["code"]), (504, &json!("no_reply")), "{problem}");
-    let lease = cell.hall.lease(operator, "press").await;
+    let lease = cell.lease().await;
     assert_eq!(cell.refused(operator, &lease, button("start")).await, refusal(409, "not_ready"));
     cell.hall.until_audited(|entry| entry["outcome"] == "not_sent").await;
     let estop = json!({ "do": "emergency_stop" });
@@ -287,7 +295,7 @@ async fn an_action_without_an_answer_may_have_been_done() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let silent = listener.local_addr().unwrap();
     let cell = Cell::with_panel(long(), |_| silent).await;
-    let lease = cell.hall.lease(&cell.hall.operator, "press").await;
+    let lease = cell.lease().await;
     let taken = tokio::spawn(async move { request(&mut listener.accept().await.unwrap().0).await });
     let told = cell.refused(&cell.hall.operator, &lease, button("start")).await;
     assert_eq!(told, refusal(504, "outcome_unknown"));
@@ -315,7 +323,7 @@ async fn a_stop_that_overtakes_a_start_on_its_way_to_the_panel_is_sent_again_beh
         far.write_all(&request).await.unwrap();
         let _ = tokio::io::copy(&mut far, &mut near).await;
     });
-    let lease = cell.hall.lease(&cell.hall.operator, "press").await;
+    let lease = cell.lease().await;
     let start = cell.act(&cell.hall.operator, &lease, button("start"));
     let stop = async {
         has_arrived.await.unwrap();
