@@ -33,8 +33,8 @@ pub use history::{
     Gap, History, HistoryBucket, HistoryEvent, HistoryEvents, HistorySample, HistoryState, UnseenBecause,
 };
 pub use live::{
-    LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveRequest, LiveReset, LiveResume, LiveSent,
-    LiveSubscribe, LiveSubscribed,
+    LiveAlive, LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveRequest, LiveReset, LiveResume,
+    LiveSent, LiveSubscribe, LiveSubscribed,
 };
 pub use panel::{PanelDone, PanelRequest};
 pub use production::{

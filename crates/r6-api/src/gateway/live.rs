@@ -24,6 +24,8 @@ pub enum LiveMessage {
     Event(Event),
     /// Events were missed. Those that the gateway still has follow.
     EventsLost(LiveNothing),
+    /// Nothing changed, and the stream is alive. Only for readers that ask for it, over a WebSocket.
+    Alive(LiveAlive),
     /// The answer to `subscribe`: what follows is of the new subscription. Over a WebSocket only.
     Subscribed(LiveSubscribed),
     /// The answer to a message that was not carried out. The subscription goes on. Over a WebSocket only.
@@ -80,6 +82,14 @@ pub struct LiveRemoved {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 pub struct LiveNothing {}
+
+/// A sign of life.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct LiveAlive {
+    /// The time of the gateway.
+    pub time: String,
+}
 
 /// What is followed from now on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

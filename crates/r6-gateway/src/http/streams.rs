@@ -94,7 +94,7 @@ pub async fn live(
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Refusal> {
     let followed = read(followed)?;
-    let begins_later = followed.begins_later();
+    let manner = followed.manner();
     let subscription = Subscription::of_query(&caller, &state, followed, last_event_id(&headers))?;
     let feed = Feed::new(caller, state, subscription);
     if is_for_websocket(&headers) {
@@ -102,10 +102,13 @@ pub async fn live(
             let message = format!("this is no handshake of a WebSocket: {}", error.body_text());
             Refusal::new(StatusCode::BAD_REQUEST, Code::BadRequest, message)
         })?;
-        return Ok(socket::open(upgrade, feed, begins_later));
+        return Ok(socket::open(upgrade, feed, manner));
     }
-    if begins_later {
+    if manner.begins_later {
         return Err(bad_value("subscribe=later is for WebSockets: this stream takes no messages".to_owned()));
+    }
+    if manner.tells_alive {
+        return Err(bad_value("alive=true is for WebSockets: this stream has comments for that".to_owned()));
     }
     let watched = Watched::new();
     let end = watched.clone().end(feed.caller().clone(), feed.state().clone());
@@ -185,6 +188,8 @@ async fn next((mut feed, watched): (Feed, Watched)) -> Option<(Result<Event, Inf
             LiveMessage::Removed(data) => of("removed", data),
             LiveMessage::Event(data) => of("event", data),
             LiveMessage::EventsLost(data) => of("events_lost", data),
+            // This stream is not asked for it.
+            LiveMessage::Alive(data) => of("alive", data),
             // These two answer messages, which this stream does not take.
             LiveMessage::Subscribed(data) => of("subscribed", data),
             LiveMessage::Problem(data) => of("problem", data),

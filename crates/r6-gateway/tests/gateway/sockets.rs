@@ -184,6 +184,21 @@ async fn a_reader_that_comes_back_gets_what_it_missed_and_nothing_else() {
 }
 
 #[tokio::test]
+async fn a_reader_that_asks_for_it_is_told_that_the_stream_is_alive() {
+    let hall = Hall::start().await;
+    // The mode of a robot at rest does not change: without the signs of life, nothing comes after this.
+    let mut socket = Socket::open(&hall, &hall.viewer, "?signal=curMode&alive=true").await;
+    assert_eq!(socket.next().await["type"], "snapshot");
+    for _ in 0..2 {
+        let alive = socket.next().await;
+        assert_eq!(alive["type"], "alive", "{alive}");
+        assert!(alive["time"].as_str().unwrap().ends_with('Z') && alive.get("resume").is_none(), "{alive}");
+    }
+    let mut later = Socket::open(&hall, &hall.viewer, "?subscribe=later&alive=true").await;
+    assert_eq!(later.next().await["type"], "alive", "also before the first `subscribe`");
+}
+
+#[tokio::test]
 async fn what_cannot_be_resumed_is_reset_and_never_silent() {
     let hall = Hall::start().await;
     let snapshot = Socket::open(&hall, &hall.viewer, "").await.next().await;
@@ -357,8 +372,10 @@ async fn pages_urls_with_tokens_and_wrong_handshakes_are_refused() {
     let refused = Socket::try_open(&hall, &hall.viewer, "", old).await.err().unwrap();
     assert_eq!((refused.0, &refused.1["code"]), (400, &json!("bad_request")));
     // Server-sent events take no messages.
-    let (status, problem) = hall.call(&hall.viewer, "GET", "/v1/live?subscribe=later", None).await;
-    assert_eq!((status, &problem["code"]), (422, &json!("bad_value")));
+    for path in ["/v1/live?subscribe=later", "/v1/live?alive=true"] {
+        let (status, problem) = hall.call(&hall.viewer, "GET", path, None).await;
+        assert_eq!((status, &problem["code"]), (422, &json!("bad_value")), "{path}");
+    }
 }
 
 #[tokio::test]

@@ -9,7 +9,7 @@ use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
-use r6_api::gateway::{LiveMessage, LiveRequest, LiveSent};
+use r6_api::gateway::{LiveAlive, LiveMessage, LiveRequest, LiveSent};
 use r6_api::{Code, Problem};
 use r6_http::{Afterwards, Refusal};
 use tokio::sync::{mpsc, oneshot};
@@ -19,7 +19,8 @@ use super::super::State;
 use super::super::caller::Caller;
 use super::LOOK;
 use super::feed::Feed;
-use super::subscription::{Subscription, bad_value};
+use super::subscription::{Manner, Subscription, bad_value};
+use crate::clock;
 
 /// The longest message of a reader: 1000 robots with their numbers take 60 KB.
 const MAX_MESSAGE: usize = 128 * 1024;
@@ -34,6 +35,10 @@ const WRITE_TIME: Duration = Duration::from_secs(5);
 const PING: Duration = Duration::from_secs(10);
 const SILENCE: Duration = Duration::from_secs(30);
 
+/// How often a reader that asks for it is told that the stream is alive: a browser takes the gateway for lost
+/// after five of them.
+const ALIVE: Duration = Duration::from_secs(2);
+
 /// How long the end may take: the last frame, and that of the peer.
 const CLOSE_TIME: Duration = Duration::from_secs(1);
 
@@ -47,7 +52,7 @@ const MAX_PROBLEM: usize = 300;
 const MAX_ORDERS: usize = 16;
 
 /// Answers a handshake. The feed then runs in the task of the connection, which counts among all connections.
-pub fn open(upgrade: WebSocketUpgrade, feed: Feed, begins_later: bool) -> Response {
+pub fn open(upgrade: WebSocketUpgrade, feed: Feed, manner: Manner) -> Response {
     let (opened, socket) = oneshot::channel();
     let upgrade = upgrade
         .max_message_size(MAX_MESSAGE)
@@ -57,7 +62,7 @@ pub fn open(upgrade: WebSocketUpgrade, feed: Feed, begins_later: bool) -> Respon
     let mut response = upgrade.on_upgrade(move |socket| async move { drop(opened.send(socket)) });
     let work = async move {
         if let Ok(Ok(socket)) = timeout(UPGRADE_TIME, socket).await {
-            converse(socket, feed, begins_later).await;
+            converse(socket, feed, manner).await;
         }
     };
     response.extensions_mut().insert(Afterwards::new(work));
@@ -107,12 +112,12 @@ enum Order {
     Refuse(Problem),
 }
 
-async fn converse(socket: WebSocket, feed: Feed, begins_later: bool) {
+async fn converse(socket: WebSocket, feed: Feed, manner: Manner) {
     let (mut sink, mut stream) = socket.split();
     let (orders, queue) = mpsc::channel(MAX_ORDERS);
     let (caller, state) = (feed.caller().clone(), feed.state().clone());
     let end = tokio::select! {
-        end = write(&mut sink, feed, queue, begins_later) => end,
+        end = write(&mut sink, feed, queue, manner) => end,
         end = read(&mut stream, &caller, &state, &orders) => end,
         end = until_not_allowed(&caller, &state) => end,
     };
@@ -134,16 +139,17 @@ async fn until_not_allowed(caller: &Caller, state: &State) -> End {
     while caller.is_still_valid(state) {
         tokio::time::sleep(LOOK).await;
     }
-    if caller.session().is_some() { End::NoSession } else { End::NoToken }
+    if caller.has_session() { End::NoSession } else { End::NoToken }
 }
 
 async fn write(
     sink: &mut SplitSink<WebSocket, Message>,
     mut feed: Feed,
     mut orders: mpsc::Receiver<Order>,
-    mut begins_later: bool,
+    Manner { mut begins_later, tells_alive }: Manner,
 ) -> End {
     let mut ping = interval_at(Instant::now() + PING, PING);
+    let mut alive = interval_at(Instant::now() + ALIVE, ALIVE);
     let plain = |message| text(&LiveSent { message, resume: None });
     loop {
         let message = tokio::select! {
@@ -158,6 +164,9 @@ async fn write(
                 Order::Refuse(problem) => plain(LiveMessage::Problem(problem)),
             },
             _ = ping.tick() => Message::Ping(axum::body::Bytes::new()),
+            _ = alive.tick(), if tells_alive => {
+                plain(LiveMessage::Alive(LiveAlive { time: clock::time_of_day() }))
+            }
             sent = feed.next(), if !begins_later => text(&sent),
         };
         match timeout(WRITE_TIME, sink.send(message)).await {

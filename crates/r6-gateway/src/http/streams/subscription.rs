@@ -45,7 +45,21 @@ pub struct Followed {
     /// Go on at this place: the `resume` of a message, or the id of a server-sent event.
     resume: Option<String>,
     /// `later`: send nothing until the first `subscribe`. Only for WebSockets.
+    #[param(inline)]
     subscribe: Option<Later>,
+    /// `true`: a message `alive` every 2 s. A script of a browser does not see the pings of a WebSocket, and
+    /// values that do not change are not sent again. Only for WebSockets.
+    #[serde(default)]
+    alive: bool,
+}
+
+/// How a WebSocket goes on, whatever it follows.
+#[derive(Clone, Copy, Debug)]
+pub struct Manner {
+    /// Whether nothing is sent until the first `subscribe`.
+    pub begins_later: bool,
+    /// Whether signs of life are sent.
+    pub tells_alive: bool,
 }
 
 /// When a WebSocket begins to send.
@@ -57,9 +71,9 @@ enum Later {
 }
 
 impl Followed {
-    /// Whether nothing is sent until the first `subscribe`.
-    pub fn begins_later(&self) -> bool {
-        matches!(self.subscribe, Some(Later::Later))
+    /// How the WebSocket goes on.
+    pub fn manner(&self) -> Manner {
+        Manner { begins_later: matches!(self.subscribe, Some(Later::Later)), tells_alive: self.alive }
     }
 }
 
@@ -96,7 +110,7 @@ impl Subscription {
         followed: Followed,
         last_id: Option<&str>,
     ) -> Result<Self, Refusal> {
-        let Followed { robot, signal, events, resume, subscribe: _ } = followed;
+        let Followed { robot, signal, events, resume, subscribe: _, alive: _ } = followed;
         let words = |words: String| words.split(',').map(str::to_owned).collect::<Vec<_>>();
         let point = match (last_id, &resume) {
             // An id that this gateway did not give out is the id of something else that was lost.
