@@ -19,8 +19,8 @@ mod settings;
 use serde::{Deserialize, Serialize};
 
 pub use account::{
-    PasswordChange, Secret, Session, Setup, SignIn, Token, TokenMade, TokenWanted, Tokens, User, UserWanted,
-    Users,
+    PasswordChange, Secret, Session, Setup, SignIn, Token, TokenMade, TokenSignIn, TokenWanted, Tokens, User,
+    UserWanted, Users,
 };
 pub use alarm::{
     AcknowledgeRequest, Acknowledged, RobotAlarm, RobotAlarmState, RobotAlarms, ShelveRequest, Shelved,

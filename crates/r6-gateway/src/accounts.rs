@@ -60,7 +60,7 @@ pub struct Accounts {
     users: RwLock<BTreeMap<UserName, Arc<StoredUser>>>,
     /// Locked while the users are read, so that an older state never takes the place of a newer one.
     reading: Mutex<()>,
-    sessions: SyncMutex<Sessions>,
+    sessions: SyncMutex<Sessions<UserName>>,
     rates: SyncMutex<BTreeMap<UserName, Rate>>,
     sign_ins: SyncMutex<SignIns>,
     passwords: Passwords,
@@ -189,13 +189,14 @@ impl Accounts {
     pub fn session(&self, text: &str) -> Option<SignedIn> {
         let id = secret::hash(text);
         let session = self.sessions().request(&id, clock::now())?;
-        let user = self.user(&session.user).filter(|user| is_enabled(user) && user.stamp <= session.stamp)?;
+        let user =
+            self.user(&session.owner).filter(|user| is_enabled(user) && user.stamp <= session.stamp)?;
         Some(SignedIn { id, user, csrf: csrf(text), ends: session.ends() })
     }
 
     /// Whether a session is open. To look is no request.
     pub fn is_open(&self, id: &SessionId) -> bool {
-        let of = self.sessions().look(id, clock::now()).map(|session| (session.user.clone(), session.stamp));
+        let of = self.sessions().look(id, clock::now()).map(|session| (session.owner.clone(), session.stamp));
         of.is_some_and(|(name, stamp)| {
             self.user(&name).is_some_and(|user| is_enabled(&user) && user.stamp <= stamp)
         })
@@ -342,7 +343,7 @@ impl Accounts {
         Problem::new(Code::WrongPassword, "the name or the password is wrong, or the user is disabled")
     }
 
-    fn sessions(&self) -> MutexGuard<'_, Sessions> {
+    fn sessions(&self) -> MutexGuard<'_, Sessions<UserName>> {
         lock(&self.sessions)
     }
 }

@@ -148,6 +148,7 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(history::events::show))
         .routes(routes!(production::show))
         .routes(routes!(sessions::sign_in, sessions::show, sessions::sign_out))
+        .routes(routes!(sessions::sign_in_with_token))
         .routes(routes!(sessions::change_password))
         .routes(routes!(settings::show, settings::put))
         .routes(routes!(setup::page))

@@ -2,17 +2,23 @@
 //!
 //! A token is 256 random bits. The store has its SHA-256 only. All tokens are held in memory and read again
 //! twice a second, so that a stop needs no disk, and a revoked token is refused within a second.
+//!
+//! A browser sends no token over a WebSocket, so it is given a session for its token, with the cookie, the
+//! proof and the ends of a session of a user.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex as SyncMutex, PoisonError, RwLock};
+use std::sync::{Arc, Mutex as SyncMutex, MutexGuard, PoisonError, RwLock};
 use std::time::Duration;
 
+use r6_api::gateway::Secret;
 use r6_proto::time::Instant;
 use tokio::sync::Mutex;
 
+use crate::accounts;
 use crate::clock;
 use crate::core::rate::Rate;
 use crate::core::role::Grant;
+use crate::core::session::{SessionId, Sessions};
 use crate::secret;
 use crate::store::{Keeper, StoreError, Token};
 
@@ -45,6 +51,23 @@ pub struct Known {
     pub grant: Grant,
 }
 
+/// A browser that was given a session for a token.
+#[derive(Clone)]
+pub struct Page {
+    /// The session.
+    pub id: SessionId,
+    /// What proves that the page that sends a request belongs to the session.
+    pub csrf: Secret,
+    /// When the session ends if no other request comes, and when it ends in any case.
+    pub ends: (Instant, Instant),
+}
+
+impl std::fmt::Debug for Page {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Page").finish_non_exhaustive()
+    }
+}
+
 /// The tokens that are valid now.
 #[derive(Debug)]
 pub struct Tokens {
@@ -52,6 +75,8 @@ pub struct Tokens {
     known: RwLock<BTreeMap<[u8; 32], Arc<Known>>>,
     /// By the number of the token. They outlive a reading of the tokens.
     rates: SyncMutex<BTreeMap<i64, Rate>>,
+    /// Those of browsers, by the number of the token.
+    sessions: SyncMutex<Sessions<i64>>,
     read_at: Mutex<Instant>,
 }
 
@@ -62,7 +87,8 @@ impl Tokens {
     /// [`StoreError`].
     pub async fn read(keeper: Keeper) -> Result<Self, StoreError> {
         let (known, rates) = (RwLock::default(), SyncMutex::default());
-        let tokens = Self { keeper, known, rates, read_at: Mutex::new(Instant::ORIGIN) };
+        let (sessions, read_at) = (SyncMutex::default(), Mutex::new(Instant::ORIGIN));
+        let tokens = Self { keeper, known, rates, sessions, read_at };
         tokens.refresh().await?;
         Ok(tokens)
     }
@@ -82,6 +108,45 @@ impl Tokens {
     pub fn is_valid(&self, number: i64) -> bool {
         let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
         known.values().any(|known| known.number == number)
+    }
+
+    /// Begins a session of a browser for this token. Returns its secret, which is nowhere else.
+    ///
+    /// # Errors
+    /// The system has no random numbers.
+    pub fn begin_session(&self, token: &Known) -> Result<(Secret, Page), getrandom::Error> {
+        let (text, id) = secret::draw("")?;
+        let now = clock::now();
+        let mut sessions = self.sessions();
+        sessions.begin(id, token.number, 0, now);
+        let ends = sessions.look(&id, now).map_or((now, now), |session| session.ends());
+        let page = Page { id, csrf: accounts::csrf(&text), ends };
+        Ok((Secret(text), page))
+    }
+
+    /// The token and the session of the browser with this secret, if the session is open. This is a request
+    /// of the session.
+    pub fn session(&self, text: &str) -> Option<(Arc<Known>, Page)> {
+        let id = secret::hash(text);
+        let session = self.sessions().request(&id, clock::now())?;
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        let token = known.values().find(|known| known.number == session.owner).cloned()?;
+        Some((token, Page { id, csrf: accounts::csrf(text), ends: session.ends() }))
+    }
+
+    /// Whether the session of a browser is open. To look is no request.
+    pub fn is_open(&self, id: &SessionId) -> bool {
+        let number = self.sessions().look(id, clock::now()).map(|session| session.owner);
+        number.is_some_and(|number| self.is_valid(number))
+    }
+
+    /// Ends the session of a browser.
+    pub fn end_session(&self, id: &SessionId) {
+        self.sessions().end(id, clock::now());
+    }
+
+    fn sessions(&self) -> MutexGuard<'_, Sessions<i64>> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Counts a request of the token with this number.
@@ -123,6 +188,7 @@ impl Tokens {
         let known: BTreeMap<_, _> = known.collect();
         let valid: BTreeSet<_> = known.values().map(|known| known.number).collect();
         self.rates.lock().unwrap_or_else(PoisonError::into_inner).retain(|number, _| valid.contains(number));
+        self.sessions().retain(now, |number| valid.contains(number).then_some(0));
         *self.known.write().unwrap_or_else(PoisonError::into_inner) = known;
         Ok(())
     }

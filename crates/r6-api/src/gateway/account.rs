@@ -47,6 +47,16 @@ pub struct SignIn {
     pub password: Secret,
 }
 
+/// A browser that signs in with a token.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct TokenSignIn {
+    /// The token.
+    #[cfg_attr(feature = "openapi", schema(value_type = String, format = Password))]
+    pub token: Secret,
+}
+
 /// Who calls: a user with a session, or a token.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -62,13 +72,14 @@ pub struct Session {
     /// The only robot; `null` for all.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub robot: Option<String>,
-    /// Send it as `X-CSRF-Token` with every request that is no `GET`; `null` for a token, which needs none.
+    /// Send it as `X-CSRF-Token` with every request that is no `GET`; `null` for a token without a session,
+    /// which needs none.
     #[cfg_attr(feature = "openapi", schema(required = true, value_type = Option<String>))]
     pub csrf: Option<Secret>,
-    /// When the session ends if no other request comes; `null` for a token.
+    /// When the session ends if no other request comes; `null` for a token without one.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub idle_ends_in_ms: Option<u64>,
-    /// When the session ends in any case; `null` for a token.
+    /// When the session ends in any case; `null` for a token without one.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub ends_in_ms: Option<u64>,
 }

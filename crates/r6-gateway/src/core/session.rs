@@ -1,6 +1,6 @@
-//! Sessions of people who signed in.
+//! Sessions of browsers, whose owner is a user or a token.
 //!
-//! A session ends 15 minutes after its last request, 8 hours after it began, when its user changes, or when
+//! A session ends 15 minutes after its last request, 8 hours after it began, when its owner changes, or when
 //! it is signed out. Times are those of a clock that counts suspend.
 
 use std::collections::BTreeMap;
@@ -8,17 +8,15 @@ use std::time::Duration;
 
 use r6_proto::time::Instant;
 
-use crate::core::account::UserName;
-
 /// A session ends so long after its last request: a screen that somebody left must not stay open.
 pub const IDLE: Duration = Duration::from_secs(15 * 60);
 
 /// A session ends so long after it began: a shift.
 pub const LONGEST: Duration = Duration::from_secs(8 * 3600);
 
-/// How many sessions a user has at once: a few screens. A new one ends the session whose last request is
+/// How many sessions an owner has at once: a few screens. A new one ends the session whose last request is
 /// oldest.
-pub const MAX_OF_USER: usize = 8;
+pub const MAX_OF_OWNER: usize = 8;
 
 /// How many sessions there are at once, each of some hundred bytes. A new one ends the session whose
 /// last request is oldest.
@@ -29,16 +27,16 @@ pub type SessionId = [u8; 32];
 
 /// A session.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Session {
+pub struct Session<O> {
     /// Whose it is.
-    pub user: UserName,
-    /// Which state of the account it is for: see [`Sessions::retain`].
+    pub owner: O,
+    /// Which state of its owner it is for: see [`Sessions::retain`].
     pub stamp: u64,
     begun: Instant,
     used: Instant,
 }
 
-impl Session {
+impl<O> Session<O> {
     /// When it ends if no request comes, and when it ends in any case.
     #[must_use]
     pub fn ends(&self) -> (Instant, Instant) {
@@ -51,28 +49,34 @@ impl Session {
     }
 }
 
-/// All sessions.
-#[derive(Debug, Default)]
-pub struct Sessions {
-    open: BTreeMap<SessionId, Session>,
+/// All sessions of owners of one kind.
+#[derive(Debug)]
+pub struct Sessions<O> {
+    open: BTreeMap<SessionId, Session<O>>,
 }
 
-impl Sessions {
+impl<O> Default for Sessions<O> {
+    fn default() -> Self {
+        Self { open: BTreeMap::new() }
+    }
+}
+
+impl<O: Clone + PartialEq> Sessions<O> {
     /// Begins a session. The caller draws `id` at random.
-    pub fn begin(&mut self, id: SessionId, user: UserName, stamp: u64, now: Instant) {
+    pub fn begin(&mut self, id: SessionId, owner: O, stamp: u64, now: Instant) {
         self.open.retain(|_, session| session.is_open(now));
-        let of_user = |session: &Session| session.user == user;
-        if self.open.values().filter(|session| of_user(session)).count() >= MAX_OF_USER {
-            self.end_least_used(of_user);
+        let of_owner = |session: &Session<O>| session.owner == owner;
+        if self.open.values().filter(|session| of_owner(session)).count() >= MAX_OF_OWNER {
+            self.end_least_used(of_owner);
         }
         if self.open.len() >= MAX_ALL {
             self.end_least_used(|_| true);
         }
-        self.open.insert(id, Session { user, stamp, begun: now, used: now });
+        self.open.insert(id, Session { owner, stamp, begun: now, used: now });
     }
 
     /// The session, if it is open. This is a request: the time until it ends begins anew.
-    pub fn request(&mut self, id: &SessionId, now: Instant) -> Option<Session> {
+    pub fn request(&mut self, id: &SessionId, now: Instant) -> Option<Session<O>> {
         let session = self.open.get_mut(id).filter(|session| session.is_open(now))?;
         session.used = session.used.max(now);
         Some(session.clone())
@@ -80,24 +84,24 @@ impl Sessions {
 
     /// The session, if it is open. To look is not to use it.
     #[must_use]
-    pub fn look(&self, id: &SessionId, now: Instant) -> Option<&Session> {
+    pub fn look(&self, id: &SessionId, now: Instant) -> Option<&Session<O>> {
         self.open.get(id).filter(|session| session.is_open(now))
     }
 
     /// Ends a session. Whose it was; `None` if it was not open.
-    pub fn end(&mut self, id: &SessionId, now: Instant) -> Option<UserName> {
-        self.open.remove(id).filter(|session| session.is_open(now)).map(|session| session.user)
+    pub fn end(&mut self, id: &SessionId, now: Instant) -> Option<O> {
+        self.open.remove(id).filter(|session| session.is_open(now)).map(|session| session.owner)
     }
 
-    /// Ends all sessions that are over, and those of accounts that changed: `stamp` says the present stamp of
-    /// an account, `None` if it cannot be used.
-    pub fn retain(&mut self, now: Instant, stamp: impl Fn(&UserName) -> Option<u64>) {
+    /// Ends all sessions that are over, and those of owners that changed: `stamp` says the present stamp of
+    /// an owner, `None` if it cannot be used.
+    pub fn retain(&mut self, now: Instant, stamp: impl Fn(&O) -> Option<u64>) {
         self.open.retain(|_, session| {
-            session.is_open(now) && stamp(&session.user).is_some_and(|stamp| stamp <= session.stamp)
+            session.is_open(now) && stamp(&session.owner).is_some_and(|stamp| stamp <= session.stamp)
         });
     }
 
-    /// Lets a session go on over a change of its own account, to the state with this stamp.
+    /// Lets a session go on over a change of its owner, to the state with this stamp.
     pub fn renew(&mut self, id: &SessionId, stamp: u64) {
         if let Some(session) = self.open.get_mut(id) {
             session.stamp = session.stamp.max(stamp);
@@ -110,7 +114,7 @@ impl Sessions {
         self.open.len()
     }
 
-    fn end_least_used(&mut self, of: impl Fn(&Session) -> bool) {
+    fn end_least_used(&mut self, of: impl Fn(&Session<O>) -> bool) {
         let of_these = self.open.iter().filter(|(_, session)| of(session));
         if let Some(id) = of_these.min_by_key(|(_, session)| session.used).map(|(id, _)| *id) {
             self.open.remove(&id);
@@ -123,6 +127,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::core::account::UserName;
 
     fn user(number: usize) -> UserName {
         UserName::new(&format!("u{number}")).unwrap()
@@ -162,7 +167,7 @@ mod tests {
         #[test]
         fn a_session_is_open_as_long_as_it_should_be(acts in prop::collection::vec(acts(), 1..200)) {
             struct Known { owner: usize, stamp: u64, begun: Instant, used: Instant, is_ended: bool }
-            let mut sessions = Sessions::default();
+            let mut sessions = Sessions::<UserName>::default();
             let mut known: Vec<Known> = Vec::new();
             let mut stamps = [Some(1_u64); 3];
             let mut last_stamp = 1;
@@ -173,7 +178,7 @@ mod tests {
                     Act::Begin(owner) => if let Some(stamp) = stamps[owner] {
                         let open = |one: &Known| !one.is_ended && now < one.used + IDLE && now < one.begun + LONGEST;
                         let mine: Vec<_> = (0..known.len()).filter(|at| known[*at].owner == owner && open(&known[*at])).collect();
-                        if mine.len() >= MAX_OF_USER {
+                        if mine.len() >= MAX_OF_OWNER {
                             let oldest = mine.iter().map(|at| known[*at].used).min().unwrap();
                             // Of those that were used at the same time, any may go.
                             let gone: Vec<_> = mine.into_iter().filter(|at| known[*at].used == oldest).collect();
@@ -216,14 +221,14 @@ mod tests {
                     let open = !one.is_ended && now < one.used + IDLE && now < one.begun + LONGEST;
                     prop_assert_eq!(sessions.look(&id(at as u32), now).is_some(), open, "{}", at);
                 }
-                prop_assert!(sessions.count() <= 3 * MAX_OF_USER);
+                prop_assert!(sessions.count() <= 3 * MAX_OF_OWNER);
             }
         }
     }
 
     #[test]
     fn all_sessions_together_have_a_limit() {
-        let mut sessions = Sessions::default();
+        let mut sessions = Sessions::<UserName>::default();
         let now = Instant::ORIGIN + Duration::from_secs(1);
         for number in 0..u32::try_from(MAX_ALL).unwrap() + 100 {
             let at = now + Duration::from_millis(number.into());
@@ -235,7 +240,7 @@ mod tests {
 
     #[test]
     fn requests_do_not_keep_a_session_beyond_a_shift() {
-        let mut sessions = Sessions::default();
+        let mut sessions = Sessions::<UserName>::default();
         let begun = Instant::ORIGIN + Duration::from_secs(1);
         sessions.begin(id(1), user(1), 1, begun);
         let step = Duration::from_secs(14 * 60);

@@ -19,7 +19,7 @@ use crate::core::role::{Grant, Right};
 use crate::fleet::station::{By, Station};
 use crate::secret;
 use crate::store::Author;
-use crate::tokens::Known;
+use crate::tokens::{Known, Page};
 
 /// The header that proves that a page belongs to a session.
 const CSRF_HEADER: &str = "x-csrf-token";
@@ -37,6 +37,8 @@ pub struct Caller {
 #[derive(Clone, Debug)]
 enum Who {
     Token(Arc<Known>),
+    /// A browser with a session for this token.
+    Page(Arc<Known>, Page),
     User(SignedIn),
 }
 
@@ -44,7 +46,7 @@ impl Caller {
     /// Who it is, for the audit log.
     pub fn by(&self) -> By {
         let actor = match &self.who {
-            Who::Token(token) => token.label.clone(),
+            Who::Token(token) | Who::Page(token, _) => token.label.clone(),
             Who::User(signed_in) => signed_in.user.account.name.to_string(),
         };
         By { actor, source: self.source.map(|source| source.to_string()) }
@@ -59,7 +61,7 @@ impl Caller {
     /// What the caller may do.
     pub fn grant(&self) -> &Grant {
         match &self.who {
-            Who::Token(token) => &token.grant,
+            Who::Token(token) | Who::Page(token, _) => &token.grant,
             Who::User(signed_in) => &signed_in.user.account.grant,
         }
     }
@@ -67,17 +69,30 @@ impl Caller {
     /// The number of the token; `None` for a user.
     pub fn token(&self) -> Option<i64> {
         match &self.who {
-            Who::Token(token) => Some(token.number),
+            Who::Token(token) | Who::Page(token, _) => Some(token.number),
             Who::User(_) => None,
         }
     }
 
-    /// The session; `None` for a token.
+    /// The session of a user; `None` for a token.
     pub fn session(&self) -> Option<&SignedIn> {
         match &self.who {
-            Who::Token(_) => None,
+            Who::Token(_) | Who::Page(..) => None,
             Who::User(signed_in) => Some(signed_in),
         }
+    }
+
+    /// The session of a browser for a token; `None` for a user, and for a token that was sent itself.
+    pub fn page(&self) -> Option<&Page> {
+        match &self.who {
+            Who::Page(_, page) => Some(page),
+            Who::Token(_) | Who::User(_) => None,
+        }
+    }
+
+    /// Whether the request came with a session, of a user or for a token.
+    pub fn has_session(&self) -> bool {
+        !matches!(self.who, Who::Token(_))
     }
 
     /// Refuses unless the caller may do this with this robot.
@@ -101,7 +116,7 @@ impl Caller {
     /// `too_many_requests`.
     pub fn count(&self, state: &State) -> Result<(), Refusal> {
         let counted = match &self.who {
-            Who::Token(token) => state.tokens.request(token.number),
+            Who::Token(token) | Who::Page(token, _) => state.tokens.request(token.number),
             Who::User(signed_in) => state.accounts.request(&signed_in.user.account.name),
         };
         counted.map_err(Refusal::too_many)
@@ -111,6 +126,7 @@ impl Caller {
     pub fn is_still_valid(&self, state: &State) -> bool {
         match &self.who {
             Who::Token(token) => state.tokens.is_valid(token.number),
+            Who::Page(_, page) => state.tokens.is_open(&page.id),
             Who::User(signed_in) => state.accounts.is_open(&signed_in.id),
         }
     }
@@ -158,14 +174,17 @@ impl Caller {
             (Some(sent), None) => sent,
             _ => "",
         };
-        let open: Vec<_> = texts.iter().filter(|text| state.accounts.is_open(&secret::hash(text))).collect();
+        let is_open = |id| state.accounts.is_open(&id) || state.tokens.is_open(&id);
+        let open: Vec<_> = texts.iter().filter(|text| is_open(secret::hash(text))).collect();
         let proved = open.iter().find(|text| secret::is_same(sent, &accounts::csrf(text).0));
         if proved.is_none() && !is_read && !open.is_empty() {
             let message = "send the header `X-CSRF-Token` with the `csrf` of `GET /v1/session`";
             return Err(Refusal::new(StatusCode::FORBIDDEN, Code::BadCsrf, message));
         }
         let text = proved.or_else(|| open.first());
-        let signed_in = text.and_then(|text| state.accounts.session(text)).ok_or_else(|| {
+        let of_token = |text: &&&str| state.tokens.session(text).map(|(token, page)| Who::Page(token, page));
+        let of_user = |text: &&&str| state.accounts.session(text).map(Who::User);
+        let who = text.and_then(|text| of_user(&text).or_else(|| of_token(&text))).ok_or_else(|| {
             let message = "the session has ended: sign in again with `POST /v1/session`";
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoSession, message)
         })?;
@@ -173,7 +192,7 @@ impl Caller {
             let message = "with a cookie, a WebSocket needs the header `Origin`";
             return Err(Refusal::new(StatusCode::FORBIDDEN, Code::ForeignOrigin, message));
         }
-        Ok(Self { who: Who::User(signed_in), source })
+        Ok(Self { who, source })
     }
 }
 

@@ -6,8 +6,8 @@ use axum::extract::State as Of;
 use axum::http::StatusCode;
 use axum::http::header::{CACHE_CONTROL, SET_COOKIE};
 use axum::response::{IntoResponse, Response};
-use r6_api::Problem;
-use r6_api::gateway::{PasswordChange, Session, SignIn};
+use r6_api::gateway::{PasswordChange, Session, SignIn, TokenSignIn};
+use r6_api::{Code, Problem};
 use r6_http::Refusal;
 use r6_proto::time::Instant;
 
@@ -17,6 +17,8 @@ use super::described::{OfBody, OfChange, OfToken};
 use super::{State, cookie, refusal};
 use crate::accounts::SignedIn;
 use crate::clock;
+use crate::core::role::Grant;
+use crate::tokens::Page;
 
 /// Signs a user in: sets the cookie `r6_session`; with TLS it is `__Host-r6_session`. The answer has the
 /// `csrf` that every later request with the cookie needs in `X-CSRF-Token`, unless it is a `GET`. A session
@@ -50,13 +52,51 @@ pub async fn sign_in(
     Ok((headers, axum::Json(of_user(&signed_in))).into_response())
 }
 
+/// Gives a browser a session for a token: the cookie of [`sign_in`], with the same ends, and what the token
+/// allows. A browser cannot send a token over a WebSocket. The session also ends within a second after the
+/// token is revoked. A token has 8 sessions at most: a new one ends the session whose last request is oldest.
+#[utoipa::path(
+    post,
+    path = "/v1/session/token",
+    security(()),
+    request_body = TokenSignIn,
+    responses(
+        (status = 200, description = "The session, with `Set-Cookie`", body = Session),
+        (status = 401, description = "`no_token`: it is not valid", body = Problem),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+        (status = 503, description = "`store_unavailable`", body = Problem),
+        OfBody,
+    )
+)]
+pub async fn sign_in_with_token(
+    Of(state): Of<State>,
+    Json(asked): Json<TokenSignIn>,
+) -> Result<Response, Refusal> {
+    let token = state.tokens.find(&asked.token.0).await.ok_or_else(|| {
+        let message = "this token is not valid; `r6 gateway token` makes one";
+        Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)
+    })?;
+    state.tokens.request(token.number).map_err(Refusal::too_many)?;
+    let (secret, page) = state.tokens.begin_session(&token).map_err(|error| {
+        let message = format!("no random numbers: {error}");
+        Refusal::new(StatusCode::SERVICE_UNAVAILABLE, Code::StoreUnavailable, message)
+    })?;
+    tracing::info!(token = token.label, "a browser signed in with a token");
+    let session = of_token(&token.grant, token.number, Some(&page));
+    let headers =
+        [(SET_COOKIE, cookie::set(&secret.0, state.is_secure)), (CACHE_CONTROL, "no-store".to_owned())];
+    Ok((headers, axum::Json(session)).into_response())
+}
+
 /// Who calls, and until when the session is open. This counts as a request of the session.
 #[utoipa::path(get, path = "/v1/session", responses(
     (status = 200, description = "The caller", body = Session),
     OfToken,
 ))]
 pub async fn show(caller: Caller) -> impl IntoResponse {
-    let session = caller.session().map_or_else(|| of_token(&caller), of_user);
+    let of_this = || of_token(caller.grant(), caller.token().unwrap_or_default(), caller.page());
+    let session = caller.session().map_or_else(of_this, of_user);
     ([(CACHE_CONTROL, "no-store")], axum::Json(session))
 }
 
@@ -65,11 +105,21 @@ pub async fn show(caller: Caller) -> impl IntoResponse {
     (status = 204, description = "The session has ended"),
     OfChange,
 ))]
-pub async fn sign_out(user: User, Of(state): Of<State>) -> Result<impl IntoResponse, Refusal> {
-    let (id, by) = (user.signed_in.id, user.caller.by());
-    let work = tokio::spawn(async move { state.accounts.sign_out(&id, &by).await });
-    work.await.map_err(refusal::of_lost_work)?;
-    Ok((StatusCode::NO_CONTENT, [(SET_COOKIE, cookie::unset(state.is_secure))]))
+pub async fn sign_out(caller: Caller, Of(state): Of<State>) -> Result<impl IntoResponse, Refusal> {
+    let is_secure = state.is_secure;
+    match (caller.session(), caller.page()) {
+        (Some(signed_in), _) => {
+            let (id, by) = (signed_in.id, caller.by());
+            let work = tokio::spawn(async move { state.accounts.sign_out(&id, &by).await });
+            work.await.map_err(refusal::of_lost_work)?;
+        }
+        (None, Some(page)) => state.tokens.end_session(&page.id),
+        (None, None) => {
+            let message = "there is no session to end: the request has a token";
+            return Err(Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message));
+        }
+    }
+    Ok((StatusCode::NO_CONTENT, [(SET_COOKIE, cookie::unset(is_secure))]))
 }
 
 /// Gives the caller another password. The other sessions of the user end.
@@ -107,7 +157,6 @@ pub async fn change_password(
 
 fn of_user(signed_in: &SignedIn) -> Session {
     let account = &signed_in.user.account;
-    let left = |until: Instant| millis(until.since(clock::now()));
     Session {
         user: Some(account.name.to_string()),
         token: None,
@@ -119,17 +168,20 @@ fn of_user(signed_in: &SignedIn) -> Session {
     }
 }
 
-fn of_token(caller: &Caller) -> Session {
-    let grant = caller.grant();
+fn of_token(grant: &Grant, number: i64, page: Option<&Page>) -> Session {
     Session {
         user: None,
-        token: caller.token(),
+        token: Some(number),
         role: grant.role,
         robot: grant.only.as_ref().map(ToString::to_string),
-        csrf: None,
-        idle_ends_in_ms: None,
-        ends_in_ms: None,
+        csrf: page.map(|page| page.csrf.clone()),
+        idle_ends_in_ms: page.map(|page| left(page.ends.0)),
+        ends_in_ms: page.map(|page| left(page.ends.1)),
     }
+}
+
+fn left(until: Instant) -> u64 {
+    millis(until.since(clock::now()))
 }
 
 fn millis(time: Duration) -> u64 {

@@ -22,7 +22,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 53] = [
+const ROUTES: [(&str, &str, Needs); 55] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -48,6 +48,7 @@ const ROUTES: [(&str, &str, Needs); 53] = [
     ("GET", "/setup.js", Needs::Nothing),
     ("POST", "/v1/setup", Needs::Nothing),
     ("POST", "/v1/session", Needs::Nothing),
+    ("POST", "/v1/session/token", Needs::Nothing),
     ("GET", "/v1/session", Needs::Role(Role::Viewer)),
     ("DELETE", "/v1/session", Needs::User),
     ("PUT", "/v1/session/password", Needs::User),

@@ -2,6 +2,7 @@
 
 mod access;
 mod alarms;
+mod browsers;
 mod commands;
 mod fleet;
 mod happenings;

@@ -19,12 +19,13 @@ fn the_committed_description_is_what_the_gateway_is() {
 }
 
 /// The routes that need neither a token nor a session.
-const OPEN: [(&str, &str); 5] = [
+const OPEN: [(&str, &str); 6] = [
     ("get", "/healthz"),
     ("get", "/setup"),
     ("get", "/setup.js"),
     ("post", "/v1/setup"),
     ("post", "/v1/session"),
+    ("post", "/v1/session/token"),
 ];
 
 #[test]

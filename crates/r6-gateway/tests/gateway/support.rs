@@ -319,7 +319,16 @@ pub struct Browser {
 impl Browser {
     pub async fn sign_in(gateway: SocketAddr, name: &str, password: &str) -> Self {
         let asked = json!({ "name": name, "password": password });
-        let answer = request(gateway, "", "POST", "/v1/session", Some(&asked)).await;
+        Self::open(gateway, "/v1/session", &asked).await
+    }
+
+    /// A browser that signs in with a token.
+    pub async fn with_token(gateway: SocketAddr, token: &str) -> Self {
+        Self::open(gateway, "/v1/session/token", &json!({ "token": token })).await
+    }
+
+    async fn open(gateway: SocketAddr, path: &str, asked: &Value) -> Self {
+        let answer = request(gateway, "", "POST", path, Some(asked)).await;
         assert_eq!(answer.status, 200, "{}", answer.body);
         let cookie = answer.head.lines().find_map(|line| line.strip_prefix("set-cookie: r6_session="));
         let (cookie, attributes) = cookie.unwrap().split_once(';').unwrap();
