@@ -1,6 +1,7 @@
 //! The API over HTTP. Each file has the routes of one thing.
 //!
-//! Everything needs a token or a session (`caller.rs`), except `/healthz`, signing in and one-time links.
+//! Everything needs a token or a session (`caller.rs`), except `/healthz`, the dashboard's own files, signing
+//! in and one-time links.
 //! What a route does runs to its end even if its caller hangs up.
 
 mod alarms;
@@ -16,6 +17,7 @@ mod health;
 mod history;
 mod leases;
 mod metrics;
+mod page;
 mod panel;
 mod parquet;
 mod production;
@@ -151,6 +153,9 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(sessions::sign_in_with_token))
         .routes(routes!(sessions::change_password))
         .routes(routes!(settings::show, settings::put))
+        .routes(routes!(page::hall))
+        .routes(routes!(page::robot))
+        .routes(routes!(page::asset))
         .routes(routes!(setup::page))
         .routes(routes!(setup::script))
         .routes(routes!(setup::set_up))

@@ -22,7 +22,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 55] = [
+const ROUTES: [(&str, &str, Needs); 60] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -44,6 +44,9 @@ const ROUTES: [(&str, &str, Needs); 55] = [
     ("POST", "/v1/robots/{name}/stop", Needs::Role(Role::Operator)),
     ("GET", "/v1/robots/{name}/panel", Needs::Role(Role::Viewer)),
     ("POST", "/v1/robots/{name}/panel", Needs::Role(Role::Operator)),
+    ("GET", "/", Needs::Nothing),
+    ("GET", "/robots/{name}", Needs::Nothing),
+    ("GET", "/assets/{file}", Needs::Nothing),
     ("GET", "/setup", Needs::Nothing),
     ("GET", "/setup.js", Needs::Nothing),
     ("POST", "/v1/setup", Needs::Nothing),

@@ -10,6 +10,7 @@ mod heads;
 mod history;
 mod leases;
 mod openapi;
+mod page;
 mod panel;
 mod production;
 mod programs;

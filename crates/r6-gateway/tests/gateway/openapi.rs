@@ -19,7 +19,10 @@ fn the_committed_description_is_what_the_gateway_is() {
 }
 
 /// The routes that need neither a token nor a session.
-const OPEN: [(&str, &str); 6] = [
+const OPEN: [(&str, &str); 9] = [
+    ("get", "/"),
+    ("get", "/robots/{name}"),
+    ("get", "/assets/{file}"),
     ("get", "/healthz"),
     ("get", "/setup"),
     ("get", "/setup.js"),

@@ -215,7 +215,10 @@ async fn show_screen(
 ) -> Result<(), Failure> {
     let failed = |error: std::io::Error| Failure::usage(format!("the terminal cannot be drawn on: {error}"));
     let mut log = controller.log_from_start();
-    let mut view = View::new(controller.address(), hints(controller, doors));
+    // The page comes first: a low screen leaves the last hints out.
+    let page = doors.gateway.map(|gateway| format!("open {}", gateway.link()));
+    let hints = page.into_iter().chain(hints(controller, doors)).collect();
+    let mut view = View::new(controller.address(), hints);
     let mut screen = Screen::open().map_err(failed)?;
     let mut ticks = tokio::time::interval(DRAW_INTERVAL);
     loop {

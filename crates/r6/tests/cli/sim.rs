@@ -64,6 +64,11 @@ fn up_without_a_terminal_prints_lines() {
             gateway.strip_prefix("gateway on http://").unwrap().strip_suffix(", robot `virtual`").unwrap();
         let raw = up.line();
         let raw = raw.strip_prefix("raw port of the gateway, for socket scripts, on ").unwrap().to_owned();
+        let page = up.line();
+        let secret = page
+            .strip_prefix(&format!("dashboard, with its sign-in for this start, on http://{gateway}/#"))
+            .unwrap_or_else(|| panic!("{page}"));
+        assert_eq!(secret.len(), 43, "{page}");
         for _ in 0..2 {
             let hint = up.line();
             assert!(hint.starts_with(&format!("try: r6 -r {address} ")), "{hint}");
@@ -405,6 +410,7 @@ fn the_log_speaks_chinese() {
     assert!(up.line().starts_with("面板地址 http://127.0.0.1:"));
     assert!(up.line().starts_with("网关地址 http://127.0.0.1:"));
     assert!(up.line().starts_with("网关的原始端口（供 socket 脚本使用）127.0.0.1:"));
+    assert!(up.line().starts_with("仪表板（附本次启动的登录）http://127.0.0.1:"));
     for program in ["r6", "r6", "r6", "curl", "r6"] {
         assert!(up.line().starts_with(&format!("可以试试：{program} ")));
     }

@@ -42,6 +42,7 @@ pub struct Cell {
 pub struct CellGateway {
     gateway: Gateway,
     folder: TempDir,
+    token: String,
 }
 
 impl CellGateway {
@@ -57,11 +58,11 @@ impl CellGateway {
             None if usual_port => vec![usual, any],
             None => vec![any],
         };
-        let folder = folder()?;
+        let (folder, token) = folder()?;
         let mut last = None;
         for (listen, raw) in places {
             match Gateway::start(settings(listen, raw, folder.path(), cell.clone())?).await {
-                Ok(gateway) => return Ok(Some(Self { gateway, folder })),
+                Ok(gateway) => return Ok(Some(Self { gateway, folder, token })),
                 Err(error @ GatewayError::Listen { .. }) => last = Some(error),
                 Err(error) => return Err(Failure::usage(format!("the gateway does not start: {error}"))),
             }
@@ -81,7 +82,17 @@ impl CellGateway {
             Language::English => format!("raw port of the gateway, for socket scripts, on {listen}"),
             Language::Chinese => format!("网关的原始端口（供 socket 脚本使用）{listen}"),
         });
-        [gateway].into_iter().chain(raw).collect()
+        let page = match language {
+            Language::English => format!("dashboard, with its sign-in for this start, on {}", self.link()),
+            Language::Chinese => format!("仪表板（附本次启动的登录）{}", self.link()),
+        };
+        [gateway].into_iter().chain(raw).chain([page]).collect()
+    }
+
+    /// The address of the dashboard. The token is behind the `#`, which browsers send to no server, in the
+    /// short form that the page knows: the whole stands in one line of a terminal of 80 columns.
+    pub fn link(&self) -> String {
+        format!("http://{}/#{}", self.gateway.address(), short(&self.token))
     }
 
     /// The command that follows J1 live.
@@ -99,8 +110,8 @@ impl CellGateway {
     }
 }
 
-/// The folder, for its owner alone, with a token in it that may read, stop and command.
-fn folder() -> Result<TempDir, Failure> {
+/// The folder, for its owner alone, with a token in it that may read, stop and command; and the token.
+fn folder() -> Result<(TempDir, String), Failure> {
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
@@ -113,7 +124,25 @@ fn folder() -> Result<TempDir, Failure> {
     let path = folder.path().join(TOKEN_FILE);
     write(&path, &format!("Authorization: Bearer {token}\n"))
         .map_err(|error| cannot("write", &path, &error))?;
-    Ok(folder)
+    Ok((folder, token))
+}
+
+/// The 256 bits of a token as base64url: 43 characters in place of 67. A text that is no token stays.
+fn short(token: &str) -> String {
+    let digit = |byte: &u8| char::from(*byte).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
+    let digits = token.strip_prefix("r6_").and_then(|hex| hex.bytes().map(|byte| digit(&byte)).collect());
+    let Some(digits): Option<Vec<u8>> = digits else { return token.to_owned() };
+    let bits = digits.iter().flat_map(|digit| (0..4).rev().map(move |bit| digit >> bit & 1));
+    let bits: Vec<u8> = bits.collect();
+    let sixes = bits.chunks(6).map(|six| (0..6).fold(0, |all, at| all << 1 | six.get(at).unwrap_or(&0)));
+    let letter = |six: u8| match six {
+        0..26 => b'A' + six,
+        26..52 => b'a' + six - 26,
+        52..62 => b'0' + six - 52,
+        62 => b'-',
+        _ => b'_',
+    };
+    sixes.map(|six| char::from(letter(six))).collect()
 }
 
 /// Writes a new file. The folder keeps others out.
@@ -153,4 +182,18 @@ fn settings(
 
 fn cannot(what: &str, path: &Path, error: &io::Error) -> Failure {
     Failure::usage(format!("cannot {what} {}: {error}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The right side is what Python's `base64.urlsafe_b64encode(bytes.fromhex(…))` says, without `=`.
+    #[test]
+    fn a_token_is_written_as_base64url() {
+        assert_eq!(short("r6_00ff10fbf0"), "AP8Q-_A");
+        assert_eq!(short("r6_"), "");
+        assert_eq!(short(&format!("r6_{}", "f".repeat(64))), "_".repeat(42) + "8");
+        assert_eq!(short("r6_xyz"), "r6_xyz");
+    }
 }

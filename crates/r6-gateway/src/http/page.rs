@@ -1,0 +1,116 @@
+//! The dashboard: files that the build script embeds, and a page in their place if they were not built.
+//!
+//! The files say nothing about robots, so they need no token. The page signs in and uses the API as every
+//! other client.
+
+use axum::extract::Path;
+use axum::http::header::{
+    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HeaderName, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
+};
+use axum::http::{HeaderValue, StatusCode};
+use axum::response::IntoResponse;
+use r6_api::{Code, Problem};
+use r6_http::Refusal;
+
+include!(concat!(env!("OUT_DIR"), "/page.rs"));
+
+/// The page itself.
+const INDEX: &str = "index.html";
+
+/// What stands at its place if it was not built.
+const MISSING: &str = include_str!("page/missing.html");
+
+/// The page loads its own files and speaks with this gateway. No other page may frame it.
+const POLICY: &str =
+    "default-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// The names of files in `assets` have a hash of their content, so a browser never asks again for one that
+/// it has.
+const FOR_EVER: &str = "public, max-age=31536000, immutable";
+
+/// The page names the files of its build, so it is asked for each time.
+const NEVER: &str = "no-store";
+
+/// The dashboard: the hall. It needs no token; the page signs in. 404 if this build has no dashboard: then
+/// the page says how to build it.
+#[utoipa::path(get, path = "/", security(()), responses(
+    (status = 200, description = "The page", content_type = "text/html"),
+    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+    (status = 404, description = "This build has no dashboard", content_type = "text/html"),
+))]
+pub async fn hall() -> impl IntoResponse {
+    index()
+}
+
+/// The dashboard: one robot. The same page as `/`.
+#[utoipa::path(get, path = "/robots/{name}", security(()), params(("name" = String, Path, description = "The name of the robot")), responses(
+    (status = 200, description = "The page", content_type = "text/html"),
+    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+    (status = 404, description = "This build has no dashboard", content_type = "text/html"),
+))]
+pub async fn robot() -> impl IntoResponse {
+    index()
+}
+
+/// A file of the dashboard: a script, a style sheet, a picture.
+#[utoipa::path(get, path = "/assets/{file}", security(()), params(("file" = String, Path, description = "The name of the file")), responses(
+    (status = 200, description = "The file"),
+    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+    (status = 404, description = "`no_such_path`: this build has no such file", body = Problem),
+))]
+pub async fn asset(Path(file): Path<String>) -> Result<impl IntoResponse, Refusal> {
+    let path = format!("assets/{file}");
+    let bytes = find(&path).ok_or_else(|| {
+        let message = "the dashboard of this gateway has no such file: load its page again";
+        Refusal::not_found(Code::NoSuchPath, message)
+    })?;
+    Ok((headers(content_type(&path), FOR_EVER), bytes))
+}
+
+fn index() -> impl IntoResponse {
+    let (status, bytes) = match find(INDEX) {
+        Some(bytes) => (StatusCode::OK, bytes),
+        None => (StatusCode::NOT_FOUND, MISSING.as_bytes()),
+    };
+    (status, headers("text/html; charset=utf-8", NEVER), bytes)
+}
+
+fn find(path: &str) -> Option<&'static [u8]> {
+    let at = FILES.binary_search_by_key(&path, |(name, _)| name).ok()?;
+    FILES.get(at).map(|(_, bytes)| *bytes)
+}
+
+fn headers(content_type: &'static str, cache: &'static str) -> [(HeaderName, HeaderValue); 5] {
+    [
+        (CONTENT_TYPE, HeaderValue::from_static(content_type)),
+        (CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY)),
+        (X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
+        (REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
+        (CACHE_CONTROL, HeaderValue::from_static(cache)),
+    ]
+}
+
+/// The type of a file, by the end of its name: those that the build of the dashboard writes.
+fn content_type(path: &str) -> &'static str {
+    match path.rsplit_once('.').map(|(_, end)| end) {
+        Some("js") => "text/javascript; charset=utf-8",
+        Some("css") => "text/css; charset=utf-8",
+        Some("svg") => "image/svg+xml",
+        _ => "application/octet-stream",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_file_has_a_type_and_is_found() {
+        for (path, bytes) in FILES {
+            assert_eq!(find(path), Some(*bytes), "{path}");
+            let is_known = *path == INDEX || content_type(path) != "application/octet-stream";
+            assert!(is_known, "{path} has no type");
+        }
+        assert_eq!(find("assets/no-such-file.js"), None);
+    }
+}

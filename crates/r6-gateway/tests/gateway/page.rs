@@ -1,0 +1,45 @@
+//! The files of the dashboard.
+
+use crate::support::{Hall, request};
+
+fn header<'a>(head: &'a str, name: &str) -> &'a str {
+    let prefix = format!("{name}: ");
+    head.lines().find_map(|line| line.strip_prefix(&prefix)).unwrap_or_else(|| panic!("no {name}: {head}"))
+}
+
+/// The page, or what stands in its place: which of both depends on whether it was built before the gateway.
+#[tokio::test]
+async fn the_page_needs_no_token_and_may_load_its_own_files_alone() {
+    let hall = Hall::start().await;
+    let address = hall.gateway.address();
+    for path in ["/", "/robots/press"] {
+        let page = request(address, "", "GET", path, None).await;
+        let text = page.body.as_str().unwrap();
+        assert_eq!(header(&page.head, "content-type"), "text/html; charset=utf-8");
+        assert_eq!(header(&page.head, "cache-control"), "no-store");
+        assert_eq!(header(&page.head, "x-content-type-options"), "nosniff");
+        let policy = header(&page.head, "content-security-policy");
+        assert!(policy.starts_with("default-src 'self'; ") && policy.contains("frame-ancestors 'none'"));
+        assert!(!policy.contains("unsafe"), "{policy}");
+        if page.status == 404 {
+            assert!(text.contains("<code>tools/web build</code>"), "{text}");
+            continue;
+        }
+        assert_eq!(page.status, 200);
+        let assets: Vec<_> = text.split('"').filter(|word| word.starts_with("/assets/")).collect();
+        assert!(assets.iter().any(|path| path.ends_with(".js")), "{text}");
+        for path in assets {
+            let file = request(address, "", "GET", path, None).await;
+            assert_eq!(file.status, 200, "{path}");
+            assert!(header(&file.head, "cache-control").contains("immutable"), "{}", file.head);
+            let kind = header(&file.head, "content-type");
+            assert!(kind.starts_with("text/") || kind.starts_with("image/"), "{path}: {kind}");
+        }
+    }
+    for path in ["/assets/no-such-file.js", "/assets/..%2findex.html", "/assets/%FF"] {
+        let missing = request(address, "", "GET", path, None).await;
+        assert!((400..500).contains(&missing.status), "{path}: {}", missing.status);
+    }
+    let foreign = request(address, "Sec-Fetch-Site: cross-site\r\n", "GET", "/", None).await;
+    assert_eq!(foreign.status, 403, "no other page may load it");
+}
