@@ -1,0 +1,57 @@
+import { expect, test } from "vitest";
+import { routeOf } from "../route.ts";
+import { clock, minutes } from "../i18n/format.ts";
+import { addresses, wordsOf } from "../pages/robot/io.ts";
+import { problemOf } from "./client.ts";
+import { tokenOf } from "./secret.ts";
+
+test("a token is read in both of its forms, and nothing else is", () => {
+  const long = `r6_${"00ff10fb".repeat(8)}`;
+  // The same bytes, as Python's base64.urlsafe_b64encode writes them, without `=`.
+  const short = "AP8Q-wD_EPsA_xD7AP8Q-wD_EPsA_xD7AP8Q-wD_EPs";
+  expect(tokenOf(` ${long}\n`)).toBe(long);
+  expect(tokenOf(short)).toBe(long);
+  for (const wrong of ["", "r6_00", long.toUpperCase(), short.slice(1), `${short}=`, "a b"]) {
+    expect(tokenOf(wrong), wrong).toBeNull();
+  }
+});
+
+test("an answer that is no problem is told by its status", () => {
+  expect(problemOf('{"code":"leased","message":"held"}', 409)).toEqual({ code: "leased", message: "held" });
+  for (const text of ["", "<html>", "null", "[]", "{}"]) {
+    expect(problemOf(text, 502)).toEqual({ code: "unknown", message: "HTTP 502" });
+  }
+});
+
+test("the pages have addresses", () => {
+  expect(routeOf("/")).toEqual({ page: "hall" });
+  expect(routeOf("/robots/press-4")).toEqual({ page: "robot", robot: "press-4" });
+  expect(routeOf("/robots/a%20b")).toEqual({ page: "robot", robot: "a b" });
+  for (const path of ["/robots/", "/robots/a/b", "/robots/%FF", "/setup"]) {
+    expect(routeOf(path), path).toEqual({ page: "unknown" });
+  }
+});
+
+test("times are those of the hall", () => {
+  const at = Date.parse("2026-11-25T23:30:05Z");
+  expect(clock(at, "Europe/Berlin", at)).toBe("00:30:05");
+  expect(clock(at, "UTC", at + 3_600_000)).toBe("2026-11-25 23:30:05");
+  expect([0, 4_100, 272_000].map(minutes)).toEqual(["0:00", "0:05", "4:32"]);
+});
+
+test("words of points are read bit by bit, the highest one included", () => {
+  expect(addresses(2)).toEqual(["input-0", "input-1", "output-0", "output-1"]);
+  expect(addresses(9)).toHaveLength(8);
+  const signal = (address: string, value: number | null) => ({
+    address,
+    value,
+    unit: null,
+    quality: "fresh" as const,
+    age_ms: 0,
+  });
+  const signals = [signal("input-1", 0x80000001), signal("output-0", null), signal("curMode", 7)];
+  const words = wordsOf({ signals, problems: [] });
+  expect(words).toHaveLength(1);
+  expect(words[0]).toMatchObject({ kind: "input", first: 33 });
+  expect(words[0]?.points.flatMap((isOn, at) => (isOn ? [at] : []))).toEqual([0, 31]);
+});

@@ -1,0 +1,14 @@
+/** The secret behind the `#` of the page's address. */
+
+/**
+ * Reads a token: as `r6 gateway token` shows it, or in the short form of `r6 up`, which has the same 256 bits
+ * as base64url. Returns the token as the gateway knows it; `null` if the text is none.
+ */
+export function tokenOf(text: string): string | null {
+  const plain = text.trim();
+  if (/^r6_[0-9a-f]{64}$/.test(plain)) return plain;
+  if (!/^[A-Za-z0-9_-]{43}$/.test(plain)) return null;
+  const bytes = atob(plain.replaceAll("-", "+").replaceAll("_", "/") + "=");
+  const hex = Array.from(bytes, (byte) => byte.charCodeAt(0).toString(16).padStart(2, "0"));
+  return `r6_${hex.join("")}`;
+}

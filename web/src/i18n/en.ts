@@ -1,0 +1,288 @@
+/** The words of the page in English. Another language is a file with the same fields: see zh.ts. */
+import type { Role } from "../api/types.ts";
+import type { Cause } from "../robots/attention.ts";
+import type { Doing, Unmet } from "../robots/sentence.ts";
+
+const rules = new Intl.PluralRules("en");
+
+function count(number: number, one: string, other: string): string {
+  return `${number} ${rules.select(number) === "one" ? one : other}`;
+}
+
+const MODES: Record<number, string> = {
+  0: "no mode",
+  1: "manual",
+  2: "at rest",
+  3: "stopped",
+  7: "running",
+  8: "single step",
+  9: "single cycle",
+};
+
+function named(program: string | null): string {
+  return program === null ? "" : ` ${program}`;
+}
+
+function listOf(left: number | null): string {
+  return left === null || left === 0 ? "" : `, ${count(left, "instruction", "instructions")} left in its list`;
+}
+
+export const en = {
+  code: "en",
+  name: "English",
+  hall: "Hall",
+  toHall: "Back to the hall",
+  main: "Main content",
+  language: "Language",
+  theme: "Colours",
+  themes: { system: "As the system", light: "Light", dark: "Dark" },
+  signIn: {
+    title: "Sign in",
+    name: "Name",
+    password: "Password",
+    token: "Token",
+    withPassword: "Sign in with name and password",
+    withToken: "Sign in with a token",
+    submit: "Sign in",
+    working: "Signing in…",
+    signOut: "Sign out",
+    ended: "The session has ended. Sign in again.",
+    hint: "`r6 up` prints a link that signs in. `r6 gateway token` makes tokens, and an admin makes users.",
+    badLink: "The link in the address has no valid token. The link of an earlier start is not valid any more.",
+    problem: (code: string, message: string) =>
+      code === "wrong_password"
+        ? "The name or the password is wrong, or the user is disabled."
+        : code === "no_token"
+          ? "This token is not valid."
+          : code === "too_many_requests"
+            ? "Too many tries. Wait, then try again."
+            : code === "unknown"
+              ? "The gateway does not answer. Try again."
+              : message,
+  },
+  role: (role: Role) => ({ viewer: "viewer", operator: "operator", engineer: "engineer", admin: "admin" })[role],
+  token: (number: number) => `token ${number}`,
+  gateway: {
+    ms: (ms: number) => `gateway ${ms} ms`,
+    connecting: "Connecting to the gateway…",
+    lost: (seconds: number) =>
+      `No connection to the gateway for ${duration(seconds)}. Everything on this page is old. Trying again…`,
+    lostShort: "gateway lost",
+  },
+  mode: (mode: number | null) => (mode === null ? "mode unknown" : (MODES[mode] ?? `mode ${mode}`)),
+  virtual: "VIRTUAL 虚拟",
+  real: "real",
+  kindUnknown: "kind unknown",
+  counts: {
+    need: (n: number) => (n === 0 ? "no robot needs a person" : count(n, "needs a person", "need a person")),
+    noLink: (n: number) => `${n} no link`,
+    run: (n: number) => count(n, "runs", "run"),
+    rest: (n: number) => `${n} at rest`,
+  },
+  needs: {
+    title: "Needs a person",
+    none: "No robot needs a person.",
+    waiting: (n: number) => `${n} new`,
+    shelved: (n: number) => count(n, "alarm is shelved", "alarms are shelved"),
+    open: "Open",
+    priority: (n: 1 | 2): string => (n === 1 ? "needs a person" : "impaired"),
+    since: (seconds: number) => `waits ${duration(seconds)}`,
+    cause: (cause: Cause, robots: number) => {
+      switch (cause.kind) {
+        case "alarm":
+          return `alarm ${cause.code}${cause.text === null ? "" : `: ${cause.text}`}`;
+        case "other_robot":
+          return "another robot answers at this address; an engineer has to accept it";
+        case "no_link":
+          return robots === 1 ? "link lost" : `link lost: ${robots} robots`;
+        case "stop_holds":
+          return "a stop holds until the holder of the lease clears it";
+      }
+    },
+    acknowledged: (by: string) => `seen by ${by}`,
+  },
+  robots: {
+    title: "All robots",
+    search: "Search robots",
+    none: "No robot yet. An admin adds one with PUT /v1/robots/{name}, or in the file of the gateway.",
+    noMatch: (search: string) => `No robot matches “${search}”.`,
+    loading: "Waiting for the robots…",
+    noLink: (seconds: number | null) => (seconds === null ? "no link" : `no link ${duration(seconds)}`),
+    alarm: (code: number) => `alarm ${code}`,
+    parts: (n: number) => count(n, "part", "parts"),
+    old: (seconds: number) => `${duration(seconds)} old`,
+    held: (holder: string) => `${holder} controls it`,
+    stopHolds: "stop holds",
+    moves: "moves",
+  },
+  doing: (doing: Doing) => {
+    switch (doing.kind) {
+      case "no_link":
+        return "The gateway has no link to this robot. What it does is not known.";
+      case "other_robot":
+        return `Another robot answers at this address${doing.found === null ? "" : `: ${doing.found}`}. Commands are refused until an engineer accepts it.`;
+      case "not_read":
+        return "Its state was not read yet.";
+      case "alarm":
+        return `Alarm ${doing.code}${doing.text === null ? "" : `: ${doing.text}`}. It waits for a person.`;
+      case "stop_holds":
+        return "Stopped. It waits for the holder of the lease to clear the stop.";
+      case "manual":
+        return "Manual: the person at the pendant leads. Commands from here are refused.";
+      case "moves":
+        return `The arm moves${doing.program === null ? "" : `, program${named(doing.program)}`}${listOf(doing.left)}.`;
+      case "runs_and_stands":
+        return doing.left !== null && doing.left > 0
+          ? `The program${named(doing.program)} runs${listOf(doing.left)}. The arm stands now.`
+          : `The program${named(doing.program)} runs. The arm stands, and waits for a signal or for instructions.`;
+      case "waits_for_start":
+        return "At rest in automatic mode. It waits for a start.";
+      case "stopped":
+        return "Stopped. It waits for a start.";
+      case "unknown_mode":
+        return `In mode ${doing.mode}, which this page does not know.`;
+    }
+  },
+  unmet: (reason: Unmet) =>
+    ({
+      gateway_lost: "no connection to the gateway",
+      no_right: "this needs the role operator",
+      no_link: "no link to the robot",
+      other_robot: "another robot answers: an engineer has to accept it",
+      no_lease: "take control first",
+      stale: "its state is old",
+      manual: "manual mode: the pendant leads",
+      alarm: "clear the alarm first",
+      no_alarm: "there is no alarm",
+      stop_holds: "clear the stop first",
+      no_stop: "no stop holds",
+      running: "it runs already",
+      not_running: "it does not run",
+    })[reason],
+  lease: {
+    take: "Take control",
+    taking: "Taking control…",
+    give: "Give back",
+    mine: (left: string) => `You control it, ${left}`,
+    others: (holder: string) => `${holder} controls it`,
+    free: "Nobody controls it",
+    unknown: "Who controls it is not known",
+    ended: "Your control has ended.",
+  },
+  control: {
+    title: "Control",
+    pause: "Pause",
+    clearAlarm: "Clear alarm",
+    clearStop: "Clear stop",
+    prepare: "Prepare start…",
+    run: (robot: string) => `Hold to run ${robot}`,
+    runHint: "Hold for 1 s, or press Enter twice.",
+    cancel: "Cancel",
+    close: "Close",
+    prepareTitle: (robot: string) => `Start ${robot}?`,
+    prepareWhat: (program: string | null) =>
+      program === null ? "The controller runs its program." : `The controller runs its program ${program}.`,
+    prepareLeft: (left: number | null) =>
+      left === null
+        ? "Whether instructions are left in its list is not known. If there are, they run too."
+        : left === 0
+          ? "No instruction is left in its list."
+          : `${count(left, "instruction is", "instructions are")} left in its list. They run too.`,
+    prepareSpeed: "The controller does not report its global speed. Expect full speed.",
+    preparePerson: "Look at the arm: nobody may be near it.",
+    becameUnready: "It cannot be started now:",
+    sending: (what: string) => `${what}: sending…`,
+    accepted: (what: string) => `${what}: accepted. The values show whether it moves.`,
+    done: (what: string) => `${what}: done.`,
+    refused: (what: string, message: string) => `${what}: refused. ${message}`,
+    unknown: (what: string) =>
+      `${what}: OUTCOME UNKNOWN. The robot may have acted. Look at it, and stop it if in doubt. It is not sent again.`,
+    start: "Start",
+    lease: "Control",
+  },
+  stop: {
+    one: (robot: string) => `STOP ${robot}`,
+    many: "STOP…",
+    open: "Choose what to stop",
+    all: (n: number) => `Hold to stop all ${n}`,
+    none: "No robot moves.",
+    moving: "Robots that move, or of which that is not known",
+    not: "Not an emergency stop",
+    key: "F9",
+    sending: (robot: string) => `${robot}: sending`,
+    stopped: (robot: string, at: string) => `${robot}: stopped, seen ${at}`,
+    notConfirmed: (robot: string) => `${robot}: NOT CONFIRMED. Use the emergency stop at the robot.`,
+    notSent: (robot: string) => `${robot}: NOT SENT. Use the emergency stop at the robot.`,
+    why: (why: string) =>
+      ({
+        no_answer: "No answer yet.",
+        no_gateway: "The gateway cannot be reached.",
+        not_allowed: "You have no right to stop it.",
+        no_session: "You are signed out.",
+        no_token: "You are signed out.",
+        not_stopped: "It is not proved that the arm stands.",
+      })[why] ?? `(${why})`,
+  },
+  robot: {
+    missing: (name: string) => `There is no robot “${name}”, or you may not see it.`,
+    lastKnown: "Last known:",
+    axes: "Axes",
+    axis: "Axis",
+    pose: "Pose",
+    position: "Position",
+    values: "Other values",
+    value: "Value",
+    age: "Age",
+    now: "now",
+    io: "Inputs and outputs",
+    inputs: (from: number, to: number) => `Inputs ${from} to ${to}`,
+    outputs: (from: number, to: number) => `Outputs ${from} to ${to}`,
+    on: "On",
+    off: "Off",
+    ioPaused: "Not read while nobody uses this page.",
+    ioFailed: (message: string) => `They cannot be read: ${message}`,
+    alarms: "Alarms",
+    noAlarms: "No alarm in the last day.",
+    remedy: "What to do",
+    active: "now",
+    unseen: "last seen",
+    ended: (at: string) => `until ${at}`,
+    since: (at: string) => `since ${at}`,
+    acknowledge: "Acknowledge",
+    acknowledged: (by: string, at: string) => `seen by ${by}, ${at}`,
+    shelved: (by: string, until: string) => `shelved by ${by} until ${until}`,
+    facts: "About this robot",
+    address: "Address",
+    firmware: "Firmware",
+    machine: "Machine name",
+    model: "Model",
+    modelUnknown: "not configured",
+    every: "Read every",
+    unknown: "unknown",
+    yes: "yes",
+    no: "no",
+    signals: {
+      curMode: "Mode",
+      curAlarm: "Alarm",
+      isMoving: "Moves",
+      origin: "Homed",
+      RemoteCmdLen: "Instructions left",
+      curMold: "Program",
+      curCycle: "Present cycle",
+      lastCycle: "Last cycle",
+    } as Record<string, string>,
+  },
+  error: {
+    page: "This part of the page failed.",
+    again: "Load the page again",
+  },
+  notThere: "There is no such page.",
+};
+
+/** A time span for people: `12 s`, `2 min 13 s`, `3 h 5 min`. */
+function duration(seconds: number): string {
+  const whole = Math.max(0, Math.floor(seconds));
+  if (whole < 60) return `${whole} s`;
+  if (whole < 3600) return `${Math.floor(whole / 60)} min ${whole % 60} s`;
+  return `${Math.floor(whole / 3600)} h ${Math.floor((whole % 3600) / 60)} min`;
+}

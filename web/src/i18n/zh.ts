@@ -1,0 +1,277 @@
+/** The words of the page in Simplified Chinese. */
+import type { en } from "./en.ts";
+
+const MODES: Record<number, string> = {
+  0: "无模式",
+  1: "手动",
+  2: "待机",
+  3: "已停止",
+  7: "运行中",
+  8: "单步",
+  9: "单循环",
+};
+
+function named(program: string | null): string {
+  return program === null ? "" : ` ${program} `;
+}
+
+function listOf(left: number | null): string {
+  return left === null || left === 0 ? "" : `，列表中还有 ${left} 条指令`;
+}
+
+export const zh: typeof en = {
+  code: "zh-Hans",
+  name: "简体中文",
+  hall: "车间",
+  toHall: "返回车间",
+  main: "主要内容",
+  language: "语言",
+  theme: "配色",
+  themes: { system: "跟随系统", light: "浅色", dark: "深色" },
+  signIn: {
+    title: "登录",
+    name: "用户名",
+    password: "密码",
+    token: "令牌",
+    withPassword: "用户名和密码登录",
+    withToken: "令牌登录",
+    submit: "登录",
+    working: "正在登录…",
+    signOut: "退出登录",
+    ended: "会话已结束，请重新登录。",
+    hint: "`r6 up` 会打印登录链接。`r6 gateway token` 生成令牌，用户由管理员创建。",
+    badLink: "地址中的链接没有有效的令牌。以前启动时的链接已失效。",
+    problem: (code, message) =>
+      code === "wrong_password"
+        ? "用户名或密码错误，或该用户已被停用。"
+        : code === "no_token"
+          ? "令牌无效。"
+          : code === "too_many_requests"
+            ? "尝试次数过多，请稍候再试。"
+            : code === "unknown"
+              ? "网关没有应答，请重试。"
+              : message,
+  },
+  role: (role) => ({ viewer: "观察员", operator: "操作员", engineer: "工程师", admin: "管理员" })[role],
+  token: (number) => `令牌 ${number}`,
+  gateway: {
+    ms: (ms) => `网关 ${ms} ms`,
+    connecting: "正在连接网关…",
+    lost: (seconds) => `与网关失去连接已 ${duration(seconds)}。本页所有内容均已过时，正在重试…`,
+    lostShort: "网关已断开",
+  },
+  mode: (mode) => (mode === null ? "模式未知" : (MODES[mode] ?? `模式 ${mode}`)),
+  virtual: "VIRTUAL 虚拟",
+  real: "真实",
+  kindUnknown: "类型未知",
+  counts: {
+    need: (n) => (n === 0 ? "没有机器人需要处理" : `${n} 台需要处理`),
+    noLink: (n) => `${n} 台无连接`,
+    run: (n) => `${n} 台运行`,
+    rest: (n) => `${n} 台待机`,
+  },
+  needs: {
+    title: "需要处理",
+    none: "没有机器人需要处理。",
+    waiting: (n) => `${n} 条新消息`,
+    shelved: (n) => `${n} 条报警已搁置`,
+    open: "打开",
+    priority: (n) => (n === 1 ? "需要处理" : "受影响"),
+    since: (seconds) => `已等待 ${duration(seconds)}`,
+    cause: (cause, robots) => {
+      switch (cause.kind) {
+        case "alarm":
+          return `报警 ${cause.code}${cause.text === null ? "" : `：${cause.text}`}`;
+        case "other_robot":
+          return "该地址上应答的是另一台机器人，须由工程师确认";
+        case "no_link":
+          return robots === 1 ? "连接丢失" : `连接丢失：${robots} 台机器人`;
+        case "stop_holds":
+          return "停止仍然有效，须由控制权持有者解除";
+      }
+    },
+    acknowledged: (by) => `${by} 已确认`,
+  },
+  robots: {
+    title: "所有机器人",
+    search: "搜索机器人",
+    none: "还没有机器人。管理员可用 PUT /v1/robots/{name} 添加，或写入网关的配置文件。",
+    noMatch: (search) => `没有与“${search}”匹配的机器人。`,
+    loading: "正在等待机器人数据…",
+    noLink: (seconds) => (seconds === null ? "无连接" : `无连接 ${duration(seconds)}`),
+    alarm: (code) => `报警 ${code}`,
+    parts: (n) => `${n} 件`,
+    old: (seconds) => `${duration(seconds)}前`,
+    held: (holder) => `${holder} 正在控制`,
+    stopHolds: "停止有效",
+    moves: "正在运动",
+  },
+  doing: (doing) => {
+    switch (doing.kind) {
+      case "no_link":
+        return "网关与该机器人没有连接，其动作未知。";
+      case "other_robot":
+        return `该地址上应答的是另一台机器人${doing.found === null ? "" : `：${doing.found}`}。工程师确认之前，命令会被拒绝。`;
+      case "not_read":
+        return "尚未读取其状态。";
+      case "alarm":
+        return `报警 ${doing.code}${doing.text === null ? "" : `：${doing.text}`}。等待人员处理。`;
+      case "stop_holds":
+        return "已停止。等待控制权持有者解除停止。";
+      case "manual":
+        return "手动模式：由示教器旁的人员操作，此处的命令会被拒绝。";
+      case "moves":
+        return `机械臂正在运动${doing.program === null ? "" : `，程序${named(doing.program)}`}${listOf(doing.left)}。`;
+      case "runs_and_stands":
+        return doing.left !== null && doing.left > 0
+          ? `程序${named(doing.program)}正在运行${listOf(doing.left)}。机械臂当前静止。`
+          : `程序${named(doing.program)}正在运行。机械臂静止，等待信号或指令。`;
+      case "waits_for_start":
+        return "自动模式待机，等待启动。";
+      case "stopped":
+        return "已停止，等待启动。";
+      case "unknown_mode":
+        return `处于本页不认识的模式 ${doing.mode}。`;
+    }
+  },
+  unmet: (reason) =>
+    ({
+      gateway_lost: "与网关失去连接",
+      no_right: "需要操作员权限",
+      no_link: "与机器人没有连接",
+      other_robot: "应答的是另一台机器人，须由工程师确认",
+      no_lease: "请先获取控制权",
+      stale: "其状态已过时",
+      manual: "手动模式：由示教器操作",
+      alarm: "请先清除报警",
+      no_alarm: "没有报警",
+      stop_holds: "请先解除停止",
+      no_stop: "没有生效的停止",
+      running: "已在运行",
+      not_running: "未在运行",
+    })[reason],
+  lease: {
+    take: "获取控制权",
+    taking: "正在获取控制权…",
+    give: "交还",
+    mine: (left) => `由您控制，${left}`,
+    others: (holder) => `${holder} 正在控制`,
+    free: "无人控制",
+    unknown: "控制者未知",
+    ended: "您的控制权已结束。",
+  },
+  control: {
+    title: "控制",
+    pause: "暂停",
+    clearAlarm: "清除报警",
+    clearStop: "解除停止",
+    prepare: "准备启动…",
+    run: (robot) => `按住以运行 ${robot}`,
+    runHint: "按住 1 秒，或按两次 Enter。",
+    cancel: "取消",
+    close: "关闭",
+    prepareTitle: (robot) => `启动 ${robot}？`,
+    prepareWhat: (program) => (program === null ? "控制器将运行其程序。" : `控制器将运行程序 ${program}。`),
+    prepareLeft: (left) =>
+      left === null
+        ? "列表中是否还有指令未知。如果有，也会运行。"
+        : left === 0
+          ? "列表中没有剩余指令。"
+          : `列表中还有 ${left} 条指令，也会运行。`,
+    prepareSpeed: "控制器不报告全局速度，请按全速对待。",
+    preparePerson: "请看机械臂：附近不得有人。",
+    becameUnready: "现在不能启动：",
+    sending: (what) => `${what}：正在发送…`,
+    accepted: (what) => `${what}：已接受。是否运动请看数值。`,
+    done: (what) => `${what}：完成。`,
+    refused: (what, message) => `${what}：被拒绝。${message}`,
+    unknown: (what) => `${what}：结果未知。机器人可能已动作，请查看，如有疑问请停止。不会重新发送。`,
+    start: "启动",
+    lease: "控制权",
+  },
+  stop: {
+    one: (robot) => `停止 ${robot}`,
+    many: "停止…",
+    open: "选择要停止的机器人",
+    all: (n) => `按住以停止全部 ${n} 台`,
+    none: "没有机器人在运动。",
+    moving: "正在运动或状态未知的机器人",
+    not: "不是急停",
+    key: "F9",
+    sending: (robot) => `${robot}：正在发送`,
+    stopped: (robot, at) => `${robot}：已停止，${at} 确认`,
+    notConfirmed: (robot) => `${robot}：未确认。请使用机器人旁的急停按钮。`,
+    notSent: (robot) => `${robot}：未发送。请使用机器人旁的急停按钮。`,
+    why: (why) =>
+      ({
+        no_answer: "尚无应答。",
+        no_gateway: "无法连接网关。",
+        not_allowed: "您没有停止它的权限。",
+        no_session: "您已退出登录。",
+        no_token: "您已退出登录。",
+        not_stopped: "无法证明机械臂已静止。",
+      })[why] ?? `（${why}）`,
+  },
+  robot: {
+    missing: (name) => `没有名为“${name}”的机器人，或您无权查看。`,
+    lastKnown: "最后所知：",
+    axes: "各轴",
+    axis: "轴",
+    pose: "位姿",
+    position: "位置",
+    values: "其他数值",
+    value: "数值",
+    age: "时效",
+    now: "当前",
+    io: "输入和输出",
+    inputs: (from, to) => `输入 ${from} 至 ${to}`,
+    outputs: (from, to) => `输出 ${from} 至 ${to}`,
+    on: "通",
+    off: "断",
+    ioPaused: "无人使用本页时不读取。",
+    ioFailed: (message) => `无法读取：${message}`,
+    alarms: "报警",
+    noAlarms: "最近一天没有报警。",
+    remedy: "处理方法",
+    active: "当前",
+    unseen: "最后所见",
+    ended: (at) => `至 ${at}`,
+    since: (at) => `自 ${at}`,
+    acknowledge: "确认",
+    acknowledged: (by, at) => `${by} 于 ${at} 确认`,
+    shelved: (by, until) => `${by} 搁置至 ${until}`,
+    facts: "关于这台机器人",
+    address: "地址",
+    firmware: "固件",
+    machine: "机器名称",
+    model: "型号",
+    modelUnknown: "未配置",
+    every: "读取周期",
+    unknown: "未知",
+    yes: "是",
+    no: "否",
+    signals: {
+      curMode: "模式",
+      curAlarm: "报警",
+      isMoving: "运动",
+      origin: "已回原点",
+      RemoteCmdLen: "剩余指令",
+      curMold: "程序",
+      curCycle: "本次循环",
+      lastCycle: "上次循环",
+    },
+  },
+  error: {
+    page: "本页的这一部分出错。",
+    again: "重新加载页面",
+  },
+  notThere: "没有这个页面。",
+};
+
+/** 供人阅读的时长。 */
+function duration(seconds: number): string {
+  const whole = Math.max(0, Math.floor(seconds));
+  if (whole < 60) return `${whole} 秒`;
+  if (whole < 3600) return `${Math.floor(whole / 60)} 分 ${whole % 60} 秒`;
+  return `${Math.floor(whole / 3600)} 小时 ${Math.floor((whole % 3600) / 60)} 分`;
+}

@@ -1,0 +1,190 @@
+import { expect, test } from "vitest";
+import { Link, type Reader, SILENCE, type Socket, type World } from "./socket.ts";
+
+/** A world whose time is moved by the test. */
+class Fake implements World {
+  time = 0;
+  opened: { path: string; socket: FakeSocket }[] = [];
+  signedIn: boolean | null = true;
+  private timers: { at: number; act: () => void }[] = [];
+
+  open(path: string): Socket {
+    const socket = new FakeSocket();
+    this.opened.push({ path, socket });
+    return socket;
+  }
+
+  now(): number {
+    return this.time;
+  }
+
+  after(ms: number, act: () => void): () => void {
+    const timer = { at: this.time + ms, act };
+    this.timers.push(timer);
+    return () => (this.timers = this.timers.filter((one) => one !== timer));
+  }
+
+  isSignedIn(): Promise<boolean | null> {
+    return Promise.resolve(this.signedIn);
+  }
+
+  /** Lets time pass: timers are called when they are due. */
+  async pass(ms: number): Promise<void> {
+    const end = this.time + ms;
+    // What was asked before has its answer first.
+    await new Promise((next) => setTimeout(next));
+    for (;;) {
+      const next = this.timers.filter((timer) => timer.at <= end).sort((a, b) => a.at - b.at)[0];
+      if (next === undefined) break;
+      this.timers = this.timers.filter((timer) => timer !== next);
+      this.time = Math.max(this.time, next.at);
+      next.act();
+      await Promise.resolve();
+      await Promise.resolve();
+    }
+    this.time = end;
+  }
+
+  get last(): FakeSocket {
+    return this.opened.at(-1)!.socket;
+  }
+}
+
+class FakeSocket implements Socket {
+  isClosed = false;
+  private message: (event: { data: unknown }) => void = () => {};
+  private closed: (event: { code: number }) => void = () => {};
+
+  addEventListener(kind: "message", act: (event: { data: unknown }) => void): void;
+  addEventListener(kind: "close", act: (event: { code: number }) => void): void;
+  addEventListener(kind: string, act: (event: never) => void): void {
+    if (kind === "message") this.message = act as typeof this.message;
+    else this.closed = act as typeof this.closed;
+  }
+
+  say(message: object): void {
+    this.message({ data: JSON.stringify(message) });
+  }
+
+  end(code: number): void {
+    this.closed({ code });
+  }
+
+  close(): void {
+    this.isClosed = true;
+  }
+}
+
+function start(): { world: Fake; told: (number | null | "out" | "forget")[]; link: Link; messages: string[] } {
+  const world = new Fake();
+  const told: (number | null | "out" | "forget")[] = [];
+  const messages: string[] = [];
+  let resume: string | null = null;
+  const reader: Reader = {
+    message: (sent) => {
+      messages.push(sent.type);
+      resume = sent.resume ?? resume;
+    },
+    state: (heard) => told.push(heard),
+    signedOut: () => told.push("out"),
+    resume: () => resume,
+    forgetResume: () => {
+      resume = null;
+      told.push("forget");
+    },
+  };
+  const link = new Link(world, reader);
+  link.start();
+  return { world, told, link, messages };
+}
+
+const ALIVE = { type: "alive", time: "2026-11-25T06:00:00.000000Z" };
+
+test("it goes on where it was lost, and waits longer each time", async () => {
+  const { world, told } = start();
+  expect(world.opened[0]?.path).toBe("/v1/live?events=true&alive=true");
+  world.last.say({ type: "removed", robot: "saw", resume: "7-1" });
+  expect(told).toEqual([null]);
+  world.signedIn = null;
+  world.last.end(1006);
+  expect(told).toEqual([null, 0]);
+  const waits: number[] = [];
+  for (let at = 0; at < 6; at += 1) {
+    const before = { time: world.time, count: world.opened.length };
+    while (world.opened.length === before.count) await world.pass(100);
+    waits.push(world.time - before.time);
+    expect(world.opened.at(-1)?.path).toBe("/v1/live?events=true&alive=true&resume=7-1");
+    world.last.end(1006);
+    await world.pass(0);
+  }
+  expect(waits).toEqual([500, 1000, 2000, 4000, 5000, 5000]);
+  while (world.last === world.opened[6]?.socket) await world.pass(100);
+  world.last.say(ALIVE);
+  expect(told).toEqual([null, 0, null]);
+});
+
+test("10 s of silence is a lost gateway, also while the connection stays open", async () => {
+  const { world, told } = start();
+  world.last.say(ALIVE);
+  await world.pass(5_000);
+  world.last.say(ALIVE);
+  await world.pass(SILENCE);
+  expect(told).toEqual([null]);
+  const silent = world.last;
+  await world.pass(1_000);
+  expect(told).toEqual([null, 5_000]);
+  expect(silent.isClosed).toBe(true);
+  // What the old connection still says does not count.
+  silent.say(ALIVE);
+  expect(told).toEqual([null, 5_000]);
+  await world.pass(1_000);
+  expect(world.opened).toHaveLength(2);
+});
+
+test("a connection that never says anything is tried again", async () => {
+  const { world, told } = start();
+  await world.pass(SILENCE + 2_000);
+  expect([told, world.opened.length]).toEqual([[0], 2]);
+});
+
+test("the end of the session ends it", async () => {
+  const { world, told } = start();
+  world.last.say(ALIVE);
+  world.last.end(1008);
+  await world.pass(60_000);
+  expect([told, world.opened.length]).toEqual([[null, 0, "out"], 1]);
+});
+
+test("a refused connection asks why: signed out, or a place that the gateway does not know", async () => {
+  const { world, told } = start();
+  world.last.end(1006);
+  await world.pass(600);
+  expect([told, world.opened.length]).toEqual([[0, "forget"], 2]);
+  world.signedIn = false;
+  world.last.end(1006);
+  await world.pass(60_000);
+  expect([told, world.opened.length]).toEqual([[0, "forget", "out"], 2]);
+});
+
+test("it tries at once when the page is shown again, and never twice at a time", async () => {
+  const { world, link } = start();
+  world.last.say(ALIVE);
+  link.hurry();
+  expect(world.opened).toHaveLength(1);
+  world.last.end(1006);
+  link.hurry();
+  expect(world.opened).toHaveLength(2);
+  await world.pass(2_000);
+  expect(world.opened).toHaveLength(2);
+  link.end();
+  await world.pass(60_000);
+  expect(world.opened).toHaveLength(2);
+  expect(world.last.isClosed).toBe(true);
+});
+
+test("messages of a newer gateway are passed over", () => {
+  const { world, messages } = start();
+  world.last.say({ type: "from_the_future" });
+  world.last.say(ALIVE);
+  expect(messages).toEqual(["alive"]);
+});

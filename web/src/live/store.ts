@@ -1,0 +1,164 @@
+/**
+ * What is known of the robots: their summaries and their values. No Svelte and no clock: times are those of
+ * the caller, in milliseconds that only grow.
+ */
+import type { AddressValue, GatewayEvent, LiveSent, RobotSummary, Signal, SignalQuality } from "../api/types.ts";
+
+/** A value as it was received. */
+export interface Value {
+  value: AddressValue | null;
+  unit: string | null;
+  quality: SignalQuality;
+  /** When the gateway asked for it, as far as is known; `null` without a value. */
+  asked: number | null;
+}
+
+export interface Robot {
+  summary: RobotSummary;
+  /** How often its values are read, in milliseconds. */
+  period: number;
+  values: Map<string, Value>;
+  /** When the link was lost, if it is lost and that is known. */
+  downSince: number | null;
+}
+
+export type Change =
+  | { kind: "robot"; name: string; slow: boolean }
+  | { kind: "removed"; name: string }
+  | { kind: "event"; event: GatewayEvent }
+  | { kind: "events_lost" };
+
+/** Values that the tiles and the sentences are made of. The others are written to the page by frames. */
+const SLOW = new Set(["curMode", "curAlarm", "isMoving", "origin", "RemoteCmdLen", "curMold"]);
+
+export class Store {
+  readonly robots = new Map<string, Robot>();
+  /** Robots from before a reset that no snapshot has told of yet. */
+  private readonly unsure = new Set<string>();
+  /** Where to go on after a lost connection. */
+  resume: string | null = null;
+
+  /** Takes in a message. What changed is returned in order. */
+  apply(sent: LiveSent, now: number): Change[] {
+    const changes = this.take(sent, now);
+    if (typeof sent.resume === "string") {
+      this.resume = sent.resume;
+      // The pass is at its end, so a robot without a snapshot is not there any more.
+      for (const name of this.unsure) {
+        this.robots.delete(name);
+        changes.push({ kind: "removed", name });
+      }
+      this.unsure.clear();
+    }
+    return changes;
+  }
+
+  /** Forgets everything: another user may see other robots. */
+  clear(): void {
+    this.robots.clear();
+    this.unsure.clear();
+    this.resume = null;
+  }
+
+  private take(sent: LiveSent, now: number): Change[] {
+    switch (sent.type) {
+      case "snapshot": {
+        const { signals, period_ms, epoch: _epoch, number: _number, type: _type, ...summary } = sent;
+        const values = new Map(signals.map((signal) => [signal.address, valueOf(signal, now)]));
+        const downSince = summary.link === "down" ? lastAsked(values) : null;
+        this.unsure.delete(summary.name);
+        this.robots.set(summary.name, { summary, period: period_ms, values, downSince });
+        return [{ kind: "robot", name: summary.name, slow: true }];
+      }
+      case "change": {
+        const robot = this.robots.get(sent.robot);
+        if (robot === undefined) return [];
+        let slow = false;
+        for (const signal of sent.signals) {
+          const before = robot.values.get(signal.address);
+          robot.values.set(signal.address, valueOf(signal, now));
+          slow ||= SLOW.has(signal.address) || before?.quality !== signal.quality;
+          slow ||= signal.address.startsWith("counter-");
+        }
+        return [{ kind: "robot", name: sent.robot, slow }];
+      }
+      case "removed":
+        this.unsure.delete(sent.robot);
+        return this.robots.delete(sent.robot) ? [{ kind: "removed", name: sent.robot }] : [];
+      case "reset":
+        if (sent.robot === null) for (const name of this.robots.keys()) this.unsure.add(name);
+        return [];
+      case "event": {
+        const changes: Change[] = [{ kind: "event", event: sent }];
+        if (this.happened(sent, now)) changes.push({ kind: "robot", name: sent.robot, slow: true });
+        return changes;
+      }
+      case "events_lost":
+        return [{ kind: "events_lost" }];
+      case "alive":
+      case "subscribed":
+      case "problem":
+        return [];
+    }
+  }
+
+  /** Parts of a summary that have no numbers are told by events alone. Returns whether one changed. */
+  private happened(event: GatewayEvent, now: number): boolean {
+    const robot = this.robots.get(event.robot);
+    if (robot === undefined) return false;
+    const set = (part: Partial<RobotSummary>): boolean => {
+      robot.summary = { ...robot.summary, ...part };
+      return true;
+    };
+    const { stops_under_way: stops, lease } = robot.summary;
+    switch (event.event) {
+      case "link_up":
+        robot.downSince = null;
+        return set({ link: "up" });
+      case "link_down":
+        robot.downSince ??= now;
+        return set({ link: "down" });
+      case "identity_changed":
+        return set({ identity_changed: { expected: event.expected, found: event.found }, lease: null });
+      case "identity_accepted":
+        return set({ identity: event.identity, identity_changed: null });
+      case "lease_began":
+        return set({ lease: { number: event.lease, holder: event.holder, expires_in_ms: 0 } });
+      case "lease_ended":
+        // A later lease may have begun already.
+        return lease !== null && lease.number > event.lease ? false : set({ lease: null });
+      case "stop_began":
+        return set({ stopped: true, stops_under_way: stops + 1 });
+      case "stop_ended":
+        return set({ stops_under_way: Math.max(0, stops - 1) });
+      case "stop_cleared":
+        return set({ stopped: false });
+      default:
+        return false;
+    }
+  }
+
+  /** Takes in what `GET /v1/robots` says, after events were lost. */
+  refresh(summaries: RobotSummary[], now: number): Change[] {
+    const changes: Change[] = [];
+    for (const summary of summaries) {
+      const robot = this.robots.get(summary.name);
+      if (robot === undefined) continue;
+      robot.summary = summary;
+      robot.downSince = summary.link === "up" ? null : (robot.downSince ?? now);
+      changes.push({ kind: "robot", name: summary.name, slow: true });
+    }
+    return changes;
+  }
+}
+
+function valueOf(signal: Signal, now: number): Value {
+  const asked = signal.age_ms === null ? null : now - signal.age_ms;
+  return { value: signal.value, unit: signal.unit, quality: signal.quality, asked };
+}
+
+function lastAsked(values: Map<string, Value>): number | null {
+  let last: number | null = null;
+  for (const { asked } of values.values()) if (asked !== null && (last === null || asked > last)) last = asked;
+  return last;
+}

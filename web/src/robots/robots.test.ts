@@ -1,0 +1,145 @@
+import { expect, test } from "vitest";
+import type { RobotAlarm, RobotSummary } from "../api/types.ts";
+import { attention, frozen } from "./attention.ts";
+import { doing, unmet } from "./sentence.ts";
+import { type View, mayMove } from "./view.ts";
+
+function view(name: string, part: Partial<View> = {}, summary: Partial<RobotSummary> = {}): View {
+  const whole: RobotSummary = {
+    name,
+    address: "",
+    managed_by: "file",
+    model: null,
+    link: "up",
+    identity: null,
+    identity_changed: null,
+    virtual: null,
+    lease: null,
+    stopped: false,
+    stops_under_way: 0,
+    ...summary,
+  };
+  const rest = { mode: 2, alarm: 0, moving: false, homed: true, left: 0, program: null, parts: null, downSince: null };
+  return { name, summary: whole, quality: "fresh", ...rest, ...part };
+}
+
+function alarm(robot: string, code: number, part: Partial<RobotAlarm> = {}): RobotAlarm {
+  return {
+    robot,
+    id: 1,
+    code,
+    text: "emergency stop",
+    axis: null,
+    remedy: "",
+    state: "active",
+    since: "1970-01-01T00:00:10Z",
+    begin_seen: true,
+    until: null,
+    acknowledged: null,
+    shelved: null,
+    ...part,
+  };
+}
+
+const OTHER = { expected: {}, found: { machine_name: "B" } } as NonNullable<RobotSummary["identity_changed"]>;
+const HAS = { gateway: true, right: true, lease: true };
+
+test("what has to be mended first is said first", () => {
+  const said = (part: Partial<View>, summary: Partial<RobotSummary> = {}): string =>
+    doing(view("saw", part, summary), []).kind;
+  expect(said({ alarm: 7 }, { link: "down", identity_changed: OTHER })).toBe("no_link");
+  expect(said({ alarm: 7 }, { identity_changed: OTHER })).toBe("other_robot");
+  expect(said({ mode: null })).toBe("not_read");
+  expect(said({ alarm: 7, moving: true }, { stopped: true })).toBe("alarm");
+  expect(said({ moving: true }, { stopped: true })).toBe("moves");
+  expect(said({}, { stopped: true })).toBe("stop_holds");
+  expect([1, 8, 7, 9, 2, 3, 5].map((mode) => said({ mode }))).toEqual([
+    "manual",
+    "manual",
+    "runs_and_stands",
+    "runs_and_stands",
+    "waits_for_start",
+    "stopped",
+    "unknown_mode",
+  ]);
+  const named = doing(view("saw", { alarm: 7 }), [alarm("saw", 7, { state: "ended", text: "old" }), alarm("saw", 7)]);
+  expect(named).toEqual({ kind: "alarm", code: 7, text: "emergency stop" });
+});
+
+test("a start needs everything, a pause no lease", () => {
+  expect(unmet("start", view("saw"), HAS)).toEqual([]);
+  expect(unmet("start", view("saw", { alarm: 7, mode: 1 }, { stopped: true }), HAS)).toEqual([
+    "stop_holds",
+    "alarm",
+    "manual",
+  ]);
+  expect(unmet("start", view("saw", { mode: 7 }), HAS)).toEqual(["running"]);
+  expect(unmet("start", view("saw", { quality: "stale" }), HAS)).toEqual(["stale"]);
+  const nothing = { gateway: false, right: false, lease: false };
+  expect(unmet("start", view("saw", {}, { link: "down" }), nothing)).toEqual([
+    "gateway_lost",
+    "no_right",
+    "no_link",
+    "no_lease",
+  ]);
+  const free = { ...HAS, lease: false };
+  expect(unmet("pause", view("saw", { mode: 7 }), free)).toEqual([]);
+  expect(unmet("pause", view("saw"), free)).toEqual(["not_running"]);
+  expect(unmet("pause", view("saw", { moving: null }), free)).toEqual([]);
+  expect(unmet("clear_alarm", view("saw"), HAS)).toEqual(["no_alarm"]);
+  expect(unmet("clear_stop", view("saw", {}, { stopped: true }), HAS)).toEqual([]);
+});
+
+test("the list has what needs a person, the most urgent and longest first", () => {
+  const by = { by: "anna", at: "", comment: null };
+  const { entries, shelved } = attention(
+    [
+      view("a", { downSince: 5_000 }, { link: "down" }),
+      view("b", { alarm: 7 }),
+      view("c", { alarm: 8 }),
+      view("d", { alarm: 9 }),
+      view("e", { alarm: 3 }),
+      view("f", {}, { stopped: true }),
+      view("g", {}, { identity_changed: OTHER }),
+      view("h"),
+    ],
+    [
+      alarm("b", 7, { since: "1970-01-01T00:00:20Z" }),
+      alarm("c", 8, { since: "1970-01-01T00:00:10Z" }),
+      alarm("d", 9, { acknowledged: by }),
+      alarm("e", 3, { shelved: { by: "anna", at: "", until: "", reason: "" } }),
+    ],
+    (at) => at + 1_000,
+  );
+  const told = entries.map(({ priority, robots, kind, since }) => [priority, robots[0], kind, since]);
+  expect(told).toEqual([
+    [1, "c", "alarm", 10_000],
+    [1, "b", "alarm", 20_000],
+    [1, "g", "other_robot", null],
+    [2, "a", "no_link", 6_000],
+    [2, "d", "alarm", 10_000],
+    [2, "f", "stop_holds", null],
+  ]);
+  expect(shelved).toBe(1);
+});
+
+test("a lost switch is one line", () => {
+  const views = ["a", "b", "c", "d"].map((name, at) => view(name, { downSince: 9_000 - at }, { link: "down" }));
+  const { entries } = attention(views, [], (at) => at);
+  expect(entries).toMatchObject([{ kind: "no_link", robots: ["a", "b", "c", "d"], since: 8_997 }]);
+});
+
+test("a list that somebody points at keeps its order and counts what waits", () => {
+  const all = attention([view("a", { alarm: 1 }), view("b", { alarm: 2 }), view("c", { alarm: 3 })], [], (at) => at);
+  const keys = all.entries.map((entry) => entry.key);
+  const { entries, waiting } = frozen([keys[2]!, "gone", keys[0]!], all.entries);
+  expect([entries.map((entry) => entry.robots[0]), waiting]).toEqual([["c", "a"], 1]);
+});
+
+test("a robot may move unless it is seen that it does not", () => {
+  expect(mayMove(view("a"))).toBe(false);
+  expect(mayMove(view("a", { mode: 7 }))).toBe(true);
+  expect(mayMove(view("a", { moving: true }))).toBe(true);
+  expect(mayMove(view("a", { quality: "stale" }))).toBe(true);
+  expect(mayMove(view("a", {}, { link: "down" }))).toBe(true);
+});

@@ -1,0 +1,95 @@
+/** What a robot does and waits for, as a typed value. The words are in i18n/. */
+import type { RobotAlarm } from "../api/types.ts";
+import { MODES, type View, isRunning } from "./view.ts";
+
+export type Doing =
+  | { kind: "no_link" }
+  | { kind: "other_robot"; found: string | null }
+  | { kind: "not_read" }
+  | { kind: "alarm"; code: number; text: string | null }
+  | { kind: "stop_holds" }
+  | { kind: "manual" }
+  | { kind: "moves"; program: string | null; left: number | null }
+  | { kind: "runs_and_stands"; program: string | null; left: number | null }
+  | { kind: "waits_for_start" }
+  | { kind: "stopped" }
+  | { kind: "unknown_mode"; mode: number };
+
+/** The first of these that holds: what has to be mended first stands first. */
+export function doing(view: View, alarms: RobotAlarm[]): Doing {
+  const { summary, mode, alarm, moving, program, left } = view;
+  if (summary.link === "down") return { kind: "no_link" };
+  if (summary.identity_changed !== null) {
+    return { kind: "other_robot", found: summary.identity_changed.found.machine_name };
+  }
+  if (view.quality === "none" || mode === null) return { kind: "not_read" };
+  if (alarm !== null && alarm !== 0) {
+    const known = alarms.find((one) => one.code === alarm && one.state !== "ended");
+    return { kind: "alarm", code: alarm, text: known?.text ?? null };
+  }
+  if (moving === true) return { kind: "moves", program, left };
+  if (summary.stopped) return { kind: "stop_holds" };
+  if (mode === MODES.manual || mode === MODES.step) return { kind: "manual" };
+  if (isRunning(view)) return { kind: "runs_and_stands", program, left };
+  if (mode === MODES.rest) return { kind: "waits_for_start" };
+  if (mode === MODES.stopped) return { kind: "stopped" };
+  return { kind: "unknown_mode", mode };
+}
+
+/** Why a control cannot be used now. */
+export type Unmet =
+  | "gateway_lost"
+  | "no_right"
+  | "no_link"
+  | "other_robot"
+  | "no_lease"
+  | "stale"
+  | "manual"
+  | "alarm"
+  | "no_alarm"
+  | "stop_holds"
+  | "no_stop"
+  | "running"
+  | "not_running";
+
+export type Control = "start" | "pause" | "clear_alarm" | "clear_stop";
+
+/** What keeps a control from being used, the first to mend first. The gateway checks all this again. */
+export function unmet(
+  control: Control,
+  view: View,
+  has: { gateway: boolean; right: boolean; lease: boolean },
+): Unmet[] {
+  const reasons: Unmet[] = [];
+  const check = (isMet: boolean, reason: Unmet): void => {
+    if (!isMet) reasons.push(reason);
+  };
+  check(has.gateway, "gateway_lost");
+  check(has.right, "no_right");
+  check(view.summary.link === "up", "no_link");
+  check(view.summary.identity_changed === null, "other_robot");
+  // A pause needs no lease, as a stop.
+  if (control !== "pause") check(has.lease, "no_lease");
+  if (reasons.length > 0) return reasons;
+  const isAlarmed = view.alarm !== null && view.alarm !== 0;
+  switch (control) {
+    case "start":
+      check(view.quality === "fresh", "stale");
+      check(!view.summary.stopped, "stop_holds");
+      check(!isAlarmed, "alarm");
+      check(view.mode !== MODES.manual && view.mode !== MODES.step, "manual");
+      check(!isRunning(view), "running");
+      break;
+    case "pause":
+      check(isRunning(view) || view.moving !== false, "not_running");
+      break;
+    case "clear_alarm":
+      check(isAlarmed, "no_alarm");
+      check(view.mode !== MODES.manual && view.mode !== MODES.step, "manual");
+      break;
+    case "clear_stop":
+      check(view.summary.stopped, "no_stop");
+      break;
+  }
+  return reasons;
+}

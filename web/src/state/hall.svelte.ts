@@ -1,0 +1,183 @@
+/** The robots, the alarms and the connection, as the pages see them. */
+import { call } from "../api/client.ts";
+import type { GatewayEvent, LiveSent, RobotAlarm, RobotAlarms, RobotSummary, Settings } from "../api/types.ts";
+import { touch } from "../live/frame.ts";
+import { Link } from "../live/socket.ts";
+import { Store } from "../live/store.ts";
+import { type View, viewOf } from "../robots/view.ts";
+import { session } from "./session.svelte.ts";
+
+/** How often ages are written and the way to the gateway is measured, in milliseconds. */
+const AGES = 500;
+const MEASURE = 5_000;
+/** Alarms that come together are asked for once. */
+const TOGETHER = 200;
+
+class Hall {
+  readonly store = new Store();
+  /** In the order of their names, which never changes. `null` until the first one came. */
+  views = $state.raw<View[] | null>(null);
+  alarms = $state.raw<RobotAlarm[]>([]);
+  /** When the gateway was last heard, on the page's clock, if it is lost; `null` if it is there. */
+  heard = $state<number | null>(null);
+  /** Whether something came over the connection yet. */
+  isConnected = $state(false);
+  latency = $state<number | null>(null);
+  zone = $state("UTC");
+  /** What the gateway's clock is before the page's, in milliseconds. */
+  #ahead = Date.now() - performance.now();
+  #link: Link | null = null;
+  #dirty = new Set<string>();
+  #isScheduled = false;
+  #timers: ReturnType<typeof setInterval>[] = [];
+  #alarmTimer: ReturnType<typeof setTimeout> | null = null;
+  #readers = new Set<(event: GatewayEvent) => void>();
+
+  /** Whether the gateway is there. */
+  get isThere(): boolean {
+    return this.isConnected && this.heard === null;
+  }
+
+  now(): number {
+    return performance.now();
+  }
+
+  /** A time of the page's clock as one of the gateway's, in milliseconds since 1970. */
+  time(pageMillis: number): number {
+    return pageMillis + this.#ahead;
+  }
+
+  view(name: string): View | undefined {
+    return this.views?.find((view) => view.name === name);
+  }
+
+  /** Calls this with each event. Returns what ends it. */
+  onEvent(act: (event: GatewayEvent) => void): () => void {
+    this.#readers.add(act);
+    return () => this.#readers.delete(act);
+  }
+
+  begin(): void {
+    this.end();
+    const world = {
+      open: (path: string) => new WebSocket(location.origin.replace(/^http/, "ws") + path),
+      now: () => performance.now(),
+      after: (ms: number, act: () => void) => {
+        const timer = setTimeout(act, ms);
+        return () => clearTimeout(timer);
+      },
+      isSignedIn: async () => {
+        const answer = await call("GET", "/v1/session");
+        if (answer.kind === "unknown") return null;
+        return answer.kind === "ok" || answer.status !== 401;
+      },
+    };
+    this.#link = new Link(world, {
+      message: (sent, now) => this.#take(sent, now),
+      state: (heard) => {
+        this.heard = heard;
+        if (heard === null) {
+          this.isConnected = true;
+          this.readAlarms();
+        }
+        touch();
+      },
+      signedOut: () => session.ended(),
+      resume: () => this.store.resume,
+      forgetResume: () => {
+        this.store.resume = null;
+      },
+    });
+    this.#link.start();
+    this.#timers.push(setInterval(touch, AGES), setInterval(() => void this.#measure(), MEASURE));
+    void this.#measure();
+    void call<Settings>("GET", "/v1/settings").then((answer) => {
+      if (answer.kind === "ok") this.zone = answer.value.time_zone;
+    });
+  }
+
+  /** Forgets everything: another user may see other robots. */
+  end(): void {
+    this.#link?.end();
+    this.#link = null;
+    this.#timers.forEach((timer) => clearInterval(timer));
+    this.#timers = [];
+    this.store.clear();
+    this.views = null;
+    this.alarms = [];
+    this.heard = null;
+    this.isConnected = false;
+  }
+
+  hurry(): void {
+    this.#link?.hurry();
+  }
+
+  /** Reads the active alarms again. */
+  readAlarms(): void {
+    if (this.#alarmTimer !== null) return;
+    this.#alarmTimer = setTimeout(() => {
+      this.#alarmTimer = null;
+      void call<RobotAlarms>("GET", "/v1/alarms?active=true&limit=1000").then((answer) => {
+        if (answer.kind === "ok") this.alarms = answer.value.alarms;
+      });
+    }, TOGETHER);
+  }
+
+  #take(sent: LiveSent, now: number): void {
+    if (sent.type === "alive") {
+      this.#ahead = Date.parse(sent.time) - now;
+      // A gateway without robots sends nothing else.
+      if (this.views === null && this.store.robots.size === 0) this.views = [];
+    }
+    for (const change of this.store.apply(sent, now)) {
+      switch (change.kind) {
+        case "robot":
+          if (change.slow) this.#refresh(change.name);
+          break;
+        case "removed":
+          this.#refresh(change.name);
+          break;
+        case "event":
+          if (change.event.event.startsWith("alarm_")) this.readAlarms();
+          for (const read of this.#readers) read(change.event);
+          break;
+        case "events_lost":
+          void call<{ robots: RobotSummary[] }>("GET", "/v1/robots").then((answer) => {
+            if (answer.kind !== "ok") return;
+            for (const { name } of answer.value.robots) this.#refresh(name);
+            this.store.refresh(answer.value.robots, performance.now());
+          });
+          this.readAlarms();
+          break;
+      }
+    }
+    touch();
+  }
+
+  /** Makes the views of these robots anew, once for all messages of a moment. */
+  #refresh(name: string): void {
+    this.#dirty.add(name);
+    if (this.#isScheduled) return;
+    this.#isScheduled = true;
+    setTimeout(() => {
+      this.#isScheduled = false;
+      const views = new Map((this.views ?? []).map((view) => [view.name, view]));
+      for (const one of this.#dirty) {
+        const robot = this.store.robots.get(one);
+        if (robot === undefined) views.delete(one);
+        else views.set(one, viewOf(robot));
+      }
+      this.#dirty.clear();
+      this.views = [...views.values()].sort((a, b) => (a.name < b.name ? -1 : 1));
+    }, 30);
+  }
+
+  async #measure(): Promise<void> {
+    const begun = performance.now();
+    const answer = await call("GET", "/healthz", { patience: 3_000 });
+    this.latency = answer.kind === "unknown" ? null : Math.round(performance.now() - begun);
+  }
+}
+
+export const hall = new Hall();

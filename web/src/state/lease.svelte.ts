@@ -1,0 +1,109 @@
+/**
+ * The lease of one robot, if this page holds it. It is renewed while somebody uses the page. It does not
+ * survive a lost gateway, a hidden page or the page's end.
+ */
+import { type Answer, call } from "../api/client.ts";
+import type { Lease, LeaseKey } from "../api/types.ts";
+import { hall } from "./hall.svelte.ts";
+import { session } from "./session.svelte.ts";
+
+/** How long the gateway keeps it without a renewal, and how often it is renewed, in milliseconds. */
+const LASTS = 15_000;
+const RENEW = 5_000;
+/** A hidden page gives it back after this time. */
+export const HIDDEN = 30_000;
+
+class LeaseState {
+  robot = $state<string | null>(null);
+  /** Whether it ended without being given back: the page says so. */
+  hasEnded = $state(false);
+  isAsking = $state(false);
+  #key: LeaseKey | null = null;
+  #timer: ReturnType<typeof setInterval> | null = null;
+  #hidden: ReturnType<typeof setTimeout> | null = null;
+
+  /** What commands for this robot send; `null` if this page does not hold its lease. */
+  key(robot: string): LeaseKey | null {
+    return this.robot === robot ? this.#key : null;
+  }
+
+  get number(): number | null {
+    return this.#key?.number ?? null;
+  }
+
+  async take(robot: string): Promise<Answer<Lease>> {
+    await this.give();
+    this.isAsking = true;
+    this.hasEnded = false;
+    const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;
+    const body = { duration_ms: LASTS };
+    const answer = await call<Lease>("POST", path, { body, csrf: session.csrf });
+    this.isAsking = false;
+    if (answer.kind === "ok") {
+      this.#key = answer.value.lease;
+      this.robot = robot;
+      this.#timer = setInterval(() => void this.#renew(), RENEW);
+    }
+    return answer;
+  }
+
+  /** Gives it back. Without one, does nothing. */
+  async give(): Promise<void> {
+    const { robot } = this;
+    const lease = this.#key;
+    this.#forget();
+    if (robot === null || lease === null) return;
+    const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;
+    await call("DELETE", path, { body: { lease }, csrf: session.csrf, keepalive: true });
+  }
+
+  /** The gateway told that this lease ended, or cannot be heard. */
+  lost(): void {
+    if (this.#key === null) return;
+    this.#forget();
+    this.hasEnded = true;
+  }
+
+  /** The page was hidden or shown again. */
+  visible(isVisible: boolean): void {
+    if (this.#hidden !== null) clearTimeout(this.#hidden);
+    this.#hidden = null;
+    if (isVisible || this.#key === null) return;
+    this.#hidden = setTimeout(() => {
+      void this.give();
+      this.hasEnded = true;
+    }, HIDDEN);
+  }
+
+  async #renew(): Promise<void> {
+    const { robot } = this;
+    const renew = this.#key;
+    if (robot === null || renew === null) return;
+    if (!session.isUsed) {
+      await this.give();
+      this.hasEnded = true;
+      return;
+    }
+    const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;
+    const body = { renew, duration_ms: LASTS };
+    const answer = await call("POST", path, { body, csrf: session.csrf, patience: RENEW });
+    if (this.#key !== renew) return;
+    if (answer.kind === "refused") this.lost();
+  }
+
+  #forget(): void {
+    if (this.#timer !== null) clearInterval(this.#timer);
+    this.#timer = null;
+    this.#key = null;
+    this.robot = null;
+  }
+}
+
+export const lease = new LeaseState();
+
+/** Follows what the gateway tells of leases. */
+export function watchLease(): () => void {
+  return hall.onEvent((event) => {
+    if (event.event === "lease_ended" && event.robot === lease.robot && event.lease === lease.number) lease.lost();
+  });
+}

@@ -1,0 +1,88 @@
+/**
+ * The stop. It has its own request and imports nothing of the page's state, so that no fault of the page
+ * keeps it from being sent. It is an ordinary command on a network, not an emergency stop.
+ */
+
+/** What is known of a stop. */
+export type StopState =
+  | { kind: "sending" }
+  | { kind: "stopped"; at: Date; took: number }
+  /** It may have been carried out: nothing proves it. */
+  | { kind: "not_confirmed"; why: string }
+  /** It did not reach the robot. */
+  | { kind: "not_sent"; why: string };
+
+/** After so long without an answer the page says so, in milliseconds. The answer may still come. */
+export const SOON = 3_000;
+/**
+ * A request that fails within this time did not reach the gateway, as far as a page can tell: a browser does
+ * not say whether a connection was refused or broke.
+ */
+const AT_ONCE = 1_000;
+/** The gateway answers a stop within 20 s. */
+const PATIENCE = 25_000;
+
+/** Codes with which the gateway says that it sent nothing. */
+const NOT_SENT = new Set([401, 403, 404, 413, 422, 429]);
+
+/** What a stop needs of the outside: for tests. */
+export interface World {
+  fetch: typeof fetch;
+  after(ms: number, act: () => void): () => void;
+  now(): Date;
+}
+
+const WORLD: World = {
+  fetch: (input, init) => fetch(input, init),
+  after(ms, act) {
+    const timer = setTimeout(act, ms);
+    return () => clearTimeout(timer);
+  },
+  now: () => new Date(),
+};
+
+/** Stops a robot. `tell` is called with each state, `sending` first, before this returns. */
+export async function stop(
+  robot: string,
+  csrf: string | null,
+  tell: (state: StopState) => void,
+  world: World = WORLD,
+): Promise<void> {
+  tell({ kind: "sending" });
+  const headers: Record<string, string> = csrf === null ? {} : { "X-CSRF-Token": csrf };
+  const cancel = world.after(SOON, () => tell({ kind: "not_confirmed", why: "no_answer" }));
+  const abort = new AbortController();
+  const begun = world.now().getTime();
+  const cancelAll = world.after(PATIENCE, () => abort.abort());
+  try {
+    const path = `/v1/robots/${encodeURIComponent(robot)}/stop`;
+    const response = await world.fetch(path, {
+      method: "POST",
+      headers,
+      signal: abort.signal,
+      cache: "no-store",
+      keepalive: true,
+      priority: "high",
+    });
+    const body: unknown = await response.json().catch(() => null);
+    cancel();
+    if (response.ok && isStopped(body)) tell({ kind: "stopped", at: world.now(), took: body.took_ms });
+    else if (NOT_SENT.has(response.status)) tell({ kind: "not_sent", why: codeOf(body) });
+    else tell({ kind: "not_confirmed", why: codeOf(body) });
+  } catch {
+    cancel();
+    const isAtOnce = world.now().getTime() - begun < AT_ONCE;
+    tell(isAtOnce ? { kind: "not_sent", why: "no_gateway" } : { kind: "not_confirmed", why: "no_answer" });
+  } finally {
+    cancelAll();
+  }
+}
+
+function isStopped(body: unknown): body is { confirmed: true; took_ms: number } {
+  return typeof body === "object" && body !== null && "confirmed" in body && body.confirmed === true;
+}
+
+function codeOf(body: unknown): string {
+  if (typeof body === "object" && body !== null && "code" in body) return String(body.code);
+  return "unknown";
+}

@@ -1,0 +1,74 @@
+import type { Browser } from "playwright-core";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import { type Cell, Network, isAccessible, openPage, picture, r6, says, startBrowser, startCell } from "./support.ts";
+
+let cell: Cell;
+let browser: Browser;
+
+beforeAll(async () => {
+  [cell, browser] = await Promise.all([startCell(), startBrowser()]);
+});
+
+afterAll(async () => {
+  await browser?.close();
+  await cell?.up.kill("SIGKILL");
+});
+
+const STOP = "[data-stop=virtual]";
+const TOLD = "[data-told]";
+const GONE = { state: "detached" } as const;
+
+test("a lost gateway is said at once, controls go off, and the page comes back by itself", async () => {
+  const { hostname, port, hash } = new URL(cell.link);
+  const network = new Network({ host: hostname, port: Number(port) });
+  const url = await network.open();
+  const { page, faults } = await openPage(browser);
+  await page.goto(`${url}/${hash}`);
+  await page.click("[data-robot=virtual]");
+  await page.click("text=Take control");
+  await page.waitForSelector("[data-lease=mine]");
+
+  await network.cut();
+  await says(page, "[role=alert]", "No connection to the gateway");
+  expect(await page.isDisabled("[data-control=pause]")).toBe(true);
+  await says(page, "[data-lease]", "Your control has ended.");
+  expect(await page.getAttribute("[data-doing]", "class")).toContain("hatched");
+  await says(page, "[data-doing]", "Last known:");
+  // From 5 s on, no old value is shown.
+  await says(page, "[data-value=axis-0]", /^-$/);
+  await isAccessible(page);
+  await picture(page, "lost");
+  await page.click(STOP);
+  await says(page, TOLD, "virtual: NOT SENT. Use the emergency stop at the robot.");
+
+  await network.open();
+  await page.waitForSelector("[role=alert]", GONE);
+  await says(page, "[data-value=axis-0]", /^0\.000$/);
+  expect(await page.getAttribute("[data-doing]", "class")).not.toContain("hatched");
+
+  // A gateway that hangs: the connections stay open, and nothing comes.
+  network.isSilent = true;
+  await page.click(STOP);
+  await says(page, TOLD, "virtual: NOT CONFIRMED. Use the emergency stop at the robot.");
+  await says(page, "[role=alert]", "No connection to the gateway");
+  network.isSilent = false;
+  await page.waitForSelector("[role=alert]", GONE);
+  await r6("-r", cell.robot, "move", "axes", "5", "0", "0", "0", "30", "0", "--speed", "50", "--wait");
+  await says(page, "[data-value=axis-0]", /^5\.000$/);
+  expect(faults).toEqual([]);
+  await network.cut();
+  await page.context().close();
+});
+
+test("a killed gateway is said, a stop is not sent, and the next start asks to sign in", async () => {
+  const { page, faults } = await openPage(browser);
+  await page.goto(cell.link);
+  await page.click("[data-robot=virtual]");
+  await page.waitForSelector("[data-lease=free]");
+  await cell.up.kill("SIGKILL");
+  await says(page, "[role=alert]", "No connection to the gateway");
+  await page.keyboard.press("F9");
+  await says(page, TOLD, "virtual: NOT SENT.");
+  expect(faults).toEqual([]);
+  await page.context().close();
+});

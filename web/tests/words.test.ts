@@ -1,0 +1,105 @@
+import { readFileSync, readdirSync } from "node:fs";
+import { expect, test } from "vitest";
+import { en } from "../src/i18n/en.ts";
+import { zh } from "../src/i18n/zh.ts";
+
+/** All texts of a language, by their place. Functions are called with the arguments of a robot that waits. */
+function leaves(words: object, path = ""): [string, unknown][] {
+  return Object.entries(words).flatMap(([key, value]): [string, unknown][] =>
+    typeof value === "object" && value !== null ? leaves(value, `${path}${key}.`) : [[path + key, value]],
+  );
+}
+
+test("each language has every text, and no text is left in English", () => {
+  const english = new Map(leaves(en));
+  const chinese = leaves(zh);
+  expect(chinese.map(([place]) => place)).toEqual([...english.keys()]);
+  const same = chinese.filter(([place, text]) => typeof text === "string" && text === english.get(place));
+  // The name of the virtual robot says it in both languages, and a key is a key.
+  expect(same.map(([place]) => place)).toEqual(["virtual", "stop.key"]);
+});
+
+test("numbers are counted as the language does it", () => {
+  expect([en.counts.need(0), en.counts.need(1), en.counts.need(2)]).toEqual([
+    "no robot needs a person",
+    "1 needs a person",
+    "2 need a person",
+  ]);
+  expect([0, 61, 3_700].map((seconds) => en.needs.since(seconds))).toEqual([
+    "waits 0 s",
+    "waits 1 min 1 s",
+    "waits 1 h 1 min",
+  ]);
+  expect(zh.needs.since(61)).toBe("已等待 1 分 1 秒");
+});
+
+test("each kind of what a robot does has a sentence in both languages", () => {
+  const none = { program: null, left: null };
+  for (const words of [en, zh]) {
+    const said = [
+      words.doing({ kind: "no_link" }),
+      words.doing({ kind: "other_robot", found: "B" }),
+      words.doing({ kind: "not_read" }),
+      words.doing({ kind: "alarm", code: 7, text: "emergency stop" }),
+      words.doing({ kind: "stop_holds" }),
+      words.doing({ kind: "manual" }),
+      words.doing({ kind: "moves", ...none }),
+      words.doing({ kind: "moves", program: "pick", left: 2 }),
+      words.doing({ kind: "runs_and_stands", ...none }),
+      words.doing({ kind: "runs_and_stands", program: "pick", left: 2 }),
+      words.doing({ kind: "waits_for_start" }),
+      words.doing({ kind: "stopped" }),
+      words.doing({ kind: "unknown_mode", mode: 5 }),
+    ];
+    expect(new Set(said).size).toBe(said.length);
+    expect(said.join("")).not.toMatch(/undefined|null|\s[,.]/);
+  }
+});
+
+test("the tokens of both themes have the same names, and their contrasts hold", () => {
+  const css = readFileSync(new URL("../src/ui/tokens.css", import.meta.url), "utf8");
+  const [light = "", dark = ""] = css.split('[data-theme="dark"]');
+  const read = (text: string): Map<string, string> =>
+    new Map([...text.matchAll(/--([a-z0-9-]+): (#[0-9a-f]{6});/g)].map(([, name = "", hex = ""]) => [name, hex]));
+  const themes = [read(light), read(dark)] as const;
+  expect([...themes[0].keys()]).toEqual([...themes[1].keys()]);
+  const pairs: [string, string, number][] = [
+    ["text", "surface", 7],
+    ["muted", "surface", 4.5],
+    ["muted", "raised", 4.5],
+    ["stale", "raised", 4.5],
+    ["edge", "surface", 3],
+    ["accent", "surface", 4.5],
+    ["s1-sign", "s1", 4.5],
+    ["s2-sign", "s2", 4.5],
+    ["text", "s1-fill", 4.5],
+    ["text", "s2-fill", 4.5],
+    ["virtual", "raised", 4.5],
+    ["stop-text", "stop", 7],
+  ];
+  for (const theme of themes) {
+    for (const [one, other, least] of pairs) {
+      const ratio = contrast(theme.get(one) ?? "", theme.get(other) ?? "");
+      expect(ratio, `${one} on ${other}`).toBeGreaterThanOrEqual(least);
+    }
+  }
+});
+
+function contrast(one: string, other: string): number {
+  const light = (hex: string): number => {
+    const parts = [1, 3, 5].map((at) => Number.parseInt(hex.slice(at, at + 2), 16) / 255);
+    const [r = 0, g = 0, b = 0] = parts.map((part) => (part <= 0.03928 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const [a, b] = [light(one), light(other)];
+  return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+}
+
+test("the stop imports nothing of the page's state", () => {
+  for (const file of readdirSync(new URL("../src/stop/", import.meta.url))) {
+    const text = readFileSync(new URL(`../src/stop/${file}`, import.meta.url), "utf8");
+    const imports = [...text.matchAll(/from "(\.[^"]+)"/g)].map(([, path]) => path);
+    const foreign = imports.filter((path) => !path?.startsWith("./"));
+    if (!file.endsWith(".test.ts")) expect(foreign, file).toEqual([]);
+  }
+});
