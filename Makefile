@@ -10,12 +10,13 @@ help: ## Show this list
 	@echo "Targets (ARGS=\"...\" is passed on to run, dist, day, breaks and bench):"
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
 
-run: ## Build r6 for release and start virtual controllers: r6 up ARGS
+run: ## Build the dashboard and r6 for release, and start a virtual cell: r6 up ARGS
 	@tools/test toolchain run
+	@tools/web build || echo "going on without the dashboard"
 	@$(CARGO) build --release --locked --package r6
 	@exec "$(BUILT)/release/r6" up $(ARGS)
 
-test: ## Run all tests: Rust, the examples in the documentation, Python
+test: ## Run all tests: Rust, the examples in the documentation, the dashboard, Python
 	@tools/test
 
 check: ## Check everything else: format, lints, docs, dependencies, each crate alone, oracles, Python types
@@ -56,4 +57,4 @@ docs: ## Build the API documentation of the workspace, and the book of docs/
 
 clean: ## Remove what was built, the tools in target/tools included
 	@$(CARGO) clean
-	@rm -rf target/tools
+	@rm -rf target/tools target/web-built-from crates/r6-gateway/page/built web/node_modules
