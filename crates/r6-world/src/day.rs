@@ -128,7 +128,7 @@ pub struct Day {
     pub seen: Vec<Seen>,
     /// How many files of the history were removed, because it took too much.
     pub removed: u64,
-    /// How many entries the audit log has. They are chained.
+    /// How many entries the audit log got; the oldest may be gone. The rest is chained.
     pub entries: u64,
     /// The bytes that were read of streams, the connections that were cut, the stops that were confirmed.
     pub streamed: u64,

@@ -23,7 +23,7 @@ use self::client::Client;
 use crate::measure::{Contender, compare, processor_time, processor_time_of};
 use crate::report::{Figure, Goal, Row};
 use crate::rows::at_rest::resident_megabytes;
-use crate::serve::{Running, Server, told};
+use crate::serve::{Server, told};
 
 const ROBOTS: u16 = 1000;
 

@@ -181,10 +181,10 @@ impl Caller {
             let message = "send the header `X-CSRF-Token` with the `csrf` of `GET /v1/session`";
             return Err(Refusal::new(StatusCode::FORBIDDEN, Code::BadCsrf, message));
         }
-        let text = proved.or_else(|| open.first());
-        let of_token = |text: &&&str| state.tokens.session(text).map(|(token, page)| Who::Page(token, page));
-        let of_user = |text: &&&str| state.accounts.session(text).map(Who::User);
-        let who = text.and_then(|text| of_user(&text).or_else(|| of_token(&text))).ok_or_else(|| {
+        let text = proved.or_else(|| open.first()).map(|text| **text);
+        let of_token = |text: &str| state.tokens.session(text).map(|(token, page)| Who::Page(token, page));
+        let of_user = |text: &str| state.accounts.session(text).map(Who::User);
+        let who = text.and_then(|text| of_user(text).or_else(|| of_token(text))).ok_or_else(|| {
             let message = "the session has ended: sign in again with `POST /v1/session`";
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoSession, message)
         })?;

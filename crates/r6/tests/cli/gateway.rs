@@ -313,11 +313,11 @@ fn a_head_that_was_kept_is_checked_with_its_key() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (data, other, kept) = (path("data"), path("other"), path("kept.json"));
-    let (mut running, url) = gateway(&data, &[]);
+    let (running, url) = gateway(&data, &[]);
     let engineer = token(&data, "engineer");
     let head = until(|| Some(get(&url, &engineer, "/v1/audit/head")).filter(|answer| answer.0 == 200)).1;
     assert_eq!(running.end("TERM"), Some(0));
-    let (mut stranger, _) = gateway(&other, &[]);
+    let (stranger, _) = gateway(&other, &[]);
     assert_eq!(stranger.end("TERM"), Some(0));
 
     std::fs::write(&kept, head.to_string()).unwrap();

@@ -5,7 +5,9 @@ use std::time::{Duration, Instant};
 
 use r6_client::{Address, RobotSettings};
 use r6_gateway::simulation::write_history;
-use r6_gateway::{Gateway, GatewaySettings, HistorySettings, RawPolicy, RobotConfig, RobotName, TlsSettings};
+use r6_gateway::{
+    AuditSettings, GatewaySettings, HistorySettings, RawPolicy, RobotConfig, RobotName, TlsSettings,
+};
 use rusqlite::Connection;
 use tokio::runtime::Builder;
 
@@ -61,6 +63,7 @@ pub fn serve() {
         raw: Vec::new(),
         raw_policy: RawPolicy::default(),
         hall: None,
+        audit: AuditSettings::default(),
         history: HistorySettings { keep_days: 3_650, ..HistorySettings::default() },
         names: Vec::new(),
         tls: TlsSettings::Off,

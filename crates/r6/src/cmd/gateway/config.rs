@@ -101,7 +101,8 @@ fn parse(text: &str) -> Result<Config, Mistakes> {
     let history = history.and_then(|table| history::read(table, &mut found)).unwrap_or_default();
     let http = fields.optional("http", "a table: [http]", |value| value.table());
     let http = http.and_then(|table| http::read(table, &mut found)).unwrap_or_default();
-    let config = fields.finish(Ok(Config { robots, profiles, raw, policy, hall, audit, history, http }), &mut found);
+    let config =
+        fields.finish(Ok(Config { robots, profiles, raw, policy, hall, audit, history, http }), &mut found);
     found.finish(config)
 }
 
