@@ -50,8 +50,8 @@ pub struct Auditor {
     keeper: Keeper,
     signer: Signer,
     settings: AuditSettings,
-    /// The last entry that was signed, once that is known. Locked while a head is signed and while entries are
-    /// removed.
+    /// The last entry that was signed, once that is known. Locked while a head is signed and while entries
+    /// are removed.
     signed: Mutex<Option<(u64, Hash)>>,
 }
 
@@ -207,7 +207,7 @@ fn check(store: &mut dyn Store, start: (u64, Hash), end: Option<(u64, Hash)>) ->
     }
 }
 
-/// What the first entry of the log follows: the last one that was removed.
+/// What the first entry of the log follows: the newest removed entry.
 ///
 /// # Errors
 /// [`StoreError::Broken`]: the head of the removed entries is wrong.
@@ -222,7 +222,7 @@ fn of_end(key: PublicKey, note: &str) -> Result<(u64, Hash), StoreError> {
     Ok((end.number, end.hash))
 }
 
-/// The key of a folder. It is made if there is none.
+/// The key of a folder. It is made if it is missing.
 ///
 /// # Errors
 /// [`StoreError`]: the file cannot be read or written, or is not a key.
@@ -239,7 +239,7 @@ pub fn open_key(folder: &Path) -> Result<Signer, StoreError> {
     Ok(signer)
 }
 
-/// The key of a folder; `None` if there is none.
+/// The key of a folder; `None` if it is missing.
 ///
 /// # Errors
 /// [`StoreError`]: the file cannot be read, or is not a key.

@@ -1,10 +1,10 @@
 //! Backups of the folder of a gateway, and a folder made of one.
 //!
 //! A backup is a folder: a copy of `control.db`, of the files of the history and of a certificate that the
-//! gateway made, and `backup.json`, which lists them with their checksums. The key that signs the heads of the
-//! audit log is not in it: two gateways with one key could sign heads that contradict each other. Each database is copied within
-//! one reading transaction, so the gateway may go on meanwhile. `control.db` is copied last, so that the
-//! audit log of a backup knows everything that made the rest.
+//! gateway made, and `backup.json`, which lists them with their checksums. The key that signs the heads of
+//! the audit log is not in it: two gateways with one key could sign heads that contradict each other. Each
+//! database is copied within one reading transaction, so the gateway may go on meanwhile. `control.db` is
+//! copied last, so that the audit log of a backup knows everything that made the rest.
 
 use std::collections::BTreeSet;
 use std::fmt;

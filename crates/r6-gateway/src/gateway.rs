@@ -233,8 +233,8 @@ impl Gateway {
         Ok(secret.map(|secret| format!("{scheme}://{host}/setup#{}", secret.0)))
     }
 
-    /// Makes these rules those of all raw ports, from the next frame of each client on. The audit log tells of
-    /// them, as soon as the disk takes it.
+    /// Makes these rules those of all raw ports, from the next frame of each client on. The audit log tells
+    /// of them, as soon as the disk takes it.
     pub fn set_raw_policy(&self, policy: RawPolicy) {
         if let Some(changed) = self.raw_policy.set(policy) {
             self.state.accounts.ledger.note(&by_itself(), changed.deed());

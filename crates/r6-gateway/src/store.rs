@@ -70,8 +70,8 @@ pub trait Store: Send {
     fn heads(&mut self) -> Result<Heads, StoreError>;
 
     /// Puts the public key of the heads in the place of the one before, and the head of the removed entries
-    /// as this key signed it. Removes the newest head, which another key signed. Appends a record to the audit
-    /// log. All or nothing.
+    /// as this key signed it. Removes the newest head, which another key signed. Appends a record to the
+    /// audit log. All or nothing.
     ///
     /// # Errors
     /// [`StoreError`].

@@ -1,7 +1,7 @@
 //! Gives up a peer that does not read.
 //!
-//! The protocols above wait for room in the system's buffer without an end. A peer that asks for a long answer
-//! and does not read it would keep its connection and the answer in memory for as long as it likes.
+//! The protocols above wait for room in the system's buffer without an end. A peer that asks for a long
+//! answer and does not read it would keep its connection and the answer in memory for as long as it likes.
 
 use std::io;
 use std::pin::Pin;
@@ -11,7 +11,8 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, Sleep, sleep_until};
 
-/// How long a peer may read nothing while there is something to send: longer than a network needs to come back.
+/// How long a peer may read nothing while there is something to send: longer than a network needs to come
+/// back.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A stream that fails if its peer takes nothing for [`PATIENCE`] while something waits to be sent.

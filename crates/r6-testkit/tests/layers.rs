@@ -164,6 +164,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
     let sources = Sources::of_package("r6-gateway");
     let shell = [
         "accounts",
+        "auditor",
         "backup",
         "certificate",
         "clock",
@@ -183,6 +184,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "simulation",
         "store",
         "tokens",
+        "verify",
     ];
     // An address is a value: the policy of the raw port is about addresses.
     let allowed = [PURE_STD, &["std::net::IpAddr", "std::net::Ipv6Addr"]].concat();

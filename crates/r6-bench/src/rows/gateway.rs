@@ -242,7 +242,8 @@ impl Bare {
         Self(stream)
     }
 
-    /// Sends a frame and reads the reply, which a controller sends in one write, and which ends with its brace.
+    /// Sends a frame and reads the reply, which a controller sends in one write, and which ends with its
+    /// brace.
     fn ask(&mut self, frame: &str, reply: &mut [u8]) {
         self.0.write_all(frame.as_bytes()).expect("it is read");
         let mut filled = 0;
@@ -270,8 +271,8 @@ fn counting_kept(client: &mut Client) -> (f64, f64) {
     (kept, bytes.and_then(|bytes| bytes.parse().ok()).expect("the size of the history"))
 }
 
-/// Commands through the gateway, and the same command over a bare socket to another robot, in turns. The median
-/// and the 99th of 100 of each, in ms, from the request to the answer.
+/// Commands through the gateway, and the same command over a bare socket to another robot, in turns. The
+/// median and the 99th of 100 of each, in ms, from the request to the answer.
 fn commands(client: &mut Client, bare: &mut Bare) -> [[f64; 2]; 2] {
     let lease = client.json("POST", "/v1/robots/robot-0/lease", r#"{"duration_ms":300000}"#);
     let lease = lease["lease"].to_string();

@@ -400,8 +400,9 @@ impl Station {
     }
 
     /// Whether a stop of this caller has to be written and published: one a minute, and each that is the
-    /// first to hold. One that is not confirmed is also written for its own sake ([`Self::end_stop`]). A script that stops a stopped robot again and again must not fill the disk, nor push
-    /// the events of other robots out.
+    /// first to hold. An unconfirmed stop is also written for its own sake ([`Self::end_stop`]). A script
+    /// that stops a stopped robot again and again must not fill the disk, nor push the events of other
+    /// robots out.
     pub fn is_stop_written(&self, by: &By, request: &str) -> bool {
         let is_first = self.is_first_in_a_minute(by, request);
         is_first || !self.seat(|seat, _| seat.stops().0)

@@ -71,8 +71,8 @@ pub async fn page(
     Ok(Json(Audit { entries: entries.into_iter().filter(seen).collect(), next_after }))
 }
 
-/// The present end of the audit log, signed. Keep the note on another machine: `r6 gateway verify --head` finds
-/// with it whether the log was cut off or rewritten since.
+/// The present end of the audit log, signed. Keep the note on another machine: `r6 gateway verify --head`
+/// finds with it whether the log was cut off or rewritten since.
 #[utoipa::path(get, path = "/v1/audit/head", responses(
     (status = 200, description = "The head", body = AuditHead),
     (status = 503, description = "`store_unavailable`", body = Problem),

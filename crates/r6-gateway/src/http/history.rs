@@ -78,8 +78,8 @@ fn usual_limit() -> usize {
 }
 
 /// The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table,
-/// `Accept: application/vnd.apache.parquet` a file with the same columns; the header `r6-next-cursor` says where
-/// they go on.
+/// `Accept: application/vnd.apache.parquet` a file with the same columns; the header `r6-next-cursor` says
+/// where they go on.
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}/history",

@@ -24,8 +24,8 @@ const MISSING: &str = include_str!("page/missing.html");
 const POLICY: &str =
     "default-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-/// The names of files in `assets` have a hash of their content, so a browser never asks again for one that
-/// it has.
+/// The names of files in `assets` have a hash of their content, so a browser never asks again for a file
+/// that it has.
 const FOR_EVER: &str = "public, max-age=31536000, immutable";
 
 /// The page names the files of its build, so it is asked for each time.

@@ -1,7 +1,7 @@
 //! The history as a file of Apache Parquet, for pandas, Polars, DuckDB and the like.
 //!
-//! Numbers stay numbers, times are microseconds UTC, and a missing value is null. The file says of which robot
-//! and signal it is, in its key-value metadata.
+//! Numbers stay numbers, times are microseconds UTC, and a missing value is null. The file says of which
+//! robot and signal it is, in its key-value metadata.
 
 use std::sync::Arc;
 
@@ -70,8 +70,8 @@ pub fn of_buckets(buckets: &[Bucket], kind: ValueType, about: &History) -> Resul
     Columns(columns).file(about)
 }
 
-/// The values as a column of the type that their address has. A value of another type, which a controller sent
-/// against the table, is null there.
+/// The values as a column of the type that their address has. A value of another type, which a controller
+/// sent against the table, is null there.
 fn column(values: Vec<Option<AddressValue>>, kind: ValueType) -> Column {
     match kind {
         ValueType::Decimal => Column::Decimals(each(values, |value| match value {

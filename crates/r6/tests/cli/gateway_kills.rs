@@ -1,7 +1,7 @@
-//! A gateway that works is killed at random moments, and started again on its folder: what it acknowledged is
-//! there, each lease, command, stop and program, and the audit log is whole. It is longer than it may be, so its
-//! oldest entries are removed meanwhile, and it has the entries of the heads that were signed. `R6_KILLS` says how
-//! often.
+//! A gateway that works is killed at random moments, and started again on its folder: what it acknowledged
+//! is there, each lease, command, stop and program, and the audit log is whole. It is longer than it may
+//! be, so its oldest entries are removed meanwhile, and it has the entries of the heads that were signed.
+//! `R6_KILLS` says how often.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Read, Write};

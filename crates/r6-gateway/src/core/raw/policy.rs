@@ -63,7 +63,7 @@ impl RawSource {
         };
         let address: IpAddr = address.parse().ok()?;
         if matches!(address, IpAddr::V6(address) if address.to_ipv4_mapped().is_some()) {
-            // It would cover nobody: such a client counts as the IPv4 address that it is.
+            // It would cover no client: such a client counts as the IPv4 address that it is.
             return None;
         }
         let all = if address.is_ipv4() { 32 } else { 128 };

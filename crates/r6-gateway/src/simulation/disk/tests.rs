@@ -1,4 +1,4 @@
-//! The oldest entries of the audit log go, on a disk that has room and on one that has none.
+//! The oldest entries of the audit log go, on a disk with room and on a full disk.
 
 use r6_api::gateway::Deed;
 

@@ -35,8 +35,8 @@ pub struct VerifyArgs {
     /// A head that was kept elsewhere: the answer of GET /v1/audit/head, or its note
     #[arg(long, value_name = "FILE")]
     head: Option<PathBuf>,
-    /// The public key of the heads, as GET /v1/audit/head returns it; may be given several times, if the gateway
-    /// made another one. Without it, that of the folder is used
+    /// The public key of the heads, as GET /v1/audit/head returns it; may be given several times, if the
+    /// gateway made another one. Without it, that of the folder is used
     #[arg(id = "key", long = "key", value_name = "KEY", value_parser = key)]
     keys: Vec<PublicKey>,
     /// Print one JSON object
