@@ -8,6 +8,7 @@ use serde::Deserialize;
 use crate::backup;
 use crate::core::chain::{Broken, Hash, Verifier};
 use crate::core::head::{Head, Kind, PublicKey, Unfit};
+use crate::core::retention::LEAST_ENTRIES;
 use crate::store::{Entry, MAX_PAGE, Sqlite, Store, StoreError};
 
 /// How messages call the head that was given.
@@ -135,7 +136,10 @@ pub fn of_store(
         .filter_map(|(what, head)| Some(Wanted { what, head: head.as_ref()?, found: None }))
         .collect();
     let start = cut.as_ref().map_or((0, Hash::ORIGIN), |cut| (cut.number, cut.hash));
-    look(&mut wanted, start);
+    if start.0 == 0 {
+        // The head of an empty log.
+        look(&mut wanted, start);
+    }
     let mut restored = None;
     let end = walk(store, start, |entry| {
         look(&mut wanted, (entry.number, entry.hash));
@@ -151,9 +155,18 @@ pub fn of_store(
         // The newest entries are never removed.
         return Err(VerifyError::Store(Broken::Head { number: start.0 }.into()));
     }
+    let left = end.0 - start.0;
+    if start.0 > 0 && left < u64::from(LEAST_ENTRIES) {
+        let why = format!(
+            "entries up to {} were removed, and {left} entries are left: the gateway never leaves fewer than \
+             {LEAST_ENTRIES}",
+            start.0
+        );
+        return Err(VerifyError::Changed(why));
+    }
     let signed = |head: Option<Head>| head.map(|Head { number, time, .. }| Signed { number, time });
     Ok(Verified {
-        entries: end.0 - start.0,
+        entries: left,
         removed: start.0,
         head: end.1.to_string(),
         key: own.map(|key| key.to_string()),

@@ -65,7 +65,8 @@ pub enum Happened {
     },
     /// A stop came to its end.
     StopEnded {
-        /// Whether it is proved that the arm stands.
+        /// Whether it is proved that the arm stands; for one command that stops, or an action at the panel,
+        /// whether it was accepted.
         confirmed: bool,
     },
     /// The holder of the lease cleared the stop.

@@ -44,10 +44,11 @@ impl Press {
             Action::ReleaseEmergencyStop {} | Action::ClearAlarm {} => {
                 (Changes, Right::Command, false, false)
             }
-            Action::SetInput { .. }
-            | Action::TurnKey { .. }
-            | Action::RaiseAlarm { .. }
-            | Action::ClearPoints {} => (Changes, Right::SetUpPanel, false, false),
+            // A program may wait for it, and moves the arm then.
+            Action::SetInput { .. } => (Moves, Right::SetUpPanel, false, false),
+            Action::TurnKey { .. } | Action::RaiseAlarm { .. } | Action::ClearPoints {} => {
+                (Changes, Right::SetUpPanel, false, false)
+            }
         };
         Self { action, effect, right, disturbs_run, runs_leftover }
     }
@@ -121,7 +122,7 @@ mod tests {
             (r#"{"do":"clear_alarm"}"#, Changes, Command, false, "panel clear"),
             (
                 r#"{"do":"set_input","point":"X010","on":true}"#,
-                Changes,
+                Moves,
                 SetUpPanel,
                 false,
                 "panel input X010 on",

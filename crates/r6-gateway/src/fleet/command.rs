@@ -301,11 +301,14 @@ impl Station {
 
     /// A stop holds before anything is sent. The audit log is told soon: a stop does not wait for the disk.
     pub(super) fn begin_stop(&self, by: &By, request: &str, written: bool) {
-        self.seat(|seat, _| seat.stop_begins());
-        if written {
-            self.publish(Happened::StopBegan { by: by.actor.clone() });
-            self.note(by, Deed::StopBegan { request: request.to_owned() });
-        }
+        self.seat_noting(|seat, _| {
+            seat.stop_begins();
+            let record = written.then(|| {
+                self.publish(Happened::StopBegan { by: by.actor.clone() });
+                self.record(by, Deed::StopBegan { request: request.to_owned() })
+            });
+            ((), record)
+        });
     }
 
     pub(super) fn end_stop(
@@ -343,19 +346,20 @@ impl Station {
     /// # Errors
     /// `no_lease`; `stopped` while a stop is under way.
     pub fn clear(&self, by: &By, key: Key) -> Result<(), Problem> {
-        let cleared = self.seat(|seat, now| seat.clear(now, key));
-        match cleared {
-            Ok(()) => {
+        // Told before the seat is free: a stop that begins next is told behind it.
+        let cleared = self.seat_noting(|seat, now| {
+            let cleared = seat.clear(now, key);
+            let record = cleared.as_ref().ok().map(|()| {
                 self.publish(Happened::StopCleared {});
-                self.note(by, Deed::StopCleared { lease: key.number });
-                Ok(())
-            }
-            Err(denied) => {
-                let problem = Problem::from(denied);
-                self.note_refused(by, "clear-stopped", problem.code);
-                Err(problem)
-            }
-        }
+                self.record(by, Deed::StopCleared { lease: key.number })
+            });
+            (cleared, record)
+        });
+        cleared.map_err(|denied| {
+            let problem = Problem::from(denied);
+            self.note_refused(by, "clear-stopped", problem.code);
+            problem
+        })
     }
 
     /// From now on this name stands for the robot that answers.

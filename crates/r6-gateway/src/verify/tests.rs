@@ -214,6 +214,24 @@ async fn the_oldest_entries_go_up_to_the_first_open_command_and_the_rest_is_whol
 }
 
 #[tokio::test]
+async fn a_kept_head_is_never_taken_from_the_head_of_the_removed_entries() {
+    let (folder, auditor, keeper) = folder(1_000, 1_000).await;
+    let path = folder.path();
+    let (_, kept) = auditor.head().await.unwrap();
+    keeper.append(started(1_000)).await.unwrap();
+    auditor.remove_old().await.unwrap();
+    // The entry of the kept head is the last one that was removed.
+    let removed = VerifyError::Removed { number: 1_000, removed: 1_000 };
+    assert_eq!(verify(path, &[], Some(&kept)), Err(removed));
+    // A person with the folder signs that more was removed, up to an entry of their choice.
+    let hash = keeper.entries(1_499, 1).await.unwrap().remove(0).hash;
+    let cut = Head { kind: Kind::Cut, number: 1_500, hash, time: "now".to_owned() };
+    keeper.cut(1_500, open_key(path).unwrap().sign(&cut)).await.unwrap();
+    let why = changed(verify(path, &[], None));
+    assert!(why.contains("500 entries are left"), "{why}");
+}
+
+#[tokio::test]
 async fn entries_that_were_changed_are_not_removed() {
     let (folder, auditor, keeper) = folder(2_500, 1_000).await;
     let path = folder.path();

@@ -187,6 +187,9 @@ async fn a_stop_at_the_panel_needs_no_lease_and_holds_for_starts_and_moves_by_ha
                 "{action}"
             );
         }
+        // A program may wait for it.
+        let input = json!({ "do": "set_input", "point": "X010", "on": true });
+        assert_eq!(cell.refused(&cell.hall.engineer, &lease, input).await, refusal(409, "stopped"));
         assert!(!cell.is_moving());
         cell.clear_stop(&lease).await;
     }

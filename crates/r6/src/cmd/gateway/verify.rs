@@ -102,7 +102,7 @@ fn tell(verified: &Verified) {
     let entries = output::entries(*entries);
     output::line(format_args!("the audit log is whole: {entries}, the last hash is {head}"));
     if *removed > 0 {
-        output::line(format_args!("entries up to {removed} were removed, because there were too many"));
+        output::line(format_args!("entries up to {removed} were removed"));
     }
     for (what, signed) in [("stored", stored), ("kept", kept)] {
         if let Some(Signed { number, time }) = signed {

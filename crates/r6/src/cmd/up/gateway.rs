@@ -5,6 +5,8 @@ use std::io::{self, Write as _};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
+use base64::Engine;
+use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use r6_api::gateway::Role;
 use r6_gateway::{
     AuditSettings, DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, HistorySettings, Panel, RawAllow,
@@ -129,20 +131,11 @@ fn folder() -> Result<(TempDir, String), Failure> {
 
 /// The 256 bits of a token as base64url: 43 characters in place of 67. A text that is no token stays.
 fn short(token: &str) -> String {
-    let digit = |byte: &u8| char::from(*byte).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
-    let digits = token.strip_prefix("r6_").and_then(|hex| hex.bytes().map(|byte| digit(&byte)).collect());
+    let digit = |byte: u8| char::from(byte).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
+    let digits = token.strip_prefix("r6_").and_then(|hex| hex.bytes().map(digit).collect());
     let Some(digits): Option<Vec<u8>> = digits else { return token.to_owned() };
-    let bits = digits.iter().flat_map(|digit| (0..4).rev().map(move |bit| digit >> bit & 1));
-    let bits: Vec<u8> = bits.collect();
-    let sixes = bits.chunks(6).map(|six| (0..6).fold(0, |all, at| all << 1 | six.get(at).unwrap_or(&0)));
-    let letter = |six: u8| match six {
-        0..26 => b'A' + six,
-        26..52 => b'a' + six - 26,
-        52..62 => b'0' + six - 52,
-        62 => b'-',
-        _ => b'_',
-    };
-    sixes.map(|six| char::from(letter(six))).collect()
+    let bytes = digits.chunks(2).map(|pair| pair.iter().fold(0, |byte, digit| byte << 4 | digit));
+    URL_SAFE_NO_PAD.encode(bytes.collect::<Vec<u8>>())
 }
 
 /// Writes a new file. The folder keeps others out.
