@@ -187,6 +187,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/audit/head": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * The present end of the audit log, signed. Keep the note on another machine: `r6 gateway verify --head`
+         *     finds with it whether the log was cut off or rewritten since.
+         */
+        get: operations["head"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/events": {
         parameters: {
             query?: never;
@@ -509,8 +529,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table; the
-         *     header `r6-next-cursor` says where it goes on.
+         * The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table,
+         *     `Accept: application/vnd.apache.parquet` a file with the same columns; the header `r6-next-cursor` says
+         *     where they go on.
          */
         get: operations["show"];
         put?: never;
@@ -560,6 +581,32 @@ export interface paths {
          *     stands.
          */
         delete: operations["release"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/robots/{name}/panel": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * What a person sees at the machine. Only virtual robots of the gateway's own process have a panel: twins,
+         *     and the robot of `r6 up`.
+         */
+        get: operations["show"];
+        put?: never;
+        /**
+         * Does what a person does at the machine. The buttons stop and pause and the emergency stop need no lease,
+         *     and hold as a stop does. Everything else needs the lease; the mode key, inputs, alarms and points need the
+         *     role engineer. A start and moves by hand are refused while a stop holds. The audit log has the intent
+         *     before, and the outcome after.
+         */
+        post: operations["act"];
+        delete?: never;
         options?: never;
         head?: never;
         patch?: never;
@@ -859,6 +906,81 @@ export interface components {
             /** @description What they said; `null` if nothing. */
             comment: string | null;
         };
+        /** @description What a person does at the machine; `do` says what. */
+        Action: {
+            /** @enum {string} */
+            do: "set_input";
+            /** @description Its level from now on. */
+            on: boolean;
+            /**
+             * @description `X010`, on board 1 `X1.010`, on the EU board `EUX010`: octal, from 010 to 047.
+             * @example X010
+             */
+            point: string;
+        } | {
+            /** @description Which. */
+            button: components["schemas"]["Button"];
+            /** @enum {string} */
+            do: "press";
+        } | {
+            /** @enum {string} */
+            do: "turn_key";
+            /** @description To where. */
+            key: components["schemas"]["Key"];
+        } | {
+            /** @enum {string} */
+            do: "emergency_stop";
+        } | {
+            /** @enum {string} */
+            do: "release_emergency_stop";
+        } | {
+            /** @enum {string} */
+            do: "clear_alarm";
+        } | {
+            /**
+             * Format: int32
+             * @description Its number, 1 to 10000.
+             * @example 130
+             */
+            alarm: number;
+            /** @enum {string} */
+            do: "raise_alarm";
+        } | {
+            /** @enum {string} */
+            do: "home";
+        } | {
+            /**
+             * @description `J1` to `J8`.
+             * @example J1
+             */
+            axis: string;
+            /**
+             * Format: double
+             * @description How far, degrees, or mm where the axis slides; below 0 the other way.
+             * @example 10
+             */
+            by: number;
+            /** @enum {string} */
+            do: "jog";
+            /**
+             * Format: double
+             * @description How fast, in percent of the axis's full speed, times the global speed: above 0, at most 100; 10 if
+             *     it is missing.
+             * @default 10
+             */
+            speed_percent: number;
+        } | {
+            /** @enum {string} */
+            do: "clear_points";
+        } | {
+            /** @enum {string} */
+            do: "switch_program";
+            /**
+             * @description Its name.
+             * @example remote
+             */
+            program: string;
+        };
         /** @description The value of an address: a text, a number, a flag, a list of texts or an object. */
         AddressValue: string | number | boolean | string[] | {
             /** @description The current count. */
@@ -924,6 +1046,22 @@ export interface components {
              */
             number: number;
         };
+        /** @description The signed end of the audit log. */
+        AuditHead: {
+            /** @description Its hash. */
+            hash: string;
+            /** @description The public key that checks the note. Keep it too, once. */
+            key: string;
+            /** @description The three above, signed: a C2SP signed note. Keep it on another machine. */
+            note: string;
+            /**
+             * Format: int64
+             * @description The number of the last entry.
+             */
+            number: number;
+            /** @description When it was signed: RFC 3339, UTC. */
+            time: string;
+        };
         /** @description What an entry of the audit log says. */
         AuditRecord: components["schemas"]["Deed"] & {
             /**
@@ -954,11 +1092,48 @@ export interface components {
              */
             value: number | null;
         };
+        /** @description One axis. */
+        Axis: {
+            /**
+             * Format: double
+             * @description Its upper soft limit, in its unit.
+             */
+            highest: number;
+            /**
+             * Format: double
+             * @description Its lower soft limit, in its unit.
+             */
+            lowest: number;
+            /** @description `J1` to `J8`. */
+            name: string;
+            /**
+             * Format: double
+             * @description Where it stands, in its unit.
+             */
+            position: number;
+            /** @description `deg`, or `mm` where it slides. */
+            unit: components["schemas"]["Unit"];
+        };
+        /**
+         * @description A button of the pendant.
+         * @enum {string}
+         */
+        Button: "start" | "stop" | "pause" | "single_cycle" | "single_step";
+        /** @description The points of one camera that no program has used yet. */
+        CameraPoints: {
+            /**
+             * Format: int64
+             * @description The camera's number (`camID`).
+             */
+            camera: number;
+            /** @description How many points wait. */
+            points: number;
+        };
         /**
          * @description What kind of problem it is. The words do not change; new ones may come.
          * @enum {string}
          */
-        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_lease" | "leased" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "needs_if_match" | "not_this_version" | "store_unavailable" | "unknown";
+        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_panel" | "no_lease" | "leased" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "needs_if_match" | "not_this_version" | "store_unavailable" | "unknown";
         /** @description The controller accepted a command. This does not mean that the arm moves. */
         CommandDone: {
             /**
@@ -1052,6 +1227,11 @@ export interface components {
             made: string;
             /** @enum {string} */
             what: "restored";
+        } | {
+            /** @description The public key. */
+            key: string;
+            /** @enum {string} */
+            what: "audit_key";
         } | {
             /** @description Its name. */
             name: string;
@@ -1147,7 +1327,7 @@ export interface components {
             /** @enum {string} */
             what: "lease_ended";
         } | {
-            /** @description The command as it will be sent. */
+            /** @description The command as it will be sent; or `panel` and an action at the panel of a virtual robot. */
             command: string;
             /**
              * Format: int64
@@ -1221,7 +1401,7 @@ export interface components {
             /** @enum {string} */
             what: "refused";
         } | {
-            /** @description What is sent: `stop`, or the word of a command that stops. */
+            /** @description What is sent: `stop`, the word of a command that stops, or `panel` and an action at the panel. */
             request: string;
             /** @enum {string} */
             what: "stop_began";
@@ -1230,7 +1410,7 @@ export interface components {
             confirmed: boolean;
             /** @description The details, for people. */
             detail: string;
-            /** @description What was sent: `stop`, or the word of a command that stops. */
+            /** @description What was sent: `stop`, the word of a command that stops, or `panel` and an action at the panel. */
             request: string;
             /** @enum {string} */
             what: "stop";
@@ -1302,6 +1482,13 @@ export interface components {
             code: number;
             /** @enum {string} */
             what: "alarm_unshelved";
+        } | {
+            /** @description How many more rules there are: the first 100 are told. */
+            more: number;
+            /** @description The rules, in their order: the first that fits decides. */
+            rules: components["schemas"]["RawPortRule"][];
+            /** @enum {string} */
+            what: "raw_rules";
         } | {
             /** @description The shifts. */
             shifts: components["schemas"]["Shift"][];
@@ -1779,6 +1966,11 @@ export interface components {
             /** @description The robot that answers. */
             found: components["schemas"]["RobotIdentity"];
         };
+        /**
+         * @description A position of the mode key.
+         * @enum {string}
+         */
+        Key: "manual" | "auto" | "stop";
         /** @description A lease, as its holder gets it. */
         Lease: {
             /**
@@ -1952,6 +2144,24 @@ export interface components {
          * @enum {string}
          */
         ManagedBy: "file" | "api";
+        /** @description What was done at the panel of a virtual robot. */
+        PanelDone: {
+            /**
+             * Format: int64
+             * @description The number of its intent in the audit log; `null` for a stop.
+             */
+            command_id: number | null;
+            /** @description What a person at the machine sees afterwards. A move has begun, not ended. */
+            panel: components["schemas"]["Snapshot"];
+        };
+        /** @description An action at the panel of a virtual robot. */
+        PanelRequest: {
+            /** @description What a person does at the machine. */
+            action: components["schemas"]["Action"];
+            lease?: components["schemas"]["LeaseKey"] | null;
+            /** @description For a start: the arm may also run what is left in the instruction list. */
+            run_leftover?: boolean;
+        };
         /** @description The parts that were seen to be counted. */
         PartFigures: {
             /** @description The addresses and events that these come from. */
@@ -2112,6 +2322,21 @@ export interface components {
             number: number;
             /** @description What it does, in English. */
             text: string;
+        };
+        /** @description A pose; `null` for a component that could not be read. */
+        Pose: {
+            /** Format: double */
+            u_deg: number | null;
+            /** Format: double */
+            v_deg: number | null;
+            /** Format: double */
+            w_deg: number | null;
+            /** Format: double */
+            x_mm: number | null;
+            /** Format: double */
+            y_mm: number | null;
+            /** Format: double */
+            z_mm: number | null;
         };
         /** @description Why a request was not carried out. */
         Problem: {
@@ -2330,6 +2555,30 @@ export interface components {
             /** @description Why, for people. */
             reason: string;
         };
+        /** @description A rule for clients of raw ports. */
+        RawPortRule: {
+            /** @description `deny`, `read` or `command`. */
+            allow: string;
+            /**
+             * Format: double
+             * @description The highest global speed that these sources may set, in percent; absent without a limit.
+             */
+            max_global_speed?: number | null;
+            /**
+             * Format: int32
+             * @description The highest path speed in their lists, in mm/s; absent without a limit.
+             */
+            max_path_speed?: number | null;
+            /**
+             * Format: double
+             * @description The highest speed of moves in their lists, in percent; absent without a limit.
+             */
+            max_speed?: number | null;
+            /** @description The only robot that it is for; `null` for all. */
+            only: string | null;
+            /** @description The address or the network that it is for. */
+            source: string;
+        };
         /** @description Whether the gateway is ready. */
         Ready: {
             /** @description Whether the values of robots are kept. Commands and stops do not depend on it. */
@@ -2452,6 +2701,11 @@ export interface components {
              * @example press-4
              */
             name: string;
+            /**
+             * @description Whether the gateway reaches its panel, the person at the machine: twins and the robot of `r6 up` have
+             *     one.
+             */
+            panel: boolean;
             /** @description Whether a stop was asked for and not cleared: commands that can move the robot are refused. */
             stopped: boolean;
             /**
@@ -2459,7 +2713,20 @@ export interface components {
              * @description How many stops are under way now.
              */
             stops_under_way: number;
-            /** @description Whether its name says that it is not a real machine; `null` until its name was read. */
+            /**
+             * @description The name of its twin, a virtual controller to try programs on; `null` if it has none.
+             * @example press-4-twin
+             */
+            twin: string | null;
+            /**
+             * @description The robot that this virtual controller is the twin of, with `r6 gateway --twins`; `null` for every
+             *     other robot.
+             */
+            twin_of: string | null;
+            /**
+             * @description Whether its name says that it is not a real machine; `null` until its name was read. Always true for a
+             *     twin.
+             */
             virtual: boolean | null;
         };
         /** @description A robot to look after. */
@@ -2741,6 +3008,106 @@ export interface components {
          * @enum {string}
          */
         SignalQuality: "fresh" | "stale" | "none";
+        /** @description What a person would see at the machine. */
+        Snapshot: {
+            /** @description Where it speaks the remote protocol. */
+            address: string;
+            /**
+             * Format: int32
+             * @description The alarm, 0 for none (`curAlarm`).
+             */
+            alarm: number;
+            /** @description What the alarm means; absent without an alarm. */
+            alarm_text?: string | null;
+            /** @description The arm's axes, J1 first. */
+            axes: components["schemas"]["Axis"][];
+            /** @description The points of cameras that no program has used yet. */
+            camera_points: components["schemas"]["CameraPoints"][];
+            /** @description How many connections of the remote protocol are served. */
+            connections: number;
+            /**
+             * Format: double
+             * @description Time of the present cycle.
+             */
+            cycle_seconds: number;
+            /** @description Whether the emergency stop is pressed. */
+            emergency_stop: boolean;
+            /** @description What `version` answers. */
+            firmware: string;
+            /**
+             * Format: double
+             * @description Global speed, percent.
+             */
+            global_speed_percent: number;
+            /** @description Whether it is homed (`origin`). */
+            homed: boolean;
+            /**
+             * @description The inputs that are on, by name.
+             * @example [
+             *       "X010",
+             *       "EUX012"
+             *     ]
+             */
+            inputs_on: string[];
+            /**
+             * Format: double
+             * @description Time of the last cycle that ended.
+             */
+            last_cycle_seconds: number;
+            /** @description How many instructions are left in the list. */
+            list_length: number;
+            /**
+             * @description The M points that are on, by name.
+             * @example [
+             *       "M011"
+             *     ]
+             */
+            m_on: string[];
+            /** @description What `machineName` answers. */
+            machine_name: string;
+            /**
+             * Format: int64
+             * @description The operation mode (`curMode`).
+             */
+            mode: number;
+            /**
+             * @description The operation mode in words.
+             * @example running (7)
+             */
+            mode_name: string;
+            /** @description The robot model's name. */
+            model: string;
+            /** @description Whether a move is under way (`isMoving`). */
+            moving: boolean;
+            /** @description What keeps it from taking instructions, in the order in which to deal with it. */
+            not_ready: string[];
+            /** @description Its number in paths, from 1. */
+            number: number;
+            /**
+             * @description The outputs that are on, by name.
+             * @example [
+             *       "Y010",
+             *       "EUY012"
+             *     ]
+             */
+            outputs_on: string[];
+            /** @description The pose of the tool in use, in the work frame in use. */
+            pose: components["schemas"]["Pose"];
+            /** @description The profile's name. */
+            profile: string;
+            /** @description The program in use. */
+            program: string;
+            /** @description The programs there are. */
+            programs: string[];
+            /**
+             * @description Whether the machine takes instructions: every condition of `status` is met, and the program is in its
+             *     step that waits for remote commands.
+             */
+            ready: boolean;
+            step?: components["schemas"]["Step"] | null;
+            /** @description Always true: no real machine has this panel. */
+            virtual: boolean;
+        };
         /** @description The time in each state. All together are `seen_ms`. */
         StateFigures: {
             /**
@@ -2770,6 +3137,20 @@ export interface components {
              * @description Mode 2 or 3, no alarm: auto or stop, no program ran.
              */
             waiting_ms: number;
+        };
+        /** @description A step of a program. */
+        Step: {
+            /** @description Its number, from 1. */
+            number: number;
+            /** @description The program it stands in: the program in use, or a program that it calls. */
+            program: string;
+            /** @description How many steps that program has. */
+            steps: number;
+            /**
+             * @description What it does, in English.
+             * @example wait until X010 is on
+             */
+            text: string;
         };
         /**
          * @description Where a step can run.
@@ -2840,6 +3221,11 @@ export interface components {
             /** @description In the order of their numbers. */
             tokens: components["schemas"]["Token"][];
         };
+        /**
+         * @description The unit of a position.
+         * @enum {string}
+         */
+        Unit: "deg" | "mm";
         /**
          * @description Why the gateway did not see a robot.
          * @enum {string}
@@ -3308,6 +3694,62 @@ export interface operations {
             };
             /** @description `bad_value` */
             422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    head: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The head */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AuditHead"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `foreign_host`, `foreign_origin` */
+            403: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -5417,6 +5859,7 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["History"];
                     "text/csv": string;
+                    "application/vnd.apache.parquet": number[];
                 };
             };
             /** @description `no_token`, `no_session` */
@@ -5822,6 +6265,209 @@ export interface operations {
                 };
             };
             /** @description `not_stopped`: it is NOT proved that the arm stands; `outcome_unknown`: the gateway ends */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    show: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Now */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Snapshot"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot`; `no_panel`: it is not such a virtual robot */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_reply`: the panel does not answer */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    act: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PanelRequest"];
+            };
+        };
+        responses: {
+            /** @description Done; a move has begun */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PanelDone"];
+                };
+            };
+            /** @description `bad_json`, `bad_body` */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot`; `no_panel`: it is not such a virtual robot */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_slow` */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_lease`, `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `leftover_list`; the machine refuses it now: `power_off`, `emergency_stop`, `alarm`, `not_homed`, `not_auto`, `not_manual`, `moving`, `no_global_speed`, `program`, `no_path` */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_long` */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_json` */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value`, or an action that is never possible: `bad_action`, `no_such_input`, `no_such_axis`, `no_distance`, `bad_speed` */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`, `overloaded`: nothing was sent */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `outcome_unknown`: it may have acted */
             504: {
                 headers: {
                     [name: string]: unknown;
