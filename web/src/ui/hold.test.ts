@@ -1,0 +1,140 @@
+import { expect, test } from "vitest";
+import { AGAIN, GAP, HOLD, Holding } from "./hold.ts";
+
+function start(): { hold: Holding; pass(ms: number): void; acted(): number; isHeld(): boolean; leave(): void } {
+  let time = 0;
+  let acted = 0;
+  let isHeld = false;
+  let isAttended = true;
+  let timers: { at: number; act: () => void }[] = [];
+  const hold = new Holding({
+    now: () => time,
+    after: (ms, act) => {
+      const timer = { at: time + ms, act };
+      timers.push(timer);
+      return () => void (timers = timers.filter((one) => one !== timer));
+    },
+    isAttended: () => isAttended,
+    act: () => void (acted += 1),
+    held: (is) => void (isHeld = is),
+  });
+  const pass = (ms: number): void => {
+    time += ms;
+    const due = timers.filter(({ at }) => at <= time);
+    timers = timers.filter(({ at }) => at > time);
+    for (const { act } of due) act();
+  };
+  return { hold, pass, acted: () => acted, isHeld: () => isHeld, leave: () => void (isAttended = false) };
+}
+
+const finger = (pointerId: number, isPrimary = true) => ({ pointerId, isPrimary, button: 0 });
+
+test("it acts once after it was held, and not after a shorter press", () => {
+  const { hold, pass, acted, isHeld } = start();
+  hold.down(finger(1));
+  pass(HOLD - 1);
+  hold.up(1);
+  pass(HOLD);
+  expect([acted(), isHeld()]).toEqual([0, false]);
+  hold.down(finger(2));
+  expect(isHeld()).toBe(true);
+  pass(HOLD);
+  expect([acted(), isHeld()]).toEqual([1, false]);
+  hold.up(2);
+  pass(HOLD);
+  expect(acted()).toBe(1);
+});
+
+test("a tap with two fingers starts nothing", () => {
+  const { hold, pass, acted } = start();
+  hold.down(finger(1));
+  hold.down(finger(2, false));
+  hold.up(2);
+  hold.up(1);
+  pass(HOLD);
+  // A mouse and a finger are both the first of their kind.
+  hold.down(finger(1));
+  hold.down(finger(7));
+  hold.up(1);
+  pass(HOLD);
+  hold.up(7);
+  hold.down(finger(3, false));
+  pass(HOLD);
+  hold.down({ pointerId: 1, isPrimary: true, button: 2 });
+  pass(HOLD);
+  expect(acted()).toBe(0);
+});
+
+test("a second pointer that is lifted does not end the hold of the first", () => {
+  const { hold, pass, acted } = start();
+  hold.down(finger(1));
+  pass(HOLD / 2);
+  hold.down(finger(2));
+  hold.up(2);
+  pass(HOLD / 2);
+  expect(acted()).toBe(1);
+});
+
+test("a page that loses the focus, is hidden or forgets the button starts nothing", () => {
+  const { hold, pass, acted, isHeld, leave } = start();
+  hold.down(finger(1));
+  hold.clear();
+  expect(isHeld()).toBe(false);
+  pass(HOLD);
+  hold.keyDown("Enter", false);
+  hold.keyUp("Enter");
+  hold.clear();
+  pass(GAP);
+  hold.keyDown("Enter", false);
+  hold.keyUp("Enter");
+  hold.clear();
+  hold.down(finger(1));
+  leave();
+  pass(HOLD);
+  expect(acted()).toBe(0);
+});
+
+test("one long press of a key is no second press, however it is repeated", () => {
+  const { hold, pass, acted } = start();
+  hold.keyDown("Enter", false);
+  for (let at = 0; at < 40; at += 1) {
+    pass(30);
+    hold.keyDown("Enter", true);
+  }
+  hold.keyUp("Enter");
+  // Repeats that look like presses: up and down at once.
+  pass(AGAIN);
+  hold.keyDown("Enter", false);
+  for (let at = 0; at < 40; at += 1) {
+    pass(30);
+    hold.keyUp("Enter");
+    hold.keyDown("Enter", false);
+  }
+  hold.keyUp("Enter");
+  expect(acted()).toBe(0);
+});
+
+test("two presses act, within the time and with the key up between them", () => {
+  const { hold, pass, acted } = start();
+  const press = (key: string): void => {
+    hold.keyDown(key, false);
+    pass(50);
+    hold.keyUp(key);
+  };
+  press("Enter");
+  pass(AGAIN);
+  press("Enter");
+  expect(acted()).toBe(0);
+  pass(GAP);
+  press("Enter");
+  expect(acted()).toBe(1);
+  pass(GAP);
+  press("Enter");
+  expect(acted()).toBe(1);
+  pass(AGAIN);
+  // Two keys that are down together are no two presses.
+  hold.keyDown("Enter", false);
+  pass(GAP);
+  hold.keyDown(" ", false);
+  expect(acted()).toBe(1);
+});

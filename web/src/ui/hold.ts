@@ -1,0 +1,103 @@
+/**
+ * When a button acts that has to be held: no accident and no repeated key may do it. No clock, timer or
+ * document: they come from outside, for tests.
+ */
+
+/** How long it has to be held, in milliseconds. */
+export const HOLD = 1_000;
+/** With keys it is pressed twice, within this time. */
+export const AGAIN = 3_000;
+/** Between the two presses the key is up for so long: some remote desktops send the repeats of one long press as presses. */
+export const GAP = 100;
+
+export interface World {
+  now(): number;
+  /** Calls `act` once after so many milliseconds. Returns what cancels it. */
+  after(ms: number, act: () => void): () => void;
+  /** Whether a person has this page before them: it is visible and has the focus. */
+  isAttended(): boolean;
+  act(): void;
+  /** The button is held, or is not any more. */
+  held(isHeld: boolean): void;
+}
+
+export interface Pointer {
+  pointerId: number;
+  isPrimary: boolean;
+  button: number;
+}
+
+export class Holding {
+  private pointer: number | null = null;
+  private cancel: () => void = () => {};
+  private key: string | null = null;
+  private keyDownAt = 0;
+  /** The first press with a key, when it has ended. */
+  private first: { down: number; up: number } | null = null;
+
+  constructor(private readonly world: World) {}
+
+  down({ pointerId, isPrimary, button }: Pointer): void {
+    if (!isPrimary || button !== 0 || this.pointer !== null) return;
+    this.cancel();
+    this.pointer = pointerId;
+    this.world.held(true);
+    this.cancel = this.world.after(HOLD, () => {
+      if (this.pointer !== pointerId) return;
+      this.drop();
+      if (this.world.isAttended()) this.world.act();
+    });
+  }
+
+  /** The pointer was lifted, left the button, or was lost. */
+  up(pointerId: number): void {
+    if (this.pointer === pointerId) this.drop();
+  }
+
+  keyDown(key: string, isRepeat: boolean): void {
+    if (isRepeat || this.key !== null) return;
+    this.key = key;
+    this.keyDownAt = this.world.now();
+    this.press();
+  }
+
+  keyUp(key: string): void {
+    if (this.key !== key) return;
+    this.key = null;
+    if (this.first !== null) this.first.up = this.world.now();
+  }
+
+  /** A press without a pointer or a key: by a tool of a person who can use neither. */
+  click(): void {
+    if (this.key !== null) return;
+    this.keyDownAt = this.world.now();
+    this.press();
+    if (this.first !== null) this.first.up = this.keyDownAt;
+  }
+
+  /** Forgets what was begun: the page lost the focus, the button was switched off or is gone. */
+  clear(): void {
+    this.drop();
+    this.key = null;
+    this.first = null;
+  }
+
+  private press(): void {
+    const { first } = this;
+    const now = this.keyDownAt;
+    if (first !== null && now - first.down < AGAIN && now - first.up >= GAP && this.world.isAttended()) {
+      this.first = null;
+      this.world.act();
+    } else {
+      this.first = { down: now, up: Infinity };
+    }
+  }
+
+  private drop(): void {
+    this.cancel();
+    this.cancel = () => {};
+    if (this.pointer === null) return;
+    this.pointer = null;
+    this.world.held(false);
+  }
+}
