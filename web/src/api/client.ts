@@ -1,12 +1,15 @@
 /**
- * Requests to the gateway. Each ends after a time, and four at most are under way: a browser has six
- * connections to a server, and a stop must never wait for one.
+ * Requests to the gateway. Each ends after a time. Three questions at most are under way, and one while stops are:
+ * a browser has six connections to a server, and a stop must not wait for one. What a person does is sent at
+ * once: an order that waits would be carried out later than it was given.
  */
+import { stops } from "../stop/stops.ts";
 import type { Code, Problem } from "./types.ts";
 
 /** How long a request may take, in milliseconds. */
 const PATIENCE = 10_000;
-const MAX_UNDER_WAY = 4;
+const MAX_UNDER_WAY = 3;
+const MAX_BESIDE_STOPS = 1;
 
 /**
  * How a request ended. `unknown`: no answer came, so the gateway may have carried it out or not. Nothing is
@@ -22,6 +25,8 @@ export type Method = "GET" | "POST" | "PUT" | "DELETE";
 export interface Options {
   body?: unknown;
   csrf?: string | null;
+  /** Asks in the name of this token, and not of the session. */
+  bearer?: string;
   patience?: number;
   /** Lets the request go on when the page is closed. */
   keepalive?: boolean;
@@ -31,27 +36,29 @@ let underWay = 0;
 const waiting: (() => void)[] = [];
 
 async function turn(): Promise<void> {
-  if (underWay < MAX_UNDER_WAY) {
-    underWay += 1;
-    return;
-  }
-  await new Promise<void>((next) => waiting.push(next));
+  const ready = new Promise<void>((next) => waiting.push(next));
+  go();
+  await ready;
 }
 
-function done(): void {
-  const next = waiting.shift();
-  if (next === undefined) underWay -= 1;
-  else next();
+function go(): void {
+  while (waiting.length > 0 && underWay < (stops.isBusy ? MAX_BESIDE_STOPS : MAX_UNDER_WAY)) {
+    underWay += 1;
+    waiting.shift()?.();
+  }
 }
+
+stops.onChange(go);
 
 /** Sends a request. Never throws. */
 export async function call<T>(method: Method, path: string, options: Options = {}): Promise<Answer<T>> {
-  if (options.keepalive === true) return send(method, path, options);
+  if (method !== "GET") return send(method, path, options);
   await turn();
   try {
     return await send(method, path, options);
   } finally {
-    done();
+    underWay -= 1;
+    go();
   }
 }
 
@@ -59,10 +66,12 @@ async function send<T>(method: Method, path: string, options: Options): Promise<
   const headers: Record<string, string> = {};
   if (options.body !== undefined) headers["Content-Type"] = "application/json";
   if (method !== "GET" && options.csrf) headers["X-CSRF-Token"] = options.csrf;
+  if (options.bearer !== undefined) headers["Authorization"] = `Bearer ${options.bearer}`;
   const init: RequestInit = {
     method,
     headers,
     cache: "no-store",
+    credentials: options.bearer === undefined ? "same-origin" : "omit",
     keepalive: options.keepalive ?? false,
     signal: AbortSignal.timeout(options.patience ?? PATIENCE),
   };

@@ -3,21 +3,52 @@ import { SOON, type StopState, type World, stop } from "./stop.ts";
 
 const AT = new Date(0);
 
-/** Runs a stop whose request ends like this, and whose timers are due if `waits`. */
-async function told(respond: (init: RequestInit) => Promise<Response>, waits = false): Promise<StopState[]> {
+/** A world whose time is moved by the test: timers are called when they are due, unless they were cancelled. */
+class Fake implements World {
+  time = 0;
+  private timers: { at: number; act: () => void }[] = [];
+
+  constructor(readonly respond: (init: RequestInit, world: Fake) => Promise<Response>) {}
+
+  readonly fetch: World["fetch"] = (_path, init) => this.respond(init ?? {}, this);
+
+  after(ms: number, act: () => void): () => void {
+    const timer = { at: this.time + ms, act };
+    this.timers.push(timer);
+    return () => void (this.timers = this.timers.filter((one) => one !== timer));
+  }
+
+  now(): Date {
+    return new Date(this.time);
+  }
+
+  pass(ms: number): void {
+    this.time += ms;
+    const due = this.timers.filter(({ at }) => at <= this.time);
+    this.timers = this.timers.filter(({ at }) => at > this.time);
+    for (const { act } of due) act();
+  }
+}
+
+/** Runs a stop whose request ends like this. Timers that are left are called at the end. */
+async function told(respond: Fake["respond"], isLost = false): Promise<StopState[]> {
   const states: StopState[] = [];
-  let time = 0;
-  const world: World = {
-    fetch: (_path, init) => respond(init ?? {}),
-    after: (_ms, act) => {
-      if (waits) act();
-      return () => {};
-    },
-    // The first look is at the begin.
-    now: () => new Date(waits ? (time += 5_000) : 0),
-  };
-  await stop("press-4", "proof", (state) => states.push(state), world);
+  const world = new Fake(respond);
+  await stop("press-4", "proof", (state) => states.push(state), { world, isLost });
+  world.pass(60_000);
   return states;
+}
+
+/** Fails as `fetch` does. */
+const broken = (): Promise<Response> => Promise.reject(new TypeError("Failed to fetch"));
+
+/** Hangs for so long after the time when it was sent, then ends like this. */
+function late(ms: number, then: () => Promise<Response>) {
+  return async (_init: RequestInit, world: Fake): Promise<Response> => {
+    await Promise.resolve();
+    world.pass(ms);
+    return then();
+  };
 }
 
 const answer = (status: number, body: object) => () => Promise.resolve(Response.json(body, { status }));
@@ -36,7 +67,7 @@ test("it says that it sends before it sends, and `stopped` only if that was prov
   expect((await told(() => Promise.resolve(new Response("<html>", { status: 502 })))).at(-1)?.kind).toBe("not_confirmed");
 });
 
-test("what the gateway refused was not sent, nor what never reached it", async () => {
+test("what the gateway refused was not sent", async () => {
   for (const [status, code] of [
     [401, "no_session"],
     [403, "not_allowed"],
@@ -44,27 +75,45 @@ test("what the gateway refused was not sent, nor what never reached it", async (
   ] as const) {
     expect((await told(answer(status, { code }))).at(-1)).toEqual({ kind: "not_sent", why: code });
   }
-  const states = await told(() => Promise.reject(new TypeError("Failed to fetch")));
-  expect(states).toEqual([{ kind: "sending" }, { kind: "not_sent", why: "no_gateway" }]);
+});
+
+test("a request that fails may have been sent, unless the gateway was lost before and it fails at once", async () => {
+  expect(await told(broken)).toEqual([{ kind: "sending" }, { kind: "not_confirmed", why: "no_gateway" }]);
+  expect(await told(broken, true)).toEqual([{ kind: "sending" }, { kind: "not_sent", why: "no_gateway" }]);
+  expect((await told(late(2_000, broken), true)).at(-1)).toEqual({ kind: "not_confirmed", why: "no_gateway" });
 });
 
 test("a gateway that does not answer may have stopped the arm or not", async () => {
-  const hangs = (init: RequestInit) =>
-    new Promise<Response>((_, fail) => {
-      if (init.signal?.aborted) fail(new DOMException("", "AbortError"));
-    });
-  const states = await told(hangs, true);
-  expect(states).toEqual([
-    { kind: "sending" },
-    { kind: "not_confirmed", why: "no_answer" },
-    { kind: "not_confirmed", why: "no_answer" },
-  ]);
+  const states: StopState[] = [];
+  const hangs = (init: RequestInit): Promise<Response> =>
+    new Promise((_, fail) => init.signal?.addEventListener("abort", () => fail(new DOMException("", "AbortError"))));
+  const world = new Fake(hangs);
+  const ended = stop("press-4", null, (state) => states.push(state), { world, isLost: true });
+  world.pass(SOON);
+  expect(states.at(-1)).toEqual({ kind: "not_confirmed", why: "no_answer" });
+  world.pass(60_000);
+  await ended;
+  expect(states.at(-1)).toEqual({ kind: "not_confirmed", why: "no_answer" });
   expect(SOON).toBeLessThanOrEqual(3_000);
 });
 
-test("a connection that breaks while the answer is awaited may have carried the stop", async () => {
-  const states = await told(() => Promise.reject(new TypeError("Failed to fetch")), true);
-  expect(states.at(-1)).toEqual({ kind: "not_confirmed", why: "no_answer" });
+test("a stop that is given up for another one may have been sent", async () => {
+  const states: StopState[] = [];
+  const abort = new AbortController();
+  const hangs = (init: RequestInit): Promise<Response> =>
+    new Promise((_, fail) => init.signal?.addEventListener("abort", () => fail(new DOMException("", "AbortError"))));
+  const world = new Fake(hangs);
+  const ended = stop("press-4", null, (state) => states.push(state), { world, signal: abort.signal });
+  abort.abort();
+  await ended;
+  expect(states.at(-1)).toEqual({ kind: "not_confirmed", why: "given_up" });
+});
+
+test("a late proof takes the place of NOT CONFIRMED, and NOT CONFIRMED never that of a proof", async () => {
+  const proof = answer(200, { confirmed: true, took_ms: 9 });
+  const kinds = (states: StopState[]): string[] => states.map(({ kind }) => kind);
+  expect(kinds(await told(proof))).toEqual(["sending", "stopped"]);
+  expect(kinds(await told(late(SOON, proof)))).toEqual(["sending", "not_confirmed", "stopped"]);
 });
 
 test("the request has begun when the call returns, and names its robot safely", () => {
@@ -77,6 +126,6 @@ test("the request has begun when the call returns, and names its robot safely", 
     after: () => () => {},
     now: () => AT,
   };
-  void stop("a/../b?c", null, () => {}, world);
+  void stop("a/../b?c", null, () => {}, { world });
   expect(path).toBe("/v1/robots/a%2F..%2Fb%3Fc/stop");
 });

@@ -5,18 +5,20 @@
 
 /** What is known of a stop. */
 export type StopState =
+  /** It waits for stops of other robots, and was not sent yet. */
+  | { kind: "waiting" }
   | { kind: "sending" }
   | { kind: "stopped"; at: Date; took: number }
   /** It may have been carried out: nothing proves it. */
   | { kind: "not_confirmed"; why: string }
-  /** It did not reach the robot. */
+  /** It did not leave the page, or the gateway refused it. */
   | { kind: "not_sent"; why: string };
 
 /** After so long without an answer the page says so, in milliseconds. The answer may still come. */
 export const SOON = 3_000;
 /**
- * A request that fails within this time did not reach the gateway, as far as a page can tell: a browser does
- * not say whether a connection was refused or broke.
+ * Where the page knows already that the gateway is lost, a request that fails within this time did not reach
+ * it. Otherwise it may have: a browser does not say whether a connection was refused or broke.
  */
 const AT_ONCE = 1_000;
 /** The gateway answers a stop within 20 s. */
@@ -41,19 +43,29 @@ const WORLD: World = {
   now: () => new Date(),
 };
 
+export interface Options {
+  /** Whether the page knows already that the gateway is lost. */
+  isLost?: boolean;
+  /** Ends the request: another stop needs its connection. */
+  signal?: AbortSignal;
+  world?: World;
+}
+
 /** Stops a robot. `tell` is called with each state, `sending` first, before this returns. */
 export async function stop(
   robot: string,
   csrf: string | null,
   tell: (state: StopState) => void,
-  world: World = WORLD,
+  { isLost = false, signal, world = WORLD }: Options = {},
 ): Promise<void> {
   tell({ kind: "sending" });
   const headers: Record<string, string> = csrf === null ? {} : { "X-CSRF-Token": csrf };
   const cancel = world.after(SOON, () => tell({ kind: "not_confirmed", why: "no_answer" }));
   const abort = new AbortController();
+  const giveUp = (): void => abort.abort();
+  signal?.addEventListener("abort", giveUp);
   const begun = world.now().getTime();
-  const cancelAll = world.after(PATIENCE, () => abort.abort());
+  const cancelAll = world.after(PATIENCE, giveUp);
   try {
     const path = `/v1/robots/${encodeURIComponent(robot)}/stop`;
     const response = await world.fetch(path, {
@@ -72,9 +84,12 @@ export async function stop(
   } catch {
     cancel();
     const isAtOnce = world.now().getTime() - begun < AT_ONCE;
-    tell(isAtOnce ? { kind: "not_sent", why: "no_gateway" } : { kind: "not_confirmed", why: "no_answer" });
+    if (signal?.aborted) tell({ kind: "not_confirmed", why: "given_up" });
+    else if (abort.signal.aborted) tell({ kind: "not_confirmed", why: "no_answer" });
+    else tell({ kind: isLost && isAtOnce ? "not_sent" : "not_confirmed", why: "no_gateway" });
   } finally {
     cancelAll();
+    signal?.removeEventListener("abort", giveUp);
   }
 }
 
