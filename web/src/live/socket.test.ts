@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { Link, type Reader, SILENCE, type Socket, type World } from "./socket.ts";
+import { Link, QUIET, type Reader, SILENCE, type Socket, type World } from "./socket.ts";
 
 /** A world whose time is moved by the test. */
 class Fake implements World {
@@ -75,10 +75,11 @@ class FakeSocket implements Socket {
   }
 }
 
-function start(): { world: Fake; told: (number | null | "out" | "forget")[]; link: Link; messages: string[] } {
+function start(): { world: Fake; told: (number | null | "out" | "forget")[]; link: Link; messages: string[]; quiet: (number | null)[] } {
   const world = new Fake();
   const told: (number | null | "out" | "forget")[] = [];
   const messages: string[] = [];
+  const quiet: (number | null)[] = [];
   let resume: string | null = null;
   const reader: Reader = {
     message: (sent) => {
@@ -86,6 +87,7 @@ function start(): { world: Fake; told: (number | null | "out" | "forget")[]; lin
       resume = sent.resume ?? resume;
     },
     state: (heard) => told.push(heard),
+    quiet: (heard) => quiet.push(heard),
     signedOut: () => told.push("out"),
     resume: () => resume,
     forgetResume: () => {
@@ -95,7 +97,7 @@ function start(): { world: Fake; told: (number | null | "out" | "forget")[]; lin
   };
   const link = new Link(world, reader);
   link.start();
-  return { world, told, link, messages };
+  return { world, told, link, messages, quiet };
 }
 
 const ALIVE = { type: "alive", time: "2026-11-25T06:00:00.000000Z" };
@@ -139,6 +141,20 @@ test("10 s of silence is a lost gateway, also while the connection stays open", 
   expect(told).toEqual([null, 5_000]);
   await world.pass(1_000);
   expect(world.opened).toHaveLength(2);
+});
+
+test("after 4 s of silence what was told is old, until something comes", async () => {
+  const { world, told, quiet } = start();
+  world.last.say(ALIVE);
+  await world.pass(2_000);
+  world.last.say(ALIVE);
+  await world.pass(QUIET - 1);
+  expect(quiet).toEqual([]);
+  await world.pass(250);
+  expect([quiet, told]).toEqual([[2_000], [null]]);
+  world.last.say(ALIVE);
+  expect([quiet, told]).toEqual([[2_000, null], [null]]);
+  expect(QUIET).toBe(4_000);
 });
 
 test("a connection that never says anything is tried again", async () => {

@@ -1,15 +1,17 @@
 /**
- * The connection to `/v1/live`: retried for ever, resumed where it was lost. Without a sign of life for 10 s
- * it counts as lost. The clock, the timers and the WebSocket come from outside, for tests.
+ * The connection to `/v1/live`: retried for ever, resumed where it was lost. Without a sign of life for 4 s
+ * what it told is old, and for 10 s it counts as lost. The clock, the timers and the WebSocket come from outside, for tests.
  */
 import type { LiveSent } from "../api/types.ts";
 import { decode } from "./decode.ts";
 
 /** After so long without a message the gateway is lost, in milliseconds. It sends one every 2 s. */
 export const SILENCE = 10_000;
+/** After so long without a message values are not taken for those of now, in milliseconds. */
+export const QUIET = 4_000;
 const FIRST_WAIT = 500;
 const LONGEST_WAIT = 5_000;
-const LOOK = 1_000;
+const LOOK = 250;
 
 /** What the page uses of a WebSocket. */
 export interface Socket {
@@ -31,6 +33,8 @@ export interface Reader {
   message(sent: LiveSent, now: number): void;
   /** `heard`: when the gateway was last heard, if it is lost; `null` if it is there. */
   state(heard: number | null): void;
+  /** `heard`: when the gateway was last heard, if that is over 4 s ago; `null` once it is heard again. */
+  quiet(heard: number | null): void;
   signedOut(): void;
   resume(): string | null;
   forgetResume(): void;
@@ -42,6 +46,7 @@ export class Link {
   private openedAt = 0;
   /** `null` before the first message, or the first connection that failed. */
   private isLive: boolean | null = null;
+  private isQuiet = false;
   private wait = FIRST_WAIT;
   private cancel: () => void = () => {};
   private cancelLook: () => void = () => {};
@@ -89,6 +94,10 @@ export class Link {
       hasSpoken = true;
       this.heard = this.world.now();
       this.wait = FIRST_WAIT;
+      if (this.isQuiet) {
+        this.isQuiet = false;
+        this.reader.quiet(null);
+      }
       if (this.isLive !== true) {
         this.isLive = true;
         this.reader.state(null);
@@ -147,6 +156,10 @@ export class Link {
   private look(): void {
     this.cancelLook = this.world.after(LOOK, () => {
       const now = this.world.now();
+      if (!this.isQuiet && now - this.heard >= QUIET) {
+        this.isQuiet = true;
+        this.reader.quiet(this.heard);
+      }
       if (this.socket !== null && now - Math.max(this.heard, this.openedAt) > SILENCE) {
         this.drop();
         this.lost();

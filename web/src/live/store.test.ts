@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { LiveSent, Signal } from "../api/types.ts";
-import { viewOf } from "../robots/view.ts";
+import { mayMove, viewOf } from "../robots/view.ts";
 import { DEAD, shown } from "./age.ts";
 import { Store } from "./store.ts";
 
@@ -83,14 +83,91 @@ test("link, lease and stop follow the events", () => {
 
 test("a value is as old as the gateway says, and as old as the gateway's last word once it is lost", () => {
   const value = { value: 1, unit: null, quality: "fresh" as const, asked: 1_000 };
-  expect(shown(value, 60_000, null)).toEqual({ kind: "fresh" });
-  expect(shown(value, 62_000, 60_000)).toEqual({ kind: "stale", age: 2_000 });
-  expect(shown(value, 60_001 + DEAD, 60_000)).toEqual({ kind: "dead", age: DEAD + 1 });
+  expect(shown(value, 60_000, null, 100)).toEqual({ kind: "fresh" });
+  expect(shown(value, 62_000, 60_000, 100)).toEqual({ kind: "stale", age: 2_000 });
+  expect(shown(value, 60_001 + DEAD, 60_000, 100)).toEqual({ kind: "dead", age: DEAD + 1 });
   const stale = { ...value, quality: "stale" as const };
-  expect(shown(stale, 2_500, null)).toEqual({ kind: "stale", age: 1_500 });
-  expect(shown(stale, 9_000, null)).toEqual({ kind: "dead", age: 8_000 });
-  expect(shown({ ...value, quality: "none", asked: null }, 0, null)).toEqual({ kind: "dead", age: null });
-  expect(shown(undefined, 0, null)).toEqual({ kind: "dead", age: null });
+  expect(shown(stale, 2_500, null, 100)).toEqual({ kind: "stale", age: 1_500 });
+  expect(shown(stale, 9_000, null, 100)).toEqual({ kind: "dead", age: 8_000 });
+  expect(shown({ ...value, quality: "none", asked: null }, 0, null, 100)).toEqual({ kind: "dead", age: null });
+  expect(shown(undefined, 0, null, 100)).toEqual({ kind: "dead", age: null });
+});
+
+test("a value that is read seldom is never one of now: it is as old as its period allows", () => {
+  const value = { value: 1, unit: null, quality: "fresh" as const, asked: 1_000 };
+  expect(shown(value, 1_500, null, 60_000)).toEqual({ kind: "fresh" });
+  expect(shown(value, 4_000, null, 60_000)).toEqual({ kind: "slow", age: 3_000 });
+  expect(shown(value, 3_600_000, null, 60_000)).toEqual({ kind: "slow", age: 61_000 });
+  expect(shown(value, 3_600_000, null, 1_000)).toEqual({ kind: "fresh" });
+  expect(shown(value, 3_601_000, 3_600_000, 60_000)).toEqual({ kind: "dead", age: 62_000 });
+});
+
+test("what is old, or read so seldom that it may be old, is not known", () => {
+  const store = new Store();
+  const all = (quality: Signal["quality"]): Signal[] => [
+    signal("curMode", 2, { quality }),
+    signal("curAlarm", 0, { quality }),
+    signal("isMoving", false, { quality }),
+    signal("RemoteCmdLen", 0, { quality }),
+    signal("curMold", "pick", { quality }),
+    signal("counter-0", { id: 0, target: 100, current: 41 }, { quality }),
+  ];
+  const seen = (quality: Signal["quality"], part: object = {}): unknown[] => {
+    store.apply(snapshot("saw", all(quality), part), 0);
+    const view = viewOf(store.robots.get("saw")!);
+    return [view.moving, view.alarm, view.left, view.program, mayMove(view)];
+  };
+  const unknown = [null, null, null, null, true];
+  expect(seen("fresh")).toEqual([false, 0, 0, "pick", false]);
+  expect(seen("stale")).toEqual(unknown);
+  expect(seen("fresh", { link: "down" })).toEqual(unknown);
+  expect(seen("fresh", { period_ms: 4_000 })).toEqual([false, 0, 0, "pick", false]);
+  expect(seen("fresh", { period_ms: 4_001 })).toEqual(unknown);
+  // An old alarm is still shown.
+  store.apply(snapshot("saw", [signal("curAlarm", 7, { quality: "stale" })]), 0);
+  expect(viewOf(store.robots.get("saw")!).alarm).toBe(7);
+});
+
+test("after another robot may have answered, it is not known whether it is a virtual one, until that was asked", () => {
+  const identity = { expected: { machine_name: "A" }, found: { machine_name: "B" } };
+  for (const event of [{ event: "link_up" }, { event: "identity_changed", ...identity }, { event: "identity_accepted", identity: identity.found }]) {
+    const store = new Store();
+    store.apply(snapshot("saw", []), 0);
+    const before = store.robots.get("saw")!.summary;
+    expect(before.virtual).toBe(true);
+    const changes = store.apply({ type: "event", id: 1, time: "", robot: "saw", ...event } as unknown as LiveSent, 0);
+    const ask = changes.find((change) => change.kind === "ask")!;
+    expect(ask.name).toBe("saw");
+    expect(store.robots.get("saw")!.summary.virtual).toBeNull();
+    expect(store.known("saw", ask.ticket, { ...before, virtual: null }), "its name was not read yet").toBe(false);
+    expect(store.known("saw", ask.ticket, { ...before, virtual: false })).toBe(true);
+    expect(store.robots.get("saw")!.summary.virtual).toBe(false);
+  }
+});
+
+test("an answer to an earlier question says nothing of the robot that answers now", () => {
+  const store = new Store();
+  store.apply(snapshot("saw", []), 0);
+  const up = { type: "event", id: 1, time: "", robot: "saw", event: "link_up" } as LiveSent;
+  const tickets = [up, up].map((sent) => store.apply(sent, 0).find((change) => change.kind === "ask")!.ticket);
+  const summary = { ...store.robots.get("saw")!.summary, virtual: true };
+  expect(store.known("saw", tickets[0]!, summary)).toBeNull();
+  expect(store.robots.get("saw")!.summary.virtual).toBeNull();
+  // A snapshot says it too, and is later than the question.
+  store.apply(snapshot("saw", [], { virtual: false }), 0);
+  expect([store.isAsked("saw", tickets[1]!), store.known("saw", tickets[1]!, summary)]).toEqual([false, null]);
+  expect(store.robots.get("saw")!.summary.virtual).toBe(false);
+});
+
+test("of all robots nothing is known until the pass over them is at its end", () => {
+  const store = new Store();
+  expect(store.isPassing).toBe(true);
+  store.apply(snapshot("press", []), 0);
+  expect(store.isPassing).toBe(true);
+  store.apply({ ...snapshot("saw", []), resume: "8-1" } as LiveSent, 0);
+  expect(store.isPassing).toBe(false);
+  store.apply({ type: "reset", robot: null }, 0);
+  expect(store.isPassing).toBe(true);
 });
 
 test("a counter counts parts, and texts of old firmware count nothing", () => {

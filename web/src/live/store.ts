@@ -20,29 +20,39 @@ export interface Robot {
   values: Map<string, Value>;
   /** When the link was lost, if it is lost and that is known. */
   downSince: number | null;
+  /** Grows with each word on who answers: an answer to an earlier question does not count. */
+  ticket: number;
 }
 
 export type Change =
   | { kind: "robot"; name: string; slow: boolean }
   | { kind: "removed"; name: string }
+  /** Another robot may answer now: what it is has to be asked for, and `known` to be called with the answer. */
+  | { kind: "ask"; name: string; ticket: number }
   | { kind: "event"; event: GatewayEvent }
   | { kind: "events_lost" };
 
 /** Values that the tiles and the sentences are made of. The others are written to the page by frames. */
 const SLOW = new Set(["curMode", "curAlarm", "isMoving", "origin", "RemoteCmdLen", "curMold"]);
 
+/** Events after which another robot may answer. */
+const ASKS = new Set<string>(["link_up", "identity_changed", "identity_accepted"]);
+
 export class Store {
+  private tickets = 0;
   readonly robots = new Map<string, Robot>();
   /** Robots from before a reset that no snapshot has told of yet. */
   private readonly unsure = new Set<string>();
   /** Where to go on after a lost connection. */
   resume: string | null = null;
+  private isPass = true;
 
   /** Takes in a message. What changed is returned in order. */
   apply(sent: LiveSent, now: number): Change[] {
     const changes = this.take(sent, now);
     if (typeof sent.resume === "string") {
       this.resume = sent.resume;
+      this.isPass = false;
       // The pass is at its end, so a robot without a snapshot is not there any more.
       for (const name of this.unsure) {
         this.robots.delete(name);
@@ -58,6 +68,12 @@ export class Store {
     this.robots.clear();
     this.unsure.clear();
     this.resume = null;
+    this.isPass = true;
+  }
+
+  /** Whether a pass over all robots is under way: what is known of them is of two times. */
+  get isPassing(): boolean {
+    return this.isPass;
   }
 
   private take(sent: LiveSent, now: number): Change[] {
@@ -67,7 +83,7 @@ export class Store {
         const values = new Map(signals.map((signal) => [signal.address, valueOf(signal, now)]));
         const downSince = summary.link === "down" ? lastAsked(values) : null;
         this.unsure.delete(summary.name);
-        this.robots.set(summary.name, { summary, period: period_ms, values, downSince });
+        this.robots.set(summary.name, { summary, period: period_ms, values, downSince, ticket: this.ticket() });
         return [{ kind: "robot", name: summary.name, slow: true }];
       }
       case "change": {
@@ -86,11 +102,16 @@ export class Store {
         this.unsure.delete(sent.robot);
         return this.robots.delete(sent.robot) ? [{ kind: "removed", name: sent.robot }] : [];
       case "reset":
+        this.isPass ||= sent.robot === null;
         if (sent.robot === null) for (const name of this.robots.keys()) this.unsure.add(name);
         return [];
       case "event": {
         const changes: Change[] = [{ kind: "event", event: sent }];
         if (this.happened(sent, now)) changes.push({ kind: "robot", name: sent.robot, slow: true });
+        const robot = this.robots.get(sent.robot);
+        if (robot !== undefined && ASKS.has(sent.event)) {
+          changes.push({ kind: "ask", name: sent.robot, ticket: robot.ticket });
+        }
         return changes;
       }
       case "events_lost":
@@ -111,17 +132,24 @@ export class Store {
       return true;
     };
     const { stops_under_way: stops, lease } = robot.summary;
+    // Events do not tell whether it is a virtual one. Until that was asked for, it is not known.
+    if (ASKS.has(event.event)) robot.ticket = this.ticket();
     switch (event.event) {
       case "link_up":
         robot.downSince = null;
-        return set({ link: "up" });
+        return set({ link: "up", virtual: null, identity: null });
       case "link_down":
         robot.downSince ??= now;
         return set({ link: "down" });
       case "identity_changed":
-        return set({ identity_changed: { expected: event.expected, found: event.found }, lease: null });
+        return set({
+          identity_changed: { expected: event.expected, found: event.found },
+          lease: null,
+          virtual: null,
+          identity: null,
+        });
       case "identity_accepted":
-        return set({ identity: event.identity, identity_changed: null });
+        return set({ identity: event.identity, identity_changed: null, virtual: null });
       case "lease_began":
         return set({ lease: { number: event.lease, holder: event.holder, expires_in_ms: 0 } });
       case "lease_ended":
@@ -138,6 +166,27 @@ export class Store {
     }
   }
 
+  /**
+   * Takes in what `GET /v1/robots/{name}` says of who answers. Returns whether that is known now; `null` if the
+   * question is void: something else was told meanwhile.
+   */
+  known(name: string, ticket: number, summary: RobotSummary): boolean | null {
+    const robot = this.robots.get(name);
+    if (robot === undefined || robot.ticket !== ticket) return null;
+    const { virtual, identity, identity_changed } = summary;
+    robot.summary = { ...robot.summary, virtual, identity, identity_changed };
+    return virtual !== null;
+  }
+
+  /** Whether an answer to this question still counts. */
+  isAsked(name: string, ticket: number): boolean {
+    return this.robots.get(name)?.ticket === ticket;
+  }
+
+  private ticket(): number {
+    return (this.tickets += 1);
+  }
+
   /** Takes in what `GET /v1/robots` says, after events were lost. */
   refresh(summaries: RobotSummary[], now: number): Change[] {
     const changes: Change[] = [];
@@ -145,6 +194,7 @@ export class Store {
       const robot = this.robots.get(summary.name);
       if (robot === undefined) continue;
       robot.summary = summary;
+      robot.ticket = this.ticket();
       robot.downSince = summary.link === "up" ? null : (robot.downSince ?? now);
       changes.push({ kind: "robot", name: summary.name, slow: true });
     }

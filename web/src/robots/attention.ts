@@ -1,6 +1,6 @@
 /** Which robots need a person, and why. */
 import type { RobotAlarm } from "../api/types.ts";
-import type { View } from "./view.ts";
+import { type View, isSeen } from "./view.ts";
 
 export type Entry = {
   /** Stays the same for as long as the cause stays: lists are keyed by it. */
@@ -22,13 +22,14 @@ const FLOOD = 4;
 
 /**
  * The list, by priority, then by waiting time. `time` turns the page's clock into the gateway's. Shelved
- * alarms are left out and counted.
+ * alarms are left out and counted, and so are robots in no entry of which it is not known whether they need a
+ * person.
  */
 export function attention(
   views: View[],
   alarms: RobotAlarm[],
   time: (pageMillis: number) => number,
-): { entries: Entry[]; shelved: number } {
+): { entries: Entry[]; shelved: number; unknown: number } {
   const entries: Entry[] = [];
   const lost: View[] = [];
   let shelved = 0;
@@ -72,7 +73,9 @@ export function attention(
     }
   }
   entries.sort((a, b) => a.priority - b.priority || (a.since ?? Infinity) - (b.since ?? Infinity));
-  return { entries, shelved };
+  const told = new Set(entries.flatMap((entry) => entry.robots));
+  const unknown = views.filter((view) => !told.has(view.name) && (!isSeen(view) || view.alarm === null)).length;
+  return { entries, shelved, unknown };
 }
 
 /**

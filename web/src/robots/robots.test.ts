@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 import type { RobotAlarm, RobotSummary } from "../api/types.ts";
 import { attention, frozen } from "./attention.ts";
+import { changed, consentOf, mayRunLeftover } from "./consent.ts";
 import { doing, unmet } from "./sentence.ts";
 import { type View, mayMove } from "./view.ts";
 
@@ -14,6 +15,9 @@ function view(name: string, part: Partial<View> = {}, summary: Partial<RobotSumm
     identity: null,
     identity_changed: null,
     virtual: null,
+    panel: false,
+    twin: null,
+    twin_of: null,
     lease: null,
     stopped: false,
     stops_under_way: 0,
@@ -56,14 +60,59 @@ test("what has to be mended first is said first", () => {
   expect([1, 8, 7, 9, 2, 3, 5].map((mode) => said({ mode }))).toEqual([
     "manual",
     "manual",
-    "runs_and_stands",
-    "runs_and_stands",
+    "runs",
+    "runs",
     "waits_for_start",
     "stopped",
     "unknown_mode",
   ]);
   const named = doing(view("saw", { alarm: 7 }), [alarm("saw", 7, { state: "ended", text: "old" }), alarm("saw", 7)]);
   expect(named).toEqual({ kind: "alarm", code: 7, text: "emergency stop" });
+});
+
+test("that the arm stands is said only if it is seen now", () => {
+  const said = (part: Partial<View>, summary: Partial<RobotSummary> = {}) => doing(view("saw", part, summary), []);
+  for (const [part, summary] of [
+    [{}, { stopped: true }],
+    [{}, {}],
+    [{ mode: 3 }, {}],
+    [{ mode: 7 }, {}],
+  ] as const) {
+    expect(said(part, summary)).toMatchObject({ stands: true });
+    expect(said({ ...part, moving: null }, summary)).toMatchObject({ stands: false });
+    expect(said({ ...part, quality: "stale" }, summary)).toMatchObject({ stands: false });
+  }
+  // A program that runs although a stop holds does not stand.
+  expect(said({ mode: 7, moving: null }, { stopped: true })).toMatchObject({ kind: "runs", stands: false });
+  expect(said({ mode: 7 }, { stopped: true }).kind).toBe("runs");
+});
+
+test("a consent holds for what was said, and for nothing else", () => {
+  const before = view("saw", { program: "pick", left: 3 }, { virtual: true });
+  const told = consentOf(before);
+  const now = (part: Partial<View>, summary: Partial<RobotSummary> = {}) =>
+    changed(told, view("saw", { program: "pick", left: 3, ...part }, { virtual: true, ...summary }));
+  expect(now({})).toBeNull();
+  expect(now({ left: 4 })).toBe("left");
+  expect(now({ left: null })).toBe("left");
+  expect(now({ program: "place" })).toBe("program");
+  expect(now({}, { virtual: false })).toBe("robot");
+  expect(now({}, { virtual: null })).toBe("robot");
+  expect(now({}, { identity_changed: OTHER })).toBe("robot");
+  expect(mayRunLeftover(told)).toBe(true);
+  const empty = consentOf(view("saw", { left: 0 }));
+  expect(mayRunLeftover(empty)).toBe(false);
+  expect(changed(empty, view("saw", { left: 2 }))).toBe("left");
+  expect(changed(empty, view("saw", { left: null })), "the gateway refuses what is left").toBeNull();
+  expect(mayRunLeftover(consentOf(view("saw", { left: null }))), "the dialog said that it may run").toBe(true);
+});
+
+test("of robots whose state is not known it is not said that they need no person", () => {
+  const count = (...views: View[]) => attention(views, [], (at) => at).unknown;
+  expect(count(view("a"))).toBe(0);
+  expect(count(view("a", { quality: "stale" }), view("b", { quality: "none" }), view("c", { alarm: null }), view("d"))).toBe(3);
+  // Those are in the list.
+  expect(count(view("a", {}, { link: "down" }), view("b", { alarm: 7, quality: "stale" }))).toBe(0);
 });
 
 test("a start needs everything, a pause no lease", () => {

@@ -1,18 +1,19 @@
 /** What a robot does and waits for, as a typed value. The words are in i18n/. */
 import type { RobotAlarm } from "../api/types.ts";
-import { MODES, type View, isRunning } from "./view.ts";
+import { MODES, type View, isRunning, isSeen } from "./view.ts";
 
 export type Doing =
   | { kind: "no_link" }
   | { kind: "other_robot"; found: string | null }
   | { kind: "not_read" }
   | { kind: "alarm"; code: number; text: string | null }
-  | { kind: "stop_holds" }
+  /** `stands`: whether it is seen that the arm stands; if not, it is not known. */
+  | { kind: "stop_holds"; stands: boolean }
   | { kind: "manual" }
   | { kind: "moves"; program: string | null; left: number | null }
-  | { kind: "runs_and_stands"; program: string | null; left: number | null }
-  | { kind: "waits_for_start" }
-  | { kind: "stopped" }
+  | { kind: "runs"; program: string | null; left: number | null; stands: boolean }
+  | { kind: "waits_for_start"; stands: boolean }
+  | { kind: "stopped"; stands: boolean }
   | { kind: "unknown_mode"; mode: number };
 
 /** The first of these that holds: what has to be mended first stands first. */
@@ -28,11 +29,12 @@ export function doing(view: View, alarms: RobotAlarm[]): Doing {
     return { kind: "alarm", code: alarm, text: known?.text ?? null };
   }
   if (moving === true) return { kind: "moves", program, left };
-  if (summary.stopped) return { kind: "stop_holds" };
+  const stands = moving === false && isSeen(view);
+  if (isRunning(view)) return { kind: "runs", program, left, stands };
+  if (summary.stopped) return { kind: "stop_holds", stands };
   if (mode === MODES.manual || mode === MODES.step) return { kind: "manual" };
-  if (isRunning(view)) return { kind: "runs_and_stands", program, left };
-  if (mode === MODES.rest) return { kind: "waits_for_start" };
-  if (mode === MODES.stopped) return { kind: "stopped" };
+  if (mode === MODES.rest) return { kind: "waits_for_start", stands };
+  if (mode === MODES.stopped) return { kind: "stopped", stands };
   return { kind: "unknown_mode", mode };
 }
 

@@ -1,5 +1,6 @@
 /** One robot as the tiles and the sentences show it. */
 import type { RobotSummary, SignalQuality } from "../api/types.ts";
+import { SELDOM } from "../live/age.ts";
 import type { Robot, Value } from "../live/store.ts";
 
 export interface View {
@@ -8,8 +9,9 @@ export interface View {
   /** How much the mode can be trusted: the tile is as good as that. */
   quality: SignalQuality;
   mode: number | null;
-  /** The code of the alarm; 0 for none. */
+  /** The code of the alarm, the last one that was read; 0 for none; `null` if it is not known whether there is one. */
   alarm: number | null;
+  /** This and what follows is `null` if it is not known now: nothing old is taken for it. */
   moving: boolean | null;
   homed: boolean | null;
   /** Instructions left in the list. */
@@ -23,34 +25,37 @@ export interface View {
 
 export function viewOf(robot: Robot): View {
   const value = (address: string): Value | undefined => robot.values.get(address);
-  const number = (address: string): number | null => {
-    const read = value(address)?.value;
-    return typeof read === "number" ? read : null;
+  const isUp = robot.summary.link === "up";
+  /** A value of now: fresh, and not read so seldom that it may be old all the same. */
+  const fresh = (address: string): Value["value"] => {
+    const read = value(address);
+    return isUp && read?.quality === "fresh" && robot.period <= SELDOM ? read.value : null;
   };
-  const flag = (address: string): boolean | null => {
-    const read = value(address)?.value;
-    return typeof read === "boolean" ? read : null;
-  };
-  const program = value("curMold")?.value;
+  const number = (read: Value["value"] | undefined): number | null => (typeof read === "number" ? read : null);
+  const flag = (read: Value["value"]): boolean | null => (typeof read === "boolean" ? read : null);
+  const program = fresh("curMold");
+  const alarm = number(value("curAlarm")?.value);
   return {
     name: robot.summary.name,
     summary: robot.summary,
     quality: robot.summary.link === "down" ? "stale" : (value("curMode")?.quality ?? "none"),
-    mode: number("curMode"),
-    alarm: number("curAlarm"),
-    moving: flag("isMoving"),
-    homed: flag("origin"),
-    left: number("RemoteCmdLen"),
+    mode: number(value("curMode")?.value),
+    // An old alarm is shown with its age. That there was none once says nothing of now.
+    alarm: alarm === 0 ? number(fresh("curAlarm")) : alarm,
+    moving: flag(fresh("isMoving")),
+    homed: flag(fresh("origin")),
+    left: number(fresh("RemoteCmdLen")),
     program: typeof program === "string" && program !== "" ? program : null,
-    parts: partsOf(robot),
+    parts: isUp ? partsOf(robot) : null,
     downSince: robot.downSince,
   };
 }
 
 /** The gateway takes the first counter that it reads for the parts, unless its file names another one. */
 function partsOf(robot: Robot): number | null {
-  for (const [address, { value }] of robot.values) {
+  for (const [address, { value, quality }] of robot.values) {
     if (!address.startsWith("counter-")) continue;
+    if (quality !== "fresh") return null;
     if (typeof value === "object" && value !== null && "current" in value) return value.current;
     return null;
   }
@@ -65,7 +70,7 @@ export function isRunning(view: View): boolean {
   return view.mode === MODES.running || view.mode === MODES.cycle;
 }
 
-/** Whether values of the robot can be relied on now. */
+/** Whether the mode of the robot is the one of now. What else is known of it is `null` if it may be old. */
 export function isSeen(view: View): boolean {
   return view.summary.link === "up" && view.quality === "fresh";
 }

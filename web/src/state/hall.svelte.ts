@@ -1,10 +1,11 @@
 /** The robots, the alarms and the connection, as the pages see them. */
 import { call } from "../api/client.ts";
-import type { GatewayEvent, LiveSent, RobotAlarm, RobotAlarms, RobotSummary, Settings } from "../api/types.ts";
+import type { GatewayEvent, LiveSent, RobotAlarm, RobotAlarms, RobotState, RobotSummary, Settings } from "../api/types.ts";
 import { touch } from "../live/frame.ts";
 import { Link } from "../live/socket.ts";
 import { Store } from "../live/store.ts";
 import { type View, viewOf } from "../robots/view.ts";
+import { stops } from "../stop/stops.ts";
 import { session } from "./session.svelte.ts";
 
 /** How often ages are written and the way to the gateway is measured, in milliseconds. */
@@ -12,14 +13,23 @@ const AGES = 500;
 const MEASURE = 5_000;
 /** Alarms that come together are asked for once. */
 const TOGETHER = 200;
+/** How long a question that had no answer waits to be asked again. */
+const AGAIN = 2_000;
+/** So often it is asked who answers. Each question keeps the session open. */
+const TRIES = 5;
 
 class Hall {
   readonly store = new Store();
   /** In the order of their names, which never changes. `null` until the first one came. */
   views = $state.raw<View[] | null>(null);
-  alarms = $state.raw<RobotAlarm[]>([]);
+  /** Whether all robots came. Before that, nothing can be said of all of them. */
+  isWhole = $state(false);
+  /** The active ones; `null` if they are not known. */
+  alarms = $state.raw<RobotAlarm[] | null>(null);
   /** When the gateway was last heard, on the page's clock, if it is lost; `null` if it is there. */
   heard = $state<number | null>(null);
+  /** The same, from 4 s of silence on. */
+  #quiet = $state<number | null>(null);
   /** Whether something came over the connection yet. */
   isConnected = $state(false);
   latency = $state<number | null>(null);
@@ -33,9 +43,19 @@ class Hall {
   #alarmTimer: ReturnType<typeof setTimeout> | null = null;
   #readers = new Set<(event: GatewayEvent) => void>();
 
-  /** Whether the gateway is there. */
+  /** Whether the gateway is there, and was heard just now. */
   get isThere(): boolean {
-    return this.isConnected && this.heard === null;
+    return this.isConnected && this.since === null;
+  }
+
+  /** When the gateway was last heard, on the page's clock, if it is silent or lost; `null` if it is heard. */
+  get since(): number | null {
+    return this.heard ?? this.#quiet;
+  }
+
+  /** Whether all robots are known, as they are now. */
+  get isSure(): boolean {
+    return this.isThere && this.isWhole;
   }
 
   now(): number {
@@ -82,6 +102,10 @@ class Hall {
         }
         touch();
       },
+      quiet: (heard) => {
+        this.#quiet = heard;
+        touch();
+      },
       signedOut: () => session.ended(),
       resume: () => this.store.resume,
       forgetResume: () => {
@@ -104,8 +128,10 @@ class Hall {
     this.#timers = [];
     this.store.clear();
     this.views = null;
-    this.alarms = [];
+    this.isWhole = false;
+    this.alarms = null;
     this.heard = null;
+    this.#quiet = null;
     this.isConnected = false;
   }
 
@@ -118,8 +144,12 @@ class Hall {
     if (this.#alarmTimer !== null) return;
     this.#alarmTimer = setTimeout(() => {
       this.#alarmTimer = null;
+      const link = this.#link;
       void call<RobotAlarms>("GET", "/v1/alarms?active=true&limit=1000").then((answer) => {
-        if (answer.kind === "ok") this.alarms = answer.value.alarms;
+        if (link === null || link !== this.#link) return;
+        this.alarms = answer.kind === "ok" ? answer.value.alarms : null;
+        const mayWork = answer.kind === "unknown" || (answer.kind === "refused" && answer.status >= 500);
+        if (mayWork && this.heard === null) setTimeout(() => this.readAlarms(), AGAIN);
       });
     }, TOGETHER);
   }
@@ -129,7 +159,9 @@ class Hall {
       this.#ahead = Date.parse(sent.time) - now;
       // A gateway without robots sends nothing else.
       if (this.views === null && this.store.robots.size === 0) this.views = [];
+      if (this.store.robots.size === 0) this.isWhole = true;
     }
+    if (sent.type === "reset" && sent.robot === null) this.isWhole = false;
     for (const change of this.store.apply(sent, now)) {
       switch (change.kind) {
         case "robot":
@@ -137,6 +169,9 @@ class Hall {
           break;
         case "removed":
           this.#refresh(change.name);
+          break;
+        case "ask":
+          void this.#ask(change.name, change.ticket);
           break;
         case "event":
           if (change.event.event.startsWith("alarm_")) this.readAlarms();
@@ -170,10 +205,30 @@ class Hall {
       }
       this.#dirty.clear();
       this.views = [...views.values()].sort((a, b) => (a.name < b.name ? -1 : 1));
+      if (this.store.resume !== null && !this.store.isPassing) this.isWhole = true;
     }, 30);
   }
 
+  /** Asks what answers behind a name now, until that is known or asked for anew; some times at most. */
+  async #ask(name: string, ticket: number): Promise<void> {
+    const link = this.#link;
+    for (let tries = 0; tries < TRIES; tries += 1) {
+      if (link === null || link !== this.#link || !this.store.isAsked(name, ticket)) return;
+      const answer = await call<RobotState>("GET", `/v1/robots/${encodeURIComponent(name)}`);
+      if (link !== this.#link) return;
+      if (answer.kind === "ok") {
+        const isKnown = this.store.known(name, ticket, answer.value);
+        if (isKnown !== null) this.#refresh(name);
+        if (isKnown !== false) return;
+      }
+      await new Promise((next) => setTimeout(next, AGAIN));
+      if (this.store.robots.get(name)?.summary.link === "down") return;
+    }
+  }
+
   async #measure(): Promise<void> {
+    // Beside stops it would wait for its turn, and measure that.
+    if (stops.isBusy) return;
     const begun = performance.now();
     const answer = await call("GET", "/healthz", { patience: 3_000 });
     this.latency = answer.kind === "unknown" ? null : Math.round(performance.now() - begun);

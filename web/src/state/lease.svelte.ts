@@ -15,8 +15,8 @@ export const HIDDEN = 30_000;
 
 class LeaseState {
   robot = $state<string | null>(null);
-  /** Whether it ended without being given back: the page says so. */
-  hasEnded = $state(false);
+  /** The robot whose lease ended without being given back: its page says so. */
+  ended = $state<string | null>(null);
   isAsking = $state(false);
   #key: LeaseKey | null = null;
   #timer: ReturnType<typeof setInterval> | null = null;
@@ -34,7 +34,7 @@ class LeaseState {
   async take(robot: string): Promise<Answer<Lease>> {
     await this.give();
     this.isAsking = true;
-    this.hasEnded = false;
+    this.ended = null;
     const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;
     const body = { duration_ms: LASTS };
     const answer = await call<Lease>("POST", path, { body, csrf: session.csrf });
@@ -60,8 +60,9 @@ class LeaseState {
   /** The gateway told that this lease ended, or cannot be heard. */
   lost(): void {
     if (this.#key === null) return;
+    const { robot } = this;
     this.#forget();
-    this.hasEnded = true;
+    this.ended = robot;
   }
 
   /** The page was hidden or shown again. */
@@ -70,8 +71,10 @@ class LeaseState {
     this.#hidden = null;
     if (isVisible || this.#key === null) return;
     this.#hidden = setTimeout(() => {
+      const { robot } = this;
+      if (robot === null) return;
       void this.give();
-      this.hasEnded = true;
+      this.ended = robot;
     }, HIDDEN);
   }
 
@@ -81,7 +84,7 @@ class LeaseState {
     if (robot === null || renew === null) return;
     if (!session.isUsed) {
       await this.give();
-      this.hasEnded = true;
+      this.ended = robot;
       return;
     }
     const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;

@@ -1,6 +1,6 @@
 /** Values of one robot as texts, with their ages. */
 import type { AddressValue } from "../../api/types.ts";
-import { type Shown, shown } from "../../live/age.ts";
+import { DEAD, type Shown, shown } from "../../live/age.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { settings } from "../../state/settings.svelte.ts";
 
@@ -8,7 +8,10 @@ import { settings } from "../../state/settings.svelte.ts";
 export const DECIMALS = 3;
 
 export function stateOf(robot: string, address: string): Shown {
-  return shown(hall.store.robots.get(robot)?.values.get(address), hall.now(), hall.heard);
+  const known = hall.store.robots.get(robot);
+  const period = known?.period ?? Infinity;
+  // The mode is read twice a second at least, whatever the period.
+  return shown(known?.values.get(address), hall.now(), hall.since, address === "curMode" ? Math.min(period, 500) : period);
 }
 
 /** The value; `-` if it is too old to be shown. */
@@ -22,12 +25,14 @@ export function ageText(robot: string, address: string): string {
   const state = stateOf(robot, address);
   const { words } = settings;
   if (state.kind === "fresh") return words.robot.now;
+  if (state.kind === "slow") return words.robot.upTo(state.age / 1000);
   return state.age === null ? "-" : words.robots.old(state.age / 1000);
 }
 
 /** Whether a value was read and is old. What was never read is `-`, and not old. */
 export function isOld(robot: string, address: string): boolean {
   const state = stateOf(robot, address);
+  if (state.kind === "slow") return state.age > DEAD;
   return state.kind !== "fresh" && state.age !== null;
 }
 

@@ -1,25 +1,33 @@
-/** What became of the last request of the robot page. */
+/** What became of the last request for each robot: it is shown on the page of that robot alone. */
+import { SvelteMap } from "svelte/reactivity";
 import type { Answer } from "../../api/client.ts";
 import type { en } from "../../i18n/en.ts";
 
-class Told {
-  text = $state("");
-  isBad = $state(false);
+export interface Said {
+  text: string;
+  isBad: boolean;
+}
 
-  clear(): void {
-    this.say("");
+class Told {
+  #said = new SvelteMap<string, Said>();
+
+  of(robot: string): Said | null {
+    return this.#said.get(robot) ?? null;
   }
 
-  say(text: string, isBad = false): void {
-    this.text = text;
-    this.isBad = isBad;
+  clear(robot: string): void {
+    this.#said.delete(robot);
+  }
+
+  say(robot: string, text: string, isBad = false): void {
+    this.#said.set(robot, { text, isBad });
   }
 
   /** Says why a request was not carried out, or that the outcome is not known. */
-  answer(what: string, answer: Exclude<Answer<unknown>, { kind: "ok" }>, words: typeof en): void {
+  answer(robot: string, what: string, answer: Exclude<Answer<unknown>, { kind: "ok" }>, words: typeof en): void {
     const isUnknown = answer.kind === "unknown" || answer.problem.code === "outcome_unknown" || answer.status === 504;
-    if (isUnknown) this.say(words.control.unknown(what), true);
-    else this.say(words.control.refused(what, answer.problem.message), true);
+    if (isUnknown) this.say(robot, words.control.unknown(what), true);
+    else this.say(robot, words.control.refused(what, answer.problem.message), true);
   }
 }
 

@@ -1,0 +1,33 @@
+/** What a person was told before a start, and whether that still holds. */
+import type { View } from "./view.ts";
+
+export interface Consent {
+  program: string | null;
+  /** Instructions left in the list; `null` if that was not known. */
+  left: number | null;
+  virtual: boolean | null;
+  /** Which machine it was, as one text. */
+  machine: string;
+}
+
+export type Changed = "robot" | "program" | "left";
+
+export function consentOf(view: View): Consent {
+  const { virtual, identity, identity_changed } = view.summary;
+  return { program: view.program, left: view.left, virtual, machine: JSON.stringify([identity, identity_changed]) };
+}
+
+/** What is not any more as the person was told. */
+export function changed(consent: Consent, view: View): Changed | null {
+  const now = consentOf(view);
+  if (now.machine !== consent.machine || now.virtual !== consent.virtual) return "robot";
+  if (now.program !== consent.program) return "program";
+  // To an empty list nothing was added with this consent: the gateway refuses if there is something.
+  if (now.left !== consent.left && !(consent.left === 0 && now.left === null)) return "left";
+  return null;
+}
+
+/** Whether what is left in the list may run too: only if the person was told so. */
+export function mayRunLeftover(consent: Consent): boolean {
+  return consent.left !== 0;
+}
