@@ -8,8 +8,19 @@ const TELL = 60_000;
 /** For so long after the last touch somebody counts as present. */
 export const PRESENT = 5 * 60_000;
 
+/** A link that signs in was opened while a session is open. */
+export interface Offer {
+  known: Session;
+  /** Who the link signs in; `null` if it is not valid, or that cannot be asked. */
+  offered: Session | null;
+  token: string;
+}
+
 class SessionState {
-  phase = $state<"starting" | "out" | "in">("starting");
+  phase = $state<"starting" | "asking" | "out" | "in">("starting");
+  offer = $state.raw<Offer | null>(null);
+  /** Whether somebody signed out, and the gateway did not say that the session has ended. */
+  isMaybeOpen = $state(false);
   session = $state.raw<Session | null>(null);
   /** Why the page asks to sign in; a code, or `ended` or `bad_link`. */
   problem = $state<{ code: string; message: string } | null>(null);
@@ -41,14 +52,31 @@ class SessionState {
     const secret = location.hash.slice(1);
     if (secret !== "") history.replaceState(null, "", location.pathname + location.search);
     const token = tokenOf(secret);
-    if (token !== null && (await this.signIn({ token }))) return;
-    if (secret !== "" && token === null) this.problem = { code: "bad_link", message: "" };
     const known = await call<Session>("GET", "/v1/session");
-    if (known.kind === "ok") this.#enter(known.value);
-    else {
-      this.phase = "out";
-      if (known.kind === "unknown") this.problem = { code: "unknown", message: "" };
+    if (known.kind === "ok") {
+      if (token === null) this.#enter(known.value);
+      else await this.#ask(known.value, token);
+      return;
     }
+    if (known.kind === "refused" && token !== null && (await this.signIn({ token }))) return;
+    this.phase = "out";
+    if (known.kind === "unknown") this.problem = { code: "unknown", message: "" };
+    else if (secret !== "" && token === null) this.problem = { code: "bad_link", message: "" };
+  }
+
+  /** Goes on with the session that is open. */
+  keep(): void {
+    if (this.offer !== null) this.#enter(this.offer.known);
+  }
+
+  /** Ends the session that is open, and signs in with the link. */
+  async replace(): Promise<void> {
+    const { offer } = this;
+    if (offer === null) return;
+    this.isMaybeOpen = !(await this.#close(offer.known.csrf));
+    if (this.isMaybeOpen || this.offer !== offer) return;
+    this.offer = null;
+    if (!(await this.signIn({ token: offer.token }))) this.phase = "out";
   }
 
   /** Returns whether it worked. */
@@ -64,7 +92,13 @@ class SessionState {
   }
 
   async signOut(): Promise<void> {
-    await call("DELETE", "/v1/session", { csrf: this.csrf });
+    this.isMaybeOpen = false;
+    const isClosed = await this.#close(this.csrf);
+    if (this.phase !== "in") return;
+    if (!isClosed) {
+      this.isMaybeOpen = true;
+      return;
+    }
     this.session = null;
     this.problem = null;
     this.phase = "out";
@@ -88,8 +122,28 @@ class SessionState {
     });
   }
 
+  /** Returns whether it is sure that the session has ended. */
+  async #close(csrf: string | null): Promise<boolean> {
+    const answer = await call("DELETE", "/v1/session", { csrf });
+    return answer.kind === "ok" || (answer.kind === "refused" && answer.status === 401);
+  }
+
+  /** The link of the session that is open changes nothing. Of another one, the person decides. */
+  async #ask(known: Session, token: string): Promise<void> {
+    const answer = await call<Session>("GET", "/v1/session", { bearer: token });
+    const offered = answer.kind === "ok" ? answer.value : null;
+    if (offered !== null && offered.token !== null && offered.token === known.token) {
+      this.#enter(known);
+      return;
+    }
+    this.offer = { known, offered, token };
+    this.phase = "asking";
+  }
+
   #enter(session: Session): void {
     this.session = session;
+    this.offer = null;
+    this.isMaybeOpen = false;
     this.problem = null;
     this.phase = "in";
     this.#used = this.#told = performance.now();

@@ -1,0 +1,92 @@
+import { beforeEach, expect, test, vi } from "vitest";
+
+const TOKEN = `r6_${"0".repeat(64)}`;
+const ANNA = { user: "anna", token: null, role: "admin", robot: null, csrf: "anna's", ends_in_ms: 1, idle_ends_in_ms: 1 };
+const TOKEN_7 = { user: null, token: 7, role: "operator", robot: null, csrf: null, ends_in_ms: null, idle_ends_in_ms: null };
+
+interface Asked {
+  method: string;
+  path: string;
+  bearer: string | undefined;
+}
+
+/** A page whose address has this text behind `#`, and a gateway that answers so. */
+async function begin(hash: string, answer: (asked: Asked) => Response | null) {
+  const asked: Asked[] = [];
+  vi.stubGlobal("location", { hash, pathname: "/", search: "" });
+  vi.stubGlobal("history", { replaceState: () => {} });
+  vi.stubGlobal("fetch", (path: string, init: RequestInit) => {
+    const one = { method: init.method ?? "GET", path, bearer: (init.headers as Record<string, string>)["Authorization"] };
+    asked.push(one);
+    const response = answer(one);
+    return response === null ? Promise.reject(new TypeError("Failed to fetch")) : Promise.resolve(response);
+  });
+  vi.resetModules();
+  const { session } = await import("./session.svelte.ts");
+  await session.begin();
+  return { session, asked };
+}
+
+const refused = (status: number): Response => Response.json({ code: "no_session", message: "" }, { status });
+
+beforeEach(() => vi.unstubAllGlobals());
+
+test("signing out ends the session only if the gateway says so", async () => {
+  let ends: Response | null = null;
+  const { session } = await begin("", ({ method }) => (method === "GET" ? Response.json(ANNA) : ends));
+  expect(session.phase).toBe("in");
+  await session.signOut();
+  expect([session.phase, session.isMaybeOpen]).toEqual(["in", true]);
+  ends = refused(503);
+  await session.signOut();
+  expect([session.phase, session.isMaybeOpen]).toEqual(["in", true]);
+  ends = new Response(null, { status: 204 });
+  await session.signOut();
+  expect([session.phase, session.isMaybeOpen]).toEqual(["out", false]);
+});
+
+test("a session that the gateway does not know has ended", async () => {
+  const { session } = await begin("", ({ method }) => (method === "GET" ? Response.json(ANNA) : refused(401)));
+  await session.signOut();
+  expect(session.phase).toBe("out");
+});
+
+test("a link signs in where no session is open", async () => {
+  const { session, asked } = await begin(`#${TOKEN}`, ({ method }) => (method === "GET" ? refused(401) : Response.json(TOKEN_7)));
+  expect([session.phase, session.session?.token]).toEqual(["in", 7]);
+  expect(asked.map(({ method, path }) => `${method} ${path}`)).toEqual(["GET /v1/session", "POST /v1/session/token"]);
+});
+
+test("a link replaces an open session only if the person says so", async () => {
+  const answer = ({ method, path, bearer }: Asked): Response => {
+    if (method === "GET") return Response.json(bearer === undefined ? ANNA : TOKEN_7);
+    return method === "DELETE" ? new Response(null, { status: 204 }) : Response.json(path.endsWith("token") ? TOKEN_7 : ANNA);
+  };
+  const kept = await begin(`#${TOKEN}`, answer);
+  expect(kept.session.phase).toBe("asking");
+  expect(kept.session.offer).toMatchObject({ known: { user: "anna" }, offered: { token: 7, role: "operator" } });
+  expect(kept.asked.every(({ method }) => method === "GET")).toBe(true);
+  kept.session.keep();
+  expect([kept.session.phase, kept.session.session?.user]).toEqual(["in", "anna"]);
+
+  const replaced = await begin(`#${TOKEN}`, answer);
+  await replaced.session.replace();
+  expect([replaced.session.phase, replaced.session.session?.token]).toEqual(["in", 7]);
+  expect(replaced.asked.map(({ method }) => method)).toEqual(["GET", "GET", "DELETE", "POST"]);
+});
+
+test("the link of the session that is open asks nothing, and an invalid one replaces nothing", async () => {
+  const same = await begin(`#${TOKEN}`, () => Response.json(TOKEN_7));
+  expect(same.session.phase).toBe("in");
+  const bad = await begin(`#${TOKEN}`, ({ bearer }) => (bearer === undefined ? Response.json(ANNA) : refused(401)));
+  expect([bad.session.phase, bad.session.offer?.offered]).toEqual(["asking", null]);
+});
+
+test("a session that may still be open is not replaced", async () => {
+  const { session, asked } = await begin(`#${TOKEN}`, ({ method, bearer }) =>
+    method === "GET" ? Response.json(bearer === undefined ? ANNA : TOKEN_7) : null,
+  );
+  await session.replace();
+  expect([session.phase, session.isMaybeOpen]).toEqual(["asking", true]);
+  expect(asked.some(({ method }) => method === "POST")).toBe(false);
+});
