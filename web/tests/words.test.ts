@@ -41,18 +41,37 @@ test("each kind of what a robot does has a sentence in both languages", () => {
       words.doing({ kind: "other_robot", found: "B" }),
       words.doing({ kind: "not_read" }),
       words.doing({ kind: "alarm", code: 7, text: "emergency stop" }),
-      words.doing({ kind: "stop_holds" }),
+      words.doing({ kind: "stop_holds", stands: true }),
+      words.doing({ kind: "stop_holds", stands: false }),
       words.doing({ kind: "manual" }),
       words.doing({ kind: "moves", ...none }),
       words.doing({ kind: "moves", program: "pick", left: 2 }),
-      words.doing({ kind: "runs_and_stands", ...none }),
-      words.doing({ kind: "runs_and_stands", program: "pick", left: 2 }),
-      words.doing({ kind: "waits_for_start" }),
-      words.doing({ kind: "stopped" }),
+      words.doing({ kind: "runs", ...none, stands: true }),
+      words.doing({ kind: "runs", program: "pick", left: 2, stands: true }),
+      words.doing({ kind: "runs", ...none, stands: false }),
+      words.doing({ kind: "runs", program: "pick", left: 2, stands: false }),
+      words.doing({ kind: "waits_for_start", stands: true }),
+      words.doing({ kind: "waits_for_start", stands: false }),
+      words.doing({ kind: "stopped", stands: true }),
+      words.doing({ kind: "stopped", stands: false }),
       words.doing({ kind: "unknown_mode", mode: 5 }),
     ];
     expect(new Set(said).size).toBe(said.length);
     expect(said.join("")).not.toMatch(/undefined|null|\s[,.]/);
+  }
+});
+
+test("that an arm stands is said only if it is seen, and each bad end of a stop names the emergency stop", () => {
+  const kinds = ["stop_holds", "waits_for_start", "stopped", "runs"] as const;
+  for (const kind of kinds) {
+    expect(en.doing({ kind, program: null, left: null, stands: false })).toMatch(/whether the arm (stands|moves now) is not known/i);
+    expect(zh.doing({ kind, program: null, left: null, stands: false })).toMatch(/未知。/);
+    expect(en.doing({ kind, program: null, left: null, stands: true })).not.toContain("not known");
+  }
+  for (const say of [en.stop.notConfirmed, en.stop.notSent]) expect(say("saw")).toContain("emergency stop");
+  for (const say of [zh.stop.notConfirmed, zh.stop.notSent]) expect(say("saw")).toContain("急停");
+  for (const why of ["no_answer", "no_gateway", "in_turn", "given_up", "not_stopped"]) {
+    for (const words of [en, zh]) expect(words.stop.why(why)).not.toContain(why);
   }
 });
 

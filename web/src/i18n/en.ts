@@ -1,6 +1,7 @@
 /** The words of the page in English. Another language is a file with the same fields: see zh.ts. */
 import type { Role } from "../api/types.ts";
 import type { Cause } from "../robots/attention.ts";
+import type { Changed } from "../robots/consent.ts";
 import type { Doing, Unmet } from "../robots/sentence.ts";
 
 const rules = new Intl.PluralRules("en");
@@ -47,6 +48,12 @@ export const en = {
     working: "Signing in…",
     signOut: "Sign out",
     ended: "The session has ended. Sign in again.",
+    maybeOpen: "The gateway did not confirm it: the session may still be open. Try again.",
+    open: (who: string) => `A session is open in this browser: ${who}.`,
+    linkOf: (who: string) => `The link in the address signs in somebody else: ${who}.`,
+    linkUnknown: "The link in the address is not valid, or the gateway does not answer.",
+    keep: (who: string) => `Go on as ${who}`,
+    replace: (who: string) => `End that session and sign in as ${who}`,
     hint: "`r6 up` prints a link that signs in. `r6 gateway token` makes tokens, and an admin makes users.",
     badLink: "The link in the address has no valid token. The link of an earlier start is not valid any more.",
     problem: (code: string, message: string) =>
@@ -68,6 +75,7 @@ export const en = {
     lost: (seconds: number) =>
       `No connection to the gateway for ${duration(seconds)}. Everything on this page is old. Trying again…`,
     lostShort: "gateway lost",
+    silent: "gateway silent",
   },
   mode: (mode: number | null) => (mode === null ? "mode unknown" : (MODES[mode] ?? `mode ${mode}`)),
   virtual: "VIRTUAL 虚拟",
@@ -75,6 +83,7 @@ export const en = {
   kindUnknown: "kind unknown",
   counts: {
     need: (n: number) => (n === 0 ? "no robot needs a person" : count(n, "needs a person", "need a person")),
+    unknown: (n: number) => `${n} unknown`,
     noLink: (n: number) => `${n} no link`,
     run: (n: number) => count(n, "runs", "run"),
     rest: (n: number) => `${n} at rest`,
@@ -82,6 +91,9 @@ export const en = {
   needs: {
     title: "Needs a person",
     none: "No robot needs a person.",
+    old: "The gateway is not heard. What needs a person now is not known.",
+    unknown: (n: number) =>
+      `Of ${count(n, "robot", "robots")} it is not known whether a person is needed: the values are missing, old, or read too seldom.`,
     waiting: (n: number) => `${n} new`,
     shelved: (n: number) => count(n, "alarm is shelved", "alarms are shelved"),
     open: "Open",
@@ -126,26 +138,35 @@ export const en = {
       case "alarm":
         return `Alarm ${doing.code}${doing.text === null ? "" : `: ${doing.text}`}. It waits for a person.`;
       case "stop_holds":
-        return "Stopped. It waits for the holder of the lease to clear the stop.";
+        return doing.stands
+          ? "A stop holds, and the arm stands. It waits for the holder of the lease to clear the stop."
+          : "A stop holds; whether the arm stands is not known. It waits for the holder of the lease to clear the stop.";
       case "manual":
         return "Manual: the person at the pendant leads. Commands from here are refused.";
       case "moves":
         return `The arm moves${doing.program === null ? "" : `, program${named(doing.program)}`}${listOf(doing.left)}.`;
-      case "runs_and_stands":
+      case "runs":
+        if (!doing.stands) {
+          return `The program${named(doing.program)} runs${listOf(doing.left)}. Whether the arm moves now is not known.`;
+        }
         return doing.left !== null && doing.left > 0
           ? `The program${named(doing.program)} runs${listOf(doing.left)}. The arm stands now.`
           : `The program${named(doing.program)} runs. The arm stands, and waits for a signal or for instructions.`;
       case "waits_for_start":
-        return "At rest in automatic mode. It waits for a start.";
+        return doing.stands
+          ? "At rest in automatic mode. It waits for a start."
+          : "In automatic mode, and no program runs. Whether the arm stands is not known.";
       case "stopped":
-        return "Stopped. It waits for a start.";
+        return doing.stands
+          ? "Stopped. It waits for a start."
+          : "Its mode is “stopped”. Whether the arm stands is not known.";
       case "unknown_mode":
         return `In mode ${doing.mode}, which this page does not know.`;
     }
   },
   unmet: (reason: Unmet) =>
     ({
-      gateway_lost: "no connection to the gateway",
+      gateway_lost: "the gateway is not heard",
       no_right: "this needs the role operator",
       no_link: "no link to the robot",
       other_robot: "another robot answers: an engineer has to accept it",
@@ -190,6 +211,12 @@ export const en = {
           : `${count(left, "instruction is", "instructions are")} left in its list. They run too.`,
     prepareSpeed: "The controller does not report its global speed. Expect full speed.",
     preparePerson: "Look at the arm: nobody may be near it.",
+    changed: (what: Changed) =>
+      `Not started: ${{
+        robot: "another robot may answer now, or it is told anew what it is",
+        program: "the program is another one now, or is not known any more",
+        left: "what is left in its list has changed, or is not known any more",
+      }[what]}. Prepare it again.`,
     becameUnready: "It cannot be started now:",
     sending: (what: string) => `${what}: sending…`,
     accepted: (what: string) => `${what}: accepted. The values show whether it moves.`,
@@ -206,9 +233,12 @@ export const en = {
     open: "Choose what to stop",
     all: (n: number) => `Hold to stop all ${n}`,
     none: "No robot moves.",
+    unknown: "Which robots move is not known.",
     moving: "Robots that move, or of which that is not known",
+    dismiss: "Seen",
     not: "Not an emergency stop",
     key: "F9",
+    waiting: (robot: string) => `${robot}: waits to be sent`,
     sending: (robot: string) => `${robot}: sending`,
     stopped: (robot: string, at: string) => `${robot}: stopped, seen ${at}`,
     notConfirmed: (robot: string) => `${robot}: NOT CONFIRMED. Use the emergency stop at the robot.`,
@@ -217,6 +247,8 @@ export const en = {
       ({
         no_answer: "No answer yet.",
         no_gateway: "The gateway cannot be reached.",
+        in_turn: "It waits for the stops of other robots.",
+        given_up: "It gave way to the stop of another robot.",
         not_allowed: "You have no right to stop it.",
         no_session: "You are signed out.",
         no_token: "You are signed out.",
@@ -226,6 +258,8 @@ export const en = {
   robot: {
     missing: (name: string) => `There is no robot “${name}”, or you may not see it.`,
     lastKnown: "Last known:",
+    alsoStop: "A stop holds.",
+    upTo: (seconds: number) => `up to ${duration(seconds)} old`,
     axes: "Axes",
     axis: "Axis",
     pose: "Pose",
@@ -242,6 +276,7 @@ export const en = {
     ioPaused: "Not read while nobody uses this page.",
     ioFailed: (message: string) => `They cannot be read: ${message}`,
     alarms: "Alarms",
+    alarmsUnknown: "The alarms of now are not known.",
     noAlarms: "No alarm in the last day.",
     remedy: "What to do",
     active: "now",

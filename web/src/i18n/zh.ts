@@ -39,6 +39,12 @@ export const zh: typeof en = {
     working: "正在登录…",
     signOut: "退出登录",
     ended: "会话已结束，请重新登录。",
+    maybeOpen: "网关未确认：会话可能仍然打开。请重试。",
+    open: (who) => `此浏览器中已有打开的会话：${who}。`,
+    linkOf: (who) => `地址中的链接将以其他身份登录：${who}。`,
+    linkUnknown: "地址中的链接无效，或网关没有应答。",
+    keep: (who) => `继续使用 ${who}`,
+    replace: (who) => `结束该会话，并以 ${who} 登录`,
     hint: "`r6 up` 会打印登录链接。`r6 gateway token` 生成令牌，用户由管理员创建。",
     badLink: "地址中的链接没有有效的令牌。以前启动时的链接已失效。",
     problem: (code, message) =>
@@ -59,6 +65,7 @@ export const zh: typeof en = {
     connecting: "正在连接网关…",
     lost: (seconds) => `与网关失去连接已 ${duration(seconds)}。本页所有内容均已过时，正在重试…`,
     lostShort: "网关已断开",
+    silent: "网关无响应",
   },
   mode: (mode) => (mode === null ? "模式未知" : (MODES[mode] ?? `模式 ${mode}`)),
   virtual: "VIRTUAL 虚拟",
@@ -66,6 +73,7 @@ export const zh: typeof en = {
   kindUnknown: "类型未知",
   counts: {
     need: (n) => (n === 0 ? "没有机器人需要处理" : `${n} 台需要处理`),
+    unknown: (n) => `${n} 台未知`,
     noLink: (n) => `${n} 台无连接`,
     run: (n) => `${n} 台运行`,
     rest: (n) => `${n} 台待机`,
@@ -73,6 +81,8 @@ export const zh: typeof en = {
   needs: {
     title: "需要处理",
     none: "没有机器人需要处理。",
+    old: "收不到网关的消息，现在哪些机器人需要处理未知。",
+    unknown: (n) => `有 ${n} 台机器人是否需要处理未知：数值缺失、过时或读取间隔过长。`,
     waiting: (n) => `${n} 条新消息`,
     shelved: (n) => `${n} 条报警已搁置`,
     open: "打开",
@@ -117,26 +127,29 @@ export const zh: typeof en = {
       case "alarm":
         return `报警 ${doing.code}${doing.text === null ? "" : `：${doing.text}`}。等待人员处理。`;
       case "stop_holds":
-        return "已停止。等待控制权持有者解除停止。";
+        return doing.stands
+          ? "停止有效，机械臂静止。等待控制权持有者解除停止。"
+          : "停止有效；机械臂是否静止未知。等待控制权持有者解除停止。";
       case "manual":
         return "手动模式：由示教器旁的人员操作，此处的命令会被拒绝。";
       case "moves":
         return `机械臂正在运动${doing.program === null ? "" : `，程序${named(doing.program)}`}${listOf(doing.left)}。`;
-      case "runs_and_stands":
+      case "runs":
+        if (!doing.stands) return `程序${named(doing.program)}正在运行${listOf(doing.left)}。机械臂当前是否运动未知。`;
         return doing.left !== null && doing.left > 0
           ? `程序${named(doing.program)}正在运行${listOf(doing.left)}。机械臂当前静止。`
           : `程序${named(doing.program)}正在运行。机械臂静止，等待信号或指令。`;
       case "waits_for_start":
-        return "自动模式待机，等待启动。";
+        return doing.stands ? "自动模式待机，等待启动。" : "自动模式，没有程序运行。机械臂是否静止未知。";
       case "stopped":
-        return "已停止，等待启动。";
+        return doing.stands ? "已停止，等待启动。" : "其模式为“已停止”。机械臂是否静止未知。";
       case "unknown_mode":
         return `处于本页不认识的模式 ${doing.mode}。`;
     }
   },
   unmet: (reason) =>
     ({
-      gateway_lost: "与网关失去连接",
+      gateway_lost: "收不到网关的消息",
       no_right: "需要操作员权限",
       no_link: "与机器人没有连接",
       other_robot: "应答的是另一台机器人，须由工程师确认",
@@ -180,6 +193,12 @@ export const zh: typeof en = {
           : `列表中还有 ${left} 条指令，也会运行。`,
     prepareSpeed: "控制器不报告全局速度，请按全速对待。",
     preparePerson: "请看机械臂：附近不得有人。",
+    changed: (what) =>
+      `未启动：${{
+        robot: "应答的可能是另一台机器人，或其类型正在重新确认",
+        program: "程序已变更，或不再可知",
+        left: "列表中的剩余指令已变化，或不再可知",
+      }[what]}。请重新准备。`,
     becameUnready: "现在不能启动：",
     sending: (what) => `${what}：正在发送…`,
     accepted: (what) => `${what}：已接受。是否运动请看数值。`,
@@ -195,9 +214,12 @@ export const zh: typeof en = {
     open: "选择要停止的机器人",
     all: (n) => `按住以停止全部 ${n} 台`,
     none: "没有机器人在运动。",
+    unknown: "哪些机器人在运动未知。",
     moving: "正在运动或状态未知的机器人",
+    dismiss: "已阅",
     not: "不是急停",
     key: "F9",
+    waiting: (robot) => `${robot}：等待发送`,
     sending: (robot) => `${robot}：正在发送`,
     stopped: (robot, at) => `${robot}：已停止，${at} 确认`,
     notConfirmed: (robot) => `${robot}：未确认。请使用机器人旁的急停按钮。`,
@@ -206,6 +228,8 @@ export const zh: typeof en = {
       ({
         no_answer: "尚无应答。",
         no_gateway: "无法连接网关。",
+        in_turn: "正在等待其他机器人的停止命令。",
+        given_up: "已让位于另一台机器人的停止命令。",
         not_allowed: "您没有停止它的权限。",
         no_session: "您已退出登录。",
         no_token: "您已退出登录。",
@@ -215,6 +239,8 @@ export const zh: typeof en = {
   robot: {
     missing: (name) => `没有名为“${name}”的机器人，或您无权查看。`,
     lastKnown: "最后所知：",
+    alsoStop: "停止有效。",
+    upTo: (seconds) => `最多 ${duration(seconds)}前`,
     axes: "各轴",
     axis: "轴",
     pose: "位姿",
@@ -231,6 +257,7 @@ export const zh: typeof en = {
     ioPaused: "无人使用本页时不读取。",
     ioFailed: (message) => `无法读取：${message}`,
     alarms: "报警",
+    alarmsUnknown: "当前报警未知。",
     noAlarms: "最近一天没有报警。",
     remedy: "处理方法",
     active: "当前",

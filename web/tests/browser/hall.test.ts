@@ -121,6 +121,15 @@ test("a viewer sees everything, and each control says why it is off", async () =
   await picture(page, "robot-768-dark", true);
   await page.click("[data-stop=press-02]");
   await says(page, "[data-told]", "press-02: NOT SENT. Use the emergency stop at the robot. You have no right to stop it.");
+
+  // Another link does not replace the session unasked.
+  const other = (await r6("gateway", "token", "--data", data.path, "--role", "operator")).trim();
+  await page.goto("about:blank");
+  await page.goto(`${url}/#${other}`);
+  await says(page, "main", /A session is open in this browser: token \d+ · viewer\.[^]*signs in somebody else: token \d+ · operator\./);
+  await isAccessible(page);
+  await page.click("text=/^Go on as token/");
+  await says(page, "summary", "viewer");
   await page.goto(`${url}/robots/no-such-robot`);
   await says(page, "main", "There is no robot “no-such-robot”");
   expect(faults).toEqual([]);

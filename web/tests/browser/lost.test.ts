@@ -69,6 +69,20 @@ test("a killed gateway is said, a stop is not sent, and the next start asks to s
   await says(page, "[role=alert]", "No connection to the gateway");
   await page.keyboard.press("F9");
   await says(page, TOLD, "virtual: NOT SENT.");
+
+  // It stays until somebody has read it, also on another page. Without the gateway, each robot may move.
+  await page.click("text=‹ Hall");
+  await says(page, "[data-outcome=virtual]", "virtual: NOT SENT. Use the emergency stop at the robot.");
+  await page.waitForSelector("[data-needs=unknown]");
+  await isAccessible(page);
+  await page.click("text=STOP…");
+  await page.waitForSelector("[role=group] [data-stop=virtual]");
+  await says(page, "[role=group]", "Which robots move is not known.");
+  expect(await page.locator("[data-outcome]").count(), "its button says it").toBe(0);
+  await isAccessible(page);
+  await page.click("text=Close");
+  await page.getByRole("button", { name: "Seen virtual" }).click();
+  await page.waitForSelector("[data-outcome]", GONE);
   expect(faults).toEqual([]);
   await page.context().close();
 });
