@@ -66,13 +66,16 @@ impl Auditor {
         self.signer.key()
     }
 
-    /// The present head of the log, and its signed text.
+    /// The present head of the log, and its signed text, which is in the store then.
     ///
     /// # Errors
     /// [`StoreError::Broken`] if the log does not have the entry that was signed last. Other [`StoreError`]s.
     pub async fn head(&self) -> Result<(Head, String), StoreError> {
         let mut signed = self.signed.lock().await;
-        self.sign(&mut signed).await
+        let (head, note) = self.sign(&mut signed).await?;
+        // Before it is given out, so that the next start also knows what was signed.
+        self.keeper.put_head(note.clone()).await?;
+        Ok((head, note))
     }
 
     /// Signs the present head. A head that contradicts an earlier one is never signed: otherwise the newer

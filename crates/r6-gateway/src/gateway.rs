@@ -17,6 +17,7 @@ use tokio::task::JoinSet;
 
 use crate::accounts::Accounts;
 use crate::auditor::{self, AuditSettings, Auditor, open_key};
+use crate::backup;
 use crate::certificate::{Certificate, CertificateError, TlsSettings};
 use crate::clock;
 use crate::core::hall::Hall;
@@ -79,6 +80,8 @@ pub struct GatewaySettings {
 pub enum GatewayError {
     /// Another gateway uses the folder.
     InUse(PathBuf),
+    /// The folder is a backup.
+    IsBackup(PathBuf),
     /// The store cannot be used.
     Store(StoreError),
     /// The robots cannot be looked after: a mistake in their configuration.
@@ -104,6 +107,11 @@ impl fmt::Display for GatewayError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::InUse(folder) => write!(f, "another gateway uses {}", folder.display()),
+            Self::IsBackup(folder) => write!(
+                f,
+                "{} is a backup: make the folder of a gateway of it with `r6 gateway restore`, after which stops hold",
+                folder.display()
+            ),
             Self::Store(error) => error.fmt(f),
             Self::Robots(problem) => f.write_str(&problem.message),
             Self::Raw(wrong) => f.write_str(wrong),
@@ -150,6 +158,10 @@ impl Gateway {
     /// # Errors
     /// [`GatewayError`]: nothing is left running.
     pub async fn start(settings: GatewaySettings) -> Result<Self, GatewayError> {
+        // What reads a backup relies on it that nothing writes there.
+        if settings.data.join(backup::LIST).is_file() {
+            return Err(GatewayError::IsBackup(settings.data));
+        }
         let mut store = Sqlite::open(&settings.data)?;
         let lock = lock(&settings.data)?;
         let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
@@ -239,6 +251,12 @@ impl Gateway {
         if let Some(changed) = self.raw_policy.set(policy) {
             self.state.accounts.ledger.note(&by_itself(), changed.deed());
         }
+    }
+
+    /// The present rules of all raw ports.
+    #[must_use]
+    pub fn raw_policy(&self) -> RawPolicy {
+        self.raw_policy.now()
     }
 
     /// Makes the time zone and the shifts of the file these. Without, those that were stored over the API

@@ -78,9 +78,12 @@ impl From<Denied> for Problem {
             Denied::RunUnderWay | Denied::RunOver => Code::RunUnderWay,
             Denied::Stopped | Denied::StopUnderWay => Code::Stopped,
             Denied::IdentityChanged | Denied::AnotherIdentity => Code::IdentityChanged,
-            Denied::NotUp | Denied::Manual | Denied::Closed | Denied::Reconfiguring | Denied::ListLeft => {
-                Code::NotReady
-            }
+            Denied::NotUp
+            | Denied::Manual
+            | Denied::Closed
+            | Denied::Reconfiguring
+            | Denied::ListLeft
+            | Denied::Overtaken => Code::NotReady,
             Denied::NeedsNone => Code::BadCommand,
         };
         Self::new(code, denied.to_string())

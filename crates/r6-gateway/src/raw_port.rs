@@ -49,6 +49,12 @@ impl SharedPolicy {
         is_new.then_some(policy)
     }
 
+    /// The present policy.
+    #[must_use]
+    pub fn now(&self) -> RawPolicy {
+        self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
     /// The rule for this source and robot; `None` if the source may do nothing.
     fn rule(&self, source: SocketAddr, robot: &str) -> Option<RawRule> {
         let policy = self.0.read().unwrap_or_else(PoisonError::into_inner);

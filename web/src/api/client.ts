@@ -1,7 +1,7 @@
 /**
- * Requests to the gateway. Each ends after a time. Three questions at most are under way, and one while stops are:
- * a browser has six connections to a server, and a stop must not wait for one. What a person does is sent at
- * once: an order that waits would be carried out later than it was given.
+ * Requests to the gateway. Each ends after a time. Three questions at most are under way, and one while stops
+ * are: a browser has six connections to a server, and a stop must not wait for one. What a person does is sent
+ * at once: an order that waits would be carried out later than it was given.
  */
 import { stops } from "../stop/stops.ts";
 import type { Code, Problem } from "./types.ts";

@@ -1603,7 +1603,10 @@ export interface components {
             /** @enum {string} */
             event: "stop_began";
         } | {
-            /** @description Whether it is proved that the arm stands. */
+            /**
+             * @description Whether it is proved that the arm stands; for one command that stops, or an action at the panel,
+             *     whether it was accepted.
+             */
             confirmed: boolean;
             /** @enum {string} */
             event: "stop_ended";

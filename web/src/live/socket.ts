@@ -1,6 +1,7 @@
 /**
  * The connection to `/v1/live`: retried for ever, resumed where it was lost. Without a sign of life for 4 s
- * what it told is old, and for 10 s it counts as lost. The clock, the timers and the WebSocket come from outside, for tests.
+ * what it told is old, and for 10 s it counts as lost. The clock, the timers and the WebSocket come from
+ * outside, for tests.
  */
 import type { LiveSent } from "../api/types.ts";
 import { decode } from "./decode.ts";

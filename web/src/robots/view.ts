@@ -9,7 +9,7 @@ export interface View {
   /** How much the mode can be trusted: the tile is as good as that. */
   quality: SignalQuality;
   mode: number | null;
-  /** The code of the alarm, the last one that was read; 0 for none; `null` if it is not known whether there is one. */
+  /** The code of the last alarm that was read; 0 for none; `null` if it is not known whether there is an alarm. */
   alarm: number | null;
   /** This and what follows is `null` if it is not known now: nothing old is taken for it. */
   moving: boolean | null;

@@ -3,7 +3,7 @@ import { SOON, type StopState, type World, stop } from "./stop.ts";
 
 const AT = new Date(0);
 
-/** A world whose time is moved by the test: timers are called when they are due, unless they were cancelled. */
+/** A world whose time the test moves: timers are called when they are due, unless they were cancelled. */
 class Fake implements World {
   time = 0;
   private timers: { at: number; act: () => void }[] = [];
@@ -75,6 +75,28 @@ test("what the gateway refused was not sent", async () => {
   ] as const) {
     expect((await told(answer(status, { code }))).at(-1)).toEqual({ kind: "not_sent", why: code });
   }
+});
+
+test("a stop that was refused for the proof of another session is sent once more with the present one", async () => {
+  const sent: string[] = [];
+  const gateway =
+    (proofs: (string | null)[]): Fake["respond"] =>
+    (init) => {
+      if (init.method !== "POST") {
+        const csrf = proofs.shift() ?? null;
+        return csrf === null ? answer(401, { code: "no_session" })() : answer(200, { csrf })();
+      }
+      const proof = (init.headers as Record<string, string>)["X-CSRF-Token"] ?? "";
+      sent.push(proof);
+      return proof === "new" ? answer(200, { confirmed: true, took_ms: 9 })() : answer(403, { code: "bad_csrf" })();
+    };
+  expect((await told(gateway(["new"]))).at(-1)).toEqual({ kind: "stopped", at: AT, took: 9 });
+  expect(sent).toEqual(["proof", "new"]);
+  // Once: not with the same proof, and not for ever.
+  for (const proofs of [["proof"], ["other", "new"], [null]]) {
+    expect((await told(gateway(proofs))).at(-1)).toEqual({ kind: "not_sent", why: "bad_csrf" });
+  }
+  expect(sent).toEqual(["proof", "new", "proof", "proof", "other", "proof"]);
 });
 
 test("a request that fails may have been sent, unless the gateway was lost before and it fails at once", async () => {

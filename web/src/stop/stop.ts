@@ -59,7 +59,6 @@ export async function stop(
   { isLost = false, signal, world = WORLD }: Options = {},
 ): Promise<void> {
   tell({ kind: "sending" });
-  const headers: Record<string, string> = csrf === null ? {} : { "X-CSRF-Token": csrf };
   const cancel = world.after(SOON, () => tell({ kind: "not_confirmed", why: "no_answer" }));
   const abort = new AbortController();
   const giveUp = (): void => abort.abort();
@@ -68,15 +67,23 @@ export async function stop(
   const cancelAll = world.after(PATIENCE, giveUp);
   try {
     const path = `/v1/robots/${encodeURIComponent(robot)}/stop`;
-    const response = await world.fetch(path, {
-      method: "POST",
-      headers,
-      signal: abort.signal,
-      cache: "no-store",
-      keepalive: true,
-      priority: "high",
-    });
-    const body: unknown = await response.json().catch(() => null);
+    const send = async (proof: string | null): Promise<[Response, unknown]> => {
+      const response = await world.fetch(path, {
+        method: "POST",
+        headers: proof === null ? {} : { "X-CSRF-Token": proof },
+        signal: abort.signal,
+        cache: "no-store",
+        keepalive: true,
+        priority: "high",
+      });
+      return [response, await response.json().catch(() => null)];
+    };
+    let [response, body] = await send(csrf);
+    if (response.status === 403 && codeOf(body) === "bad_csrf") {
+      // Another tab has begun another session. A stop that was refused for that never left the gateway.
+      const proof = await proofNow(world, abort.signal);
+      if (proof !== null && proof !== csrf) [response, body] = await send(proof);
+    }
     cancel();
     if (response.ok && isStopped(body)) tell({ kind: "stopped", at: world.now(), took: body.took_ms });
     else if (NOT_SENT.has(response.status)) tell({ kind: "not_sent", why: codeOf(body) });
@@ -91,6 +98,14 @@ export async function stop(
     cancelAll();
     signal?.removeEventListener("abort", giveUp);
   }
+}
+
+/** The proof of the session that is open now; `null` if there is no session. */
+async function proofNow(world: World, signal: AbortSignal): Promise<string | null> {
+  const response = await world.fetch("/v1/session", { signal, cache: "no-store", priority: "high" });
+  const body: unknown = await response.json().catch(() => null);
+  if (!response.ok || typeof body !== "object" || body === null || !("csrf" in body)) return null;
+  return typeof body.csrf === "string" ? body.csrf : null;
 }
 
 function isStopped(body: unknown): body is { confirmed: true; took_ms: number } {

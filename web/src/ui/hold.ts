@@ -7,7 +7,10 @@
 export const HOLD = 1_000;
 /** With keys it is pressed twice, within this time. */
 export const AGAIN = 3_000;
-/** Between the two presses the key is up for so long: some remote desktops send the repeats of one long press as presses. */
+/**
+ * Between the two presses the key is up for so long, in milliseconds: some remote desktops send the repeats of
+ * one long press as presses.
+ */
 export const GAP = 100;
 
 export interface World {

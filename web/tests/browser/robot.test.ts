@@ -47,6 +47,7 @@ test("an operator signs in with the link, sees an axis move, stops the arm and s
   await page.waitForSelector("[data-lease=mine]");
   const other = await openPage(browser);
   await other.page.goto(cell.link);
+  await other.page.waitForSelector("[data-robot=virtual]");
   await other.page.goto(`${cell.gateway}/robots/virtual`);
   await other.page.waitForSelector("[data-lease=others]");
   await says(other.page, "[data-lease]", /1 \(r6 up\) controls it/);

@@ -174,7 +174,8 @@ impl Station {
             untold(Problem::new(Code::Overloaded, "too many commands of this robot are under way"))
         })?;
         let effect = order.effect();
-        self.seat(|seat, now| seat.check_order(now, key, &order)).map_err(|denied| untold(denied.into()))?;
+        let asked = self.seat(|seat, now| seat.check_order(now, key, &order).map(|()| seat.asked(now)));
+        let asked = asked.map_err(|denied| untold(denied.into()))?;
         let robot = self.robot.borrow().clone();
         let robot =
             robot.ok_or_else(|| untold(Problem::new(Code::NotReady, "there is no connection yet")))?;
@@ -186,6 +187,7 @@ impl Station {
         let send = async {
             // What was true before the disk had its turn may not be true any more.
             let permit = self.seat(|seat, now| seat.permit(now, key, order));
+            let permit = permit.and_then(|permit| asked.admit(clock::now(), permit));
             let permit = permit.map_err(|denied| (CommandOutcome::NotSent, denied.into()))?;
             let _sending = self.sending();
             let answer = self.send(&robot, permit).await;

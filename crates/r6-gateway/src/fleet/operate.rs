@@ -93,7 +93,8 @@ impl Station {
         let _slot = self.commands.try_acquire().map_err(|_| {
             untold(Problem::new(Code::Overloaded, "too many commands of this robot are under way"))
         })?;
-        self.seat(|seat, now| seat.check_press(now, key, press)).map_err(|denied| untold(denied.into()))?;
+        let asked = self.seat(|seat, now| seat.check_press(now, key, press).map(|()| seat.asked(now)));
+        let asked = asked.map_err(|denied| untold(denied.into()))?;
         if press.runs_leftover && !run_leftover {
             let robot = self.robot();
             let robot =
@@ -103,8 +104,10 @@ impl Station {
         let act = async {
             let line = panel.connect().await.map_err(|why| (CommandOutcome::NotSent, unreachable(&why)))?;
             // What was true before the disk and the connection had their turn may not be true any more.
-            self.seat(|seat, now| seat.check_press(now, key, press))
-                .map_err(|denied| (CommandOutcome::NotSent, denied.into()))?;
+            self.seat(|seat, now| {
+                seat.check_press(now, key, press).and_then(|()| seat.check_asked(now, asked))
+            })
+            .map_err(|denied| (CommandOutcome::NotSent, denied.into()))?;
             let _sending = self.sending();
             line.act(&press.action).await.map_err(problem_of)
         };

@@ -4,6 +4,7 @@
 //! other client.
 
 use axum::extract::Path;
+use axum::extract::rejection::PathRejection;
 use axum::http::header::{
     CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HeaderName, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
 };
@@ -58,12 +59,13 @@ pub async fn robot() -> impl IntoResponse {
     (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
     (status = 404, description = "`no_such_path`: this build has no such file", body = Problem),
 ))]
-pub async fn asset(Path(file): Path<String>) -> Result<impl IntoResponse, Refusal> {
-    let path = format!("assets/{file}");
-    let bytes = find(&path).ok_or_else(|| {
+pub async fn asset(file: Result<Path<String>, PathRejection>) -> Result<impl IntoResponse, Refusal> {
+    let none = || {
         let message = "the dashboard of this gateway has no such file: load its page again";
         Refusal::not_found(Code::NoSuchPath, message)
-    })?;
+    };
+    let path = format!("assets/{}", file.map_err(|_| none())?.0);
+    let bytes = find(&path).ok_or_else(none)?;
     Ok((headers(content_type(&path), FOR_EVER), bytes))
 }
 

@@ -1,5 +1,7 @@
 //! Stops: without a lease, at once, and they hold.
 
+use std::time::Duration;
+
 use futures_util::StreamExt as _;
 use futures_util::stream::FuturesUnordered;
 use r6_gateway::{Gateway, RobotConfig};
@@ -153,4 +155,32 @@ async fn a_stop_that_is_not_confirmed_is_written_also_right_after_one_that_was()
         .map(|entry| (entry["request"].as_str().unwrap(), entry["confirmed"] == true))
         .collect();
     assert_eq!(stops, [("stop", true), ("stop", false), ("actionPause", false)], "once a minute: {audit:#?}");
+}
+
+/// Holds up the store of the hall while `act` runs: another process does so, or a slow disk.
+async fn with_slow_store<T>(hall: &Hall, act: impl Future<Output = T>) -> T {
+    let store = rusqlite::Connection::open(hall.data.path().join("control.db")).unwrap();
+    store.execute_batch("BEGIN IMMEDIATE").unwrap();
+    let done = act.await;
+    store.execute_batch("COMMIT").unwrap();
+    done
+}
+
+#[tokio::test]
+async fn a_start_that_waited_for_the_disk_is_not_sent_after_a_stop_although_that_was_cleared() {
+    let hall = Hall::with(vec![ready_to_start().await]).await;
+    let lease = hall.lease(&hall.operator, "press").await;
+    let mut log = hall.robots[0].handle().log();
+    let others = with_slow_store(&hall, async {
+        // Its intent waits for the disk.
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        assert_eq!(hall.stop(&hall.engineer, "press").await.0, 200);
+        let clear = "/v1/robots/press/clear-stopped";
+        assert_eq!(hall.post(&hall.operator, clear, &json!({ "lease": lease })).await.0, 204);
+    });
+    let ((status, problem), ()) =
+        tokio::join!(hall.command(&hall.operator, "press", &lease, "startButton"), others);
+    assert_eq!((status, &problem["code"]), (409, &json!("not_ready")), "{problem}");
+    assert!(!commands(&mut log).iter().any(|command| command.contains("startButton")));
+    assert!(!hall.robots[0].handle().snapshot().moving);
 }

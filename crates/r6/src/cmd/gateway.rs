@@ -333,10 +333,11 @@ async fn reread(gateway: &Gateway, path: &Path, typed: &[String], mut beside: Op
         Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
     };
     // Before the robots, which may take their time: a source that is denied now commands nothing more.
+    let before = gateway.raw_policy();
     gateway.set_raw_policy(policy.unwrap_or_default());
-    gateway.set_hall(hall);
     match gateway.reload(robots).await {
         Ok(Changes { added, changed, removed }) => {
+            gateway.set_hall(hall);
             let lines = match &mut beside {
                 Some(beside) => beside.twins.commit(prepared).await,
                 None => Vec::new(),
@@ -348,11 +349,10 @@ async fn reread(gateway: &Gateway, path: &Path, typed: &[String], mut beside: Op
             ));
             lines.into_iter().for_each(output::line);
         }
-        Err(problem) => output::note(format_args!(
-            "r6: {}: the robots stay as they were, and the rules of raw ports and the shifts changed: {}",
-            path.display(),
-            problem.message
-        )),
+        Err(problem) => {
+            gateway.set_raw_policy(before);
+            output::note(format_args!("r6: {}: nothing was changed: {}", path.display(), problem.message));
+        }
     }
 }
 

@@ -84,7 +84,8 @@ pub fn row() -> Row {
                    WHERE robot = 0 AND signal = 0 AND time >= ?1 AND time < ?2 GROUP BY 1 ORDER BY 1";
         let mut statement = plain.prepare_cached(sql).expect("a statement");
         let rows = statement.query_map([BEGIN, BEGIN + DAY], |row| row.get::<_, f64>(1)).expect("rows");
-        assert_eq!(rows.map(|row| row.expect("a number")).count(), minutes);
+        let means: Vec<f64> = rows.map(|row| row.expect("a number")).collect();
+        assert_eq!(means.len(), minutes);
         vec![begun.elapsed().as_secs_f64() * 1e9]
     };
     let of_gateway = || {

@@ -12,6 +12,35 @@ use crate::core::order::Order;
 /// A permitted command does not leave later than this after it was permitted: later it would be a surprise.
 const LEAVE_WITHIN: Duration = Duration::from_secs(1);
 
+/// How long a request may wait for the disk and the connection before it is permitted: later it would be a
+/// surprise, too. A slow disk takes a second.
+const WAIT_WITHIN: Duration = Duration::from_secs(3);
+
+/// When something was asked for.
+///
+/// A stop that begins after it withdraws it, even if the stop is cleared again before the disk has written
+/// the intent: the person who cleared the stop does not know of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    at: Instant,
+    generation: u64,
+}
+
+impl Asked {
+    /// The permit, if it comes soon enough and nothing has voided permits since this was asked for.
+    ///
+    /// # Errors
+    /// [`Denied::Overtaken`].
+    pub fn admit(self, now: Instant, permit: Permit) -> Result<Permit, Denied> {
+        self.check(now, permit.generation).map(|()| permit)
+    }
+
+    fn check(self, now: Instant, generation: u64) -> Result<(), Denied> {
+        let is_late = now > self.at + WAIT_WITHIN;
+        if is_late || generation != self.generation { Err(Denied::Overtaken) } else { Ok(()) }
+    }
+}
+
 /// The right to send one command or list once: on one connection, until a time. Only [`Seat::permit`] makes
 /// one.
 ///
@@ -89,6 +118,8 @@ pub enum Denied {
     RunEnding,
     /// A list of an earlier run, or of a run that was cut short, may still be at the robot.
     ListLeft,
+    /// It waited too long, or permits were voided while it waited.
+    Overtaken,
     /// A command that stops needs no permit.
     NeedsNone,
 }
@@ -135,6 +166,10 @@ impl fmt::Display for Denied {
                 "a list of a program that the gateway ran may still be at the robot: the gateway stops it as soon as the \
                  robot answers; wait for that",
             ),
+            Self::Overtaken => f.write_str(
+                "nothing was sent: while the request waited for the disk, a stop or another change came in between, or \
+                 it waited too long; look at the robot, then ask again",
+            ),
             Self::NeedsNone => f.write_str("a command that stops needs no lease"),
         }
     }
@@ -151,6 +186,20 @@ impl Seat {
         let order = order.into();
         self.check_order(now, key, &order)?;
         self.permit_any(now, key, order)
+    }
+
+    /// What is asked for now.
+    #[must_use]
+    pub fn asked(&self, now: Instant) -> Asked {
+        Asked { at: now, generation: self.generation }
+    }
+
+    /// Whether what was asked for then may still be done.
+    ///
+    /// # Errors
+    /// [`Denied::Overtaken`].
+    pub fn check_asked(&self, now: Instant, asked: Asked) -> Result<(), Denied> {
+        asked.check(now, self.generation)
     }
 
     /// Whether this command or list would be permitted now.
@@ -228,5 +277,40 @@ impl Seat {
             Effect::Moves | Effect::Changes => {}
         }
         self.link.filter(|link| now.since(link.seen_at) <= self.fresh_for).ok_or(Denied::NotUp)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use r6_api::gateway::RobotIdentity;
+    use r6_proto::Command;
+
+    use super::*;
+    use crate::core::seat::{Ask, Saved, Secret};
+
+    const NOW: Instant = Instant::ORIGIN;
+
+    #[test]
+    fn what_waited_too_long_or_was_overtaken_by_a_stop_is_not_sent() {
+        let mut seat = Seat::new(Saved::default(), Duration::from_secs(60));
+        let ask = Ask { holder: "anna".to_owned(), lasts: Duration::from_secs(60), secret: Secret([7; 16]) };
+        let key = seat.acquire(NOW, ask).unwrap().key;
+        seat.identified(RobotIdentity { axis_count: Some(6), ..RobotIdentity::default() });
+        seat.observed(NOW, 1, false);
+        let asked = seat.asked(NOW);
+        let mut admitted = |now, asked: Asked| {
+            let permit = seat.permit(now, key, Command::StartButton)?;
+            asked.admit(now, permit).map(drop)
+        };
+        assert_eq!(admitted(NOW + WAIT_WITHIN, asked), Ok(()));
+        let late = NOW + WAIT_WITHIN + Duration::from_millis(1);
+        assert_eq!(admitted(late, asked), Err(Denied::Overtaken));
+        seat.stop_begins();
+        seat.stop_ends();
+        seat.clear(NOW, key).unwrap();
+        let permit = seat.permit(NOW, key, Command::StartButton).unwrap();
+        assert_eq!(asked.admit(NOW, permit).map(drop), Err(Denied::Overtaken));
+        assert_eq!(seat.check_asked(NOW, asked), Err(Denied::Overtaken));
+        assert_eq!(seat.check_asked(NOW, seat.asked(NOW)), Ok(()));
     }
 }
