@@ -118,7 +118,7 @@ impl PublicKey {
     /// Reads a head of this kind and checks that this key signed it.
     ///
     /// # Errors
-    /// [`Unfit`].
+    /// The note is no head, is of another kind, or another key signed it.
     pub fn open_as(&self, kind: Kind, note: &str) -> Result<Head, Unfit> {
         self.open(note).and_then(|head| if head.kind == kind { Ok(head) } else { Err(Unfit::OtherKind) })
     }
