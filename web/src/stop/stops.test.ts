@@ -92,7 +92,7 @@ test("a single stop leaves at once, and robots without a link give up their conn
   expect(stops.of("z")).toEqual({ kind: "not_sent", why: "given_up" });
 });
 
-test("a single stop takes the place of one that waits; those with a link go on", async () => {
+test("a single stop is sent before stops that wait; stops of robots with a link go on", async () => {
   const { stops, sent, robots } = start();
   stops.many(["a", "b", "c", "d", "e", "f"].map((robot) => linked(robot)), BY);
   stops.one("f", BY);

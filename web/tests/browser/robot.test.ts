@@ -80,7 +80,7 @@ test("an operator signs in with the link, sees an axis move, stops the arm and s
   await page.click("[data-control=clear_stop]");
   await says(page, "[data-told-command]", "Clear stop: done.");
 
-  // What moves takes two steps. A short press is none.
+  // What moves takes two steps. A short press starts nothing.
   await page.click("[data-control=start]");
   await page.click("text=Hold to run virtual");
   await page.waitForSelector("[role=dialog]");
