@@ -220,7 +220,7 @@ async fn a_kept_head_is_never_taken_from_the_head_of_the_removed_entries() {
     let (_, kept) = auditor.head().await.unwrap();
     keeper.append(started(1_000)).await.unwrap();
     auditor.remove_old().await.unwrap();
-    // The entry of the kept head is the last one that was removed.
+    // Exactly the entries up to that of the kept head were removed.
     let removed = VerifyError::Removed { number: 1_000, removed: 1_000 };
     assert_eq!(verify(path, &[], Some(&kept)), Err(removed));
     // A person with the folder signs that more was removed, up to an entry of their choice.
