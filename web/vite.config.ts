@@ -45,11 +45,4 @@ export default defineConfig({
     modulePreload: { polyfill: false },
     reportCompressedSize: false,
   },
-  server: {
-    // `npm run dev` beside a gateway: GATEWAY=http://127.0.0.1:9780
-    proxy: {
-      "/v1": { target: process.env["GATEWAY"] ?? "http://127.0.0.1:9780", ws: true },
-      "/healthz": process.env["GATEWAY"] ?? "http://127.0.0.1:9780",
-    },
-  },
 });

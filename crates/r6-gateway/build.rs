@@ -1,4 +1,5 @@
-//! Embeds the dashboard, if it was built: writes the list of its files for `src/http/page.rs`.
+//! Embeds the dashboard, if it was built: writes the list of its files for `src/http/page.rs`. A build for
+//! development reads the files when they are asked for instead, so it has none of them in it.
 
 use std::fs;
 use std::io::{self, Error};
@@ -8,11 +9,15 @@ fn main() -> io::Result<()> {
     let missing = |name: &str| Error::other(format!("cargo sets {name}"));
     let root = std::env::var_os("CARGO_MANIFEST_DIR").ok_or_else(|| missing("CARGO_MANIFEST_DIR"))?;
     let out = std::env::var_os("OUT_DIR").ok_or_else(|| missing("OUT_DIR"))?;
-    // Cargo looks at all files of this folder.
-    println!("cargo::rerun-if-changed=page");
     let built = Path::new(&root).join("page/built");
     let mut files = Vec::new();
-    list(&built, &mut files)?;
+    if std::env::var_os("CARGO_CFG_DEBUG_ASSERTIONS").is_some() {
+        println!("cargo::rerun-if-changed=build.rs");
+    } else {
+        // Cargo looks at all files of this folder.
+        println!("cargo::rerun-if-changed=page");
+        list(&built, &mut files)?;
+    }
     let name = |file: &PathBuf| {
         let name = file.strip_prefix(&built).map_err(Error::other)?;
         Ok((name.to_string_lossy().replace('\\', "/"), file.to_string_lossy().into_owned()))

@@ -3,7 +3,8 @@ import { type Route, routeOf } from "./route.ts";
 
 class Router {
   route = $state.raw<Route>(routeOf(location.pathname));
-  search = $state(new URLSearchParams(location.search).get("q") ?? "");
+  /** What stands behind `?` in the address. Robots, spans and filters are there, so that a link has them too. */
+  query = $state.raw(new URLSearchParams(location.search));
 
   constructor() {
     addEventListener("popstate", () => this.#read());
@@ -25,16 +26,29 @@ class Router {
     scrollTo(0, 0);
   }
 
-  /** Searches. The address says it too, so that it can be passed on. */
+  get search(): string {
+    return this.query.get("q") ?? "";
+  }
+
   find(text: string): void {
-    this.search = text;
-    const query = text === "" ? "" : `?${new URLSearchParams({ q: text })}`;
-    history.replaceState(null, "", location.pathname + query);
+    this.choose({ q: text });
+  }
+
+  /** Changes parts of the query. An empty text takes a part away. */
+  choose(parts: Record<string, string>): void {
+    const query = new URLSearchParams(this.query);
+    for (const [key, value] of Object.entries(parts)) {
+      if (value === "") query.delete(key);
+      else query.set(key, value);
+    }
+    this.query = query;
+    const text = query.toString();
+    history.replaceState(null, "", location.pathname + (text === "" ? "" : `?${text}`));
   }
 
   #read(): void {
     this.route = routeOf(location.pathname);
-    this.search = new URLSearchParams(location.search).get("q") ?? "";
+    this.query = new URLSearchParams(location.search);
   }
 }
 

@@ -9,6 +9,7 @@ mod audit;
 mod command;
 mod history;
 mod live;
+mod model;
 mod panel;
 mod production;
 mod program;
@@ -36,6 +37,7 @@ pub use live::{
     LiveAlive, LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveRequest, LiveReset, LiveResume,
     LiveSent, LiveSubscribe, LiveSubscribed,
 };
+pub use model::{ArmAxis, ArmGeometry, ArmModel, Models};
 pub use panel::{PanelDone, PanelRequest};
 pub use production::{
     AlarmFigure, AlarmFigures, Availability, CycleFigures, PartFigures, Production, ProductionByShift,

@@ -17,6 +17,7 @@ mod health;
 mod history;
 mod leases;
 mod metrics;
+mod models;
 mod page;
 mod panel;
 mod parquet;
@@ -128,6 +129,7 @@ fn routes() -> OpenApiRouter<State> {
         .merge(with_programs)
         .routes(routes!(programs::list))
         .routes(routes!(programs::versions))
+        .routes(routes!(models::list))
         .routes(routes!(query::show))
         .routes(routes!(runs::show))
         .routes(routes!(robots::list))
@@ -155,6 +157,9 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(settings::show, settings::put))
         .routes(routes!(page::hall))
         .routes(routes!(page::robot))
+        .routes(routes!(page::teach))
+        .routes(routes!(page::teach_program))
+        .routes(routes!(page::of_hall))
         .routes(routes!(page::asset))
         .routes(routes!(setup::page))
         .routes(routes!(setup::script))

@@ -112,6 +112,40 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/robots/{name}/teach": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** The dashboard: the programs of one robot. The same page as `/`. */
+        get: operations["teach"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/robots/{name}/teach/{program}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** The dashboard: one program of one robot. The same page as `/`. */
+        get: operations["teach_program"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/setup": {
         parameters: {
             query?: never;
@@ -243,6 +277,26 @@ export interface paths {
          *     `data`, and the place to resume at the `id`.
          */
         get: operations["live"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/models": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * The models of arms: lengths, axes and limits. They are in the program, so they are the same until it is another
+         *     one.
+         */
+        get: operations["models"];
         put?: never;
         post?: never;
         delete?: never;
@@ -888,6 +942,23 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/{page}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** The dashboard: a page of all robots, such as `/alarms`. The same page as `/`. */
+        get: operations["page_of_hall"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
 }
 export type webhooks = Record<string, never>;
 export interface components {
@@ -1025,6 +1096,117 @@ export interface components {
             computed_from: string[];
             /** @description Those that lost the most time, 20 at most. */
             top: components["schemas"]["AlarmFigure"][];
+        };
+        /** @description One axis of a model. */
+        ArmAxis: {
+            /**
+             * Format: double
+             * @description Its full speed, per second.
+             */
+            full_speed: number;
+            /** @description Where moves may take it: lowest and highest position. */
+            limits: number[];
+            /**
+             * Format: double
+             * @description The position of the geometry where the axis reads 0.
+             */
+            offset: number;
+            /**
+             * Format: int32
+             * @description 1 or -1: the direction of the axis in the geometry.
+             */
+            sign: number;
+            /**
+             * @description `deg` or `mm`.
+             * @example deg
+             */
+            unit: string;
+        };
+        /**
+         * @description How the axes of an arm carry the tool. Lengths are in mm. They apply with every axis of the geometry at 0,
+         *     which is `sign * axis + offset`.
+         */
+        ArmGeometry: {
+            /**
+             * Format: double
+             * @description J1 to shoulder, forwards.
+             */
+            a1: number;
+            /**
+             * Format: double
+             * @description Shoulder to elbow, upwards.
+             */
+            a2: number;
+            /**
+             * Format: double
+             * @description Elbow to forearm, upwards.
+             */
+            a3: number;
+            /**
+             * Format: double
+             * @description The plane of J1 to the axis of the forearm, to the left.
+             */
+            b: number;
+            /**
+             * Format: double
+             * @description Floor to shoulder, upwards.
+             */
+            d1: number;
+            /**
+             * Format: double
+             * @description Elbow to wrist centre, forwards.
+             */
+            d4: number;
+            /**
+             * Format: double
+             * @description Wrist centre to flange, forwards.
+             */
+            d6: number;
+            /** @enum {string} */
+            kind: "six_axis";
+            /**
+             * Format: double
+             * @description Flange to what the controller calls tool 0, along the axis of the flange.
+             */
+            tool_offset: number;
+        } | {
+            /**
+             * Format: double
+             * @description J2 to J4.
+             */
+            forearm: number;
+            /**
+             * Format: double
+             * @description Floor to tool 0 at J3 = 0.
+             */
+            height: number;
+            /** @enum {string} */
+            kind: "scara";
+            /**
+             * Format: double
+             * @description J1 to J2.
+             */
+            upper_arm: number;
+        } | {
+            /** @enum {string} */
+            kind: "cartesian";
+        };
+        /** @description One model of an arm. */
+        ArmModel: {
+            /** @description Its axes, J1 first. */
+            axes: components["schemas"]["ArmAxis"][];
+            /** @description Its lengths. */
+            geometry: components["schemas"]["ArmGeometry"];
+            /**
+             * Format: double
+             * @description Full speed of a linear or curve move, mm/s.
+             */
+            max_line_speed: number;
+            /**
+             * @description Its name.
+             * @example BRTIRUS0707A
+             */
+            name: string;
         };
         /** @description A page of the audit log. */
         Audit: {
@@ -2147,6 +2329,11 @@ export interface components {
          * @enum {string}
          */
         ManagedBy: "file" | "api";
+        /** @description The models that the gateway knows, by name. */
+        Models: {
+            /** @description The models. */
+            models: components["schemas"]["ArmModel"][];
+        };
         /** @description What was done at the panel of a virtual robot. */
         PanelDone: {
             /**
@@ -3535,6 +3722,90 @@ export interface operations {
             };
         };
     };
+    teach: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The page */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": unknown;
+                };
+            };
+            /** @description `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description This build has no dashboard */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": unknown;
+                };
+            };
+        };
+    };
+    teach_program: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+                /** @description The name of the program */
+                program: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The page */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": unknown;
+                };
+            };
+            /** @description `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description This build has no dashboard */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": unknown;
+                };
+            };
+        };
+    };
     page: {
         parameters: {
             query?: never;
@@ -3932,6 +4203,53 @@ export interface operations {
             };
             /** @description `bad_value` */
             422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    models: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description All models */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Models"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `foreign_host`, `foreign_origin` */
+            403: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -8193,6 +8511,47 @@ export interface operations {
             };
             /** @description `outcome_unknown`: the gateway ends */
             504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    page_of_hall: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description `alarms`, `production`, `history`, `audit`, `connections`, `users`, `tokens`, `settings` or `gallery` */
+                page: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The page */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/html": unknown;
+                };
+            };
+            /** @description `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_path`: there is no such page; or this build has no dashboard: then it is a page that says so */
+            404: {
                 headers: {
                     [name: string]: unknown;
                 };

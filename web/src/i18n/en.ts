@@ -3,12 +3,8 @@ import type { Role } from "../api/types.ts";
 import type { Cause } from "../robots/attention.ts";
 import type { Changed } from "../robots/consent.ts";
 import type { Doing, Unmet } from "../robots/sentence.ts";
-
-const rules = new Intl.PluralRules("en");
-
-function count(number: number, one: string, other: string): string {
-  return `${number} ${rules.select(number) === "one" ? one : other}`;
-}
+import { menu } from "./en/menu.ts";
+import { count, duration } from "./en/say.ts";
 
 const MODES: Record<number, string> = {
   0: "no mode",
@@ -31,6 +27,7 @@ function listOf(left: number | null): string {
 export const en = {
   code: "en",
   name: "English",
+  menu,
   hall: "Hall",
   toHall: "Back to the hall",
   main: "Main content",
@@ -313,11 +310,3 @@ export const en = {
   },
   notThere: "There is no such page.",
 };
-
-/** A time span for people: `12 s`, `2 min 13 s`, `3 h 5 min`. */
-function duration(seconds: number): string {
-  const whole = Math.max(0, Math.floor(seconds));
-  if (whole < 60) return `${whole} s`;
-  if (whole < 3600) return `${Math.floor(whole / 60)} min ${whole % 60} s`;
-  return `${Math.floor(whole / 3600)} h ${Math.floor((whole % 3600) / 60)} min`;
-}

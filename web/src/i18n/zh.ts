@@ -1,5 +1,7 @@
 /** The words of the page in Simplified Chinese. */
 import type { en } from "./en.ts";
+import { menu } from "./zh/menu.ts";
+import { duration } from "./zh/say.ts";
 
 const MODES: Record<number, string> = {
   0: "无模式",
@@ -22,6 +24,7 @@ function listOf(left: number | null): string {
 export const zh: typeof en = {
   code: "zh-Hans",
   name: "简体中文",
+  menu,
   hall: "车间",
   toHall: "返回车间",
   main: "主要内容",
@@ -294,11 +297,3 @@ export const zh: typeof en = {
   },
   notThere: "没有这个页面。",
 };
-
-/** 供人阅读的时长。 */
-function duration(seconds: number): string {
-  const whole = Math.max(0, Math.floor(seconds));
-  if (whole < 60) return `${whole} 秒`;
-  if (whole < 3600) return `${Math.floor(whole / 60)} 分 ${whole % 60} 秒`;
-  return `${Math.floor(whole / 3600)} 小时 ${Math.floor((whole % 3600) / 60)} 分`;
-}

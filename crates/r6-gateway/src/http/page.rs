@@ -1,7 +1,12 @@
-//! The dashboard: files that the build script embeds, and a page in their place if they were not built.
+//! The dashboard: files that the build script embeds, and a page in their place if they were not built. A build
+//! for development reads them from `page/built`, or from the folder that `R6_PAGE` names, so that a change of
+//! the page needs no build of the gateway.
 //!
 //! The files say nothing about robots, so they need no token. The page signs in and uses the API as every
 //! other client.
+
+use std::borrow::Cow;
+use std::path::PathBuf;
 
 use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
@@ -14,6 +19,10 @@ use r6_api::{Code, Problem};
 use r6_http::Refusal;
 
 include!(concat!(env!("OUT_DIR"), "/page.rs"));
+
+/// The pages of all robots: those of `web/src/route.ts`.
+const PAGES: [&str; 9] =
+    ["alarms", "production", "history", "audit", "connections", "users", "tokens", "settings", "gallery"];
 
 /// The page itself.
 const INDEX: &str = "index.html";
@@ -53,6 +62,47 @@ pub async fn robot() -> impl IntoResponse {
     index()
 }
 
+/// The dashboard: the programs of one robot. The same page as `/`.
+#[utoipa::path(get, path = "/robots/{name}/teach", operation_id = "teach", security(()), params(("name" = String, Path, description = "The name of the robot")), responses(
+    (status = 200, description = "The page", content_type = "text/html"),
+    (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+    (status = 404, description = "This build has no dashboard", content_type = "text/html"),
+))]
+pub async fn teach() -> impl IntoResponse {
+    index()
+}
+
+/// The dashboard: one program of one robot. The same page as `/`.
+#[utoipa::path(get, path = "/robots/{name}/teach/{program}", operation_id = "teach_program", security(()),
+    params(
+        ("name" = String, Path, description = "The name of the robot"),
+        ("program" = String, Path, description = "The name of the program"),
+    ),
+    responses(
+        (status = 200, description = "The page", content_type = "text/html"),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "This build has no dashboard", content_type = "text/html"),
+    )
+)]
+pub async fn teach_program() -> impl IntoResponse {
+    index()
+}
+
+/// The dashboard: a page of all robots, such as `/alarms`. The same page as `/`.
+#[utoipa::path(get, path = "/{page}", operation_id = "page_of_hall", security(()),
+    params(("page" = String, Path, description = "`alarms`, `production`, `history`, `audit`, `connections`, `users`, `tokens`, `settings` or `gallery`")),
+    responses(
+        (status = 200, description = "The page", content_type = "text/html"),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_path`: there is no such page; or this build has no dashboard: then it is a page that says so", body = Problem),
+    )
+)]
+pub async fn of_hall(page: Result<Path<String>, PathRejection>) -> Result<impl IntoResponse, Refusal> {
+    let is_page = page.is_ok_and(|page| PAGES.contains(&page.as_str()));
+    let message = "there is no such page; GET /v1/openapi.json names all paths";
+    if is_page { Ok(index()) } else { Err(Refusal::not_found(Code::NoSuchPath, message)) }
+}
+
 /// A file of the dashboard: a script, a style sheet, a picture.
 #[utoipa::path(get, path = "/assets/{file}", security(()), params(("file" = String, Path, description = "The name of the file")), responses(
     (status = 200, description = "The file"),
@@ -72,14 +122,27 @@ pub async fn asset(file: Result<Path<String>, PathRejection>) -> Result<impl Int
 fn index() -> impl IntoResponse {
     let (status, bytes) = match find(INDEX) {
         Some(bytes) => (StatusCode::OK, bytes),
-        None => (StatusCode::NOT_FOUND, MISSING.as_bytes()),
+        None => (StatusCode::NOT_FOUND, Cow::Borrowed(MISSING.as_bytes())),
     };
     (status, headers("text/html; charset=utf-8", NEVER), bytes)
 }
 
-fn find(path: &str) -> Option<&'static [u8]> {
+fn find(path: &str) -> Option<Cow<'static, [u8]>> {
+    if cfg!(debug_assertions) {
+        return read(path).map(Cow::Owned);
+    }
     let at = FILES.binary_search_by_key(&path, |(name, _)| name).ok()?;
-    FILES.get(at).map(|(_, bytes)| *bytes)
+    FILES.get(at).map(|(_, bytes)| Cow::Borrowed(*bytes))
+}
+
+/// The file of this name, in a build for development.
+fn read(path: &str) -> Option<Vec<u8>> {
+    let folder = std::env::var_os("R6_PAGE")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("page/built"), PathBuf::from);
+    let name = path.strip_prefix("assets/").unwrap_or(path);
+    // A name of one file, so that nothing outside the folder can be asked for.
+    let is_plain = !name.starts_with('.') && name.chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c));
+    if is_plain { std::fs::read(folder.join(path)).ok() } else { None }
 }
 
 fn headers(content_type: &'static str, cache: &'static str) -> [(HeaderName, HeaderValue); 5] {
@@ -107,12 +170,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_file_has_a_type_and_is_found() {
-        for (path, bytes) in FILES {
-            assert_eq!(find(path), Some(*bytes), "{path}");
-            let is_known = *path == INDEX || content_type(path) != "application/octet-stream";
-            assert!(is_known, "{path} has no type");
+    fn every_file_has_a_type_and_nothing_else_is_found() {
+        let built = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("page/built");
+        let assets = std::fs::read_dir(built.join("assets")).into_iter().flatten();
+        for file in assets {
+            let path = format!("assets/{}", file.unwrap().file_name().to_string_lossy());
+            assert!(find(&path).is_some(), "{path} is not found");
+            assert_ne!(content_type(&path), "application/octet-stream", "{path} has no type");
         }
-        assert_eq!(find("assets/no-such-file.js"), None);
+        for path in ["assets/no-such-file.js", "assets/../index.html", "assets//etc/passwd", "../built/index.html"] {
+            assert_eq!(find(path), None, "{path}");
+        }
     }
 }

@@ -128,7 +128,8 @@ fn steps(recording: &Recording) -> Vec<PlannedStep> {
         .collect()
 }
 
-fn unit(motion: AxisMotion) -> &'static str {
+/// The unit of an axis: `deg` or `mm`.
+pub fn unit(motion: AxisMotion) -> &'static str {
     match motion {
         AxisMotion::Turns => Unit::Degrees,
         AxisMotion::Slides => Unit::Millimetres,

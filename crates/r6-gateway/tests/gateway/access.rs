@@ -22,7 +22,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 57] = [
+const ROUTES: [(&str, &str, Needs); 61] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -46,6 +46,10 @@ const ROUTES: [(&str, &str, Needs); 57] = [
     ("POST", "/v1/robots/{name}/panel", Needs::Role(Role::Operator)),
     ("GET", "/", Needs::Nothing),
     ("GET", "/robots/{name}", Needs::Nothing),
+    ("GET", "/robots/{name}/teach", Needs::Nothing),
+    ("GET", "/robots/{name}/teach/{program}", Needs::Nothing),
+    ("GET", "/{page}", Needs::Nothing),
+    ("GET", "/v1/models", Needs::Role(Role::Viewer)),
     ("GET", "/assets/{file}", Needs::Nothing),
     ("GET", "/setup", Needs::Nothing),
     ("GET", "/setup.js", Needs::Nothing),

@@ -19,9 +19,12 @@ fn the_committed_description_is_what_the_gateway_is() {
 }
 
 /// The routes that need neither a token nor a session.
-const OPEN: [(&str, &str); 9] = [
+const OPEN: [(&str, &str); 12] = [
     ("get", "/"),
     ("get", "/robots/{name}"),
+    ("get", "/robots/{name}/teach"),
+    ("get", "/robots/{name}/teach/{program}"),
+    ("get", "/{page}"),
     ("get", "/assets/{file}"),
     ("get", "/healthz"),
     ("get", "/setup"),

@@ -289,3 +289,20 @@ async fn a_token_for_one_robot_reads_programs_and_changes_none() {
         assert_eq!((reply.status, &reply.body["code"]), (403, &json!("not_allowed")), "{method}");
     }
 }
+
+#[tokio::test]
+async fn the_models_tell_lengths_and_limits_of_every_arm() {
+    let hall = Hall::start().await;
+    let (status, told) = hall.call(&hall.viewer, "GET", "/v1/models", None).await;
+    assert_eq!(status, 200, "{told}");
+    let models = told["models"].as_array().unwrap();
+    let names: Vec<_> = models.iter().map(|model| model["name"].as_str().unwrap()).collect();
+    assert_eq!(names, r6_motion::RobotModel::names().collect::<Vec<_>>());
+    let arm = &models[names.iter().position(|name| *name == "BRTIRUS0707A").unwrap()];
+    assert_eq!((&arm["geometry"]["kind"], &arm["geometry"]["d1"]), (&json!("six_axis"), &json!(296.5)));
+    assert_eq!(arm["axes"].as_array().unwrap().len(), 6);
+    assert_eq!(arm["axes"][1]["limits"], json!([-105.0, 75.0]));
+    assert_eq!((&arm["axes"][1]["sign"], &arm["axes"][1]["unit"]), (&json!(-1), &json!("deg")));
+    let scara = &models[names.iter().position(|name| *name == "GENERIC-SCARA").unwrap()];
+    assert_eq!((&scara["geometry"]["kind"], &scara["axes"][2]["unit"]), (&json!("scara"), &json!("mm")));
+}
