@@ -5,6 +5,7 @@ import type { Changed } from "../robots/consent.ts";
 import type { Doing, Unmet } from "../robots/sentence.ts";
 import { menu } from "./en/menu.ts";
 import { count, duration } from "./en/say.ts";
+import { ui } from "./en/ui.ts";
 
 const MODES: Record<number, string> = {
   0: "no mode",
@@ -28,6 +29,7 @@ export const en = {
   code: "en",
   name: "English",
   menu,
+  ui,
   hall: "Hall",
   toHall: "Back to the hall",
   main: "Main content",

@@ -2,6 +2,7 @@
 import type { en } from "./en.ts";
 import { menu } from "./zh/menu.ts";
 import { duration } from "./zh/say.ts";
+import { ui } from "./zh/ui.ts";
 
 const MODES: Record<number, string> = {
   0: "无模式",
@@ -25,6 +26,7 @@ export const zh: typeof en = {
   code: "zh-Hans",
   name: "简体中文",
   menu,
+  ui,
   hall: "车间",
   toHall: "返回车间",
   main: "主要内容",
