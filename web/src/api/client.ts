@@ -25,11 +25,29 @@ export type Method = "GET" | "POST" | "PUT" | "DELETE";
 export interface Options {
   body?: unknown;
   csrf?: string | null;
+  /** More headers, such as `If-Match`. */
+  headers?: Record<string, string>;
   /** Asks in the name of this token, and not of the session. */
   bearer?: string;
   patience?: number;
   /** Lets the request go on when the page is closed. */
   keepalive?: boolean;
+}
+
+/** Sessions are counted, so that a late answer to a question of an earlier one does not end this one. */
+let era = 0;
+let signedOut: () => void = () => {};
+
+/** A session begins. Calls this once if the gateway answers to a question of it that it does not know it. */
+export function whenSignedOut(act: () => void): void {
+  era += 1;
+  signedOut = act;
+}
+
+/** A sign-in with a wrong name, and a wrong password, say nothing about the session. */
+function isSignedOut(path: string, options: Options, { code }: Problem): boolean {
+  const isSignIn = options.bearer !== undefined || path === "/v1/session/token";
+  return !isSignIn && code !== "wrong_password";
 }
 
 let underWay = 0;
@@ -63,7 +81,8 @@ export async function call<T>(method: Method, path: string, options: Options = {
 }
 
 async function send<T>(method: Method, path: string, options: Options): Promise<Answer<T>> {
-  const headers: Record<string, string> = {};
+  const begun = era;
+  const headers: Record<string, string> = { ...options.headers };
   if (options.body !== undefined) headers["Content-Type"] = "application/json";
   if (method !== "GET" && options.csrf) headers["X-CSRF-Token"] = options.csrf;
   if (options.bearer !== undefined) headers["Authorization"] = `Bearer ${options.bearer}`;
@@ -85,7 +104,9 @@ async function send<T>(method: Method, path: string, options: Options): Promise<
     return { kind: "unknown" };
   }
   if (response.ok) return { kind: "ok", value: (text === "" ? undefined : JSON.parse(text)) as T };
-  return { kind: "refused", status: response.status, problem: problemOf(text, response.status) };
+  const problem = problemOf(text, response.status);
+  if (response.status === 401 && begun === era && isSignedOut(path, options, problem)) signedOut();
+  return { kind: "refused", status: response.status, problem };
 }
 
 /** What a body says is wrong. A proxy in between may answer with something else than a problem. */

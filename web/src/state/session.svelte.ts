@@ -1,10 +1,12 @@
 /** Who uses the page, and for how long. */
-import { call } from "../api/client.ts";
+import { call, whenSignedOut } from "../api/client.ts";
 import { tokenOf } from "../api/secret.ts";
-import type { Session } from "../api/types.ts";
+import type { Role, Session } from "../api/types.ts";
 
 /** How often a page that somebody uses tells the gateway so: a session ends 15 minutes after its last request. */
 const TELL = 60_000;
+/** From the one that may do least. */
+const ROLES: readonly Role[] = ["viewer", "operator", "engineer", "admin"];
 /** For so long after the last touch somebody counts as present. */
 export const PRESENT = 5 * 60_000;
 
@@ -44,6 +46,13 @@ class SessionState {
   may(robot: string): boolean {
     const { session } = this;
     if (session === null || session.role === "viewer") return false;
+    return session.robot === null || session.robot === robot;
+  }
+
+  /** Whether the role is this one or a higher one, for this robot; `null` is all robots. */
+  has(role: Role, robot: string | null): boolean {
+    const { session } = this;
+    if (session === null || ROLES.indexOf(session.role) < ROLES.indexOf(role)) return false;
     return session.robot === null || session.robot === robot;
   }
 
@@ -117,9 +126,7 @@ class SessionState {
     this.#used = performance.now();
     if (this.phase !== "in" || this.#used - this.#told < TELL) return;
     this.#told = this.#used;
-    void call<Session>("GET", "/v1/session").then((answer) => {
-      if (answer.kind === "refused" && answer.status === 401) this.ended();
-    });
+    void call<Session>("GET", "/v1/session");
   }
 
   /** Returns whether it is sure that the session has ended. */
@@ -146,6 +153,7 @@ class SessionState {
     this.isMaybeOpen = false;
     this.problem = null;
     this.phase = "in";
+    whenSignedOut(() => this.ended());
     this.#used = this.#told = performance.now();
   }
 }

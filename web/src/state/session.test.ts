@@ -90,3 +90,43 @@ test("a session that may still be open is not replaced", async () => {
   expect([session.phase, session.isMaybeOpen]).toEqual(["asking", true]);
   expect(asked.some(({ method }) => method === "POST")).toBe(false);
 });
+
+test("an answer that the gateway does not know the session ends it at once; a wrong password does not", async () => {
+  let code = "wrong_password";
+  const { session } = await begin("", ({ path }) =>
+    path === "/v1/session" ? Response.json(ANNA) : Response.json({ code, message: "" }, { status: 401 }),
+  );
+  const { call } = await import("../api/client.ts");
+  await call("PUT", "/v1/session/password", { body: {} });
+  expect(session.phase).toBe("in");
+  // Another token was asked about, and not the session.
+  code = "no_token";
+  await call("GET", "/v1/users", { bearer: TOKEN });
+  expect(session.phase).toBe("in");
+  code = "no_session";
+  await call("GET", "/v1/users");
+  expect([session.phase, session.problem?.code]).toEqual(["out", "ended"]);
+});
+
+test("a late answer to a question of an earlier session does not end the present one", async () => {
+  let answerLate: ((response: Response) => void) | null = null;
+  const { session } = await begin("", ({ method }) => (method === "DELETE" ? new Response(null, { status: 204 }) : Response.json(ANNA)));
+  const { call } = await import("../api/client.ts");
+  const plain = globalThis.fetch;
+  vi.stubGlobal("fetch", () => new Promise<Response>((answer) => (answerLate = answer)));
+  const late = call("GET", "/v1/users");
+  await vi.waitFor(() => expect(answerLate).not.toBeNull());
+  vi.stubGlobal("fetch", plain);
+  await session.signOut();
+  await session.signIn({ name: "anna", password: "x" });
+  answerLate!(refused(401));
+  expect((await late).kind).toBe("refused");
+  expect(session.phase).toBe("in");
+});
+
+test("a role holds for its robot, and for all robots only without one", async () => {
+  const engineer = { ...ANNA, role: "engineer", robot: "press-4" };
+  const { session } = await begin("", () => Response.json(engineer));
+  expect([session.has("operator", "press-4"), session.has("engineer", "press-4"), session.has("admin", "press-4")]).toEqual([true, true, false]);
+  expect([session.has("engineer", "press-5"), session.has("engineer", null)]).toEqual([false, false]);
+});
