@@ -3,6 +3,7 @@ import type { Role } from "../api/types.ts";
 import type { Cause } from "../robots/attention.ts";
 import type { Changed } from "../robots/consent.ts";
 import type { Doing, Unmet } from "../robots/sentence.ts";
+import { audit } from "./en/audit.ts";
 import { menu } from "./en/menu.ts";
 import { count, duration } from "./en/say.ts";
 import { ui } from "./en/ui.ts";
@@ -30,6 +31,7 @@ export const en = {
   name: "English",
   menu,
   ui,
+  audit,
   hall: "Hall",
   toHall: "Back to the hall",
   main: "Main content",

@@ -1,5 +1,6 @@
 /** The words of the page in Simplified Chinese. */
 import type { en } from "./en.ts";
+import { audit } from "./zh/audit.ts";
 import { menu } from "./zh/menu.ts";
 import { duration } from "./zh/say.ts";
 import { ui } from "./zh/ui.ts";
@@ -27,6 +28,7 @@ export const zh: typeof en = {
   name: "简体中文",
   menu,
   ui,
+  audit,
   hall: "车间",
   toHall: "返回车间",
   main: "主要内容",
