@@ -3,6 +3,7 @@ import type { Role } from "../api/types.ts";
 import type { Cause } from "../robots/attention.ts";
 import type { Changed } from "../robots/consent.ts";
 import type { Doing, Unmet } from "../robots/sentence.ts";
+import { account } from "./en/account.ts";
 import { audit } from "./en/audit.ts";
 import { menu } from "./en/menu.ts";
 import { count, duration } from "./en/say.ts";
@@ -32,6 +33,7 @@ export const en = {
   menu,
   ui,
   audit,
+  account,
   hall: "Hall",
   toHall: "Back to the hall",
   main: "Main content",

@@ -1,5 +1,6 @@
 /** The words of the page in Simplified Chinese. */
 import type { en } from "./en.ts";
+import { account } from "./zh/account.ts";
 import { audit } from "./zh/audit.ts";
 import { menu } from "./zh/menu.ts";
 import { duration } from "./zh/say.ts";
@@ -29,6 +30,7 @@ export const zh: typeof en = {
   menu,
   ui,
   audit,
+  account,
   hall: "车间",
   toHall: "返回车间",
   main: "主要内容",

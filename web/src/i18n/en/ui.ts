@@ -101,6 +101,7 @@ export const ui = {
   close: "Close",
   cancel: "Cancel",
   save: "Save",
+  sending: "sending…",
   saving: "Saving…",
   saved: "Saved.",
   done: "Done.",

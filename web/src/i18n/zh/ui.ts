@@ -98,6 +98,7 @@ export const ui: typeof english = {
   close: "关闭",
   cancel: "取消",
   save: "保存",
+  sending: "正在发送…",
   saving: "正在保存…",
   saved: "已保存。",
   done: "已完成。",

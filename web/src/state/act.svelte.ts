@@ -1,0 +1,35 @@
+/** What a person does with one request: whether it is under way, and what became of it. It is sent once. */
+import type { Answer } from "../api/client.ts";
+import type { Failure } from "../api/failure.ts";
+
+export class Act {
+  isUnderWay = $state(false);
+  /** What was done, or tried, in the words of the page. */
+  what = $state("");
+  failure = $state.raw<Failure | null>(null);
+  isDone = $state(false);
+
+  /** Sends it. Returns what the gateway answered, or `null` if it was refused or that is not known. */
+  async run<T>(what: string, request: () => Promise<Answer<T>>): Promise<{ value: T } | null> {
+    if (this.isUnderWay) return null;
+    this.isUnderWay = true;
+    this.what = what;
+    this.failure = null;
+    this.isDone = false;
+    const answer = await request();
+    this.isUnderWay = false;
+    if (answer.kind === "ok") {
+      this.isDone = true;
+      return { value: answer.value };
+    }
+    // Without an answer, the gateway may have done it.
+    this.failure = answer.kind === "unknown" ? { code: "outcome_unknown", message: "" } : answer.problem;
+    return null;
+  }
+
+  clear(): void {
+    this.what = "";
+    this.failure = null;
+    this.isDone = false;
+  }
+}
