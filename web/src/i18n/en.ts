@@ -7,6 +7,7 @@ import { account } from "./en/account.ts";
 import { audit } from "./en/audit.ts";
 import { menu } from "./en/menu.ts";
 import { count, duration } from "./en/say.ts";
+import { hallSettings } from "./en/settings.ts";
 import { ui } from "./en/ui.ts";
 
 const MODES: Record<number, string> = {
@@ -34,6 +35,7 @@ export const en = {
   ui,
   audit,
   account,
+  hallSettings,
   hall: "Hall",
   toHall: "Back to the hall",
   main: "Main content",

@@ -4,6 +4,7 @@ import { account } from "./zh/account.ts";
 import { audit } from "./zh/audit.ts";
 import { menu } from "./zh/menu.ts";
 import { duration } from "./zh/say.ts";
+import { hallSettings } from "./zh/settings.ts";
 import { ui } from "./zh/ui.ts";
 
 const MODES: Record<number, string> = {
@@ -31,6 +32,7 @@ export const zh: typeof en = {
   ui,
   audit,
   account,
+  hallSettings,
   hall: "车间",
   toHall: "返回车间",
   main: "主要内容",
