@@ -30,6 +30,8 @@ export interface Options {
   /** Asks in the name of this token, and not of the session. */
   bearer?: string;
   patience?: number;
+  /** The answer is text, and no JSON. */
+  isText?: boolean;
   /** Lets the request go on when the page is closed. */
   keepalive?: boolean;
 }
@@ -103,7 +105,7 @@ async function send<T>(method: Method, path: string, options: Options): Promise<
   } catch {
     return { kind: "unknown" };
   }
-  if (response.ok) return { kind: "ok", value: (text === "" ? undefined : JSON.parse(text)) as T };
+  if (response.ok) return { kind: "ok", value: (options.isText ? text : text === "" ? undefined : JSON.parse(text)) as T };
   const problem = problemOf(text, response.status);
   if (response.status === 401 && begun === era && isSignedOut(path, options, problem)) signedOut();
   return { kind: "refused", status: response.status, problem };

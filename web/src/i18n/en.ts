@@ -5,6 +5,7 @@ import type { Changed } from "../robots/consent.ts";
 import type { Doing, Unmet } from "../robots/sentence.ts";
 import { account } from "./en/account.ts";
 import { audit } from "./en/audit.ts";
+import { connections } from "./en/connections.ts";
 import { menu } from "./en/menu.ts";
 import { count, duration } from "./en/say.ts";
 import { hallSettings } from "./en/settings.ts";
@@ -35,6 +36,7 @@ export const en = {
   ui,
   audit,
   account,
+  connections,
   hallSettings,
   hall: "Hall",
   toHall: "Back to the hall",

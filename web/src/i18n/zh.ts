@@ -2,6 +2,7 @@
 import type { en } from "./en.ts";
 import { account } from "./zh/account.ts";
 import { audit } from "./zh/audit.ts";
+import { connections } from "./zh/connections.ts";
 import { menu } from "./zh/menu.ts";
 import { duration } from "./zh/say.ts";
 import { hallSettings } from "./zh/settings.ts";
@@ -32,6 +33,7 @@ export const zh: typeof en = {
   ui,
   audit,
   account,
+  connections,
   hallSettings,
   hall: "车间",
   toHall: "返回车间",

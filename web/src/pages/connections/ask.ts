@@ -1,0 +1,30 @@
+/** Questions of the page of connections. */
+import { type Answer, call } from "../../api/client.ts";
+import { type Sample, samplesIn } from "./metrics.ts";
+import type { HistoryEvent, HistoryEvents } from "./types.ts";
+
+/** The numbers of the gateway. They come as text. */
+export async function metrics(): Promise<Answer<Sample[]>> {
+  const answer = await call<string>("GET", "/metrics", { isText: true });
+  return answer.kind === "ok" ? { kind: "ok", value: samplesIn(answer.value) } : answer;
+}
+
+export const DAY = 24 * 60 * 60_000;
+
+/** When the link of a robot was lost and found in the 24 h before `to`; of very many, those of the last page. */
+export async function linkEvents(robot: string, to: number): Promise<Answer<{ events: HistoryEvent[]; from: number }>> {
+  const from = to - DAY;
+  const events: HistoryEvent[] = [];
+  let cursor: string | null = null;
+  for (let pages = 0; pages < 5; pages += 1) {
+    const query = new URLSearchParams({ kind: "link_lost,link_back", from: new Date(from).toISOString() });
+    if (cursor !== null) query.set("cursor", cursor);
+    const path = `/v1/robots/${encodeURIComponent(robot)}/history/events?${query}`;
+    const answer: Answer<HistoryEvents> = await call("GET", path);
+    if (answer.kind !== "ok") return answer;
+    events.push(...answer.value.events);
+    cursor = answer.value.next_cursor;
+    if (cursor === null) break;
+  }
+  return { kind: "ok", value: { events, from } };
+}
