@@ -45,7 +45,7 @@ export const connections = {
   unknown: "not known",
   since: "Since",
   sinceIs: (since: Since, at: string): string =>
-    since.kind === "unknown" ? "not known" : since.kind === "at" ? at : `before ${at}`,
+    ({ unknown: "not known", at, at_least: `${at} or earlier`, no_change: "no change seen in 24 h" })[since.kind],
   losses: "Losses in 24 h",
   timeouts: "Without a reply",
   timeoutsOf: (timeouts: number, requests: number) => `${timeouts} of ${requests}`,

@@ -44,7 +44,8 @@ export const connections: typeof english = {
   down: "无连接",
   unknown: "未知",
   since: "开始时间",
-  sinceIs: (since, at) => (since.kind === "unknown" ? "未知" : since.kind === "at" ? at : `早于 ${at}`),
+  sinceIs: (since, at) =>
+    ({ unknown: "未知", at, at_least: `${at} 或更早`, no_change: "24 小时内未见变化" })[since.kind],
   losses: "24 小时内断开次数",
   timeouts: "无应答",
   timeoutsOf: (timeouts, requests) => `${timeouts} / ${requests}`,

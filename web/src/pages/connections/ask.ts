@@ -9,15 +9,15 @@ export async function metrics(): Promise<Answer<Sample[]>> {
   return answer.kind === "ok" ? { kind: "ok", value: samplesIn(answer.value) } : answer;
 }
 
-export const DAY = 24 * 60 * 60_000;
+const DAY = 24 * 60 * 60_000;
 
-/** When the link of a robot was lost and found in the 24 h before `to`; of very many, those of the last page. */
-export async function linkEvents(robot: string, to: number): Promise<Answer<{ events: HistoryEvent[]; from: number }>> {
+/** When the link of a robot was lost and found, and not seen, in the 24 h before `to`; of more than 5000, the first. */
+export async function linkEvents(robot: string, to: number): Promise<Answer<HistoryEvent[]>> {
   const from = to - DAY;
   const events: HistoryEvent[] = [];
   let cursor: string | null = null;
   for (let pages = 0; pages < 5; pages += 1) {
-    const query = new URLSearchParams({ kind: "link_lost,link_back", from: new Date(from).toISOString() });
+    const query = new URLSearchParams({ kind: "link_lost,link_back,unseen", from: new Date(from).toISOString() });
     if (cursor !== null) query.set("cursor", cursor);
     const path = `/v1/robots/${encodeURIComponent(robot)}/history/events?${query}`;
     const answer: Answer<HistoryEvents> = await call("GET", path);
@@ -26,5 +26,5 @@ export async function linkEvents(robot: string, to: number): Promise<Answer<{ ev
     cursor = answer.value.next_cursor;
     if (cursor === null) break;
   }
-  return { kind: "ok", value: { events, from } };
+  return { kind: "ok", value: events };
 }

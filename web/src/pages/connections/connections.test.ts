@@ -39,9 +39,14 @@ test("since when a link is as it is, comes from the last event, if that fits wha
   const at = "2026-11-25T06:00:00Z";
   const event = (kind: string): HistoryEvent => ({ id: "1-1-1", time: at, event: kind }) as HistoryEvent;
   const events = [event("link_lost"), event("link_back")];
-  expect(sinceOf(events, 5, true)).toEqual({ kind: "at", at: Date.parse(at) });
-  expect(sinceOf(events, 5, false)).toEqual({ kind: "unknown" });
-  expect(sinceOf([], 5, true)).toEqual({ kind: "before", at: 5 });
+  expect(sinceOf(events, true)).toEqual({ kind: "at", at: Date.parse(at) });
+  expect(sinceOf(events, false)).toEqual({ kind: "unknown" });
+  expect(sinceOf([], true)).toEqual({ kind: "no_change" });
+  // After a start, the gateway did not see when the link began.
+  const unseen = { ...event("unseen"), from: null, to: "2026-11-25T07:00:00Z", because: "start" } as HistoryEvent;
+  expect(sinceOf([...events, unseen], true)).toEqual({ kind: "at_least", at: Date.parse("2026-11-25T07:00:00Z") });
+  const same = { ...unseen, to: at } as HistoryEvent;
+  expect(sinceOf([same, ...events], true)).toEqual({ kind: "at", at: Date.parse(at) });
   expect(lossesIn(events)).toBe(1);
 });
 

@@ -25,16 +25,21 @@ export function faultOf(links: readonly { name: string; isUp: boolean }[], isHea
 /** Since when the link is as it is. */
 export type Since =
   | { kind: "at"; at: number }
-  /** It did not change since the begin of what was asked for, as far as the gateway saw. */
-  | { kind: "before"; at: number }
+  /** The gateway began to see it then: it may have been like this before. */
+  | { kind: "at_least"; at: number }
+  /** No change was seen in the span that was asked for. */
+  | { kind: "no_change" }
   | { kind: "unknown" };
 
-/** `events` are those of the links in a span that begins at `from`, in the order of time. */
-export function sinceOf(events: readonly HistoryEvent[], from: number, isUp: boolean): Since {
-  const last = events.at(-1);
-  if (last === undefined) return { kind: "before", at: from };
-  const fits = last.event === (isUp ? "link_back" : "link_lost");
-  return fits ? { kind: "at", at: Date.parse(last.time) } : { kind: "unknown" };
+/** `events` are those of the links, and when the robot was not seen, in the order of time. */
+export function sinceOf(events: readonly HistoryEvent[], isUp: boolean): Since {
+  const last = events.findLast(({ event }) => event === "link_lost" || event === "link_back");
+  const unseen = events.findLast((event) => event.event === "unseen");
+  const until = unseen?.event === "unseen" ? Date.parse(unseen.to) : null;
+  const at = last === undefined ? null : Date.parse(last.time);
+  if (until !== null && (at === null || until > at)) return { kind: "at_least", at: until };
+  if (last === undefined || at === null) return { kind: "no_change" };
+  return last.event === (isUp ? "link_back" : "link_lost") ? { kind: "at", at } : { kind: "unknown" };
 }
 
 /** How often the link was lost in these events. */
