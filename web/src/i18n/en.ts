@@ -6,6 +6,8 @@ import type { Doing, Unmet } from "../robots/sentence.ts";
 import { account } from "./en/account.ts";
 import { audit } from "./en/audit.ts";
 import { connections } from "./en/connections.ts";
+import { arm } from "./en/arm.ts";
+import { controls } from "./en/controls.ts";
 import { menu } from "./en/menu.ts";
 import { count, duration } from "./en/say.ts";
 import { hallSettings } from "./en/settings.ts";
@@ -38,6 +40,8 @@ export const en = {
   account,
   connections,
   hallSettings,
+  arm,
+  controls,
   hall: "Hall",
   toHall: "Back to the hall",
   main: "Main content",

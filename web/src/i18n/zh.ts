@@ -3,6 +3,8 @@ import type { en } from "./en.ts";
 import { account } from "./zh/account.ts";
 import { audit } from "./zh/audit.ts";
 import { connections } from "./zh/connections.ts";
+import { arm } from "./zh/arm.ts";
+import { controls } from "./zh/controls.ts";
 import { menu } from "./zh/menu.ts";
 import { duration } from "./zh/say.ts";
 import { hallSettings } from "./zh/settings.ts";
@@ -35,6 +37,8 @@ export const zh: typeof en = {
   account,
   connections,
   hallSettings,
+  arm,
+  controls,
   hall: "车间",
   toHall: "返回车间",
   main: "主要内容",

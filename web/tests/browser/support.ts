@@ -82,9 +82,9 @@ export interface Cell {
   link: string;
 }
 
-export async function startCell(): Promise<Cell> {
+export async function startCell(...more: string[]): Promise<Cell> {
   const here = "127.0.0.1:0";
-  const up = new Running("up", "--listen", here, "--gateway", here, "--panel", here);
+  const up = new Running("up", "--listen", here, "--gateway", here, "--panel", here, ...more);
   const robot = await up.said(/listening on (\S+)/);
   const panel = await up.said(/panel on http:\/\/(\S+)/);
   const gateway = await up.said(/gateway on (http:\/\/[^\s,]+)/);
@@ -153,10 +153,14 @@ export class Network {
   }
 }
 
-export async function startBrowser(): Promise<Browser> {
+/** Lets chromium draw WebGL without a graphics card. It takes a core, so only tests of the picture use it. */
+export const SOFTWARE_3D = "--enable-unsafe-swiftshader";
+
+/** `args`: more switches, such as `SOFTWARE_3D`. */
+export async function startBrowser(...args: string[]): Promise<Browser> {
   const executablePath = process.env["R6_CHROMIUM"] ?? "/usr/bin/chromium";
   // Root has no sandbox. The pages are our own.
-  return chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage"] });
+  return chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage", ...args] });
 }
 
 /** A page in a browser of its own. Each mistake that the page reports, and each foreign request, fails the test. */
@@ -170,8 +174,8 @@ export async function openPage(
   const faults: string[] = [];
   page.on("pageerror", (error) => faults.push(error.message));
   page.on("console", (message) => {
-    // A lost gateway and a refused sign-in are told by the browser too.
-    const isExpected = /Failed to load resource|WebSocket connection to/.test(message.text());
+    // A lost gateway and a refused sign-in are told by the browser too, and that a picture of WebGL is slow to take.
+    const isExpected = /Failed to load resource|WebSocket connection to|GL Driver Message/.test(message.text());
     if ((message.type() === "error" || message.type() === "warning") && !isExpected) faults.push(message.text());
   });
   page.on("request", (request) => {
