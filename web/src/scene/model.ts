@@ -150,7 +150,7 @@ export function linksOf(model: ArmModel): number {
   const g = model.geometry;
   if (g.kind === "six_axis") return g.a2 + g.d4;
   if (g.kind === "scara") return g.upper_arm + g.forearm;
-  return Math.max(...model.axes.filter(({ unit }) => unit === "mm").map(({ limits: [low, high] }) => high - low), 1);
+  return Math.max(...model.axes.filter(({ unit }) => unit === "mm").map(({ limits: [low = 0, high = 0] }) => high - low), 1);
 }
 
 /** A box round all that the tool can reach: lowest and highest corner. */
@@ -188,7 +188,7 @@ export function floorOf(model: ArmModel): number {
 export function rangeOf(model: ArmModel, axis: number): [number, number] {
   const of = model.axes[axis];
   if (of === undefined) return [0, 0];
-  const [a, b] = of.limits.map((limit) => of.sign * limit + of.offset) as [number, number];
+  const [a = 0, b = 0] = of.limits.map((limit) => of.sign * limit + of.offset);
   return [Math.min(a, b), Math.max(a, b)];
 }
 

@@ -115,6 +115,7 @@ test("a viewer sees everything, and each control says why it is off", async () =
   await page.waitForSelector("[data-doing]");
   expect(await page.isDisabled("text=Take control")).toBe(true);
   await says(page, "[data-lease]", "this needs the role operator");
+  await page.click("[data-tab=io]");
   await page.waitForSelector('[data-point="input 1"]');
   await fits(page);
   await isAccessible(page);
