@@ -41,8 +41,10 @@ test("each kind of what a robot does has a sentence in both languages", () => {
       words.doing({ kind: "other_robot", found: "B" }),
       words.doing({ kind: "not_read" }),
       words.doing({ kind: "alarm", code: 7, text: "emergency stop" }),
-      words.doing({ kind: "stop_holds", stands: true }),
-      words.doing({ kind: "stop_holds", stands: false }),
+      words.doing({ kind: "stop_holds", stands: true, mine: false }),
+      words.doing({ kind: "stop_holds", stands: false, mine: false }),
+      words.doing({ kind: "stop_holds", stands: true, mine: true }),
+      words.doing({ kind: "stop_holds", stands: false, mine: true }),
       words.doing({ kind: "manual" }),
       words.doing({ kind: "moves", ...none }),
       words.doing({ kind: "moves", program: "pick", left: 2 }),
@@ -64,9 +66,9 @@ test("each kind of what a robot does has a sentence in both languages", () => {
 test("that an arm stands is said only if it is seen, and each bad end of a stop names the emergency stop", () => {
   const kinds = ["stop_holds", "waits_for_start", "stopped", "runs"] as const;
   for (const kind of kinds) {
-    expect(en.doing({ kind, program: null, left: null, stands: false })).toMatch(/whether the arm (stands|moves now) is not known/i);
-    expect(zh.doing({ kind, program: null, left: null, stands: false })).toMatch(/未知。/);
-    expect(en.doing({ kind, program: null, left: null, stands: true })).not.toContain("not known");
+    expect(en.doing({ kind, program: null, left: null, mine: false, stands: false })).toMatch(/whether the arm (stands|moves now) is not known/i);
+    expect(zh.doing({ kind, program: null, left: null, mine: false, stands: false })).toMatch(/未知。/);
+    expect(en.doing({ kind, program: null, left: null, mine: false, stands: true })).not.toContain("not known");
   }
   for (const say of [en.stop.notConfirmed, en.stop.notSent]) expect(say("saw")).toContain("emergency stop");
   for (const say of [zh.stop.notConfirmed, zh.stop.notSent]) expect(say("saw")).toContain("急停");

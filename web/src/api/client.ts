@@ -32,6 +32,8 @@ export interface Options {
   patience?: number;
   /** The answer is text, and no JSON. */
   isText?: boolean;
+  /** What makes a second request with it harmless: see the runs of programs. */
+  idempotencyKey?: string;
   /** Lets the request go on when the page is closed. */
   keepalive?: boolean;
 }
@@ -88,6 +90,7 @@ async function send<T>(method: Method, path: string, options: Options): Promise<
   if (options.body !== undefined) headers["Content-Type"] = "application/json";
   if (method !== "GET" && options.csrf) headers["X-CSRF-Token"] = options.csrf;
   if (options.bearer !== undefined) headers["Authorization"] = `Bearer ${options.bearer}`;
+  if (options.idempotencyKey !== undefined) headers["Idempotency-Key"] = options.idempotencyKey;
   const init: RequestInit = {
     method,
     headers,

@@ -149,9 +149,9 @@ export const en = {
       case "alarm":
         return `Alarm ${doing.code}${doing.text === null ? "" : `: ${doing.text}`}. It waits for a person.`;
       case "stop_holds":
-        return doing.stands
-          ? "A stop holds, and the arm stands. It waits for the holder of the lease to clear the stop."
-          : "A stop holds; whether the arm stands is not known. It waits for the holder of the lease to clear the stop.";
+        return `${doing.stands ? "A stop holds, and the arm stands." : "A stop holds; whether the arm stands is not known."} ${
+          doing.mine ? "It waits for you to clear the stop." : "It waits for the holder of the lease to clear the stop."
+        }`;
       case "manual":
         return "Manual: the person at the pendant leads. Commands from here are refused.";
       case "moves":
@@ -190,6 +190,9 @@ export const en = {
       no_stop: "no stop holds",
       running: "it runs already",
       not_running: "it does not run",
+      no_program: "the controller's program does not run: start it first",
+      list_left: "instructions are left in its list",
+      not_homed: "it is not homed",
     })[reason],
   lease: {
     take: "Take control",
@@ -280,8 +283,6 @@ export const en = {
     age: "Age",
     now: "now",
     io: "Inputs and outputs",
-    inputs: (from: number, to: number) => `Inputs ${from} to ${to}`,
-    outputs: (from: number, to: number) => `Outputs ${from} to ${to}`,
     on: "On",
     off: "Off",
     ioPaused: "Not read while nobody uses this page.",

@@ -144,9 +144,9 @@ export const zh: typeof en = {
       case "alarm":
         return `报警 ${doing.code}${doing.text === null ? "" : `：${doing.text}`}。等待人员处理。`;
       case "stop_holds":
-        return doing.stands
-          ? "停止有效，机械臂静止。等待控制权持有者解除停止。"
-          : "停止有效；机械臂是否静止未知。等待控制权持有者解除停止。";
+        return `${doing.stands ? "停止有效，机械臂静止。" : "停止有效；机械臂是否静止未知。"}${
+          doing.mine ? "等待您解除停止。" : "等待控制权持有者解除停止。"
+        }`;
       case "manual":
         return "手动模式：由示教器旁的人员操作，此处的命令会被拒绝。";
       case "moves":
@@ -179,6 +179,9 @@ export const zh: typeof en = {
       no_stop: "没有生效的停止",
       running: "已在运行",
       not_running: "未在运行",
+      no_program: "控制器的程序未运行：请先启动",
+      list_left: "指令列表中还有剩余指令",
+      not_homed: "尚未回原点",
     })[reason],
   lease: {
     take: "获取控制权",
@@ -267,8 +270,6 @@ export const zh: typeof en = {
     age: "时效",
     now: "当前",
     io: "输入和输出",
-    inputs: (from, to) => `输入 ${from} 至 ${to}`,
-    outputs: (from, to) => `输出 ${from} 至 ${to}`,
     on: "通",
     off: "断",
     ioPaused: "无人使用本页时不读取。",

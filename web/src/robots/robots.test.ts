@@ -139,6 +139,27 @@ test("a start needs everything, a pause no lease", () => {
   expect(unmet("clear_stop", view("saw", {}, { stopped: true }), HAS)).toEqual([]);
 });
 
+test("what may start a motion needs that no stop holds; a run needs a program that waits for its list", () => {
+  expect(unmet("change", view("saw", {}, { stopped: true }), HAS)).toEqual([]);
+  expect(unmet("change", view("saw", { mode: 1 }), HAS)).toEqual(["manual"]);
+  expect(unmet("may_move", view("saw", { mode: 1 }, { stopped: true }), HAS)).toEqual(["stop_holds", "manual"]);
+  expect(unmet("may_move", view("saw"), { ...HAS, lease: false })).toEqual(["no_lease"]);
+  expect(unmet("run", view("saw", { mode: 7, left: 0 }), HAS)).toEqual([]);
+  expect(unmet("run", view("saw", { mode: 2, left: 3, homed: false, alarm: 7 }), HAS)).toEqual([
+    "alarm",
+    "not_homed",
+    "no_program",
+    "list_left",
+  ]);
+  expect(unmet("run", view("saw", { mode: 7, left: null }), HAS), "the gateway looks").toEqual([]);
+});
+
+test("whose turn it is to clear a stop is said", () => {
+  const stopped = view("saw", { mode: 2, moving: false }, { stopped: true });
+  expect(doing(stopped, [])).toMatchObject({ kind: "stop_holds", mine: false });
+  expect(doing(stopped, [], true)).toMatchObject({ kind: "stop_holds", mine: true });
+});
+
 test("the list has what needs a person, the most urgent and longest first", () => {
   const by = { by: "anna", at: "", comment: null };
   const { entries, shelved } = attention(

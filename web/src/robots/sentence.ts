@@ -7,8 +7,11 @@ export type Doing =
   | { kind: "other_robot"; found: string | null }
   | { kind: "not_read" }
   | { kind: "alarm"; code: number; text: string | null }
-  /** `stands`: whether it is seen that the arm stands; if not, it is not known. */
-  | { kind: "stop_holds"; stands: boolean }
+  /**
+   * `stands`: whether it is seen that the arm stands; if not, it is not known. `mine`: whether the person at this page
+   * holds the lease.
+   */
+  | { kind: "stop_holds"; stands: boolean; mine: boolean }
   | { kind: "manual" }
   | { kind: "moves"; program: string | null; left: number | null }
   | { kind: "runs"; program: string | null; left: number | null; stands: boolean }
@@ -16,8 +19,11 @@ export type Doing =
   | { kind: "stopped"; stands: boolean }
   | { kind: "unknown_mode"; mode: number };
 
-/** The first of these that holds: what has to be mended first stands first. */
-export function doing(view: View, alarms: RobotAlarm[]): Doing {
+/**
+ * The first of these that holds: what has to be mended first stands first. `mine`: whether the person at this page
+ * holds the lease.
+ */
+export function doing(view: View, alarms: RobotAlarm[], mine = false): Doing {
   const { summary, mode, alarm, moving, program, left } = view;
   if (summary.link === "down") return { kind: "no_link" };
   if (summary.identity_changed !== null) {
@@ -31,7 +37,7 @@ export function doing(view: View, alarms: RobotAlarm[]): Doing {
   if (moving === true) return { kind: "moves", program, left };
   const stands = moving === false && isSeen(view);
   if (isRunning(view)) return { kind: "runs", program, left, stands };
-  if (summary.stopped) return { kind: "stop_holds", stands };
+  if (summary.stopped) return { kind: "stop_holds", stands, mine };
   if (mode === MODES.manual || mode === MODES.step) return { kind: "manual" };
   if (mode === MODES.rest) return { kind: "waits_for_start", stands };
   if (mode === MODES.stopped) return { kind: "stopped", stands };
@@ -52,9 +58,16 @@ export type Unmet =
   | "stop_holds"
   | "no_stop"
   | "running"
-  | "not_running";
+  | "not_running"
+  | "no_program"
+  | "list_left"
+  | "not_homed";
 
-export type Control = "start" | "pause" | "clear_alarm" | "clear_stop";
+/**
+ * `change`: what sets a number and moves nothing. `may_move`: outputs and registers, which a cell may start its motion
+ * by. `run`: a program of the gateway.
+ */
+export type Control = "start" | "pause" | "clear_alarm" | "clear_stop" | "change" | "may_move" | "run";
 
 /** What keeps a control from being used, the first to mend first. The gateway checks all this again. */
 export function unmet(
@@ -74,12 +87,13 @@ export function unmet(
   if (control !== "pause") check(has.lease, "no_lease");
   if (reasons.length > 0) return reasons;
   const isAlarmed = view.alarm !== null && view.alarm !== 0;
+  const isManual = view.mode === MODES.manual || view.mode === MODES.step;
   switch (control) {
     case "start":
       check(view.quality === "fresh", "stale");
       check(!view.summary.stopped, "stop_holds");
       check(!isAlarmed, "alarm");
-      check(view.mode !== MODES.manual && view.mode !== MODES.step, "manual");
+      check(!isManual, "manual");
       check(!isRunning(view), "running");
       break;
     case "pause":
@@ -87,10 +101,26 @@ export function unmet(
       break;
     case "clear_alarm":
       check(isAlarmed, "no_alarm");
-      check(view.mode !== MODES.manual && view.mode !== MODES.step, "manual");
+      check(!isManual, "manual");
       break;
     case "clear_stop":
       check(view.summary.stopped, "no_stop");
+      break;
+    case "may_move":
+      check(!view.summary.stopped, "stop_holds");
+      check(!isManual, "manual");
+      break;
+    case "change":
+      check(!isManual, "manual");
+      break;
+    case "run":
+      check(view.quality === "fresh", "stale");
+      check(!view.summary.stopped, "stop_holds");
+      check(!isAlarmed, "alarm");
+      check(!isManual, "manual");
+      check(view.homed !== false, "not_homed");
+      check(isManual || view.mode === MODES.running, "no_program");
+      check(view.left === null || view.left === 0, "list_left");
       break;
   }
   return reasons;

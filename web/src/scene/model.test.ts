@@ -1,8 +1,10 @@
 import { readFileSync } from "node:fs";
 import { expect, test } from "vitest";
 import type { ArmAxis, ArmGeometry, ArmModel } from "../api/types.ts";
+import { Orbit } from "./camera.ts";
 import { Late } from "./late.ts";
 import { floorOf, geometric, linksOf, nearness, poseOf, rangeOf, spaceOf, stands } from "./model.ts";
+import { pathOf } from "./plan.ts";
 
 /** A model as the gateway tells it, from the file that is compiled into the gateway. */
 function model(name: string): ArmModel {
@@ -118,4 +120,33 @@ test("the picture is a reading late, and never shows what was not read", () => {
   expect(late.at(9_200)).toEqual([1, 1]);
   late.read([2, 2], 19_200, 10_000);
   expect(late.at(19_200)).toEqual([2, 2]);
+});
+
+test("the path of a plan says where the arm is near a limit, and why the plan ended", () => {
+  const arm = model("BRTIRUS0707A");
+  const sample = (...axes: number[]) => ({ time_ms: 0, axes, axis_speeds: [], pose: [], tool_speed: 0 });
+  const samples = [sample(0, 0, 0, 0, 0, 0), sample(150, 0, 0, 0, 0, 0), sample(155, 0, 0, 0, 0, 0)];
+  const path = pathOf(arm, { samples, problems: [] });
+  expect(path.map(({ kind }) => kind)).toEqual(["ok", "near", "near"]);
+  expect(path[0]?.at[0]).toBeCloseTo(531.632, 2);
+  const problem = (kind: "limit" | "singular" | "waiting") => ({ kind, message: "", at_ms: 0, step: 1, axis: null, alarm: null });
+  const last = (kind: "limit" | "singular" | "waiting") => pathOf(arm, { samples, problems: [problem(kind)] })[2]?.kind;
+  expect([last("limit"), last("singular"), last("waiting")]).toEqual(["beyond", "singular", "near"]);
+});
+
+test("the view turns round its target, follows the tool if asked, and never goes over the poles", () => {
+  const orbit = new Orbit([0, 0, 300], 500);
+  const far = (): number => Math.hypot(...orbit.eye.map((one, at) => one - orbit.target[at]!));
+  const whole = far();
+  orbit.turn(1, 9);
+  expect(far()).toBeCloseTo(whole, 6);
+  expect(orbit.eye[2]).toBeLessThan(300 + whole);
+  orbit.zoom(1e9);
+  expect(far()).toBeCloseTo(whole / 10, 6);
+  orbit.view("tool", [400, 0, 500]);
+  expect([orbit.follows, ...orbit.target]).toEqual([true, 400, 0, 500]);
+  orbit.view("tool", null);
+  expect([orbit.follows, ...orbit.target], "where the tool is is not known").toEqual([false, 0, 0, 300]);
+  orbit.view("top", [400, 0, 500]);
+  expect(orbit.eye[2]).toBeCloseTo(300 + whole, 0);
 });

@@ -175,6 +175,7 @@ class Hall {
           break;
         case "event":
           if (change.event.event.startsWith("alarm_")) this.readAlarms();
+          if (change.event.event === "stop_cleared") stops.cleared(change.event.robot);
           for (const read of this.#readers) read(change.event);
           break;
         case "events_lost":

@@ -10,6 +10,8 @@ import { session } from "./session.svelte.ts";
 /** How long the gateway keeps it without a renewal, and how often it is renewed, in milliseconds. */
 const LASTS = 15_000;
 const RENEW = 5_000;
+/** Taking it over waits until the robot is stopped: so long at most. */
+const STOPS = 25_000;
 /** A hidden page gives it back after this time. */
 export const HIDDEN = 30_000;
 
@@ -31,13 +33,15 @@ class LeaseState {
     return this.#key?.number ?? null;
   }
 
-  async take(robot: string): Promise<Answer<Lease>> {
+  /** `because`: takes it from its holder, for this reason. The gateway stops the robot first. */
+  async take(robot: string, because?: string): Promise<Answer<Lease>> {
     await this.give();
     this.isAsking = true;
     this.ended = null;
     const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;
-    const body = { duration_ms: LASTS };
-    const answer = await call<Lease>("POST", path, { body, csrf: session.csrf });
+    const body = { duration_ms: LASTS, ...(because === undefined ? {} : { take_because: because }) };
+    const patience = because === undefined ? {} : { patience: STOPS };
+    const answer = await call<Lease>("POST", path, { body, csrf: session.csrf, ...patience });
     this.isAsking = false;
     if (answer.kind === "ok") {
       this.#key = answer.value.lease;

@@ -133,3 +133,17 @@ test("what is not proved stays until somebody has read it, also where no button 
   await sent[1]!.end(STOPPED);
   expect(stops.apart).toEqual([]);
 });
+
+test("a proved stop goes when it is cleared; what was not proved stays until it is read", async () => {
+  const { stops, sent } = start();
+  stops.show("a");
+  stops.show("b");
+  stops.one("a", BY);
+  stops.one("b", BY);
+  await sent[0]!.end(STOPPED);
+  await sent[1]!.end({ kind: "not_confirmed", why: "not_stopped" });
+  stops.cleared("a");
+  stops.cleared("b");
+  stops.cleared("c");
+  expect([stops.of("a"), stops.of("b")?.kind, stops.of("c")]).toEqual([null, "not_confirmed", null]);
+});

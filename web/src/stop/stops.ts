@@ -129,6 +129,13 @@ export class Stops {
     this.changed();
   }
 
+  /** The stop was cleared: that the arm stood says nothing of now. What was not proved stays until it is read. */
+  cleared(robot: string): void {
+    if (this.known.get(robot)?.kind !== "stopped") return;
+    this.known.delete(robot);
+    this.changed();
+  }
+
   /** A button of this robot is on the page. Returns what says that it is gone: a proved stop goes with it. */
   show(robot: string): () => void {
     this.shown.set(robot, (this.shown.get(robot) ?? 0) + 1);

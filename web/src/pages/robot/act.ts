@@ -1,0 +1,52 @@
+/** What a person does: one request, never sent again. What became of it is said on the page of the robot. */
+import { type Answer, call } from "../../api/client.ts";
+import type { CommandDone } from "../../api/types.ts";
+import { type Control, unmet } from "../../robots/sentence.ts";
+import type { View } from "../../robots/view.ts";
+import { hall } from "../../state/hall.svelte.ts";
+import { lease } from "../../state/lease.svelte.ts";
+import { session } from "../../state/session.svelte.ts";
+import { settings } from "../../state/settings.svelte.ts";
+import { told } from "./told.svelte.ts";
+
+export function pathOf(robot: string, part: string): string {
+  return `/v1/robots/${encodeURIComponent(robot)}/${part}`;
+}
+
+/** Why a control cannot be used now, in words; empty if it can. */
+export function reasons(control: Control, view: View): string {
+  const has = { gateway: hall.isThere, right: session.may(view.name), lease: lease.robot === view.name };
+  return unmet(control, view, has)
+    .map((reason) => settings.words.unmet(reason))
+    .join(" · ");
+}
+
+/** Sends something. `done`: what is said if it worked. */
+export async function post<T>(
+  robot: string,
+  what: string,
+  part: string,
+  body: object,
+  done: (what: string) => string,
+  more: { idempotencyKey?: string; patience?: number } = {},
+): Promise<Answer<T>> {
+  told.say(robot, settings.words.control.sending(what));
+  const answer = await call<T>("POST", pathOf(robot, part), { body, csrf: session.csrf, ...more });
+  if (answer.kind === "ok") told.say(robot, done(what));
+  else told.answer(robot, what, answer, settings.words);
+  return answer;
+}
+
+/** Sends a command with the lease of this page. Returns whether the controller accepted it. */
+export async function command(
+  robot: string,
+  what: string,
+  word: string,
+  args: readonly string[] = [],
+  more: object = {},
+): Promise<boolean> {
+  const key = lease.key(robot);
+  const body = { command: word, arguments: args, ...(key === null ? {} : { lease: key }), ...more };
+  const answer = await post<CommandDone>(robot, what, "commands", body, settings.words.control.accepted);
+  return answer.kind === "ok";
+}

@@ -1,0 +1,36 @@
+/** What an action at the panel of a virtual robot needs. The gateway checks all this again: docs/GATEWAY.md. */
+import type { Role } from "../../api/types.ts";
+import { MODES } from "../../robots/view.ts";
+
+/**
+ * `stop`: buttons stop and pause, the emergency stop. `move`: the buttons that start. `by_hand`: moves by hand.
+ * `move_nothing`: release, clear, another program. `input`: an input, for which a program may wait. `set_up`: the key,
+ * alarms.
+ */
+export type PanelNeeds = "stop" | "move" | "by_hand" | "move_nothing" | "input" | "set_up";
+
+export type PanelUnmet = "gateway_lost" | "no_right" | "needs_engineer" | "no_lease" | "stop_holds" | "manual" | "not_manual";
+
+export interface PanelHas {
+  gateway: boolean;
+  role: Role;
+  lease: boolean;
+  stopped: boolean;
+  /** `null` before it was read. */
+  mode: number | null;
+}
+
+export function panelUnmet(needs: PanelNeeds, has: PanelHas): PanelUnmet[] {
+  const found: PanelUnmet[] = [];
+  const check = (isMet: boolean, reason: PanelUnmet): void => {
+    if (!isMet) found.push(reason);
+  };
+  check(has.gateway, "gateway_lost");
+  check(has.role !== "viewer", "no_right");
+  if (needs === "stop" || found.length > 0) return found;
+  if (needs === "input" || needs === "set_up") check(has.role !== "operator", "needs_engineer");
+  check(has.lease, "no_lease");
+  if (needs === "move" || needs === "by_hand" || needs === "input") check(!has.stopped, "stop_holds");
+  if (needs === "by_hand") check(has.mode === MODES.manual, "not_manual");
+  return found;
+}

@@ -1,0 +1,72 @@
+import { expect, test } from "vitest";
+import type { Queried } from "../../api/types.ts";
+import { addresses, nameOf, outputArguments, wordsOf } from "./io.ts";
+import { withModel } from "./models.ts";
+import { freshKey, isRaise, percentOf, wholeOf } from "./numbers.ts";
+import { type PanelHas, panelUnmet } from "./panel.ts";
+
+test("points have the names of the pendant where these are known, and numbers elsewhere", () => {
+  expect([0, 1, 7, 8, 31].map((bit) => nameOf("input", 0, bit))).toEqual(["X010", "X011", "X017", "X020", "X047"]);
+  expect([nameOf("output", 0, 3), nameOf("M", 0, 1), nameOf("input", 1, 0), nameOf("M", 2, 31)]).toEqual([
+    "Y013",
+    "M011",
+    "33",
+    "96",
+  ]);
+  expect(outputArguments("output", 1, 5, true)).toEqual(["1", "5", "1"]);
+  expect(outputArguments("M", 0, 1, false)).toEqual(["4", "1", "0"]);
+});
+
+test("words of 32 points are read to the last bit, and missing ones are left out", () => {
+  expect(addresses(9)).toHaveLength(4 + 4 + 3);
+  const signal = (address: string, value: number | null) =>
+    ({ address, value, unit: null, quality: value === null ? "none" : "fresh", age_ms: 0 }) as const;
+  const queried: Queried = {
+    signals: [signal("input-0", 5), signal("output-1", 0x8000_0000), signal("M-0", null), signal("curMode", 7)],
+    problems: [],
+  };
+  const words = wordsOf(queried);
+  expect(words.map(({ kind, board }) => [kind, board])).toEqual([
+    ["input", 0],
+    ["output", 1],
+  ]);
+  expect(words[0]?.points.slice(0, 4)).toEqual([true, false, true, false]);
+  expect(words[1]?.points.indexOf(true)).toBe(31);
+});
+
+test("numbers that the wire does not carry are not sent", () => {
+  expect(["30", "0.1", "60,5", "100"].map(percentOf)).toEqual([30, 0.1, 60.5, 100]);
+  expect(["0", "100.1", "5.55", "-3", "", "1e1"].map(percentOf)).toEqual([null, null, null, null, null, null]);
+  expect([wholeOf("-7"), wholeOf("2147483648"), wholeOf("1.5"), wholeOf("799", 800, 900), wholeOf("900", 800, 900)]).toEqual([
+    -7,
+    null,
+    null,
+    null,
+    900,
+  ]);
+  expect([isRaise(null, 5), isRaise(30, 60), isRaise(30, 30), isRaise(30, 10)]).toEqual([true, true, false, false]);
+  expect(freshKey()).toMatch(/^[0-9a-f]{32}$/);
+  expect(freshKey()).not.toBe(freshKey());
+});
+
+test("a model is added to what the robot is configured with", () => {
+  const read = ["curMode", "axis-0", "axis-5", "world-3", "lastCycle", "axis-6", "counter-2", "Addr-800"];
+  expect(withModel({ address: "10.0.0.4:9760", period: 200, read }, "BRTIRUS0707A")).toEqual({
+    address: "10.0.0.4:9760",
+    period_ms: 200,
+    read: ["axis-6", "counter-2", "Addr-800"],
+    model: "BRTIRUS0707A",
+  });
+});
+
+test("each action at the panel needs what the gateway asks for", () => {
+  const all: PanelHas = { gateway: true, role: "engineer", lease: true, stopped: false, mode: 1 };
+  const needs = ["stop", "move", "by_hand", "move_nothing", "input", "set_up"] as const;
+  const unmet = (has: Partial<PanelHas>) => needs.map((one) => panelUnmet(one, { ...all, ...has }).join(" "));
+  expect(unmet({})).toEqual(["", "", "", "", "", ""]);
+  expect(unmet({ lease: false })).toEqual(["", "no_lease", "no_lease", "no_lease", "no_lease", "no_lease"]);
+  expect(unmet({ role: "operator" })).toEqual(["", "", "", "", "needs_engineer", "needs_engineer"]);
+  expect(unmet({ stopped: true })).toEqual(["", "stop_holds", "stop_holds", "", "stop_holds", ""]);
+  expect(unmet({ mode: 7 })).toEqual(["", "", "not_manual", "", "", ""]);
+  expect(unmet({ role: "viewer", gateway: false })[0]).toBe("gateway_lost no_right");
+});

@@ -1,0 +1,99 @@
+/**
+ * What was done to each robot lately: the gateway keeps its last 1000 events, which are read once, and what happens
+ * from then on is added. Only the page of a robot follows it.
+ */
+import type { GatewayEvent } from "../api/types.ts";
+import { type Deeds, NO_DEEDS, afterEvent, eventsOf } from "../robots/deeds.ts";
+import { stops } from "../stop/stops.ts";
+import { hall } from "./hall.svelte.ts";
+
+/** The kept events come at once: after this time without more, in milliseconds, all are there. At most so long. */
+const QUIET = 500;
+const LONGEST = 5_000;
+
+class DeedsState {
+  #robots = $state.raw(new Map<string, Deeds>());
+  /** Whether the kept events were read: before that, what was done earlier is not known. */
+  isRead = $state(false);
+  #last = 0;
+  /** What happened while the kept events are read. */
+  #waiting: GatewayEvent[] | null = null;
+
+  of(robot: string): Deeds {
+    return this.#robots.get(robot) ?? NO_DEEDS;
+  }
+
+  /** Reads what the gateway kept, then follows. Returns what ends it. */
+  follow(): () => void {
+    const over = new AbortController();
+    this.isRead = false;
+    this.#waiting = [];
+    const unread = hall.onEvent((event) => {
+      if (this.#waiting === null) this.#take([event]);
+      else this.#waiting.push(event);
+    });
+    void past(over.signal).then((events) => {
+      if (over.signal.aborted) return;
+      const waiting = this.#waiting ?? [];
+      this.#waiting = null;
+      // Numbers of events begin anew with each start of the gateway.
+      this.#robots = new Map();
+      this.#last = 0;
+      this.#take([...(events ?? []), ...waiting]);
+      this.isRead = events !== null;
+    });
+    return () => {
+      over.abort();
+      unread();
+    };
+  }
+
+  /** Each event counts once. Their numbers grow. */
+  #take(events: GatewayEvent[]): void {
+    const robots = new Map(this.#robots);
+    for (const event of events) {
+      if (event.id <= this.#last) continue;
+      this.#last = event.id;
+      robots.set(event.robot, afterEvent(robots.get(event.robot) ?? NO_DEEDS, event));
+    }
+    this.#robots = robots;
+  }
+}
+
+/** The events that the gateway keeps; `null` if they cannot be read. It gives its connection up for a stop. */
+async function past(signal: AbortSignal): Promise<GatewayEvent[] | null> {
+  if (stops.isBusy) return null;
+  const over = new AbortController();
+  const end = (): void => over.abort();
+  const unread = stops.onChange(() => {
+    if (stops.isBusy) end();
+  });
+  signal.addEventListener("abort", end);
+  let text = "";
+  let timer = setTimeout(end, LONGEST);
+  const longest = setTimeout(end, LONGEST);
+  let isThere = false;
+  try {
+    const headers = { "Last-Event-ID": "0", Accept: "text/event-stream" };
+    const response = await fetch("/v1/events", { headers, cache: "no-store", signal: over.signal });
+    isThere = response.ok;
+    const reader = response.body?.pipeThrough(new TextDecoderStream()).getReader();
+    while (isThere && reader !== undefined) {
+      const { done, value } = await reader.read();
+      if (done) break;
+      text += value;
+      clearTimeout(timer);
+      timer = setTimeout(end, QUIET);
+    }
+  } catch {
+    // It was ended: by the time, by a stop, or by the network.
+  } finally {
+    clearTimeout(timer);
+    clearTimeout(longest);
+    unread();
+    signal.removeEventListener("abort", end);
+  }
+  return isThere ? eventsOf(text) : null;
+}
+
+export const deeds = new DeedsState();
