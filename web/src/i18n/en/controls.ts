@@ -45,6 +45,7 @@ const PROOFS: Record<RunProof, string> = {
 export const controls = {
   parts: "Parts of this page",
   tabs: { live: "Live", axes: "Axes", io: "I/O", more: "More" },
+  taken: (what: string) => `${what}: the controller accepted it.`,
   limits: "Soft limits",
   limitsOf: (low: number, high: number) => `${low} to ${high}`,
   nearness: { near: "near a limit", beyond: "beyond its limit" },
@@ -75,6 +76,7 @@ export const controls = {
   outputHint: "What is wired to an output may start to move.",
   setOn: (point: string) => `${point} on`,
   setOff: (point: string) => `${point} off`,
+  further: (on: number) => `Further points, with their numbers: ${on === 0 ? "none is on" : `${on} on`}`,
   mPoints: (from: string, to: string) => `M points ${from} to ${to}`,
   inputsOf: (from: string, to: string) => `Inputs ${from} to ${to}`,
   outputsOf: (from: string, to: string) => `Outputs ${from} to ${to}`,
@@ -84,7 +86,7 @@ export const controls = {
   read: "Read",
   readAt: (at: string) => `read ${at}`,
   counterIs: (current: number, target: number, name: string) =>
-    `${current} of ${target}${name === "" ? "" : `, ${name}`}`,
+    `${current}, target ${target}${name === "" ? "" : `, ${name}`}`,
   noValue: "The controller has no such value.",
   newCount: "New count",
   newValue: "New value",

@@ -46,6 +46,7 @@ const PROOFS: Record<RunProof, string> = {
 export const controls: typeof english = {
   parts: "本页各部分",
   tabs: { live: "实时", axes: "各轴", io: "输入/输出", more: "更多" },
+  taken: (what) => `${what}：控制器已接受。`,
   limits: "软限位",
   limitsOf: (low, high) => `${low} 至 ${high}`,
   nearness: { near: "接近限位", beyond: "超出限位" },
@@ -73,6 +74,7 @@ export const controls: typeof english = {
   outputHint: "接在输出上的设备可能会动作。",
   setOn: (point) => `${point} 通`,
   setOff: (point) => `${point} 断`,
+  further: (on) => `其余各点（按编号）：${on === 0 ? "无接通" : `${on} 个接通`}`,
   mPoints: (from, to) => `M 点 ${from} 至 ${to}`,
   inputsOf: (from, to) => `输入 ${from} 至 ${to}`,
   outputsOf: (from, to) => `输出 ${from} 至 ${to}`,

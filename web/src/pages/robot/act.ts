@@ -7,7 +7,7 @@ import { hall } from "../../state/hall.svelte.ts";
 import { lease } from "../../state/lease.svelte.ts";
 import { session } from "../../state/session.svelte.ts";
 import { settings } from "../../state/settings.svelte.ts";
-import { told } from "./told.svelte.ts";
+import { type Part, told } from "./told.svelte.ts";
 
 export function pathOf(robot: string, part: string): string {
   return `/v1/robots/${encodeURIComponent(robot)}/${part}`;
@@ -21,19 +21,20 @@ export function reasons(control: Control, view: View): string {
     .join(" · ");
 }
 
-/** Sends something. `done`: what is said if it worked. */
+/** Sends something. `done`: what is said if it worked, in the part of the page where the person acted. */
 export async function post<T>(
   robot: string,
   what: string,
-  part: string,
+  path: string,
   body: object,
+  part: Part,
   done: (what: string) => string,
   more: { idempotencyKey?: string; patience?: number } = {},
 ): Promise<Answer<T>> {
-  told.say(robot, settings.words.control.sending(what));
-  const answer = await call<T>("POST", pathOf(robot, part), { body, csrf: session.csrf, ...more });
-  if (answer.kind === "ok") told.say(robot, done(what));
-  else told.answer(robot, what, answer, settings.words);
+  told.say(robot, settings.words.control.sending(what), part);
+  const answer = await call<T>("POST", pathOf(robot, path), { body, csrf: session.csrf, ...more });
+  if (answer.kind === "ok") told.say(robot, done(what), part);
+  else told.answer(robot, what, answer, settings.words, part);
   return answer;
 }
 
@@ -42,11 +43,13 @@ export async function command(
   robot: string,
   what: string,
   word: string,
-  args: readonly string[] = [],
-  more: object = {},
+  args: readonly string[],
+  part: Part,
+  more: { run_leftover?: boolean; done?: (what: string) => string } = {},
 ): Promise<boolean> {
   const key = lease.key(robot);
-  const body = { command: word, arguments: args, ...(key === null ? {} : { lease: key }), ...more };
-  const answer = await post<CommandDone>(robot, what, "commands", body, settings.words.control.accepted);
+  const { done = settings.words.controls.taken, ...with_ } = more;
+  const body = { command: word, arguments: args, ...(key === null ? {} : { lease: key }), ...with_ };
+  const answer = await post<CommandDone>(robot, what, "commands", body, part, done);
   return answer.kind === "ok";
 }

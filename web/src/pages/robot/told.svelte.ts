@@ -3,9 +3,13 @@ import { SvelteMap } from "svelte/reactivity";
 import type { Answer } from "../../api/client.ts";
 import type { en } from "../../i18n/en.ts";
 
+/** The part of the page where a person acted: the outcome is said there, and nowhere else. */
+export type Part = "top" | "control" | "alarms" | "arm" | "io" | "numbers" | "panel" | "run";
+
 export interface Said {
   text: string;
   isBad: boolean;
+  part: Part;
 }
 
 class Told {
@@ -19,15 +23,21 @@ class Told {
     this.#said.delete(robot);
   }
 
-  say(robot: string, text: string, isBad = false): void {
-    this.#said.set(robot, { text, isBad });
+  say(robot: string, text: string, part: Part, isBad = false): void {
+    this.#said.set(robot, { text, isBad, part });
   }
 
   /** Says why a request was not carried out, or that the outcome is not known. */
-  answer(robot: string, what: string, answer: Exclude<Answer<unknown>, { kind: "ok" }>, words: typeof en): void {
+  answer(
+    robot: string,
+    what: string,
+    answer: Exclude<Answer<unknown>, { kind: "ok" }>,
+    words: typeof en,
+    part: Part,
+  ): void {
     const isUnknown = answer.kind === "unknown" || answer.problem.code === "outcome_unknown" || answer.status === 504;
-    if (isUnknown) this.say(robot, words.control.unknown(what), true);
-    else this.say(robot, words.control.refused(what, answer.problem.message), true);
+    if (isUnknown) this.say(robot, words.control.unknown(what), part, true);
+    else this.say(robot, words.control.refused(what, answer.problem.message), part, true);
   }
 }
 

@@ -3,9 +3,10 @@ import { en } from "../../i18n/en.ts";
 import { told } from "./told.svelte.ts";
 
 test("what became of a request is told on the page of its robot alone", () => {
-  told.say("saw", "Start: accepted.");
-  told.answer("press", en.control.start, { kind: "unknown" }, en);
-  expect(told.of("saw")).toEqual({ text: "Start: accepted.", isBad: false });
+  told.say("saw", "Start: accepted.", "control");
+  told.answer("press", en.control.start, { kind: "unknown" }, en, "io");
+  expect(told.of("saw")).toEqual({ text: "Start: accepted.", isBad: false, part: "control" });
+  expect(told.of("press")?.part).toBe("io");
   expect(told.of("press")?.text).toContain("OUTCOME UNKNOWN");
   expect(told.of("pack")).toBeNull();
   told.clear("saw");

@@ -1,0 +1,259 @@
+import { writeFileSync } from "node:fs";
+import { join } from "node:path";
+import type { Browser, Page } from "playwright-core";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import { Running, fits, folder, hasThisPage, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
+
+const data = folder();
+let browser: Browser;
+let robots: Running;
+let gateway: Running;
+let url = "";
+let added = "";
+let engineer = "";
+let admin = "";
+
+beforeAll(async () => {
+  const here = "127.0.0.1:0";
+  robots = new Running("sim", "--listen", here, "--listen", here);
+  const [saw = "", other = ""] = await robots.all(/listening on (\S+)/g, 2);
+  added = other;
+  const config = join(data.path, "hall.toml");
+  writeFileSync(config, `[[robot]]\nname = "saw"\naddress = "${saw}"\nmodel = "BRTIRUS0707A"\nperiod_ms = 50\n`);
+  gateway = new Running("gateway", "--listen", here, "--data", join(data.path, "data"), "--config", config, "--twins");
+  url = await gateway.said(/gateway on (http:\/\/[^\s,]+)/);
+  await hasThisPage(url);
+  [engineer, admin] = await Promise.all([token("engineer"), token("admin")]);
+  browser = await startBrowser();
+});
+
+afterAll(async () => {
+  await browser?.close();
+  await gateway?.kill();
+  await robots?.kill();
+  data.remove();
+});
+
+async function token(role: string): Promise<string> {
+  return (await r6("gateway", "token", "--data", join(data.path, "data"), "--role", role)).trim();
+}
+
+/** Asks the gateway in the name of a token. */
+async function ask(method: string, path: string, by: string, body?: object): Promise<Response> {
+  const headers = { Authorization: `Bearer ${by}`, "Content-Type": "application/json" };
+  return fetch(url + path, { method, headers, ...(body === undefined ? {} : { body: JSON.stringify(body) }) });
+}
+
+/** Presses a button for as long as it has to be held. */
+async function hold(page: Page, text: string): Promise<void> {
+  const button = page.getByRole("button", { name: text, exact: true });
+  await button.scrollIntoViewIfNeeded();
+  const box = (await button.boundingBox())!;
+  await page.mouse.move(box.x + 8, box.y + 8);
+  await page.mouse.down();
+  await page.waitForTimeout(1_150);
+  await page.mouse.up();
+}
+
+async function control(page: Page, robot: string): Promise<void> {
+  await page.goto(`${url}/robots/${robot}`);
+  await page.locator("[data-lease=free] button").click();
+  await page.waitForSelector("[data-lease=mine]");
+}
+
+test("speed, outputs, counters and registers are set under the lease, and a stop names who stopped", async () => {
+  const { page, faults } = await openPage(browser);
+  await page.goto(`${url}/#${engineer}`);
+  await page.waitForSelector("[data-robot=saw]");
+  await control(page, "saw");
+  // What is not known is asked about; so is what is faster than before, and nothing else.
+  await says(page, "[data-speed]", "nobody set it over this gateway lately");
+  await page.fill("[data-percent]", "30");
+  await page.click("[data-control=speed]");
+  await says(page, "[role=dialog]", "What the speed is now is not known");
+  await isAccessible(page);
+  await page.click("[data-raise]");
+  await says(page, "[data-speed]", /30 %, set by \d+, \d\d:\d\d:\d\d; not reported by the controller/);
+  await page.fill("[data-percent]", "20");
+  await page.keyboard.press("Enter");
+  await says(page, "[data-speed]", "20 %");
+  await page.fill("[data-percent]", "60.5");
+  await page.keyboard.press("Enter");
+  await says(page, "[role=dialog]", "It was 20 %");
+  await page.keyboard.press("Escape");
+  await says(page, "[data-speed]", "20 %");
+  expect(await page.isDisabled("[data-control=speed]")).toBe(false);
+
+  await page.selectOption("[data-output]", { label: "Y012" });
+  await page.click("[data-set-output=on]");
+  await says(page, "[data-told-command=io]", "Y012 on: the controller accepted it.");
+  await page.waitForSelector('[data-point="output 3"].on');
+  await page.click("[data-set-output=off]");
+  await page.waitForSelector('[data-point="output 3"]:not(.on)');
+  await page.fill("[data-new=counter]", "12");
+  await page.click("[data-set=counter]");
+  await says(page, "[data-number=counter]", /^12, target 0, read \d\d:/);
+  await page.fill("[data-new=register]", "-42");
+  await page.click("[data-set=register]");
+  await says(page, "[data-number=register]", /^-42, read/);
+  await says(page, "[data-limits=axis-1]", "-105 to 75");
+  expect(await page.locator("[data-panel]").count(), "a robot that is no twin has no panel here").toBe(0);
+  await isAccessible(page);
+
+  await page.click("[data-stop=saw]");
+  await says(page, "[data-doing]", "It waits for you to clear the stop.");
+  await says(page, "[data-stopped-by]", /^Stopped by \d+, \d\d:\d\d:\d\d$/);
+  expect(await page.getAttribute("[data-stopped-by]", "href")).toBe("/audit?robot=saw");
+  expect(await page.isDisabled("[data-set-output=on]")).toBe(true);
+  await says(page, "[data-told]", "saw: stopped, seen");
+  await page.click("[data-control=clear_stop]");
+  await says(page, "[data-told-command=control]", "Clear stop: done.");
+  await until("what became of the stop goes", async () => (await page.textContent("[data-told]"))?.trim() === "");
+  expect(await page.locator("[data-stopped-by]").count()).toBe(0);
+
+  // Who comes later sees who set the speed. The twin is a link away.
+  await page.reload();
+  await says(page, "[data-speed]", /20 %, set by \d+/);
+  await page.click("[data-twin=saw-twin]");
+  await says(page, "h1", "saw-twin");
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+test("the panel of a twin: key, moves by hand, inputs, emergency stop, in Chinese", async () => {
+  const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 844 }, locale: "zh-CN" });
+  await page.goto(`${url}/#${engineer}`);
+  await page.waitForSelector("[data-robot=saw-twin]");
+  await control(page, "saw-twin");
+  await says(page, "[data-panel-state]", "运行中，全局速度 100 %".replace("，", ", "));
+  expect(await page.isDisabled("[data-panel='jog-J1+']")).toBe(true);
+  await page.click("[data-panel=key-manual]");
+  await says(page, "[data-panel-state='1']", "手动");
+  await page.click("[data-panel='jog-J1+']");
+  await says(page, "[data-told-command=panel]", "J1 +10：面板已接受。");
+  await page.click("[data-tab=axes]");
+  await says(page, "[data-value=axis-0]", /^10\.000$/);
+  await fits(page);
+  await page.click("[data-tab=live]");
+  await page.click("[data-panel=input-on]");
+  await says(page, "[data-inputs-on]", "接通：X010");
+  await page.click("[data-panel=input-off]");
+  await page.click("[data-panel=estop]");
+  await says(page, "[data-panel-state]", "急停已按下");
+  await says(page, "[data-alarm='7']", "7");
+  await fits(page);
+  await isAccessible(page);
+  await picture(page, "robot-panel-390-light", true);
+  await page.click("[data-panel=release]");
+  await page.click("[data-panel=clear]");
+  await page.click("[data-control=clear_stop]");
+  await says(page, "[data-told-command=control]", "解除停止：完成。");
+  await page.click("[data-panel=key-auto]");
+  await page.waitForSelector("[data-panel-state='2']");
+  await hold(page, "按住：启动");
+  await page.waitForSelector("[data-panel-state='7']");
+  await page.locator("[data-lease=mine] button").click();
+  await page.waitForSelector("[data-lease=free]");
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+const SWEEP = `[[instruction]]\ndo = "axis-move"\nto = [30, 0, 0, 0, 0, 0]\nspeed = 40\n`;
+
+test("a kept program is checked, planned, run by holding, and its end is proved", async () => {
+  expect((await ask("PUT", "/v1/programs/sweep", engineer, { program: SWEEP })).status).toBe(201);
+  await ask("PUT", "/v1/programs/broken", engineer, { program: SWEEP.replace("axis-move", "axis-moove") });
+  const { page, faults } = await openPage(browser);
+  await page.goto(`${url}/#${engineer}`);
+  await page.waitForSelector("[data-robot=saw-twin]");
+  await control(page, "saw-twin");
+  await page.selectOption("[data-program]", "sweep");
+  expect(await page.locator("[data-program] option", { hasText: "broken" }).isDisabled()).toBe(true);
+  await page.click("[data-control=prepare-run]");
+  await says(page, "[data-prepared]", /From where the arm stands now: \d+\.\d s at 100 %, \d+ mm/);
+  await says(page, "[data-prepared]", "Stay at this page");
+  await isAccessible(page);
+  await picture(page, "robot-run-1920-light", true);
+  await hold(page, "Hold to run sweep on saw-twin");
+  await says(page, "[data-run=done]", /sweep: DONE[^]*1 of 1 step were seen to be done|sweep: DONE/);
+  await says(page, "[data-proof]", "the arm stands where the last move ends");
+  await says(page, "[data-value=axis-0]", /^30\.000$/);
+
+  // A stop ends a run, and the page says why it ended.
+  await ask("PUT", "/v1/programs/back", engineer, { program: SWEEP.replace("[30", "[-120").replace("40", "5") });
+  await page.focus("[data-program]");
+  await until("the new program is listed", async () => (await page.locator("[data-program] option[value=back]").count()) === 1);
+  await page.selectOption("[data-program]", "back");
+  await page.click("[data-control=prepare-run]");
+  await page.waitForSelector("[data-prepared]");
+  await hold(page, "Hold to run back on saw-twin");
+  await page.waitForSelector("[data-run=running]");
+  await page.keyboard.press("F9");
+  await says(page, "[data-run=stopped]", "somebody stopped or paused the robot");
+  await page.click("[data-control=clear_stop]");
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+test("an admin takes a lease over with a reason, and chooses a model; another robot is accepted", async () => {
+  const holder = await openPage(browser);
+  await holder.page.goto(`${url}/#${engineer}`);
+  await holder.page.waitForSelector("[data-robot=saw]");
+  await control(holder.page, "saw");
+  const { page, faults } = await openPage(browser, { viewport: { width: 768, height: 1024 }, colorScheme: "dark" });
+  await page.goto(`${url}/#${admin}`);
+  await page.waitForSelector("[data-robot=saw]");
+  await page.goto(`${url}/robots/saw`);
+  await page.click("[data-take]");
+  await says(page, "[role=dialog]", /Take saw from \d+\?[^]*stops the robot first/);
+  expect(await page.isDisabled("[data-take-over]")).toBe(true);
+  await page.fill("[data-reason]", "the operator has left");
+  await isAccessible(page);
+  await page.click("[data-take-over]");
+  await page.waitForSelector("[data-lease=mine]");
+  await says(page, "[data-doing]", "It waits for you to clear the stop.");
+  await says(holder.page, "[data-lease=others]", "Your control has ended.");
+  await holder.page.context().close();
+  await page.click("[data-control=clear_stop]");
+  await says(page, "[data-told-command=control]", "Clear stop: done.");
+  await page.locator("[data-lease=mine] button").click();
+
+  // A robot of the API has no model until an admin chooses it: everything else stays as it is.
+  const wanted = { address: added, period_ms: 200, read: ["counter-0", "Addr-800"] };
+  expect((await ask("PUT", "/v1/robots/added", admin, wanted)).status).toBe(201);
+  await page.goto(`${url}/robots/added`);
+  await says(page, "main", "there are numbers only");
+  await page.selectOption("[data-model]", "BRTIRUS0707A");
+  await page.click("text=Set the model of added");
+  await page.waitForSelector("[data-scene]");
+  const state = (await (await ask("GET", "/v1/robots/added", admin)).json()) as { period_ms: number; signals: { address: string }[] };
+  expect(state.period_ms).toBe(200);
+  expect(state.signals.map(({ address }) => address).slice(-2)).toEqual(["counter-0", "Addr-800"]);
+  await fits(page);
+  await isAccessible(page);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+test("an exchanged robot is shown beside the one before, and an engineer accepts it", async () => {
+  const first = new Running("sim", "--listen", "127.0.0.1:0");
+  const address = await first.said(/listening on (\S+)/);
+  expect((await ask("PUT", "/v1/robots/swapped", admin, { address, period_ms: 50 })).status).toBe(201);
+  const { page, faults } = await openPage(browser);
+  await page.goto(`${url}/#${engineer}`);
+  await page.click("[data-robot=swapped]");
+  await says(page, "[data-doing]", "The program runs.");
+  await first.kill();
+  const second = new Running("sim", "--listen", address, "--model", "GENERIC-SCARA");
+  try {
+    await says(page, "[data-exchange]", /r6 virtual BRTIRUS0707A[^]*r6 virtual GENERIC-SCARA/);
+    await isAccessible(page);
+    await page.click("[data-accept]");
+    await says(page, "[data-told-command=top]", "Accept the robot: done.");
+    await says(page, "[data-doing]", "The program runs.");
+    expect(faults).toEqual([]);
+  } finally {
+    await second.kill();
+  }
+  await page.context().close();
+});
