@@ -52,3 +52,4 @@ export type ArmModel = Schemas["ArmModel"];
 export type ArmAxis = Schemas["ArmAxis"];
 export type ArmGeometry = Schemas["ArmGeometry"];
 export type Models = Schemas["Models"];
+export type IdentityChange = Schemas["IdentityChange"];
