@@ -53,3 +53,5 @@ export type ArmAxis = Schemas["ArmAxis"];
 export type ArmGeometry = Schemas["ArmGeometry"];
 export type Models = Schemas["Models"];
 export type IdentityChange = Schemas["IdentityChange"];
+export type PlanSample = Schemas["PlanSample"];
+export type ProgramVersions = Schemas["ProgramVersions"];

@@ -12,6 +12,7 @@ import { menu } from "./en/menu.ts";
 import { count, duration } from "./en/say.ts";
 import { hallSettings } from "./en/settings.ts";
 import { ui } from "./en/ui.ts";
+import { teach } from "./en/teach.ts";
 
 const MODES: Record<number, string> = {
   0: "no mode",
@@ -42,6 +43,7 @@ export const en = {
   hallSettings,
   arm,
   controls,
+  teach,
   hall: "Hall",
   toHall: "Back to the hall",
   main: "Main content",

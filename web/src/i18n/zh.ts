@@ -6,6 +6,7 @@ import { connections } from "./zh/connections.ts";
 import { arm } from "./zh/arm.ts";
 import { controls } from "./zh/controls.ts";
 import { menu } from "./zh/menu.ts";
+import { teach } from "./zh/teach.ts";
 import { duration } from "./zh/say.ts";
 import { hallSettings } from "./zh/settings.ts";
 import { ui } from "./zh/ui.ts";
@@ -39,6 +40,7 @@ export const zh: typeof en = {
   hallSettings,
   arm,
   controls,
+  teach,
   hall: "车间",
   toHall: "返回车间",
   main: "主要内容",

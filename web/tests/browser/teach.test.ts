@@ -1,0 +1,246 @@
+import { writeFileSync } from "node:fs";
+import { join } from "node:path";
+import type { Browser, Page } from "playwright-core";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import { Running, fits, folder, hasThisPage, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
+
+const data = folder();
+let robot: Running;
+let gateway: Running;
+let browser: Browser;
+let url: string;
+/** The address of the twin, as a person at its pendant would have it. */
+let twin: string;
+let engineer: string;
+let operator: string;
+
+beforeAll(async () => {
+  robot = new Running("sim", "--listen", "127.0.0.1:0");
+  const address = await robot.said(/listening on (\S+)/);
+  const hall = join(data.path, "hall.toml");
+  writeFileSync(hall, `[[robot]]\nname = "press-4"\naddress = "${address}"\nmodel = "BRTIRUS0707A"\n`);
+  const kept = join(data.path, "gateway");
+  gateway = new Running("gateway", "--listen", "127.0.0.1:0", "--data", kept, "--config", hall, "--twins");
+  url = await gateway.said(/gateway on (http:\/\/[^\s,]+)/);
+  twin = await gateway.said(/press-4-twin on ([^\s,]+)/);
+  await hasThisPage(url);
+  engineer = (await r6("gateway", "token", "--data", kept, "--role", "engineer")).trim();
+  operator = (await r6("gateway", "token", "--data", kept, "--role", "operator")).trim();
+  browser = await startBrowser();
+});
+
+afterAll(async () => {
+  await browser?.close();
+  await gateway?.kill();
+  await robot?.kill();
+  data.remove();
+});
+
+async function signIn(page: Page, token: string, path: string): Promise<void> {
+  await page.goto(`${url}/#${token}`);
+  await page.waitForSelector('[data-robot="press-4"]');
+  await page.goto(url + path);
+}
+
+/** Moves the twin as a person at its pendant would, and takes a point there. */
+async function take(page: Page, ...axes: number[]): Promise<void> {
+  await r6("-r", twin, "move", "axes", ...axes.map(String), "--speed", "100", "--wait");
+  const before = Number(await page.getAttribute("[data-points]", "data-points"));
+  await until("a point is taken", async () => {
+    await page.click("[data-take]");
+    await page.waitForFunction(() => !document.querySelector("[data-take]")?.hasAttribute("disabled"));
+    return Number(await page.getAttribute("[data-points]", "data-points")) > before;
+  });
+}
+
+async function add(page: Page, kind: string, point?: string): Promise<void> {
+  await page.selectOption("[data-kind]", kind);
+  if (point !== undefined) await page.selectOption("[data-to]", point);
+  await page.click("[data-add]");
+}
+
+async function set(page: Page, field: string, text: string): Promise<void> {
+  await page.fill(`[data-field=${field}]`, text);
+  await page.press(`[data-field=${field}]`, "Tab");
+}
+
+/** Takes control of the target, prepares, and holds the button for its second. */
+async function run(page: Page, name: string): Promise<void> {
+  await page.click("[data-prepare]");
+  await says(page, "[role=dialog]", `Run on ${name}?`);
+  const hold = (await page.locator(`text=Hold to run on ${name}`).boundingBox())!;
+  await page.mouse.move(hold.x + 5, hold.y + 5);
+  await page.mouse.down();
+  await page.waitForSelector('[data-sent="accepted"], [data-sent="done"]');
+  await page.mouse.up();
+}
+
+test("three points, an output and a wait run on the twin and then on the arm; what is beyond a limit does not", async () => {
+  const { page, faults } = await openPage(browser);
+  await signIn(page, engineer, "/robots/press-4/teach");
+  await says(page, "main", "No program is stored yet.");
+  await page.fill("#new-program", "pick");
+  await page.click("text=New program");
+  await page.waitForSelector("[data-take]");
+  expect(page.url()).toBe(`${url}/robots/press-4/teach/pick`);
+
+  await take(page, 0, 10, -20, 0, -80, 0);
+  await take(page, 30, 10, -20, 0, -80, 0);
+  await take(page, 30, 20, -30, 0, -80, 0);
+  await says(page, '[data-point-name="P2"]', "30, 10, -20, 0, -80, 0");
+  for (const point of ["P1", "P2", "P3"]) {
+    await add(page, "axis-move", point);
+    await set(page, "speed", "60");
+  }
+  await add(page, "output");
+  await add(page, "wait");
+  await set(page, "seconds", "0.3");
+  await says(page, '[data-step="5"]', "Wait 0.3 s");
+  await page.waitForSelector("[data-check=true]");
+  await page.waitForSelector('[data-step="5"] [data-runs=sent]');
+
+  // A mistake stands beside its step and field.
+  await set(page, "seconds", "0.33");
+  await says(page, '[data-step="5"]', /line \d+, column \d+: .*steps of 0.1 seconds/);
+  expect(await page.getAttribute('[data-field="seconds"]', "aria-invalid")).toBe("true");
+  await page.locator("[data-step='5'] .row").focus();
+  await page.keyboard.press("Control+z");
+  await page.waitForSelector("[data-check=true]");
+  expect(await page.inputValue("[data-field=seconds]")).toBe("0.3");
+
+  // The keys: copy, move, undo both.
+  await page.keyboard.press("Control+d");
+  await page.keyboard.press("Alt+ArrowUp");
+  await page.keyboard.press("ArrowUp");
+  expect(await page.getAttribute("[data-steps]", "data-steps")).toBe("6");
+  await page.keyboard.press("Control+z");
+  await page.keyboard.press("Control+z");
+  expect(await page.getAttribute("[data-steps]", "data-steps")).toBe("5");
+  await page.waitForSelector("[data-check=true]");
+
+  await page.click("[data-make]");
+  await page.waitForSelector("[data-preview=done]");
+  expect(Number(await page.getAttribute("[data-duration]", "data-duration"))).toBeGreaterThan(500);
+  await page.click("[data-pace='4']");
+  const begin = await page.textContent('[data-planned-axis="0"]');
+  await page.locator("[data-step='5'] .row").focus();
+  await page.keyboard.press(" ");
+  await until("the preview plays to its end", async () => (await page.textContent('[data-planned-axis="0"]')) !== begin);
+  await page.waitForSelector("[data-play=false]");
+  await isAccessible(page);
+  await picture(page, "teach-1920");
+
+  // A point beyond a limit: the step and the path are red, and nothing is sent.
+  await page.click('[data-point-name="P3"] button');
+  await page.fill('[data-axis="1"]', "170");
+  await page.press('[data-axis="1"]', "Tab");
+  await page.waitForSelector('[data-step="3"][data-mark=beyond]');
+  await page.waitForSelector("[data-worst=beyond]");
+  await says(page, "[data-plan-problem=limit]", "Step 3");
+  await page.click("text=Take control");
+  await page.waitForSelector("[data-lease=mine]");
+  await until("the reason is told", async () => (await page.getAttribute("[data-reasons]", "data-reasons"))?.includes("plan_fails") === true);
+  expect(await page.isDisabled("[data-prepare]")).toBe(true);
+  await isAccessible(page);
+  await picture(page, "teach-beyond");
+  await page.click("text=Undo");
+  await page.waitForSelector("[data-preview=done]");
+  await page.waitForSelector('[data-step="3"][data-mark=ok]');
+
+  // A second person sees who controls it, and cannot run anything.
+  const other = await openPage(browser);
+  await signIn(other.page, operator, "/robots/press-4/teach/pick");
+  await other.page.waitForSelector("[data-lease=others]");
+  await says(other.page, "[data-lease]", /1 \(engineer\) controls it/);
+  expect(await other.page.isDisabled("[data-prepare]")).toBe(true);
+  expect(other.faults).toEqual([]);
+  await other.page.context().close();
+
+  // On the twin first.
+  await page.waitForSelector("[data-prepare]:not([disabled])");
+  await run(page, "press-4-twin");
+  await says(page, "[data-sent=done]", "Done on press-4-twin, seen");
+  await page.waitForSelector("[data-preview=void]");
+
+  // Then on the arm, from where it stands.
+  await page.click("[data-choose=press-4]");
+  await page.click("text=Take control");
+  await page.waitForSelector("[data-lease=mine]");
+  await page.click("[data-make]");
+  await page.waitForSelector("[data-preview=done]");
+  await page.waitForSelector("[data-prepare]:not([disabled])");
+  await run(page, "press-4");
+  await says(page, "[data-sent=done]", "Done on press-4, seen: the arm stands where the last move ends");
+  expect(await r6("-r", await robotAddress(), "status")).toMatch(/30\.0/);
+
+  // Saved, and saved by another one meanwhile.
+  await page.click("[data-save]");
+  await page.waitForSelector("[data-saved=saved]");
+  const path = `${url}/v1/programs/pick`;
+  const headers = { Authorization: `Bearer ${engineer}`, "Content-Type": "application/json" };
+  const first = (await (await fetch(path, { headers })).json()) as { program: string; etag: string };
+  expect(first.program).toContain('# point "P3" = axes [30, 20, -30, 0, -80, 0] pose [');
+  expect(first.program).toContain('to = [30, 20, -30, 0, -80, 0] # point "P3"');
+  const body = JSON.stringify({ program: `# by another one\n${first.program}` });
+  await fetch(path, { method: "PUT", headers: { ...headers, "If-Match": first.etag }, body });
+  await add(page, "output");
+  await page.click("[data-save]");
+  await page.waitForSelector("[data-conflict='2']");
+  await page.click("text=Compare and choose");
+  await says(page, "[data-diff=removed]", "# by another one");
+  await isAccessible(page);
+  await picture(page, "teach-compare");
+  await page.click("text=Go on with what is here");
+  await page.click("[data-save]");
+  await page.waitForSelector("[data-version='3']");
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+async function robotAddress(): Promise<string> {
+  return robot.said(/listening on (\S+)/);
+}
+
+test("on a phone in Chinese points are taken and the preview is seen; steps are read only", async () => {
+  const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 844 }, locale: "zh-CN", hasTouch: true });
+  await signIn(page, operator, "/robots/press-4/teach/pick");
+  await page.waitForSelector('[data-step="6"]');
+  expect(await page.locator("[data-add], [data-prepare], [data-fields]").count()).toBe(0);
+  await says(page, "[data-steps]", "窄屏上只显示步骤");
+  await page.tap("[data-take]");
+  await page.waitForSelector('[data-point-name="P4"]');
+  await page.waitForSelector("[data-make]:not([disabled])");
+  await page.tap("[data-make]");
+  await page.waitForSelector("[data-preview=done]");
+  await fits(page);
+  await isAccessible(page);
+  await picture(page, "teach-390", true);
+  // A draft of this browser survives the page.
+  await page.reload();
+  await page.waitForSelector("[data-draft]");
+  await page.waitForSelector('[data-point-name="P4"]');
+  await page.setViewportSize({ width: 768, height: 1024 });
+  await fits(page);
+  await isAccessible(page);
+  await page.emulateMedia({ colorScheme: "dark" });
+  await picture(page, "teach-768-dark", true);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+test("a text that the page does not take apart is kept, with the place", async () => {
+  const headers = { Authorization: `Bearer ${engineer}`, "Content-Type": "application/json", "If-None-Match": "*" };
+  const program = '[[instruction]]\ndo = "wait"\nseconds = """1"""\n';
+  await fetch(`${url}/v1/programs/odd`, { method: "PUT", headers, body: JSON.stringify({ program }) });
+  const { page, faults } = await openPage(browser);
+  await signIn(page, operator, "/robots/press-4/teach/odd");
+  await says(page, "[data-raw=long_text]", "Line 3, column 11");
+  expect(await page.inputValue("textarea")).toBe(program);
+  await page.fill("textarea", program.replaceAll('"""', ""));
+  await page.click("text=Take this text");
+  await says(page, '[data-step="1"]', "Wait 1 s");
+  await page.waitForSelector("[data-check=true]");
+  expect(await page.isDisabled("[data-save]"), "an operator stores nothing").toBe(true);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
