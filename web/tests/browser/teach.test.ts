@@ -2,7 +2,20 @@ import { writeFileSync } from "node:fs";
 import { join } from "node:path";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
-import { Running, fits, folder, hasThisPage, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
+import {
+  Running,
+  SOFTWARE_3D,
+  fits,
+  folder,
+  hasThisPage,
+  isAccessible,
+  openPage,
+  picture,
+  r6,
+  says,
+  startBrowser,
+  until,
+} from "./support.ts";
 
 const data = folder();
 let robot: Running;
@@ -243,4 +256,40 @@ test("a text that the page does not take apart is kept, with the place", async (
   expect(await page.isDisabled("[data-save]"), "an operator stores nothing").toBe(true);
   expect(faults).toEqual([]);
   await page.context().close();
+});
+
+test("the picture shows the path, and a second arm that is played along it", async () => {
+  const drawing = await startBrowser(SOFTWARE_3D);
+  const { page, faults } = await openPage(drawing);
+  await signIn(page, operator, "/robots/press-4");
+  await page.click("text=Teach");
+  await page.click("[data-program=pick] a");
+  const canvas = page.locator("[data-scene=shown] canvas");
+  await canvas.waitFor();
+  const seen = async (): Promise<string> => (await canvas.screenshot()).toString("base64");
+  const still = async (): Promise<string> => {
+    let before = "";
+    await until("the picture is still", async () => {
+      const now = await canvas.getAttribute("data-drawn");
+      const isStill = now === before;
+      before = now ?? "";
+      await page.waitForTimeout(200);
+      return isStill;
+    });
+    return seen();
+  };
+  const first = await still();
+  await page.waitForSelector("[data-make]:not([disabled])");
+  await page.click("[data-make]");
+  await page.waitForSelector("[data-preview=done]");
+  const planned = await still();
+  expect(planned === first, "the path is there").toBe(false);
+  await page.click("[data-step='2'] .row");
+  expect(await page.textContent("[data-planned-axis='0']")).toBe("30.000 deg");
+  const moved = await still();
+  expect(moved === planned, "the second arm stands where the step ends").toBe(false);
+  await picture(page, "teach-3d");
+  await isAccessible(page);
+  expect(faults).toEqual([]);
+  await drawing.close();
 });

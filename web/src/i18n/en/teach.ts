@@ -313,10 +313,7 @@ export const teach = {
     ends: (step: number | null, message: string) => `${step === null ? "" : `Step ${step}: `}${message}`,
     marks: { near: "near a limit", beyond: "beyond a limit", singular: "singular" },
     assumes: "Made for the numbers of the model, without loads. All inputs are off. A real controller may plan otherwise.",
-    view: "View",
-    views: { iso: "Iso", top: "Top", side: "Side", tool: "Tool" },
     picture: "The arm and its path. The table beside it says the same.",
-    noPicture: "This browser shows no 3D picture. The tables say the same.",
   },
   send: {
     title: (robot: string) => `Run on ${robot}`,

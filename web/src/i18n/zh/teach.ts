@@ -309,10 +309,7 @@ export const teach: typeof english = {
     ends: (step, message) => `${step === null ? "" : `步骤 ${step}：`}${message}`,
     marks: { near: "接近限位", beyond: "超出限位", singular: "奇异点" },
     assumes: "按型号数据计算，不含负载，所有输入为断。真实控制器的规划可能不同。",
-    view: "视图",
-    views: { iso: "等轴", top: "俯视", side: "侧视", tool: "工具" },
     picture: "机械臂及其路径。旁边的表格内容相同。",
-    noPicture: "此浏览器不显示三维图形。表格内容相同。",
   },
   send: {
     title: (robot) => `在 ${robot} 上运行`,

@@ -26,8 +26,13 @@ export function foundIn(document: Document, checked: ProgramChecked | null): Fou
       found.whole.push({ line, column, message, advice });
       continue;
     }
-    const problem: StepProblem = { line, column, key: place.key, message, advice };
+    const problem: StepProblem = { line, column, key: place.key, message: bare(message), advice };
     found.steps.set(place.step, [...(found.steps.get(place.step) ?? []), problem]);
   }
   return found;
+}
+
+/** A message without the step that it names: it stands beside its step, and counts from the first one that was sent. */
+export function bare(message: string): string {
+  return message.replace(/^(?:instruction|step) \d+(?: \([a-z -]+\))?:? /, "");
 }
