@@ -288,6 +288,9 @@ export const teach = {
         frames: "tool or work frame changed, or cannot be read",
         frames_in_use: "a tool or work frame is in use, and the preview is made without",
       }[why]}. Preview again.`,
+    isVoid: "VOID",
+    waits: (steps: number[]) =>
+      `${steps.length === 1 ? "Step" : "Steps"} ${steps.join(", ")}: the signal is taken to come at once.`,
     framesUnknown: "This robot does not tell its tool and work frame. The preview is made for tool 0 without a work frame.",
     lasts: (ms: number) => `${seconds(ms)} to the end`,
     fails: (ms: number) => `It does not run to its end: it stops after ${seconds(ms)}.`,
@@ -332,6 +335,10 @@ export const teach = {
       `The tool goes ${mm} in ${seconds(ms)}, if the global speed is ${speed} %. The controller does not report its global speed.`,
     list: "No instruction is left in its list.",
     frames: "It runs with the tool and the work frame that are in use.",
+    waits: (steps: number[]) =>
+      `${steps.length === 1 ? "Step" : "Steps"} ${steps.join(", ")}: the arm waits for a signal there, and goes on when it comes.`,
+    stay: "Stay here: the gateway stops the arm if this page is left, hidden for 30 s, or not used for 5 minutes.",
+    noFrames: "Not prepared: tool and work frame cannot be read. Try again.",
     person: "Look at the arm: nobody may be near it.",
     changed: "Not run: something changed since it was prepared. Prepare it again.",
     looking: "Looking at tool and work frame…",

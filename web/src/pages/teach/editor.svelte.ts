@@ -7,12 +7,12 @@ import { type Document, EMPTY, read, write } from "../../teach/document.ts";
 import { dropDraft, keepDraft, readDraft } from "../../teach/draft.ts";
 import { type History, type Selection, change, choose, historyOf, redo, undo } from "../../teach/history.ts";
 import type { Wrong } from "../../teach/toml.ts";
+import { shelf } from "./shelf.ts";
 
 /** A text is checked when it has rested for so long, in milliseconds. */
 const REST = 300;
 /** How long a check that had no answer waits to be sent again. */
 const AGAIN = 2_000;
-/** Beside a check that is under way there is one that waits, with the latest text. */
 
 export interface Base {
   version: number;
@@ -86,7 +86,7 @@ export class Editor {
     this.phase = "loading";
     const answer = await call<StoredProgram>("GET", this.#path);
     if (this.#isOver) return;
-    const draft = readDraft(localStorage, this.name);
+    const draft = readDraft(shelf, this.name);
     if (answer.kind === "ok") {
       const latest = answer.value;
       if (draft !== null && draft.text !== latest.program) {
@@ -180,13 +180,13 @@ export class Editor {
   #changed(): void {
     this.saved = null;
     this.unread = new Set();
-    if (this.isDirty) this.isKept = keepDraft(localStorage, this.name, { text: this.text, base: this.base, at: Date.now() });
+    if (this.isDirty) this.isKept = keepDraft(shelf, this.name, { text: this.text, base: this.base, at: Date.now() });
     else this.#dropDraft();
     this.#checkSoon(REST);
   }
 
   #dropDraft(): void {
-    dropDraft(localStorage, this.name);
+    dropDraft(shelf, this.name);
     this.draftOf = null;
     this.isKept = true;
   }

@@ -18,13 +18,23 @@ export interface Planned {
   basis: Basis;
   /** How many steps stand before the first one of the plan. */
   skipped: number;
+  /** The numbers of steps, from 1, whose signals are taken to come at once. */
+  waits: number[];
 }
 
 /** What the planner needs to know of the page now. */
 export interface Now {
   view: View | undefined;
+  /** What would be sent. */
   text: string;
   speed: number;
+}
+
+/** What is planned in place of the text: see `assumed`. */
+export interface Planning {
+  program: string;
+  skipped: number;
+  waits: number[];
 }
 
 /** Where the axes of a robot stand; `null` if that is not known now. */
@@ -103,7 +113,7 @@ export class Planner {
   }
 
   /** Asks the gateway what the arm would do, from where it stands now. */
-  async plan(skipped: number): Promise<void> {
+  async plan({ program, skipped, waits }: Planning): Promise<void> {
     const { view, text, speed } = this.#now();
     if (view === undefined) return;
     this.clear();
@@ -111,14 +121,8 @@ export class Planner {
     const machine = machineOf(view);
     this.isPlanning = true;
     const frames = await framesOf(view.name);
-    const axes = axesOf(this.#now().view);
-    const body = {
-      program: text,
-      robot: view.name,
-      global_speed_percent: speed,
-      // The plan has at most six axes; without a position of now, the gateway asks the robot.
-      ...(axes === null ? {} : { from: axes.slice(0, 6) }),
-    };
+    // Without `from` the gateway asks the robot where it stands.
+    const body = { program, robot: view.name, global_speed_percent: speed };
     const answer = await call<ProgramPlan>("POST", "/v1/programs/plan", { body, csrf: session.csrf, patience: PATIENCE });
     if (ticket !== this.#ticket) return;
     this.isPlanning = false;
@@ -126,7 +130,7 @@ export class Planner {
       this.problem = answer.kind === "refused" ? answer.problem.message : "";
       return;
     }
-    const first = answer.value.samples[0]?.axes ?? axes;
+    const first = answer.value.samples[0]?.axes ?? null;
     const basis: Basis = {
       text,
       robot: view.name,
@@ -136,19 +140,20 @@ export class Planner {
       axes: first,
       frames: frames ?? null,
     };
-    this.planned = { plan: answer.value, basis, skipped };
+    this.planned = { plan: answer.value, basis, skipped, waits };
     if (framesInUse(basis.frames)) this.isVoid = "frames_in_use";
     this.#look();
   }
 
-  /** Asks for tool and work frame again. Returns whether the preview still holds. */
-  async lookAtFrames(): Promise<boolean> {
+  /** Asks for tool and work frame again. Says whether the preview still holds, or that there was no answer. */
+  async lookAtFrames(): Promise<"holds" | "void" | "no_answer"> {
     const { planned } = this;
-    if (planned === null || this.isVoid !== null || !session.isUsed || document.visibilityState !== "visible") return false;
+    if (planned === null || this.isVoid !== null) return "void";
+    if (!session.isUsed || document.visibilityState !== "visible") return "no_answer";
     const frames = await framesOf(planned.basis.robot);
-    if (this.planned !== planned) return false;
+    if (this.planned !== planned) return "void";
     if (frames !== undefined && frames !== planned.basis.frames) this.isVoid ??= "frames";
-    return frames !== undefined && this.isVoid === null;
+    return this.isVoid !== null ? "void" : frames === undefined ? "no_answer" : "holds";
   }
 
   /** A preview that was void stays so: the arm may have been somewhere else meanwhile. */
@@ -161,14 +166,13 @@ export class Planner {
       this.isVoid = "robot";
       return;
     }
-    const axes = axesOf(view);
     this.isVoid = voidBy(basis, {
       text,
       robot: view.name,
       machine: machineOf(view),
       model: view.summary.model,
       speed,
-      axes: axes === null ? null : axes.slice(0, basis.axes?.length ?? axes.length),
+      axes: axesOf(view),
       frames: basis.frames,
     });
   }
