@@ -6,7 +6,7 @@ import { MODES, type View } from "../robots/view.ts";
 import type { Void } from "./preview.ts";
 
 export type NotSent =
-  | Exclude<Unmet, "running" | "no_alarm" | "no_stop" | "not_running">
+  | Exclude<Unmet, "running" | "no_alarm" | "no_stop" | "not_running" | "no_program" | "list_left">
   | "no_target"
   | "no_twin"
   | "twin_first"
