@@ -5,6 +5,7 @@ import type { Role } from "../../api/types.ts";
 const ROLES: Record<Role, string> = { viewer: "viewer", operator: "operator", engineer: "engineer", admin: "admin" };
 
 export const ui = {
+  newBuild: "The gateway has another version of this page. What you typed and did not save is lost when it is loaded.",
   loading: "Loading…",
   again: "Try again",
   asOf: (at: string) => `As of ${at}. It may have changed since.`,

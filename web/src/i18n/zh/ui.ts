@@ -5,6 +5,7 @@ import type { ui as english } from "../en/ui.ts";
 const ROLES: Record<Role, string> = { viewer: "观察员", operator: "操作员", engineer: "工程师", admin: "管理员" };
 
 export const ui: typeof english = {
+  newBuild: "网关上有此页面的其他版本。重新加载时，尚未保存的输入将丢失。",
   loading: "正在加载…",
   again: "重试",
   asOf: (at) => `数据截至 ${at}，之后可能已变化。`,
