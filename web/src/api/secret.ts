@@ -12,3 +12,15 @@ export function tokenOf(text: string): string | null {
   const hex = Array.from(bytes, (byte) => byte.charCodeAt(0).toString(16).padStart(2, "0"));
   return `r6_${hex.join("")}`;
 }
+
+/** A one-time link: it makes the first admin, or sets the password of the user with this name. */
+export interface OneTimeLink {
+  secret: string;
+  name: string | null;
+}
+
+/** Reads what the page of one-time links hands on: `link=SECRET`, or `link=SECRET&NAME`. `null` if it is none. */
+export function oneTimeLinkOf(text: string): OneTimeLink | null {
+  const [, secret, name] = /^link=([^&]+)(?:&(.+))?$/.exec(text) ?? [];
+  return secret === undefined ? null : { secret, name: name ?? null };
+}

@@ -8,6 +8,7 @@ import type { Route } from "../route.ts";
 export { default as HallPage } from "./hall/HallPage.svelte";
 export { default as OtherSession } from "./OtherSession.svelte";
 export { default as RobotPage } from "./robot/RobotPage.svelte";
+export { default as SetupPage } from "./SetupPage.svelte";
 export { default as SignInPage } from "./SignInPage.svelte";
 
 type Later = Exclude<Route["page"], "hall" | "robot" | "unknown">;

@@ -1,6 +1,6 @@
 /** Who uses the page, and for how long. */
 import { call, whenSignedOut } from "../api/client.ts";
-import { tokenOf } from "../api/secret.ts";
+import { type OneTimeLink, oneTimeLinkOf, tokenOf } from "../api/secret.ts";
 import type { Role, Session } from "../api/types.ts";
 
 /** How often a page that somebody uses tells the gateway so: a session ends 15 minutes after its last request. */
@@ -19,7 +19,10 @@ export interface Offer {
 }
 
 class SessionState {
-  phase = $state<"starting" | "asking" | "out" | "in">("starting");
+  phase = $state<"starting" | "asking" | "link" | "out" | "in">("starting");
+  link = $state.raw<OneTimeLink | null>(null);
+  /** Who set a password with a one-time link just now: the page asks this user to sign in. */
+  welcome = $state<string | null>(null);
   offer = $state.raw<Offer | null>(null);
   /** Whether somebody signed out, and the gateway did not say that the session has ended. */
   isMaybeOpen = $state(false);
@@ -60,6 +63,11 @@ class SessionState {
   async begin(): Promise<void> {
     const secret = location.hash.slice(1);
     if (secret !== "") history.replaceState(null, "", location.pathname + location.search);
+    this.link = oneTimeLinkOf(secret);
+    if (this.link !== null) {
+      this.phase = "link";
+      return;
+    }
     const token = tokenOf(secret);
     const known = await call<Session>("GET", "/v1/session");
     if (known.kind === "ok") {
@@ -71,6 +79,13 @@ class SessionState {
     this.phase = "out";
     if (known.kind === "unknown") this.problem = { code: "unknown", message: "" };
     else if (secret !== "" && token === null) this.problem = { code: "bad_link", message: "" };
+  }
+
+  /** The one-time link was used, or is left. A session that is open in this browser goes on, unless it was of this user. */
+  async leaveLink(welcome: string | null): Promise<void> {
+    this.link = null;
+    this.welcome = welcome;
+    await this.begin();
   }
 
   /** Goes on with the session that is open. */
@@ -150,6 +165,7 @@ class SessionState {
   #enter(session: Session): void {
     this.session = session;
     this.offer = null;
+    this.welcome = null;
     this.isMaybeOpen = false;
     this.problem = null;
     this.phase = "in";

@@ -130,3 +130,17 @@ test("a role holds for its robot, and for all robots only without one", async ()
   expect([session.has("operator", "press-4"), session.has("engineer", "press-4"), session.has("admin", "press-4")]).toEqual([true, true, false]);
   expect([session.has("engineer", "press-5"), session.has("engineer", null)]).toEqual([false, false]);
 });
+
+test("a one-time link asks for a password before anything else, and leads to the sign-in", async () => {
+  const { session, asked } = await begin("#link=5d0c&ben", () => refused(401));
+  expect([session.phase, session.link, asked.length]).toEqual(["link", { secret: "5d0c", name: "ben" }, 0]);
+  vi.stubGlobal("location", { hash: "", pathname: "/", search: "" });
+  await session.leaveLink("ben");
+  expect([session.phase, session.link, session.welcome]).toEqual(["out", null, "ben"]);
+  const first = await begin("#link=5d0c", () => Response.json(ANNA));
+  expect(first.session.link).toEqual({ secret: "5d0c", name: null });
+  // The session of somebody else in this browser goes on.
+  vi.stubGlobal("location", { hash: "", pathname: "/", search: "" });
+  await first.session.leaveLink("ben");
+  expect([first.session.phase, first.session.session?.user]).toEqual(["in", "anna"]);
+});

@@ -4,6 +4,16 @@
 const [secret, name] = location.hash.slice(1).split("&");
 history.replaceState(null, "", location.pathname);
 
+// The dashboard does the same in the language of the browser, and then asks the user to sign in. A build without it
+// has this page alone.
+if (secret) {
+  fetch("/", { cache: "no-store" })
+    .then((answer) => {
+      if (answer.ok) location.replace(`/#link=${secret}${name ? `&${name}` : ""}`);
+    })
+    .catch(() => {});
+}
+
 const byId = (id) => document.getElementById(id);
 const say = (text) => { byId("answer").textContent = text; };
 
