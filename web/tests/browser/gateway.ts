@@ -6,8 +6,8 @@ export interface Hall {
   url: string;
   /** The secret of the one-time link for the first admin. */
   secret: string;
-  /** The addresses of the robots. */
-  addresses: string[];
+  /** The address of a robot that the gateway does not know: another machine than the others. */
+  spare: string;
   /** Makes a token. */
   token(role: string, ...more: string[]): Promise<string>;
   /** Asks the gateway with a token. */
@@ -15,12 +15,14 @@ export interface Hall {
   end(): Promise<void>;
 }
 
-/** Robots with these names, `saw` besides them without anything at its address, and one robot more that is not used. */
+/** Robots with these names, and `saw` besides them, with nothing at its address. */
 export async function startHall(names: readonly string[]): Promise<Hall> {
   const data = folder();
-  const listen = [...names, "spare"].flatMap(() => ["--listen", "127.0.0.1:0"]);
+  const listen = names.flatMap(() => ["--listen", "127.0.0.1:0"]);
   const robots = new Running("sim", ...listen);
-  const addresses = [...(await robots.all(/listening on (\S+)/g, names.length + 1))];
+  const other = new Running("sim", "--listen", "127.0.0.1:0", "--model", "GENERIC-SCARA");
+  const addresses = await robots.all(/listening on (\S+)/g, names.length);
+  const spare = await other.said(/listening on (\S+)/);
   const named = names.flatMap((name, at) => ["--robot", `${name}=${addresses[at]}`]);
   const gateway = new Running("gateway", "--listen", "127.0.0.1:0", "--data", data.path, ...named, "--robot", "saw=127.0.0.1:1");
   const secret = await gateway.said(/\/setup#(\S+)/);
@@ -29,7 +31,7 @@ export async function startHall(names: readonly string[]): Promise<Hall> {
   return {
     url,
     secret,
-    addresses,
+    spare,
     token: async (role, ...more) => (await r6("gateway", "token", "--data", data.path, "--role", role, ...more)).trim(),
     ask: (token, method, path, body) => {
       const headers = { Authorization: `Bearer ${token}`, "Content-Type": "application/json" };
@@ -38,6 +40,7 @@ export async function startHall(names: readonly string[]): Promise<Hall> {
     end: async () => {
       await gateway.kill();
       await robots.kill();
+      await other.kill();
       data.remove();
     },
   };
