@@ -168,7 +168,7 @@ test("connections: which is at fault; a robot is added, exchanged, accepted and 
   await add.getByLabel("Address").fill(address);
   await add.getByRole("button").click();
   await page.waitForSelector("[data-problem=address_taken]");
-  await add.getByLabel("Address").fill(hall.spare);
+  await add.getByLabel("Address").fill(hall.spare[0]);
   await add.getByLabel("Read besides the usual").fill("Addr-800");
   await add.getByRole("button").click();
   await page.waitForSelector("[data-row=lab] [data-link=up]");
@@ -179,8 +179,18 @@ test("connections: which is at fault; a robot is added, exchanged, accepted and 
   await isAccessible(page);
   await picture(page, "connections-change");
   await dialog.getByLabel("Read every").fill("250");
+  await dialog.getByLabel("Address").fill(hall.spare[1]);
   await dialog.getByRole("button", { name: "Save" }).click();
   await says(page, "[data-row=lab]", "250 ms");
+
+  // Another machine answers there: both are shown, and it is accepted only by a person who looked.
+  await says(page, "[data-changed=lab]", /Expected[^]*GENERIC-SCARA[^]*Answers now[^]*BRTIRUS0707A/);
+  await isAccessible(page);
+  await picture(page, "connections-changed", true);
+  await page.click("text=Accept the robot that answers…");
+  await says(page, "[role=dialog]", /Is this lab from now on\?[^]*BRTIRUS0707A/);
+  await dialog.getByRole("button", { name: "Accept it" }).click();
+  await page.waitForSelector("[data-changed=lab]", { state: "detached" });
   await page.click("text=Remove…");
   await dialog.getByRole("button", { name: "Remove lab" }).click();
   await page.waitForSelector("[data-row=lab]", { state: "detached" });

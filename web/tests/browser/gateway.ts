@@ -6,8 +6,8 @@ export interface Hall {
   url: string;
   /** The secret of the one-time link for the first admin. */
   secret: string;
-  /** The address of a robot that the gateway does not know: another machine than the others. */
-  spare: string;
+  /** The addresses of two robots that the gateway does not know: machines of other kinds. */
+  spare: [string, string];
   /** Makes a token. */
   token(role: string, ...more: string[]): Promise<string>;
   /** Asks the gateway with a token. */
@@ -18,11 +18,11 @@ export interface Hall {
 /** Robots with these names, and `saw` besides them, with nothing at its address. */
 export async function startHall(names: readonly string[]): Promise<Hall> {
   const data = folder();
-  const listen = names.flatMap(() => ["--listen", "127.0.0.1:0"]);
+  const listen = [...names, "spare"].flatMap(() => ["--listen", "127.0.0.1:0"]);
   const robots = new Running("sim", ...listen);
   const other = new Running("sim", "--listen", "127.0.0.1:0", "--model", "GENERIC-SCARA");
-  const addresses = await robots.all(/listening on (\S+)/g, names.length);
-  const spare = await other.said(/listening on (\S+)/);
+  const addresses = await robots.all(/listening on (\S+)/g, names.length + 1);
+  const spare: [string, string] = [await other.said(/listening on (\S+)/), addresses[names.length] ?? ""];
   const named = names.flatMap((name, at) => ["--robot", `${name}=${addresses[at]}`]);
   const gateway = new Running("gateway", "--listen", "127.0.0.1:0", "--data", data.path, ...named, "--robot", "saw=127.0.0.1:1");
   const secret = await gateway.said(/\/setup#(\S+)/);
@@ -51,14 +51,13 @@ export async function looks(page: Page, name: string): Promise<void> {
   for (const theme of ["light", "dark"] as const) {
     await page.emulateMedia({ colorScheme: theme });
     await until(theme, async () => (await page.getAttribute("html", "data-theme")) === theme);
-    await isAccessible(page);
     for (const width of [1920, 768, 390]) {
       await page.setViewportSize({ width, height: width === 390 ? 844 : 1080 });
       await fits(page);
       await picture(page, `${name}-${width}-${theme}`, true);
+      // Colours differ by theme, and parts by width.
+      if (width === (theme === "light" ? 1920 : 390)) await isAccessible(page);
     }
-    // On phones the parts stand differently.
-    await isAccessible(page);
-    await page.setViewportSize({ width: 1920, height: 1080 });
   }
+  await page.setViewportSize({ width: 1920, height: 1080 });
 }
