@@ -61,7 +61,7 @@ test("an operator signs in with the link, sees an axis move, stops the arm and s
   await says(other.page, TOLD, /virtual: stopped, seen \d\d:\d\d:\d\d/);
   await other.page.mouse.up();
   await other.page.context().close();
-  await says(page, "[data-doing]", "It waits for the holder of the lease to clear the stop.");
+  await says(page, "[data-doing]", "It waits for you to clear the stop.");
   expect(await page.isDisabled("[data-control=start]")).toBe(true);
   await page.click("[data-control=clear_stop]");
   await says(page, "[data-told-command]", "Clear stop: done.");

@@ -40,7 +40,7 @@ async function pixels(page: Page): Promise<string> {
     const now = await drawn(page);
     const isStill = now === before;
     before = now;
-    await page.waitForTimeout(300);
+    await page.waitForTimeout(200);
     return isStill;
   });
   return (await page.locator(SHOWN).screenshot()).toString("base64");
@@ -90,7 +90,7 @@ test("it has the colours of the theme, fits a phone, and is gone with the page",
     for (const width of [1920, 768, 390]) {
       await page.setViewportSize({ width, height: width === 390 ? 844 : width === 768 ? 1024 : 1080 });
       await fits(page);
-      await pixels(page);
+      if (width === 1920) await pixels(page);
       await picture(page, `robot-3d-${width}-${theme}`, width !== 1920);
     }
     await isAccessible(page);

@@ -153,14 +153,14 @@ export class Network {
   }
 }
 
-/** Lets chromium draw WebGL without a graphics card. It takes a core, so only tests of the picture use it. */
+/** Lets chromium draw WebGL without a graphics card. */
 export const SOFTWARE_3D = "--enable-unsafe-swiftshader";
 
-/** `args`: more switches, such as `SOFTWARE_3D`. */
-export async function startBrowser(...args: string[]): Promise<Browser> {
+/** `drawing`: `SOFTWARE_3D` for tests of the picture. It takes a core, so the others have no WebGL at all. */
+export async function startBrowser(drawing = "--disable-3d-apis"): Promise<Browser> {
   const executablePath = process.env["R6_CHROMIUM"] ?? "/usr/bin/chromium";
   // Root has no sandbox. The pages are our own.
-  return chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage", ...args] });
+  return chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage", drawing] });
 }
 
 /** A page in a browser of its own. Each mistake that the page reports, and each foreign request, fails the test. */

@@ -109,6 +109,7 @@ export const controls = {
   accepting: "Accept the robot",
   run: "Run a program",
   runNone: "The gateway keeps no program yet. An engineer stores one on the page “Teach”, or with PUT /v1/programs/NAME.",
+  lookAgain: "Look again",
   teach: "Teach",
   program: "Program",
   choose: "Choose…",
@@ -136,7 +137,7 @@ export const controls = {
   runState: (program: string, state: RunState, because: RunEnd) =>
     state === "done" ? `${program}: ${STATES[state]}` : `${program}: ${STATES[state]} (${ENDS[because]})`,
   proof: (proof: RunProof) => `Proof: ${PROOFS[proof]}.`,
-  runDone: (done: number, steps: number) => `${done} of ${count(steps, "step", "steps")} were seen to be done.`,
+  runDone: (done: number, steps: number) => `Steps seen to be done: ${done} of ${steps}.`,
   problems: {
     limit: "a soft limit",
     out_of_reach: "out of reach",
@@ -152,7 +153,7 @@ export const controls = {
   panelOld: (seconds: number) => `${duration(seconds)} old`,
   panelPaused: "Not read while nobody uses this page.",
   panelFailed: (message: string) => `The panel cannot be read: ${message}`,
-  panelSpeed: (percent: number) => `global speed ${percent} %`,
+  panelIs: (mode: string, percent: number) => `${mode}, global speed ${percent} %`,
   panelProgram: "Program",
   emergency: "Press the emergency stop",
   emergencyIs: "The emergency stop is pressed.",

@@ -106,6 +106,7 @@ export const controls: typeof english = {
   accepting: "确认机器人",
   run: "运行程序",
   runNone: "网关尚未保存程序。工程师可在“示教”页保存，或使用 PUT /v1/programs/NAME。",
+  lookAgain: "重新查看",
   teach: "示教",
   program: "程序",
   choose: "请选择…",
@@ -133,7 +134,7 @@ export const controls: typeof english = {
   runState: (program, state, because) =>
     state === "done" ? `${program}：${STATES[state]}` : `${program}：${STATES[state]}（${ENDS[because]}）`,
   proof: (proof) => `证明：${PROOFS[proof]}。`,
-  runDone: (done, steps) => `已确认完成 ${done} / ${steps} 步。`,
+  runDone: (done, steps) => `已确认完成的步数：${done} / ${steps}。`,
   problems: {
     limit: "软限位",
     out_of_reach: "超出可达范围",
@@ -149,7 +150,7 @@ export const controls: typeof english = {
   panelOld: (seconds) => `${duration(seconds)}前`,
   panelPaused: "无人使用本页时不读取。",
   panelFailed: (message) => `无法读取面板：${message}`,
-  panelSpeed: (percent) => `全局速度 ${percent} %`,
+  panelIs: (mode, percent) => `${mode}，全局速度 ${percent} %`,
   panelProgram: "程序",
   emergency: "按下急停",
   emergencyIs: "急停已按下。",
