@@ -1,7 +1,6 @@
 import { expect, test } from "vitest";
 import { routeOf } from "../route.ts";
 import { clock, minutes } from "../i18n/format.ts";
-import { addresses, wordsOf } from "../pages/robot/io.ts";
 import { problemOf } from "./client.ts";
 import { tokenOf } from "./secret.ts";
 
@@ -37,21 +36,4 @@ test("times are those of the hall", () => {
   expect(clock(at, "Europe/Berlin", at)).toBe("00:30:05");
   expect(clock(at, "UTC", at + 3_600_000)).toBe("2026-11-25 23:30:05");
   expect([0, 4_100, 272_000].map(minutes)).toEqual(["0:00", "0:05", "4:32"]);
-});
-
-test("words of points are read bit by bit, the highest one included", () => {
-  expect(addresses(2)).toEqual(["input-0", "input-1", "output-0", "output-1"]);
-  expect(addresses(9)).toHaveLength(8);
-  const signal = (address: string, value: number | null) => ({
-    address,
-    value,
-    unit: null,
-    quality: "fresh" as const,
-    age_ms: 0,
-  });
-  const signals = [signal("input-1", 0x80000001), signal("output-0", null), signal("curMode", 7)];
-  const words = wordsOf({ signals, problems: [] });
-  expect(words).toHaveLength(1);
-  expect(words[0]).toMatchObject({ kind: "input", first: 33 });
-  expect(words[0]?.points.flatMap((isOn, at) => (isOn ? [at] : []))).toEqual([0, 31]);
 });

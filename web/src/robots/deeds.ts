@@ -1,6 +1,6 @@
 /**
- * What was done to a robot through this gateway, as far as its events tell: who set the global speed, who stopped
- * it, which program was run. Pure: events come in, in their order.
+ * What was done to a robot through this gateway, as far as its events tell: who set the global speed, who
+ * stopped it, which program was run. Pure: events come in, in their order.
  */
 import type { GatewayEvent, RunEnd, RunState } from "../api/types.ts";
 
@@ -45,7 +45,9 @@ export interface Deeds {
 
 export const NO_DEEDS: Deeds = { speed: null, stop: null, run: null, holder: null, sent: null };
 
-/** The percent of a command as it is told, `modifyGSPD "300"`: percent times 10. `null` for another command. */
+/**
+ * The percent of a command as it is told, `modifyGSPD "300"`: percent times 10. `null` for another command.
+ */
 export function speedOf(command: string): number | null {
   const tenths = /^modifyGSPD "(\d+)"$/.exec(command)?.[1];
   return tenths === undefined ? null : Number(tenths) / 10;

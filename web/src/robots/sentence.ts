@@ -8,8 +8,8 @@ export type Doing =
   | { kind: "not_read" }
   | { kind: "alarm"; code: number; text: string | null }
   /**
-   * `stands`: whether it is seen that the arm stands; if not, it is not known. `mine`: whether the person at this page
-   * holds the lease.
+   * `stands`: whether it is seen that the arm stands; if not, it is not known. `mine`: whether the person at
+   * this page holds the lease.
    */
   | { kind: "stop_holds"; stands: boolean; mine: boolean }
   | { kind: "manual" }
@@ -20,8 +20,8 @@ export type Doing =
   | { kind: "unknown_mode"; mode: number };
 
 /**
- * The first of these that holds: what has to be mended first stands first. `mine`: whether the person at this page
- * holds the lease.
+ * The first of these that holds: what has to be mended first stands first. `mine`: whether the person at this
+ * page holds the lease.
  */
 export function doing(view: View, alarms: RobotAlarm[], mine = false): Doing {
   const { summary, mode, alarm, moving, program, left } = view;
@@ -64,8 +64,8 @@ export type Unmet =
   | "not_homed";
 
 /**
- * `change`: what sets a number and moves nothing. `may_move`: outputs and registers, which a cell may start its motion
- * by. `run`: a program of the gateway.
+ * `change`: what sets a number and moves nothing. `may_move`: outputs and registers, which a cell may start
+ * its motion by. `run`: a program of the gateway.
  */
 export type Control = "start" | "pause" | "clear_alarm" | "clear_stop" | "change" | "may_move" | "run";
 

@@ -166,7 +166,9 @@ export class Arm {
     this.hang(last, box([beam, 0.4 * beam, 0.4 * beam], [beam, 0, 0.2 * beam]));
   }
 
-  /** Soft limits: an arc round an axis that turns, a bar along one that slides, and a mark where it stands. */
+  /**
+   * Soft limits: an arc round an axis that turns, a bar along one that slides, and a mark where it stands.
+   */
   private buildLimits(): void {
     const { geometry, axes } = this.model;
     const directions = LINK_DIRECTIONS[geometry.kind];
@@ -226,7 +228,9 @@ export class Arm {
     return stands(this.model, []).joints[axis]?.about ?? "z";
   }
 
-  /** How large the arc of an axis is, and how far it lies beside the middle, so that the arm does not hide it. */
+  /**
+   * How large the arc of an axis is, and how far it lies beside the middle, so that the arm does not hide it.
+   */
   private arcAt(axis: number): { radius: number; aside: [number, number, number] } {
     const g = this.model.geometry;
     const s = this.size;

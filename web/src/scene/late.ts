@@ -1,6 +1,6 @@
 /**
- * Positions of axes between two readings. The picture is one reading late: from the moment a reading comes, it
- * goes from the last reading to that one, and stays there. It never goes further than what was read.
+ * Positions of axes between two readings. The picture is one reading late: from the moment a reading comes,
+ * it goes from the last reading to that one, and stays there. It never goes further than what was read.
  */
 
 /** Readings further apart than this, in milliseconds, are not joined: the picture jumps. */
@@ -12,7 +12,10 @@ export class Late {
   #begun = 0;
   #lasts = 0;
 
-  /** Takes in a reading that came at `now`; `null` if the positions are not known. `period`: how often one comes. */
+  /**
+   * Takes in a reading that came at `now`; `null` if the positions are not known. `period`: how often one
+   * comes.
+   */
   read(axes: readonly number[] | null, now: number, period: number): void {
     const shown = this.at(now);
     const since = Math.max(now - this.#begun, 1);

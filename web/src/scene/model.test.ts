@@ -29,7 +29,9 @@ function model(name: string): ArmModel {
   };
 }
 
-/** Axes and pose out of plans of `r6` (`POST /v1/programs/plan`, samples of an axis move), rounded to 0.001. */
+/**
+ * Axes and pose out of plans of `r6` (`POST /v1/programs/plan`, samples of an axis move), rounded to 0.001.
+ */
 const TOLD: [name: string, axes: number[], pose: number[]][] = [
   ["BRTIRUS0707A", [0, 0, 0, 0, 0, 0], [531.632, 0, 686.529, 180, 89.403, 180]],
   ["BRTIRUS0707A", [6.812, -4.541, 5.677, 9.083, -13.624, 22.706], [550.915, 70.442, 667.399, 113.366, 55.732, 118.747]],

@@ -1,6 +1,6 @@
 /**
- * What an arm is, and where its axes carry the tool: r6-motion's forward kinematics for a picture. Pure, without
- * three. Lengths are in mm, angles in degrees, Z is up.
+ * What an arm is, and where its axes carry the tool: r6-motion's forward kinematics for a picture. Pure,
+ * without three. Lengths are in mm, angles in degrees, Z is up.
  */
 import type { ArmModel } from "../api/types.ts";
 
@@ -133,8 +133,8 @@ export function stands(model: ArmModel, axes: readonly number[]): Standing {
 }
 
 /**
- * A place as the controller tells a pose: X, Y, Z in mm, and in degrees U, V, W with R = Rz(W) Ry(V) Rx(U). A machine
- * that turns its tool about Z alone tells that turn as U.
+ * A place as the controller tells a pose: X, Y, Z in mm, and in degrees U, V, W with R = Rz(W) Ry(V) Rx(U). A
+ * machine that turns its tool about Z alone tells that turn as U.
  */
 export function poseOf(model: ArmModel, { at, x, y, z }: Place): [number, number, number, number, number, number] {
   if (model.geometry.kind !== "six_axis") return [...at, Math.atan2(x[1], x[0]) / RADIANS, 0, 0];

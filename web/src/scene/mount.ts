@@ -1,4 +1,6 @@
-/** Puts the picture of an arm on a page. three comes as a chunk of its own when the first picture is shown. */
+/**
+ * Puts the picture of an arm on a page. three comes as a chunk of its own when the first picture is shown.
+ */
 import type { ArmModel } from "../api/types.ts";
 import type { Scene } from "./scene.ts";
 
@@ -15,7 +17,8 @@ export class NoPicture extends Error {
 }
 
 /**
- * Shows a model in a canvas. `dispose` of the result frees what it holds; the canvas cannot be used again then.
+ * Shows a model in a canvas. `dispose` of the result frees what it holds; the canvas cannot be used again
+ * then.
  *
  * @throws NoPicture
  */

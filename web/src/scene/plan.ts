@@ -1,4 +1,7 @@
-/** The path of a plan, for the picture: where the tool would be, and how near the axes come to their limits. Pure. */
+/**
+ * The path of a plan, for the picture: where the tool would be, and how near the axes come to their limits.
+ * Pure.
+ */
 import type { ArmModel, ProgramPlan } from "../api/types.ts";
 import { geometric, nearness, rangeOf, stands } from "./model.ts";
 import type { PathKind, PathPoint } from "./path.ts";

@@ -100,8 +100,8 @@ export class Scene {
   }
 
   /**
-   * The axes were read, J1 first; `null` if it is not known where they stand: then no arm is shown. `period`: how
-   * often they are read, in milliseconds.
+   * The axes were read, J1 first; `null` if it is not known where they stand: then no arm is shown. `period`:
+   * how often they are read, in milliseconds.
    */
   axes(values: readonly number[] | null, period: number): void {
     this.late.read(values, performance.now(), period);

@@ -1,6 +1,6 @@
 /**
- * Turns a picture with a mouse, with two fingers, with the wheel and with keys. One finger scrolls the page, and so
- * does the wheel until somebody chose the picture: nothing turns by accident.
+ * Turns a picture with a mouse, with two fingers, with the wheel and with keys. One finger scrolls the page,
+ * and so does the wheel until somebody chose the picture: nothing turns by accident.
  */
 import type { Scene } from "./scene.ts";
 

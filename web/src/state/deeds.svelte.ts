@@ -1,13 +1,16 @@
 /**
- * What was done to each robot lately: the gateway keeps its last 1000 events, which are read once, and what happens
- * from then on is added. Only the page of a robot follows it.
+ * What was done to each robot lately: the gateway keeps its last 1000 events, which are read once, and what
+ * happens from then on is added. Only the page of a robot follows it.
  */
 import type { GatewayEvent } from "../api/types.ts";
 import { type Deeds, NO_DEEDS, afterEvent, eventsOf } from "../robots/deeds.ts";
 import { stops } from "../stop/stops.ts";
 import { hall } from "./hall.svelte.ts";
 
-/** The kept events come at once: after this time without more, in milliseconds, all are there. At most so long. */
+/**
+ * The kept events come at once: after this time without more, in milliseconds, all are there. At most so
+ * long.
+ */
 const QUIET = 500;
 const LONGEST = 5_000;
 
@@ -60,7 +63,9 @@ class DeedsState {
   }
 }
 
-/** The events that the gateway keeps; `null` if they cannot be read. It gives its connection up for a stop. */
+/**
+ * The events that the gateway keeps; `null` if they cannot be read. It gives its connection up for a stop.
+ */
 async function past(signal: AbortSignal): Promise<GatewayEvent[] | null> {
   if (stops.isBusy) return null;
   const over = new AbortController();

@@ -129,7 +129,9 @@ export class Stops {
     this.changed();
   }
 
-  /** The stop was cleared: that the arm stood says nothing of now. What was not proved stays until it is read. */
+  /**
+   * The stop was cleared: that the arm stood says nothing of now. What was not proved stays until it is read.
+   */
   cleared(robot: string): void {
     if (this.known.get(robot)?.kind !== "stopped") return;
     this.known.delete(robot);

@@ -97,6 +97,7 @@ test("speed, outputs, counters and registers are set under the lease, and a stop
   await page.click("[data-set=register]");
   await says(page, "[data-number=register]", /^-42, read/);
   await says(page, "[data-limits=axis-1]", "-105 to 75");
+  await says(page, "[data-torque='1']", /^-?\d+\.\d$/);
   expect(await page.locator("[data-panel]").count(), "a robot that is no twin has no panel here").toBe(0);
   await isAccessible(page);
 

@@ -133,3 +133,27 @@ test("a lost picture says so and comes back; without WebGL there is a sentence",
   expect(other.faults).toEqual([]);
   await other.page.context().close();
 });
+
+test("an arm that is not read is seen through, and then not shown", async () => {
+  const own = await startCell();
+  try {
+    const { page, faults } = await openPage(browser, { viewport: { width: 1280, height: 900 } });
+    await page.goto(own.link);
+    await page.click("[data-robot=virtual]");
+    await page.waitForSelector(SHOWN);
+    await says(page, "[data-value=axis-0]", /^0\.000$/);
+    expect(await page.textContent("[data-over]")).toBe("");
+    const fresh = await pixels(page);
+    await own.up.kill();
+    await says(page, "[data-over]", / s old$/);
+    const old = await pixels(page);
+    expect(old === fresh).toBe(false);
+    await says(page, "[data-over]", "Where the arm stands is not known.");
+    expect((await pixels(page)) === old).toBe(false);
+    await says(page, "[data-value=axis-0]", /^-$/);
+    expect(faults).toEqual([]);
+    await page.context().close();
+  } finally {
+    await own.up.kill();
+  }
+});

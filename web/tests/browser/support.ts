@@ -163,7 +163,10 @@ export async function startBrowser(drawing = "--disable-3d-apis"): Promise<Brows
   return chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-dev-shm-usage", drawing] });
 }
 
-/** A page in a browser of its own. Each mistake that the page reports, and each foreign request, fails the test. */
+/**
+ * A page in a browser of its own. Each mistake that the page reports, and each foreign request, fails the
+ * test.
+ */
 export async function openPage(
   browser: Browser,
   options: BrowserContextOptions = {},
@@ -174,7 +177,7 @@ export async function openPage(
   const faults: string[] = [];
   page.on("pageerror", (error) => faults.push(error.message));
   page.on("console", (message) => {
-    // A lost gateway and a refused sign-in are told by the browser too, and that a picture of WebGL is slow to take.
+    // A lost gateway and a refused sign-in are told by the browser too, and that pictures of WebGL are slow.
     const isExpected = /Failed to load resource|WebSocket connection to|GL Driver Message/.test(message.text());
     if ((message.type() === "error" || message.type() === "warning") && !isExpected) faults.push(message.text());
   });

@@ -70,6 +70,10 @@ export const controls = {
       ? `What the speed is now is not known. ${to} % may be faster.`
       : `It was ${from} %. What moves then moves faster, also a move that is under way.`,
   raiseDo: (robot: string, percent: number) => `Set ${robot} to ${percent} %`,
+  motors: "Motors",
+  motorSpeed: "Speed, RPM",
+  torque: "Torque, % of rated",
+  noMotors: "This controller does not tell speed and torque of its motors.",
   outputs: "Set an output",
   output: "Output or M point",
   outputNumber: "output",

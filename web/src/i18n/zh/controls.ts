@@ -68,6 +68,10 @@ export const controls: typeof english = {
   raise: (from, to) =>
     from === null ? `当前速度未知，${to} % 可能更快。` : `原为 ${from} %。之后的运动会更快，正在进行的运动也一样。`,
   raiseDo: (robot, percent) => `将 ${robot} 设为 ${percent} %`,
+  motors: "电机",
+  motorSpeed: "转速，转/分",
+  torque: "扭矩，额定值的 %",
+  noMotors: "该控制器不提供电机的转速和扭矩。",
   outputs: "设置输出",
   output: "输出或 M 点",
   outputNumber: "输出",

@@ -43,8 +43,8 @@ export function numberOf(board: number, bit: number): number {
 }
 
 /**
- * A point as the pendant calls it: point 0 is X010, in octal, and point 31 X047. How it calls those of further words is
- * not known (docs/PROTOCOL.md, section 10): they keep their numbers.
+ * A point as the pendant calls it: point 0 is X010, in octal, and point 31 X047. How it calls those of
+ * further words is not known (docs/PROTOCOL.md, section 10): they keep their numbers.
  */
 export function nameOf(kind: PointKind, board: number, bit: number): string {
   if (board > 0) return String(numberOf(board, bit));

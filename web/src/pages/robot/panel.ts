@@ -1,11 +1,13 @@
-/** What an action at the panel of a virtual robot needs. The gateway checks all this again: docs/GATEWAY.md. */
+/**
+ * What an action at the panel of a virtual robot needs. The gateway checks all this again: docs/GATEWAY.md.
+ */
 import type { Role } from "../../api/types.ts";
 import { MODES } from "../../robots/view.ts";
 
 /**
- * `stop`: buttons stop and pause, the emergency stop. `move`: the buttons that start. `by_hand`: moves by hand.
- * `move_nothing`: release, clear, another program. `input`: an input, for which a program may wait. `set_up`: the key,
- * alarms.
+ * `stop`: buttons stop and pause, the emergency stop. `move`: the buttons that start. `by_hand`: moves by
+ * hand. `move_nothing`: release, clear, another program. `input`: an input, for which a program may wait.
+ * `set_up`: the key, alarms.
  */
 export type PanelNeeds = "stop" | "move" | "by_hand" | "move_nothing" | "input" | "set_up";
 

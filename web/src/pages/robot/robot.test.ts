@@ -2,6 +2,7 @@ import { expect, test } from "vitest";
 import type { Queried } from "../../api/types.ts";
 import { addresses, nameOf, outputArguments, wordsOf } from "./io.ts";
 import { withModel } from "./models.ts";
+import { motorAddresses, motorsOf } from "./motors.ts";
 import { freshKey, isRaise, percentOf, wholeOf } from "./numbers.ts";
 import { type PanelHas, panelUnmet } from "./panel.ts";
 
@@ -22,7 +23,7 @@ test("words of 32 points are read to the last bit, and missing ones are left out
   const signal = (address: string, value: number | null) =>
     ({ address, value, unit: null, quality: value === null ? "none" : "fresh", age_ms: 0 }) as const;
   const queried: Queried = {
-    signals: [signal("input-0", 5), signal("output-1", 0x8000_0000), signal("M-0", null), signal("curMode", 7)],
+    signals: [signal("input-0", 5), signal("output-1", 0x8000_0001), signal("M-0", null), signal("curMode", 7)],
     problems: [],
   };
   const words = wordsOf(queried);
@@ -31,7 +32,7 @@ test("words of 32 points are read to the last bit, and missing ones are left out
     ["output", 1],
   ]);
   expect(words[0]?.points.slice(0, 4)).toEqual([true, false, true, false]);
-  expect(words[1]?.points.indexOf(true)).toBe(31);
+  expect(words[1]?.points.flatMap((isOn, at) => (isOn ? [at] : []))).toEqual([0, 31]);
 });
 
 test("numbers that the wire does not carry are not sent", () => {
@@ -47,6 +48,17 @@ test("numbers that the wire does not carry are not sent", () => {
   expect([isRaise(null, 5), isRaise(30, 60), isRaise(30, 30), isRaise(30, 10)]).toEqual([true, true, false, false]);
   expect(freshKey()).toMatch(/^[0-9a-f]{32}$/);
   expect(freshKey()).not.toBe(freshKey());
+});
+
+test("torques are percent of the rated one, and axes of which nothing is told are left out", () => {
+  const signal = (address: string, value: number | null) =>
+    ({ address, value, unit: null, quality: value === null ? "none" : "fresh", age_ms: 0 }) as const;
+  const signals = [signal("curSpeed-0", 1200), signal("curTorque-0", -1290), signal("curSpeed-1", null), signal("curTorque-2", 2580)];
+  expect(motorAddresses(2)).toEqual(["curSpeed-0", "curSpeed-1", "curTorque-0", "curTorque-1"]);
+  expect(motorsOf({ signals, problems: [] }, 3)).toEqual([
+    { axis: 0, speed: 1200, torque: -50 },
+    { axis: 2, speed: null, torque: 100 },
+  ]);
 });
 
 test("a model is added to what the robot is configured with", () => {
