@@ -13,42 +13,52 @@ import { hall } from "./hall.svelte.ts";
  */
 const QUIET = 500;
 const LONGEST = 5_000;
+/** How long a question that had no answer waits to be asked again. */
+const AGAIN = 3_000;
+/** As many events as the gateway keeps. */
+const KEPT = 1_000;
 
 class DeedsState {
   #robots = $state.raw(new Map<string, Deeds>());
   /** Whether the kept events were read: before that, what was done earlier is not known. */
   isRead = $state(false);
   #last = 0;
-  /** What happened while the kept events are read. */
-  #waiting: GatewayEvent[] | null = null;
 
   of(robot: string): Deeds {
     return this.#robots.get(robot) ?? NO_DEEDS;
   }
 
-  /** Reads what the gateway kept, then follows. Returns what ends it. */
+  /** Reads what the gateway kept, and follows. Returns what ends it. */
   follow(): () => void {
     const over = new AbortController();
     this.isRead = false;
-    this.#waiting = [];
+    // Numbers of events begin anew with each start of the gateway.
+    this.#last = 0;
+    const live: GatewayEvent[] = [];
     const unread = hall.onEvent((event) => {
-      if (this.#waiting === null) this.#take([event]);
-      else this.#waiting.push(event);
+      live.push(event);
+      if (live.length > KEPT) live.shift();
+      this.#take([event]);
     });
-    void past(over.signal).then((events) => {
-      if (over.signal.aborted) return;
-      const waiting = this.#waiting ?? [];
-      this.#waiting = null;
-      // Numbers of events begin anew with each start of the gateway.
-      this.#robots = new Map();
-      this.#last = 0;
-      this.#take([...(events ?? []), ...waiting]);
-      this.isRead = events !== null;
-    });
+    void this.#read(over.signal, live);
     return () => {
       over.abort();
       unread();
     };
+  }
+
+  /** Reads what the gateway kept, until that works. `live`: what happened since. */
+  async #read(signal: AbortSignal, live: readonly GatewayEvent[]): Promise<void> {
+    let events = await past(signal);
+    while (events === null && !signal.aborted) {
+      await new Promise((next) => setTimeout(next, AGAIN));
+      if (!signal.aborted) events = await past(signal);
+    }
+    if (events === null || signal.aborted) return;
+    this.#robots = new Map();
+    this.#last = 0;
+    this.#take([...events, ...live]);
+    this.isRead = true;
   }
 
   /** Each event counts once. Their numbers grow. */

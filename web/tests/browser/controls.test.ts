@@ -71,7 +71,6 @@ test("speed, outputs, counters and registers are set under the lease, and a stop
   await page.fill("[data-percent]", "30");
   await page.click("[data-control=speed]");
   await says(page, "[role=dialog]", "What the speed is now is not known");
-  await isAccessible(page);
   await page.click("[data-raise]");
   await says(page, "[data-speed]", /30 %, set by \d+, \d\d:\d\d:\d\d; not reported by the controller/);
   await page.fill("[data-percent]", "20");
@@ -144,7 +143,7 @@ test("the panel of a twin: key, moves by hand, inputs, emergency stop, in Chines
   await says(page, "[data-alarm='7']", "7");
   await fits(page);
   await isAccessible(page);
-  await picture(page, "robot-panel-390-light", true);
+  await picture(page, "robot-panel-390-light");
   await page.click("[data-panel=release]");
   await page.click("[data-panel=clear]");
   await page.click("[data-control=clear_stop]");
@@ -174,7 +173,7 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await says(page, "[data-prepared]", /From where the arm stands now: \d+\.\d s at 100 %, \d+ mm/);
   await says(page, "[data-prepared]", "Stay at this page");
   await isAccessible(page);
-  await picture(page, "robot-run-1920-light", true);
+  await picture(page, "robot-run-1920-light");
   await hold(page, "Hold to run sweep on saw-twin");
   await says(page, "[data-run=done]", /sweep: DONE[^]*Steps seen to be done: 1 of 1\./);
   await says(page, "[data-proof]", "the arm stands where the last move ends");
@@ -231,7 +230,6 @@ test("an admin takes a lease over with a reason, and chooses a model; another ro
   expect(state.period_ms).toBe(200);
   expect(state.signals.map(({ address }) => address).slice(-2)).toEqual(["counter-0", "Addr-800"]);
   await fits(page);
-  await isAccessible(page);
   expect(faults).toEqual([]);
   await page.context().close();
 });
