@@ -54,7 +54,12 @@ test("the picture follows the arm, and the table says the same", async () => {
   await says(page, "[data-value=axis-0]", /^0\.000$/);
   const first = await pixels(page);
   const still = await drawn(page);
-  await page.waitForTimeout(700);
+  // The page hears of the robot, and nothing of it is in the picture.
+  await page.click("text=Take control");
+  await page.waitForSelector("[data-lease=mine]");
+  await page.click("text=Give back");
+  await page.waitForSelector("[data-lease=free]");
+  await page.waitForTimeout(300);
   expect(await drawn(page), "nothing is drawn while the arm stands").toBe(still);
   await r6("-r", cell.robot, "move", "axes", "60", "-20", "20", "0", "-40", "0", "--speed", "60", "--wait");
   await says(page, "[data-value=axis-0]", /^60\.000$/);
