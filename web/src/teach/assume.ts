@@ -1,4 +1,6 @@
-/** What a preview takes for granted: in a plan all inputs are off, so a wait for a signal would be its end. */
+/**
+ * What a preview takes for granted: in a plan all inputs are off, so a wait for a signal would be its end.
+ */
 import { fieldWith, type Document, doOf, fieldOf } from "./document.ts";
 
 export interface Assumed {
@@ -7,7 +9,10 @@ export interface Assumed {
   waits: number[];
 }
 
-/** The program with each wait for a signal as a wait of no time. Steps keep their numbers, so a plan of it is of them. */
+/**
+ * The program with each wait for a signal as a wait of no time. Steps keep their numbers, so a plan of it is
+ * of them.
+ */
 export function assumed(document: Document): Assumed {
   const waits: number[] = [];
   const steps = document.steps.map((step, at) => {

@@ -1,6 +1,6 @@
 /**
- * Changes of a program, as values. `apply` makes a change and returns the change that takes it back. Nothing is
- * changed in place.
+ * Changes of a program, as values. `apply` makes a change and returns the change that takes it back. Nothing
+ * is changed in place.
  */
 import {
   type Document,
@@ -113,7 +113,10 @@ export function putPoint(document: Document, name: string | null, point: Point):
   return { kind: "all", commands: [{ kind: "top", top: document.top.with(at, pointLine(point)) }, ...changes] };
 }
 
-/** A step after a point that it moves to has changed. Numbers that the point does not have any more are the step's own. */
+/**
+ * A step after a point that it moves to has changed. Numbers that the point does not have any more are the
+ * step's own.
+ */
 function movedWith(document: Document, step: Step, name: string, point: Point): Step {
   let now = step;
   for (const field of step.fields) {

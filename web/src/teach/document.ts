@@ -1,11 +1,12 @@
 /**
- * A program as the page shows and changes it: points by name, and steps. It is read from, and written as, the text
- * that `r6 run` takes. Every part that is not changed keeps its text, so a text that was read is written
+ * A program as the page shows and changes it: points by name, and steps. It is read from, and written as, the
+ * text that `r6 run` takes. Every part that is not changed keeps its text, so a text that was read is written
  * as it was, with its comments. What is not understood is refused with its place.
  *
- * A point is a comment at the top: `# point "above" = axes [0, 10, -20, 0, -80, 0] pose [360, -50, 500, 180, 0, 180]`. A
- * move to it has its numbers, and the comment `# point "above"` behind them. So `r6 run` needs to know nothing of
- * points, and a move whose numbers are others than those of its point is not taken for a move to it.
+ * A point is a comment at the top: `# point "above" = axes [0, 10, -20, 0, -80, 0] pose [360, -50, 500, 180,
+ * 0, 180]`. A move to it has its numbers, and the comment `# point "above"` behind them. So `r6 run` needs to
+ * know nothing of points, and a move whose numbers are others than those of its point is not taken for a move
+ * to it.
  */
 import { type Value, type Wrong, Refusal, placeOf, readValue, valueOf, writeValue } from "./toml.ts";
 
@@ -180,7 +181,9 @@ function parts({ top, steps, tail }: Document): { text: string; step: number | n
   return all;
 }
 
-/** The step, counted from 0, and the field that stand at a line of the written text; `null` outside of steps. */
+/**
+ * The step, counted from 0, and the field that stand at a line of the written text; `null` outside of steps.
+ */
 export function locate(document: Document, line: number): { step: number; key: string | null } | null {
   let first = 1;
   for (const part of parts(document)) {
@@ -221,14 +224,17 @@ export function doOf(step: Step): string {
   return typeof word === "string" ? word : "";
 }
 
-/** What a program says of its whole list: whether it repeats without an end, whether it appends to what is left. */
+/**
+ * What a program says of its whole list: whether it repeats without an end, whether it appends to what is
+ * left.
+ */
 export function listOf(document: Document): { repeats: boolean; appends: boolean } {
   const says = (key: string): boolean =>
     document.top.some(({ text }) => new RegExp(`^\\s*${key}\\s*=\\s*true\\b`).test(text));
   return { repeats: says("repeat"), appends: says("append") };
 }
 
-/** Whether the program is one that only a controller runs. */
+/** Whether only a controller runs the program. */
 export function isTaught(document: Document): boolean {
   return document.steps.some((step) => step.table === "step");
 }
@@ -250,7 +256,10 @@ export function named(field: Field): string | null {
   return typeof name === "string" ? name : null;
 }
 
-/** The point that a field has the numbers of; `null` if it has numbers of its own, also beside the name of a point. */
+/**
+ * The point that a field has the numbers of; `null` if it has numbers of its own, also beside the name of a
+ * point.
+ */
 export function linked(document: Document, step: Step, key: string): Point | null {
   const field = fieldOf(step, key);
   const kind = wants(doOf(step), key);
@@ -271,7 +280,10 @@ export function pointLine({ name, axes, pose }: Point): TopLine {
   return { text: `# point ${writeValue(name)} =${part("axes", axes)}${part("pose", pose)}\n`, point: { name, axes, pose } };
 }
 
-/** A field with a new value; `point` is the name of the point that the value is of. Comments before it are kept. */
+/**
+ * A field with a new value; `point` is the name of the point that the value is of. Comments before it are
+ * kept.
+ */
 export function fieldWith(key: string, value: Value, before?: Field, point: string | null = null): Field {
   const { leading, comment } = before === undefined ? { leading: "", comment: "" } : kept(before);
   const comments = [comment, point === null ? "" : `# point ${writeValue(point)}`].filter((one) => one !== "");

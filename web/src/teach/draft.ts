@@ -1,6 +1,6 @@
 /**
- * Drafts: the text of a program after each change, in this browser, so that a lost gateway or a closed page loses
- * nothing. There are few, and the oldest goes first.
+ * Drafts: the text of a program after each change, in this browser, so that a lost gateway or a closed page
+ * loses nothing. There are few, and the oldest goes first.
  */
 
 /** Drafts that are kept, and characters of all of them: a browser keeps about five million. */
@@ -67,7 +67,7 @@ export function drafts(shelf: Shelf): { program: string; draft: Draft }[] {
   return all.sort((a, b) => b.draft.at - a.draft.at);
 }
 
-/** Other pages and older builds write there too: what is not a draft is none. */
+/** Other pages and older builds write there too. A text of another form is left out. */
 function draftOf(text: string | null): Draft | null {
   if (text === null) return null;
   let read: unknown;

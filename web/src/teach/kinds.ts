@@ -1,4 +1,7 @@
-/** The kinds of steps and their fields, as docs/PROGRAMS.md has them: what a new one begins with, what can be added. */
+/**
+ * The kinds of steps and their fields, as docs/PROGRAMS.md has them: what a new one begins with, what can be
+ * added.
+ */
 import type { Value } from "./toml.ts";
 
 export interface Kind {
@@ -120,6 +123,7 @@ export function others(word: string, taught: boolean, present: readonly string[]
 
 const UNITS: Readonly<Record<string, string>> = {
   speed: "%",
+  blend: "0 – 9",
   delay: "s",
   seconds: "s",
   limit: "s",

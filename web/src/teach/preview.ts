@@ -1,13 +1,15 @@
 /**
- * What a plan of the gateway shows: where it is near or beyond a limit, where the arm is at an instant, and whether it
- * still holds. The gateway alone computes with arms.
+ * What a plan of the gateway shows: where it is near or beyond a limit, where the arm is at an instant, and
+ * whether it still holds. The gateway alone computes with arms.
  */
 import type { PlanSample, ProgramPlan } from "../api/types.ts";
 
 /** A part of a path. `beyond` and `singular` are where the plan ends for that reason. */
 export type Mark = "ok" | "near" | "beyond" | "singular";
 
-/** Nearer to a soft limit than this counts as near: a part of its range, and so many degrees or mm at most. */
+/**
+ * Nearer to a soft limit than this counts as near: a part of its range, and so many degrees or mm at most.
+ */
 export const NEAR_PART = 0.05;
 export const NEAR_MOST = 5;
 
@@ -94,7 +96,9 @@ export function stepMarks(plan: ProgramPlan): Map<number, Mark> {
   return marks;
 }
 
-/** The arm at a time: the axes between two samples, the pose of the sample before. The last sample holds on. */
+/**
+ * The arm at a time: the axes between two samples, the pose of the sample before. The last sample holds on.
+ */
 export function armAt(plan: ProgramPlan, time: number): { sample: PlanSample; axes: number[] } | null {
   const { samples } = plan;
   let [low, high] = [0, samples.length - 1];
@@ -141,7 +145,9 @@ export function voidBy(made: Basis, now: Basis): Void | null {
   return stands ? null : "arm";
 }
 
-/** Whether a tool or a work frame is in use: a plan is made without, and linear moves go elsewhere with them. */
+/**
+ * Whether a tool or a work frame is in use: a plan is made without, and linear moves go elsewhere with them.
+ */
 export function framesInUse(frames: string | null): boolean {
   if (frames === null) return false;
   const read: unknown = JSON.parse(frames);

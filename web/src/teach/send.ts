@@ -1,4 +1,4 @@
-/** What keeps a program from being sent, and what is known of one that was sent. */
+/** What keeps a program from being sent, and what is known after it was sent. */
 import type { ProgramChecked, ProgramPlan, Run } from "../api/types.ts";
 import type { Answer } from "../api/client.ts";
 import { type Unmet, unmet } from "../robots/sentence.ts";
@@ -59,7 +59,9 @@ export interface Ready {
   runs: boolean;
 }
 
-/** What keeps the program from being sent, what to mend first stands first. The gateway checks all this again. */
+/**
+ * What keeps the program from being sent, what to mend first stands first. The gateway checks all this again.
+ */
 export function notSent(view: View | undefined, ready: Ready): NotSent[] {
   if (view === undefined) return ["no_target"];
   const reasons: NotSent[] = [];
@@ -115,7 +117,7 @@ export function sentBy(answer: Answer<Run>): Sent {
     const isCertain = answer.kind === "refused" && (answer.problem.code === "overloaded" || answer.problem.code === "store_unavailable");
     if (!isCertain) return { kind: "unknown" };
   }
-  return { kind: "refused", message: answer.kind === "refused" ? answer.problem.message : "" };
+  return { kind: "refused", message: answer.kind === "refused" ? `${answer.problem.message} (${answer.problem.code})` : "" };
 }
 
 export function ofRun(run: Run): Sent {

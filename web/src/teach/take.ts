@@ -14,7 +14,10 @@ export function addresses(): string {
   return ["isMoving", ...axes, ...pose].join(",");
 }
 
-/** The point of an answer. `axes` is how many axes the robot says that it has. Numbers are as exact as the wire. */
+/**
+ * The point of an answer. `axes` is how many axes the robot says that it has. Numbers are as exact as the
+ * wire.
+ */
 export function pointOf(
   queried: Queried,
   axes: number | null,

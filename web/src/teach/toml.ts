@@ -1,11 +1,13 @@
 /**
- * Values of TOML as the files of programs have them: numbers, texts, true and false, and lists of them. What else
- * TOML has is refused with its place, because it could not be shown and changed one field at a time.
+ * Values of TOML as the files of programs have them: numbers, texts, true and false, and lists of them. What
+ * else TOML has is refused with its place, because it could not be shown and changed one field at a time.
  */
 
 export type Value = number | string | boolean | Value[];
 
-/** Something that is not understood, and where. Lines and columns are counted from 1, columns in characters. */
+/**
+ * Something that is not understood, and where. Lines and columns are counted from 1, columns in characters.
+ */
 export interface Wrong {
   line: number;
   column: number;
@@ -134,7 +136,7 @@ function writeText(text: string): string {
   return `"${escaped}"`;
 }
 
-/** Reads a whole text as one value; `null` if it is none. */
+/** Reads a whole text as one value; `null` if it is not a value. */
 export function valueOf(text: string): Value | null {
   try {
     const { value, end } = readValue(text.trim(), 0);

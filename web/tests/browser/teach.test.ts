@@ -78,13 +78,17 @@ async function set(page: Page, field: string, text: string): Promise<void> {
   await page.press(`[data-field=${field}]`, "Tab");
 }
 
-/** Takes control of the target, prepares, and holds the button for its second. */
-async function run(page: Page, name: string): Promise<void> {
+/** Prepares, and presses the button that has to be held. */
+async function hold(page: Page, name: string): Promise<void> {
   await page.click("[data-prepare]");
   await says(page, "[role=dialog]", `Run on ${name}?`);
-  const hold = (await page.locator(`text=Hold to run on ${name}`).boundingBox())!;
-  await page.mouse.move(hold.x + 5, hold.y + 5);
+  const button = (await page.locator(`text=Hold to run on ${name}`).boundingBox())!;
+  await page.mouse.move(button.x + 5, button.y + 5);
   await page.mouse.down();
+}
+
+async function run(page: Page, name: string): Promise<void> {
+  await hold(page, name);
   await page.waitForSelector('[data-sent="accepted"], [data-sent="done"]');
   await page.mouse.up();
 }
@@ -141,7 +145,6 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await page.keyboard.press(" ");
   await until("the preview plays to its end", async () => (await page.textContent('[data-planned-axis="0"]')) !== begin);
   await page.waitForSelector("[data-play=false]");
-  await isAccessible(page);
   await picture(page, "teach-1920");
 
   // A point beyond a limit: the step and the path are red, and nothing is sent.
@@ -255,13 +258,30 @@ test("a text that the page does not take apart is kept, with the place", async (
   await says(page, '[data-step="1"]', "Wait 1 s");
   await page.waitForSelector("[data-check=true]");
   expect(await page.isDisabled("[data-save]"), "an operator stores nothing").toBe(true);
+
+  // A request without an answer is told as that, and is not sent again.
+  let requests = 0;
+  await page.route("**/programs/run", (route) => {
+    requests += 1;
+    return route.abort();
+  });
+  await page.click("text=Take control");
+  await page.click("[data-make]");
+  await page.waitForSelector("[data-prepare]:not([disabled])");
+  await hold(page, "press-4-twin");
+  await says(page, "[data-sent=unknown]", "OUTCOME UNKNOWN");
+  await page.mouse.up();
+  await isAccessible(page);
+  expect([requests, await page.locator("text=Look at press-4-twin").count(), await page.locator("[data-stop=press-4-twin]").count()]).toEqual([
+    1, 1, 1,
+  ]);
   expect(faults).toEqual([]);
   await page.context().close();
 });
 
 test("the picture shows the path, and a second arm that is played along it", async () => {
   const drawing = await startBrowser(SOFTWARE_3D);
-  const { page, faults } = await openPage(drawing);
+  const { page, faults } = await openPage(drawing, { viewport: { width: 1280, height: 800 } });
   await signIn(page, operator, "/robots/press-4");
   await page.click("text=Teach");
   await page.click("[data-program=pick] a");

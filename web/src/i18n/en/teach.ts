@@ -232,7 +232,7 @@ export const teach = {
       to: "to",
       through: "through",
       speed: "speed",
-      blend: "blend level, 0 to 9",
+      blend: "blend level",
       delay: "delay before",
       mask: "mask of axes",
       tool: "tool",

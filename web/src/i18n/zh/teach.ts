@@ -228,7 +228,7 @@ export const teach: typeof english = {
       to: "目标",
       through: "经过",
       speed: "速度",
-      blend: "圆滑等级（0 至 9）",
+      blend: "圆滑等级",
       delay: "前置延时",
       mask: "轴掩码",
       tool: "工具",

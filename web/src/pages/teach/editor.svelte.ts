@@ -1,4 +1,7 @@
-/** The program on the page: its text, its history, its draft, what the gateway says of it, and how it is stored. */
+/**
+ * The program on the page: its text, its history, its draft, what the gateway says of it, and how it is
+ * stored.
+ */
 import { call } from "../../api/client.ts";
 import type { ProgramChecked, ProgramVersion, StoredProgram } from "../../api/types.ts";
 import { session } from "../../state/session.svelte.ts";
@@ -7,6 +10,7 @@ import { type Document, EMPTY, read, write } from "../../teach/document.ts";
 import { dropDraft, keepDraft, readDraft } from "../../teach/draft.ts";
 import { type History, type Selection, change, choose, historyOf, redo, undo } from "../../teach/history.ts";
 import type { Wrong } from "../../teach/toml.ts";
+import { problemText } from "./say.ts";
 import { shelf } from "./shelf.ts";
 
 /** A text is checked when it has rested for so long, in milliseconds. */
@@ -33,7 +37,10 @@ export class Editor {
   /** Why it could not be read from the gateway. */
   problem = $state<string | null>(null);
   history = $state.raw<History>(historyOf(EMPTY));
-  /** A text that the page does not take apart: it is shown as it is, and checked, planned and run all the same. */
+  /**
+   * A text that the page does not take apart: it is shown as it is, and checked, planned and run all the
+   * same.
+   */
   raw = $state<string | null>(null);
   wrong = $state.raw<Wrong | null>(null);
   /** The version that the text began from; `null` if nothing was stored. */
@@ -59,6 +66,8 @@ export class Editor {
   #timer: ReturnType<typeof setTimeout> | null = null;
   #isChecking = false;
   #isOver = false;
+  /** Whether the text that is not taken apart took the place of a program, which undo brings back. */
+  #isOverProgram = false;
 
   constructor(readonly name: string) {
     void this.load();
@@ -103,15 +112,16 @@ export class Editor {
       // Without the gateway, the draft is still there to work on.
       this.#begin(draft.text, draft.base, "");
       this.draftOf = draft.at;
-      this.problem = answer.kind === "refused" ? answer.problem.message : "";
+      this.problem = problemText(answer);
     } else {
-      this.problem = answer.kind === "refused" ? answer.problem.message : "";
+      this.problem = problemText(answer);
       this.phase = "failed";
     }
   }
 
   #begin(text: string, base: Base | null, stored: string): void {
     this.problem = null;
+    this.#isOverProgram = false;
     this.base = base === null ? null : { version: base.version, etag: base.etag };
     this.stored = stored;
     this.#take(text, null);
@@ -129,7 +139,9 @@ export class Editor {
           : change(over, { kind: "replace", document: result.ok }, result.ok.steps.length > 0 ? { step: 0 } : null);
       this.raw = null;
       this.wrong = null;
+      this.#isOverProgram = false;
     } else {
+      this.#isOverProgram ||= over !== null;
       this.raw = text;
       this.wrong = result.wrong;
     }
@@ -145,21 +157,32 @@ export class Editor {
     this.history = choose(this.history, selection);
   }
 
+  get canUndo(): boolean {
+    return this.raw === null ? this.history.done.length > 0 : this.#isOverProgram;
+  }
+
+  get canRedo(): boolean {
+    return this.raw === null && this.history.undone.length > 0;
+  }
+
   undo(): void {
-    if (this.history.done.length === 0 || this.raw !== null) return;
-    this.history = undo(this.history);
+    if (!this.canUndo) return;
+    if (this.raw === null) this.history = undo(this.history);
+    this.raw = null;
+    this.wrong = null;
+    this.#isOverProgram = false;
     this.#changed();
   }
 
   redo(): void {
-    if (this.history.undone.length === 0 || this.raw !== null) return;
+    if (!this.canRedo) return;
     this.history = redo(this.history);
     this.#changed();
   }
 
-  /** Puts another text in the place of this one: a version, a file, or one that was written by hand. */
+  /** Puts another text in the place of this one: a version, a file, or what a person wrote. */
   replace(text: string): void {
-    this.#take(text, this.raw === null ? this.history : null);
+    this.#take(text, this.raw === null || this.#isOverProgram ? this.history : null);
     this.#changed();
   }
 
@@ -213,12 +236,12 @@ export class Editor {
       this.checkProblem = null;
       if (this.text !== text) this.#checkSoon(0);
     } else {
-      this.checkProblem = answer.kind === "refused" ? answer.problem.message : "";
+      this.checkProblem = problemText(answer);
       this.#checkSoon(AGAIN);
     }
   }
 
-  /** Stores the text as a new version, over the one that it began from. */
+  /** Stores the text as a new version, over the version that it began from. */
   async save(over: Base | null = this.base): Promise<void> {
     const { text } = this;
     this.saved = { kind: "saving" };
@@ -233,10 +256,10 @@ export class Editor {
       if (this.text === text) this.#dropDraft();
       else this.#changed();
     } else if (answer.kind === "refused" && answer.problem.code === "not_this_version") {
-      this.saved = { kind: "refused", message: answer.problem.message };
+      this.saved = { kind: "refused", message: problemText(answer) };
       await this.#readOther();
     } else if (answer.kind === "refused" && answer.status < 500) {
-      this.saved = { kind: "refused", message: answer.problem.message };
+      this.saved = { kind: "refused", message: problemText(answer) };
     } else {
       this.saved = { kind: "unknown" };
     }
@@ -287,6 +310,6 @@ export class Editor {
       return null;
     }
     if (answer.kind === "refused" && answer.problem.code === "not_this_version") await this.#readOther();
-    return answer.kind === "refused" ? answer.problem.message : "";
+    return problemText(answer);
   }
 }

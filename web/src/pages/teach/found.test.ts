@@ -30,6 +30,8 @@ test("a message beside its step does not name it again", () => {
     bare("instruction 3: `seconds` is 0.33"),
     bare("step 12 (axis-move): `to` is missing"),
     bare("instruction 1 (axis move) ends with alarm 130"),
+    bare("program `program`, step 2 (photo of camera 0) ends with alarm 9"),
+    bare("program `other`, step 2 (wait) ends"),
     bare("J1 above its limit"),
-  ]).toEqual(["`seconds` is 0.33", "`to` is missing", "ends with alarm 130", "J1 above its limit"]);
+  ]).toEqual(["`seconds` is 0.33", "`to` is missing", "ends with alarm 130", "ends with alarm 9", "program `other`, step 2 (wait) ends", "J1 above its limit"]);
 });

@@ -32,7 +32,7 @@ export function foundIn(document: Document, checked: ProgramChecked | null): Fou
   return found;
 }
 
-/** A message without the step that it names: it stands beside its step, and counts from the first one that was sent. */
+/** A message without the step that it names: it stands beside its step, and may count from another first step. */
 export function bare(message: string): string {
-  return message.replace(/^(?:instruction|step) \d+(?: \([a-z -]+\))?:? /, "");
+  return message.replace(/^(?:program `program`, )?(?:instruction|step) \d+(?: \([^()]*\))?:? /, "");
 }

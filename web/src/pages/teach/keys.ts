@@ -1,4 +1,7 @@
-/** What keys do on the teach page. None acts in a text field, on a control of its own, or while characters are composed. */
+/**
+ * What keys do on the teach page. None acts in a text field, on a control of its own, or while characters are
+ * composed.
+ */
 
 export type Act = "up" | "down" | "edit" | "move_up" | "move_down" | "copy" | "undo" | "redo" | "play";
 
@@ -23,7 +26,8 @@ export function keyOf(event: Key, hasDialog: boolean): Act | null {
   if (key === "ArrowUp") return event.altKey ? "move_up" : "up";
   if (key === "ArrowDown") return event.altKey ? "move_down" : "down";
   if (event.altKey) return null;
-  // Buttons and links act on these themselves. On the row of a step, which is chosen already, they are the page's.
+  // Buttons and links act on these themselves. On the row of a step, which is chosen already, they are the
+  // page's.
   if (key === "Enter") return place === "control" ? null : "edit";
   if (key === " ") return place === "control" ? null : "play";
   return null;

@@ -1,4 +1,6 @@
-/** The preview: a plan of the gateway from where the arm stands, whether it still holds, and how it is played. */
+/**
+ * The preview: a plan of the gateway from where the arm stands, whether it still holds, and how it is played.
+ */
 import { call } from "../../api/client.ts";
 import type { ProgramPlan, Queried } from "../../api/types.ts";
 import { onFrame } from "../../live/frame.ts";
@@ -7,6 +9,7 @@ import { hall } from "../../state/hall.svelte.ts";
 import { session } from "../../state/session.svelte.ts";
 import { type Basis, type Void, framesInUse, voidBy, voidByCommand } from "../../teach/preview.ts";
 import { stateOf } from "../robot/live.ts";
+import { problemText } from "./say.ts";
 
 /** A long program takes the gateway a while. */
 const PATIENCE = 30_000;
@@ -57,7 +60,10 @@ export function machineOf(view: View): string {
   return JSON.stringify([identity, identity_changed, virtual]);
 }
 
-/** Tool and work frame in use, as one text; `null` if the robot does not tell them; `undefined` without an answer. */
+/**
+ * Tool and work frame in use, as one text; `null` if the robot does not tell them; `undefined` without an
+ * answer.
+ */
 export async function framesOf(robot: string): Promise<string | null | undefined> {
   const path = `/v1/robots/${encodeURIComponent(robot)}/query?address=toolCoord`;
   const answer = await call<Queried>("GET", path);
@@ -127,7 +133,7 @@ export class Planner {
     if (ticket !== this.#ticket) return;
     this.isPlanning = false;
     if (answer.kind !== "ok") {
-      this.problem = answer.kind === "refused" ? answer.problem.message : "";
+      this.problem = problemText(answer);
       return;
     }
     const first = answer.value.samples[0]?.axes ?? null;
@@ -145,7 +151,9 @@ export class Planner {
     this.#look();
   }
 
-  /** Asks for tool and work frame again. Says whether the preview still holds, or that there was no answer. */
+  /**
+   * Asks for tool and work frame again. Says whether the preview still holds, or that there was no answer.
+   */
   async lookAtFrames(): Promise<"holds" | "void" | "no_answer"> {
     const { planned } = this;
     if (planned === null || this.isVoid !== null) return "void";

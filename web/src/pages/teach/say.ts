@@ -1,4 +1,5 @@
 /** Steps in a line. */
+import type { Answer } from "../../api/client.ts";
 import { type Document, type Step, doOf, linked, valueAt, wants } from "../../teach/document.ts";
 import { isTarget, unitOf } from "../../teach/kinds.ts";
 import type { Value } from "../../teach/toml.ts";
@@ -13,6 +14,11 @@ export function valueText(value: Value, words: typeof en): string {
   if (typeof value === "number") return numberText(value);
   if (Array.isArray(value)) return value.map((one) => valueText(one, words)).join(", ");
   return value;
+}
+
+/** A problem for people, with its code for those who look it up; empty without an answer. */
+export function problemText(answer: Exclude<Answer<unknown>, { kind: "ok" }>): string {
+  return answer.kind === "refused" ? `${answer.problem.message} (${answer.problem.code})` : "";
 }
 
 /** What a step does: `Axis move P1, 50 %`. */
@@ -31,14 +37,16 @@ export function stepText(document: Document, step: Step, words: typeof en): stri
       if (key === "point" || key === "name" || key === "program" || key === "on" || key === "until" || key === "to") {
         return valueText(value, words);
       }
-      const unit = unitOf(word, key);
+      const unit = key === "blend" ? "" : unitOf(word, key);
       if (key === "seconds" || key === "mm_per_s") return `${valueText(value, words)} ${unit}`;
       return `${own.fields[key] ?? key} ${valueText(value, words)}${unit === "" ? "" : ` ${unit}`}`;
     });
   return parts.length === 0 ? name : `${name} ${parts.join(", ")}`;
 }
 
-/** The name of a point that a step names although it has other numbers: somebody changed one of them by hand. */
+/**
+ * The name of a point that a step names although it has other numbers: somebody changed one of them by hand.
+ */
 export function looseName(document: Document, step: Step, key: string, named: string | null): string | null {
   return named !== null && wants(doOf(step), key) !== null && valueAt(step, key) !== undefined && linked(document, step, key) === null
     ? named

@@ -1,4 +1,6 @@
-/** Where drafts are kept. Some browsers forbid the page to keep anything: then they last as long as the page. */
+/**
+ * Where drafts are kept. Some browsers forbid the page to keep anything: then they last as long as the page.
+ */
 import type { Shelf } from "../../teach/draft.ts";
 
 export const shelf: Shelf = (() => {
