@@ -198,6 +198,10 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   const first = (await (await fetch(path, { headers })).json()) as { program: string; etag: string };
   expect(first.program).toContain('# point "P3" = axes [30, 20, -30, 0, -80, 0] pose [');
   expect(first.program).toContain('to = [30, 20, -30, 0, -80, 0] # point "P3"');
+  // What was saved is what `r6 run` takes.
+  const file = join(data.path, "pick.toml");
+  writeFileSync(file, first.program);
+  expect(await r6("run", file, "--dry-run")).toContain('"m0":"30.000"');
   const body = JSON.stringify({ program: `# by another one\n${first.program}` });
   await fetch(path, { method: "PUT", headers: { ...headers, "If-Match": first.etag }, body });
   await add(page, "output");

@@ -200,6 +200,11 @@ export class Editor {
     this.unread = next;
   }
 
+  /** The inputs of a step are gone, and what was typed into them too. */
+  forgetUnread(step: number): void {
+    if (this.unread.size > 0) this.unread = new Set([...this.unread].filter((key) => !key.startsWith(`${step} `)));
+  }
+
   #changed(): void {
     this.saved = null;
     this.unread = new Set();
