@@ -88,7 +88,7 @@ test("a preview is void when arm, robot, tool, frame, speed or text change", () 
     by({ frames: "1 0" }),
     by({ frames: null }),
   ]).toEqual(["text", "robot", "robot", "model", "speed", "arm", "arm", "arm_unknown", "frames", "frames"]);
-  expect(["modifyGSPD", "switchTool", "switchCoordinate", "modifyOutput"].map(voidByCommand)).toEqual([
+  expect(['modifyGSPD "300"', "switchTool \"1\"", "switchCoordinate", "modifyOutput"].map(voidByCommand)).toEqual([
     "speed",
     "frames",
     "frames",
@@ -183,6 +183,7 @@ test("a program is sent only if everything is known to be ready", () => {
   ]);
   const robots: [View, string[]][] = [
     [view({ mode: 2 }), ["not_started"]],
+    [view({ mode: 9 }), ["not_started"]],
     [view({ mode: 1 }), ["manual"]],
     [view({ alarm: 7 }), ["alarm"]],
     [view({ moving: true }), ["moves"]],

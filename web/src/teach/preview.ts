@@ -154,9 +154,9 @@ export function framesInUse(frames: string | null): boolean {
   return !Array.isArray(read) || read.slice(0, 2).some((number) => Number(number) !== 0);
 }
 
-/** Commands of others that make a preview void. Events tell their names, and not their numbers. */
+/** Commands that make a preview void, as events tell them: `modifyGSPD "300"`. */
 export function voidByCommand(command: string): Void | null {
-  if (command === "modifyGSPD" || command === "modifyAccDec") return "speed";
-  if (/^(switchTool|modifyTool|switchCoordinate|modifyCoordinate)/.test(command)) return "frames";
+  if (/^modify(?:GSPD|AccDec)\b/.test(command)) return "speed";
+  if (/^(?:switchTool|modifyTool|switchCoordinate|modifyCoordinate)\b/.test(command)) return "frames";
   return null;
 }

@@ -88,7 +88,7 @@ export function notSent(view: View | undefined, ready: Ready): NotSent[] {
   }
   if (view.quality === "fresh" && view.summary.link === "up") {
     const { mode } = view;
-    check(mode !== MODES.rest && mode !== MODES.stopped && mode !== MODES.none, "not_started");
+    check(mode === MODES.running || mode === MODES.manual || mode === MODES.step, "not_started");
     check(view.homed !== false, "not_homed");
     check(view.moving !== true, "moves");
     check(view.moving !== null, "moves_unknown");

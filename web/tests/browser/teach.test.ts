@@ -61,8 +61,8 @@ async function take(page: Page, ...axes: number[]): Promise<void> {
   await r6("-r", twin, "move", "axes", ...axes.map(String), "--speed", "100", "--wait");
   const before = Number(await page.getAttribute("[data-points]", "data-points"));
   await until("a point is taken", async () => {
-    await page.click("[data-take]");
-    await page.waitForFunction(() => !document.querySelector("[data-take]")?.hasAttribute("disabled"));
+    await page.click("[data-take-point]");
+    await page.waitForFunction(() => !document.querySelector("[data-take-point]")?.hasAttribute("disabled"));
     return Number(await page.getAttribute("[data-points]", "data-points")) > before;
   });
 }
@@ -99,7 +99,7 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await says(page, "main", "No program is stored yet.");
   await page.fill("#new-program", "pick");
   await page.click("form button[type=submit]");
-  await page.waitForSelector("[data-take]");
+  await page.waitForSelector("[data-take-point]");
   expect(page.url()).toBe(`${url}/robots/press-4/teach/pick`);
 
   await take(page, 0, 10, -20, 0, -80, 0);
@@ -228,7 +228,7 @@ test("on a phone in Chinese points are taken and the preview is seen; steps are 
   await page.waitForSelector('[data-step="6"]');
   expect(await page.locator("[data-add], [data-prepare], [data-fields]").count()).toBe(0);
   await says(page, "[data-steps]", "窄屏上只显示步骤");
-  await page.tap("[data-take]");
+  await page.tap("[data-take-point]");
   await page.waitForSelector('[data-point-name="P4"]');
   await page.waitForSelector("[data-make]:not([disabled])");
   await page.tap("[data-make]");
@@ -287,7 +287,7 @@ test("the picture shows the path, and a second arm that is played along it", asy
   const drawing = await startBrowser(SOFTWARE_3D);
   const { page, faults } = await openPage(drawing, { viewport: { width: 1280, height: 800 } });
   await signIn(page, operator, "/robots/press-4");
-  await page.click("text=Teach");
+  await page.click('a[href="/robots/press-4/teach"]');
   await page.click("[data-program=pick] a");
   const canvas = page.locator("[data-scene=shown] canvas");
   await canvas.waitFor();
