@@ -64,6 +64,8 @@ export interface Ready {
  */
 export function notSent(view: View | undefined, ready: Ready): NotSent[] {
   if (view === undefined) return ["no_target"];
+  // What else is in the way then is its own doing.
+  if (ready.runs) return ["run_under_way"];
   const reasons: NotSent[] = [];
   const check = (isMet: boolean, reason: NotSent): void => {
     if (!isMet) reasons.push(reason);
@@ -95,7 +97,6 @@ export function notSent(view: View | undefined, ready: Ready): NotSent[] {
     check(view.left !== null, "list_unknown");
     check(view.left === null || view.left === 0, "list");
   }
-  check(!ready.runs, "run_under_way");
   return reasons;
 }
 
