@@ -110,6 +110,7 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
     await add(page, "axis-move", point);
     await set(page, "speed", "60");
   }
+  expect(await page.evaluate(() => document.activeElement?.closest("[data-fields]") !== null), "the focus goes on").toBe(true);
   await add(page, "output");
   await add(page, "wait");
   await set(page, "seconds", "0.3");

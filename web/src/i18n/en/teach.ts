@@ -177,6 +177,7 @@ export const teach = {
     controller: "on a controller only",
     unknown: "not known",
     mistake: "mistake",
+    done: "seen done",
     add: "Add step",
     kind: "Kind of step",
     to: "to point",

@@ -173,6 +173,7 @@ export const teach: typeof english = {
     controller: "仅限控制器",
     unknown: "未知",
     mistake: "错误",
+    done: "已确认完成",
     add: "添加步骤",
     kind: "步骤类型",
     to: "到示教点",

@@ -63,6 +63,8 @@ export class Editor {
   readonly checked = $derived(this.check?.text === this.text ? this.check.checked : null);
   /** Fields with a text that is no value: by step and key. It stands in the page alone. */
   unread = $state.raw<ReadonlySet<string>>(new Set());
+  /** Grows with each change that did not come from an input: inputs are made anew then, with the values of now. */
+  epoch = $state(0);
   #timer: ReturnType<typeof setTimeout> | null = null;
   #isChecking = false;
   #isOver = false;
@@ -145,12 +147,24 @@ export class Editor {
       this.raw = text;
       this.wrong = result.wrong;
     }
-    this.unread = new Set();
+    this.#anew();
   }
 
   change(command: Command, after: Selection = this.selection): void {
     this.history = change(this.history, command, after);
+    this.#anew();
     this.#changed();
+  }
+
+  /** A change by an input, which keeps the focus; so do texts in other inputs that are no values. */
+  type(command: Command, after: Selection = this.selection): void {
+    this.history = change(this.history, command, after);
+    this.#changed();
+  }
+
+  #anew(): void {
+    this.unread = new Set();
+    this.epoch += 1;
   }
 
   choose(selection: Selection): void {
@@ -171,12 +185,14 @@ export class Editor {
     this.raw = null;
     this.wrong = null;
     this.#isOverProgram = false;
+    this.#anew();
     this.#changed();
   }
 
   redo(): void {
     if (!this.canRedo) return;
     this.history = redo(this.history);
+    this.#anew();
     this.#changed();
   }
 
@@ -207,7 +223,6 @@ export class Editor {
 
   #changed(): void {
     this.saved = null;
-    this.unread = new Set();
     if (this.isDirty) this.isKept = keepDraft(shelf, this.name, { text: this.text, base: this.base, at: Date.now() });
     else this.#dropDraft();
     this.#checkSoon(REST);

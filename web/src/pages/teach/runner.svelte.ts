@@ -14,6 +14,7 @@ const PATIENCE = 15_000;
 class Runner {
   /** The last program that this page sent, by robot. */
   #sent = new SvelteMap<string, Sent>();
+  #texts = new SvelteMap<string, string>();
   /** Robots for which an event told that a run is under way, this page's or another's. */
   #under = new SvelteMap<string, number>();
   /** The texts that ran on a robot to their end. */
@@ -26,6 +27,11 @@ class Runner {
   /** Whether a program may be under way on the robot, as far as is known. */
   runs(robot: string): boolean {
     return this.#under.has(robot) || mayRun(this.of(robot));
+  }
+
+  /** The text that was sent last. */
+  textOf(robot: string): string | null {
+    return this.#texts.get(robot) ?? null;
   }
 
   /** Whether this very text ran on the robot to its end, while this page was open. */
@@ -41,6 +47,7 @@ class Runner {
     if (this.runs(robot)) return;
     this.#sent.set(robot, { kind: "sent" });
     this.#ran.delete(robot);
+    this.#texts.set(robot, program);
     const path = `/v1/robots/${encodeURIComponent(robot)}/programs/run`;
     const answer = await call<Run>("POST", path, {
       body: { program, lease },
