@@ -17,6 +17,9 @@ import {
   until,
 } from "./support.ts";
 
+/** Without a graphics card a large screen takes its time. */
+const SMALL = { viewport: { width: 1280, height: 800 } };
+
 const data = folder();
 let robot: Running;
 let gateway: Running;
@@ -94,7 +97,7 @@ async function run(page: Page, name: string): Promise<void> {
 }
 
 test("three points, an output and a wait run on the twin and then on the arm; what is beyond a limit does not", async () => {
-  const { page, faults } = await openPage(browser);
+  const { page, faults } = await openPage(browser, SMALL);
   await signIn(page, engineer, "/robots/press-4/teach");
   await says(page, "main", "No program is stored yet.");
   await page.fill("#new-program", "pick");
@@ -146,7 +149,6 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await page.keyboard.press(" ");
   await until("the preview plays to its end", async () => (await page.textContent('[data-planned-axis="0"]')) !== begin);
   await page.waitForSelector("[data-play=false]");
-  await picture(page, "teach-1920");
 
   // A point beyond a limit: the step and the path are red, and nothing is sent.
   await page.click('[data-point-name="P3"] button');
@@ -160,13 +162,15 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await until("the reason is told", async () => (await page.getAttribute("[data-reasons]", "data-reasons"))?.includes("plan_fails") === true);
   expect(await page.isDisabled("[data-prepare]")).toBe(true);
   await isAccessible(page);
-  await picture(page, "teach-beyond");
+  await page.setViewportSize({ width: 1920, height: 1080 });
+  await picture(page, "teach-1920");
+  await page.setViewportSize(SMALL.viewport);
   await page.click("text=Undo");
   await page.waitForSelector("[data-preview=done]");
   await page.waitForSelector('[data-step="3"][data-mark=ok]');
 
   // A second person sees who controls it, and cannot run anything.
-  const other = await openPage(browser);
+  const other = await openPage(browser, SMALL);
   await signIn(other.page, operator, "/robots/press-4/teach/pick");
   await other.page.waitForSelector("[data-lease=others]");
   await says(other.page, "[data-lease]", /1 \(ann\) controls it/);
@@ -254,7 +258,7 @@ test("a text that the page does not take apart is kept, with the place", async (
   const headers = { Authorization: `Bearer ${engineer}`, "Content-Type": "application/json", "If-None-Match": "*" };
   const program = '[[instruction]]\ndo = "wait"\nseconds = """1"""\n';
   await fetch(`${url}/v1/programs/odd`, { method: "PUT", headers, body: JSON.stringify({ program }) });
-  const { page, faults } = await openPage(browser);
+  const { page, faults } = await openPage(browser, SMALL);
   await signIn(page, operator, "/robots/press-4/teach/odd");
   await says(page, "[data-raw=long_text]", "Line 3, column 11");
   expect(await page.inputValue("textarea")).toBe(program);
@@ -286,7 +290,7 @@ test("a text that the page does not take apart is kept, with the place", async (
 
 test("the picture shows the path, and a second arm that is played along it", async () => {
   const drawing = await startBrowser(SOFTWARE_3D);
-  const { page, faults } = await openPage(drawing, { viewport: { width: 1280, height: 800 } });
+  const { page, faults } = await openPage(drawing, SMALL);
   await signIn(page, operator, "/robots/press-4");
   await page.click('a[href="/robots/press-4/teach"]');
   await page.click("[data-program=pick] a");
@@ -314,7 +318,7 @@ test("the picture shows the path, and a second arm that is played along it", asy
   expect(await page.textContent("[data-planned-axis='0']")).toBe("30.000 deg");
   const moved = await still();
   expect(moved === planned, "the second arm stands where the step ends").toBe(false);
-  await picture(page, "teach-3d");
+  await picture(page, "dashboard-teach");
   await isAccessible(page);
   expect(faults).toEqual([]);
   await drawing.close();
