@@ -17,8 +17,10 @@ const MAX_BESIDE_STOPS = 1;
  */
 export type Answer<T> =
   | { kind: "ok"; value: T }
-  | { kind: "refused"; status: number; problem: Problem }
+  | Refusal
   | { kind: "unknown" };
+
+type Refusal = { kind: "refused"; status: number; problem: Problem };
 
 export type Method = "GET" | "POST" | "PUT" | "DELETE";
 
@@ -36,6 +38,8 @@ export interface Options {
   idempotencyKey?: string;
   /** Lets the request go on when the page is closed. */
   keepalive?: boolean;
+  /** Gives a question up whose answer nothing waits for any more. */
+  signal?: AbortSignal;
 }
 
 /** Sessions are counted, so that a late answer to a question of an earlier one does not end this one. */
@@ -75,9 +79,35 @@ stops.onChange(go);
 /** Sends a request. Never throws. */
 export async function call<T>(method: Method, path: string, options: Options = {}): Promise<Answer<T>> {
   if (method !== "GET") return send(method, path, options);
+  return inTurn(options, () => send(method, path, options));
+}
+
+/** A file of the gateway, in the form of this media type. */
+export interface File {
+  bytes: Blob;
+  /** Where to read on; `null` at the end. */
+  next: string | null;
+}
+
+/** Asks for an answer as a file. Never throws. */
+export async function file(path: string, type: string, options: Options = {}): Promise<Answer<File>> {
+  return inTurn(options, async () => {
+    const begun = era;
+    const response = await ask("GET", path, options, type);
+    if (response === null) return { kind: "unknown" };
+    try {
+      if (!response.ok) return refused(path, options, await response.text(), response.status, begun);
+      return { kind: "ok", value: { bytes: await response.blob(), next: response.headers.get("r6-next-cursor") } };
+    } catch {
+      return { kind: "unknown" };
+    }
+  });
+}
+
+async function inTurn<T>(options: Options, question: () => Promise<Answer<T>>): Promise<Answer<T>> {
   await turn();
   try {
-    return await send(method, path, options);
+    return options.signal?.aborted === true ? { kind: "unknown" } : await question();
   } finally {
     underWay -= 1;
     go();
@@ -86,32 +116,48 @@ export async function call<T>(method: Method, path: string, options: Options = {
 
 async function send<T>(method: Method, path: string, options: Options): Promise<Answer<T>> {
   const begun = era;
+  const response = await ask(method, path, options);
+  if (response === null) return { kind: "unknown" };
+  let text: string;
+  try {
+    text = await response.text();
+  } catch {
+    return { kind: "unknown" };
+  }
+  if (response.ok) return { kind: "ok", value: (options.isText ? text : text === "" ? undefined : JSON.parse(text)) as T };
+  return refused(path, options, text, response.status, begun);
+}
+
+/** The beginning of an answer; `null` if none came. */
+async function ask(method: Method, path: string, options: Options, type?: string): Promise<Response | null> {
   const headers: Record<string, string> = { ...options.headers };
   if (options.body !== undefined) headers["Content-Type"] = "application/json";
+  if (type !== undefined) headers["Accept"] = type;
   if (method !== "GET" && options.csrf) headers["X-CSRF-Token"] = options.csrf;
   if (options.bearer !== undefined) headers["Authorization"] = `Bearer ${options.bearer}`;
   if (options.idempotencyKey !== undefined) headers["Idempotency-Key"] = options.idempotencyKey;
+  const patience = AbortSignal.timeout(options.patience ?? PATIENCE);
   const init: RequestInit = {
     method,
     headers,
     cache: "no-store",
     credentials: options.bearer === undefined ? "same-origin" : "omit",
     keepalive: options.keepalive ?? false,
-    signal: AbortSignal.timeout(options.patience ?? PATIENCE),
+    signal: options.signal === undefined ? patience : AbortSignal.any([options.signal, patience]),
   };
   if (options.body !== undefined) init.body = JSON.stringify(options.body);
-  let response: Response;
-  let text: string;
   try {
-    response = await fetch(path, init);
-    text = await response.text();
+    return await fetch(path, init);
   } catch {
-    return { kind: "unknown" };
+    return null;
   }
-  if (response.ok) return { kind: "ok", value: (options.isText ? text : text === "" ? undefined : JSON.parse(text)) as T };
-  const problem = problemOf(text, response.status);
-  if (response.status === 401 && begun === era && isSignedOut(path, options, problem)) signedOut();
-  return { kind: "refused", status: response.status, problem };
+}
+
+/** A refusal. `begun`: the session in which the question was asked. */
+function refused(path: string, options: Options, text: string, status: number, begun: number): Refusal {
+  const problem = problemOf(text, status);
+  if (status === 401 && begun === era && isSignedOut(path, options, problem)) signedOut();
+  return { kind: "refused", status, problem };
 }
 
 /** What a body says is wrong. A proxy in between may answer with something else than a problem. */
