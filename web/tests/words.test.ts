@@ -124,3 +124,29 @@ test("the stop imports nothing of the page's state", () => {
     if (!file.endsWith(".test.ts")) expect(foreign, file).toEqual([]);
   }
 });
+
+test("each event of the history has a sentence in both languages", () => {
+  const at = { id: "1-1-1", time: "2026-11-25T06:00:00Z" };
+  const events = [
+    { ...at, event: "alarm_began", code: 7, text: "emergency stop", remedy: "" },
+    { ...at, event: "alarm_ended", code: 7, text: "emergency stop", lasted_ms: 61_000 },
+    { ...at, event: "alarm_ended", code: 7, text: "emergency stop", lasted_ms: null },
+    { ...at, event: "mode_changed", from: 2, to: 7 },
+    { ...at, event: "program_changed", from: "", to: "pick" },
+    { ...at, event: "cycle_done", at: at.time, count: 1, at_least: false, ms: 12_400 },
+    { ...at, event: "cycle_done", at: at.time, count: 2, at_least: true, ms: null },
+    { ...at, event: "parts", counter: "counter-0", added: 1, total: 8 },
+    { ...at, event: "parts_reset", counter: "counter-0", from: 8, to: 0 },
+    { ...at, event: "link_lost" },
+    { ...at, event: "link_back" },
+    ...(["link", "late", "start", "lost", "unread", "another_robot"] as const).map((because) => ({ ...at, event: "unseen" as const, because, from: null, to: at.time })),
+    { ...at, event: "unseen", because: "link", from: at.time, to: at.time },
+  ] as const;
+  for (const words of [en, zh]) {
+    const said = events.map((event) => words.history.event(event, words.mode, () => "06:00:00"));
+    expect(new Set(said).size).toBe(said.length);
+    expect(said.join(" ")).not.toMatch(/undefined|null|_|\s[,.]/);
+  }
+  expect(en.history.event(events[1], en.mode, String)).toBe("Alarm 7 ended after 1 min 1 s: emergency stop");
+  expect(zh.history.event(events[6], zh.mode, String)).toBe("至少完成 2 个循环");
+});

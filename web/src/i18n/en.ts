@@ -8,6 +8,8 @@ import { audit } from "./en/audit.ts";
 import { connections } from "./en/connections.ts";
 import { arm } from "./en/arm.ts";
 import { controls } from "./en/controls.ts";
+import { chart, failed } from "./en/chart.ts";
+import { choice, history } from "./en/history.ts";
 import { menu } from "./en/menu.ts";
 import { count, duration } from "./en/say.ts";
 import { hallSettings } from "./en/settings.ts";
@@ -44,6 +46,10 @@ export const en = {
   arm,
   controls,
   teach,
+  chart,
+  choice,
+  failed,
+  history,
   hall: "Hall",
   toHall: "Back to the hall",
   main: "Main content",

@@ -5,6 +5,8 @@ import { audit } from "./zh/audit.ts";
 import { connections } from "./zh/connections.ts";
 import { arm } from "./zh/arm.ts";
 import { controls } from "./zh/controls.ts";
+import { chart, failed } from "./zh/chart.ts";
+import { choice, history } from "./zh/history.ts";
 import { menu } from "./zh/menu.ts";
 import { teach } from "./zh/teach.ts";
 import { duration } from "./zh/say.ts";
@@ -41,6 +43,10 @@ export const zh: typeof en = {
   arm,
   controls,
   teach,
+  chart,
+  choice,
+  failed,
+  history,
   hall: "车间",
   toHall: "返回车间",
   main: "主要内容",

@@ -44,7 +44,7 @@ const PROOFS: Record<RunProof, string> = {
 
 export const controls = {
   parts: "Parts of this page",
-  tabs: { live: "Live", axes: "Axes", io: "I/O", more: "More" },
+  tabs: { live: "Live", axes: "Axes", io: "I/O", charts: "Charts", more: "More" },
   taken: (what: string) => `${what}: the controller accepted it.`,
   limits: "Soft limits",
   limitsOf: (low: number, high: number) => `${low} to ${high}`,

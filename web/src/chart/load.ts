@@ -1,0 +1,85 @@
+/** Reads the history of a signal in buckets, page by page. What nothing waits for any more is given up. */
+import type { Answer } from "../api/client.ts";
+import { patiently } from "../api/patiently.ts";
+import type { History } from "../api/types.ts";
+import { type Bucket, bucketsOf } from "./buckets.ts";
+
+/**
+ * How many queries of all charts are under way: the gateway answers four at a time, for everyone, and a browser has
+ * a turn for three questions, of which one is left for the rest of the page.
+ */
+const MAX_UNDER_WAY = 2;
+/** How many buckets an answer has, and how many answers of one signal are read. */
+const LIMIT = 5_000;
+const MAX_PAGES = 400;
+
+export interface Question {
+  robot: string;
+  signal: string;
+  /** Milliseconds since 1970. */
+  from: number;
+  to: number;
+  /** The width of a bucket, in milliseconds. */
+  width: number;
+}
+
+export type Outcome =
+  /** `unit` is `null` if the protocol does not tell it. `unreadable`: chunks of the history that cannot be read. */
+  | { kind: "read"; buckets: Bucket[]; unit: string | null; unreadable: number; isWhole: boolean }
+  | { kind: "failed"; answer: Exclude<Answer<never>, { kind: "ok" }> }
+  | { kind: "given_up" };
+
+let underWay = 0;
+const waiting: (() => void)[] = [];
+
+function go(): void {
+  while (waiting.length > 0 && underWay < MAX_UNDER_WAY) {
+    underWay += 1;
+    waiting.shift()?.();
+  }
+}
+
+async function inTurn<T>(act: () => Promise<T>): Promise<T> {
+  const turn = new Promise<void>((next) => waiting.push(next));
+  go();
+  await turn;
+  try {
+    return await act();
+  } finally {
+    underWay -= 1;
+    go();
+  }
+}
+
+/** The path of a question. */
+export function pathOf({ robot, signal, from, to, width }: Question, limit: number, cursor: string | null = null): string {
+  const query = new URLSearchParams({
+    signal,
+    from: new Date(from).toISOString(),
+    to: new Date(to).toISOString(),
+    ...(width > 0 ? { bucket: `${width}ms` } : {}),
+    limit: String(limit),
+    ...(cursor === null ? {} : { cursor }),
+  });
+  return `/v1/robots/${encodeURIComponent(robot)}/history?${query}`;
+}
+
+/** Reads all of it. `more` gets what is there so far. */
+export async function read(question: Question, signal: AbortSignal, more: (buckets: Bucket[]) => void = () => {}): Promise<Outcome> {
+  const buckets: Bucket[] = [];
+  let [cursor, unit, unreadable] = [null as string | null, null as string | null, 0];
+  for (let page = 0; page < MAX_PAGES; page += 1) {
+    const answer = await inTurn(() =>
+      signal.aborted ? Promise.resolve({ kind: "unknown" } as const) : patiently<History>(pathOf(question, LIMIT, cursor), signal),
+    );
+    if (signal.aborted) return { kind: "given_up" };
+    if (answer.kind !== "ok") return { kind: "failed", answer };
+    buckets.push(...bucketsOf(answer.value.buckets ?? [], question.width, question.to));
+    ({ unit } = answer.value);
+    unreadable += answer.value.unreadable_chunks;
+    cursor = answer.value.next_cursor;
+    if (cursor === null) return { kind: "read", buckets, unit, unreadable, isWhole: true };
+    more(buckets);
+  }
+  return { kind: "read", buckets, unit, unreadable, isWhole: false };
+}
