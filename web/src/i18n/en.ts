@@ -8,6 +8,7 @@ import { audit } from "./en/audit.ts";
 import { connections } from "./en/connections.ts";
 import { arm } from "./en/arm.ts";
 import { controls } from "./en/controls.ts";
+import { alarms } from "./en/alarms.ts";
 import { chart, failed } from "./en/chart.ts";
 import { choice, history } from "./en/history.ts";
 import { menu } from "./en/menu.ts";
@@ -46,6 +47,7 @@ export const en = {
   arm,
   controls,
   teach,
+  alarms,
   chart,
   choice,
   failed,

@@ -5,6 +5,7 @@ import { audit } from "./zh/audit.ts";
 import { connections } from "./zh/connections.ts";
 import { arm } from "./zh/arm.ts";
 import { controls } from "./zh/controls.ts";
+import { alarms } from "./zh/alarms.ts";
 import { chart, failed } from "./zh/chart.ts";
 import { choice, history } from "./zh/history.ts";
 import { menu } from "./zh/menu.ts";
@@ -43,6 +44,7 @@ export const zh: typeof en = {
   arm,
   controls,
   teach,
+  alarms,
   chart,
   choice,
   failed,
