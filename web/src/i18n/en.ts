@@ -12,6 +12,7 @@ import { alarms } from "./en/alarms.ts";
 import { chart, failed } from "./en/chart.ts";
 import { choice, history } from "./en/history.ts";
 import { menu } from "./en/menu.ts";
+import { production } from "./en/production.ts";
 import { count, duration } from "./en/say.ts";
 import { hallSettings } from "./en/settings.ts";
 import { ui } from "./en/ui.ts";
@@ -52,6 +53,7 @@ export const en = {
   choice,
   failed,
   history,
+  production,
   hall: "Hall",
   toHall: "Back to the hall",
   main: "Main content",

@@ -10,6 +10,7 @@ import { chart, failed } from "./zh/chart.ts";
 import { choice, history } from "./zh/history.ts";
 import { menu } from "./zh/menu.ts";
 import { teach } from "./zh/teach.ts";
+import { production } from "./zh/production.ts";
 import { duration } from "./zh/say.ts";
 import { hallSettings } from "./zh/settings.ts";
 import { ui } from "./zh/ui.ts";
@@ -49,6 +50,7 @@ export const zh: typeof en = {
   choice,
   failed,
   history,
+  production,
   hall: "车间",
   toHall: "返回车间",
   main: "主要内容",
