@@ -1,8 +1,6 @@
 /** Asks robots for figures, one after the other, and says how far it is. */
-import type { Answer } from "./client.ts";
+import { type Failure, failureOf } from "./failure.ts";
 import { patiently } from "./patiently.ts";
-
-export type Failure = Exclude<Answer<never>, { kind: "ok" }>;
 
 /** What is asked of one robot. */
 export interface Question {
@@ -17,7 +15,7 @@ export class Gather<T> {
   isRunning = $state(false);
   /** By the keys of the questions. */
   answers = $state.raw(new Map<string, T>());
-  failures = $state.raw(new Map<string, { robot: string; answer: Failure }>());
+  failures = $state.raw(new Map<string, { robot: string; failure: Failure }>());
   /** When the last answer came, as milliseconds since 1970; `null` before. */
   at = $state<number | null>(null);
   #stop: AbortController | null = null;
@@ -32,8 +30,9 @@ export class Gather<T> {
     for (const { key, robot, path } of questions) {
       const answer = await patiently<T>(path, stop.signal);
       if (stop.signal.aborted) return;
+      const failure = failureOf(answer);
+      if (failure !== null) this.failures = new Map(this.failures).set(key, { robot, failure });
       if (answer.kind === "ok") this.answers = new Map(this.answers).set(key, answer.value);
-      else this.failures = new Map(this.failures).set(key, { robot, answer });
       this.done += 1;
       this.at = now();
     }

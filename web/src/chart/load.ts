@@ -1,5 +1,5 @@
 /** Reads the history of a signal in buckets, page by page. What nothing waits for any more is given up. */
-import type { Answer } from "../api/client.ts";
+import { type Failure, failureOf } from "../api/failure.ts";
 import { patiently } from "../api/patiently.ts";
 import type { History } from "../api/types.ts";
 import { type Bucket, bucketsOf } from "./buckets.ts";
@@ -26,7 +26,7 @@ export interface Question {
 export type Outcome =
   /** `unit` is `null` if the protocol does not tell it. `unreadable`: chunks of the history that cannot be read. */
   | { kind: "read"; buckets: Bucket[]; unit: string | null; unreadable: number; isWhole: boolean }
-  | { kind: "failed"; answer: Exclude<Answer<never>, { kind: "ok" }> }
+  | { kind: "failed"; failure: Failure }
   | { kind: "given_up" };
 
 let underWay = 0;
@@ -73,7 +73,8 @@ export async function read(question: Question, signal: AbortSignal, more: (bucke
       signal.aborted ? Promise.resolve({ kind: "unknown" } as const) : patiently<History>(pathOf(question, LIMIT, cursor), signal),
     );
     if (signal.aborted) return { kind: "given_up" };
-    if (answer.kind !== "ok") return { kind: "failed", answer };
+    const failure = failureOf(answer);
+    if (failure !== null || answer.kind !== "ok") return failure === null ? { kind: "given_up" } : { kind: "failed", failure };
     buckets.push(...bucketsOf(answer.value.buckets ?? [], question.width, question.to));
     ({ unit } = answer.value);
     unreadable += answer.value.unreadable_chunks;

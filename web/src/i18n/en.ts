@@ -9,7 +9,7 @@ import { connections } from "./en/connections.ts";
 import { arm } from "./en/arm.ts";
 import { controls } from "./en/controls.ts";
 import { alarms } from "./en/alarms.ts";
-import { chart, failed } from "./en/chart.ts";
+import { chart } from "./en/chart.ts";
 import { choice, history } from "./en/history.ts";
 import { menu } from "./en/menu.ts";
 import { production } from "./en/production.ts";
@@ -51,7 +51,6 @@ export const en = {
   alarms,
   chart,
   choice,
-  failed,
   history,
   production,
   hall: "Hall",

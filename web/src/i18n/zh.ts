@@ -6,7 +6,7 @@ import { connections } from "./zh/connections.ts";
 import { arm } from "./zh/arm.ts";
 import { controls } from "./zh/controls.ts";
 import { alarms } from "./zh/alarms.ts";
-import { chart, failed } from "./zh/chart.ts";
+import { chart } from "./zh/chart.ts";
 import { choice, history } from "./zh/history.ts";
 import { menu } from "./zh/menu.ts";
 import { teach } from "./zh/teach.ts";
@@ -48,7 +48,6 @@ export const zh: typeof en = {
   alarms,
   chart,
   choice,
-  failed,
   history,
   production,
   hall: "车间",

@@ -30,24 +30,3 @@ export const chart = {
   legend: "Mean over the time with a value (lowest … highest). “40 % seen”: there was a value for that part of the time.",
   more: "More signals and robots in the history",
 };
-
-/** What cannot be shown. */
-export const failed = {
-  title: (what: string) => `${what} cannot be shown.`,
-  noAnswer: "The gateway does not answer.",
-  again: "Ask again",
-  next: (code: string | null): string =>
-    code === null
-      ? "Look whether the gateway runs and the network is there, then ask again."
-      : code === "not_allowed"
-        ? "Your role or your robot does not allow it. Ask an admin."
-        : code === "overloaded" || code === "too_many_requests"
-          ? "Others ask for much just now. Wait a moment, then ask again."
-          : code === "store_unavailable"
-            ? "The disk of the gateway fails or is full. Tell the person who looks after the gateway."
-            : code === "no_such_robot"
-              ? "It was removed or has another name now. Choose another robot."
-              : code === "no_session" || code === "no_token"
-                ? "Sign in again."
-                : "Change what you asked for, then ask again.",
-};

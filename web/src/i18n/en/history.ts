@@ -82,7 +82,6 @@ export const history = {
   events: "Events",
   progress: (name: string, pages: number) => `${name}: ${count(pages, "part", "parts")}…`,
   saved: (names: string) => `Saved as ${names}.`,
-  failed: (name: string, message: string) => `${name} was not saved. ${message}`,
   cut: (name: string) => `${name} has the begin of the span only: it is too long. Choose a shorter span for the rest.`,
 };
 

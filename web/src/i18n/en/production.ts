@@ -84,7 +84,7 @@ export const production = {
   noAlarms: "No alarm was read in either span.",
   byShift: "By shift, last 7 days",
   shiftName: "Shift",
-  export: "Export",
+  notSaved: "The file was not saved: the gateway refused, or did not answer. Try again.",
   exportCsv: (what: string) => `${what} as CSV`,
   both: "Both spans",
   exporting: (done: number, all: number) => `Export: ${done} of ${all}…`,

@@ -1,5 +1,5 @@
 /** Charts and spans in Chinese. */
-import type { chart as english, failed as englishFailed } from "../en/chart.ts";
+import type { chart as english } from "../en/chart.ts";
 
 const SPANS = { "1m": "1 分钟", "15m": "15 分钟", "8h": "8 小时", "7d": "7 天", "1y": "1 年" };
 
@@ -28,24 +28,4 @@ export const chart: typeof english = {
   whole: "整个范围",
   legend: "有数值期间的平均值（最小 … 最大）。“40 % 有数值”：仅该部分时间有数值。",
   more: "在历史页面查看更多信号和机器人",
-};
-
-export const failed: typeof englishFailed = {
-  title: (what) => `无法显示：${what}。`,
-  noAnswer: "网关没有应答。",
-  again: "重新读取",
-  next: (code) =>
-    code === null
-      ? "请检查网关是否运行、网络是否连通，然后重试。"
-      : code === "not_allowed"
-        ? "您的角色或可访问的机器人不允许此操作，请联系管理员。"
-        : code === "overloaded" || code === "too_many_requests"
-          ? "当前请求较多，请稍候重试。"
-          : code === "store_unavailable"
-            ? "网关磁盘故障或已满，请通知网关维护人员。"
-            : code === "no_such_robot"
-              ? "该机器人已被移除或更名，请选择其他机器人。"
-              : code === "no_session" || code === "no_token"
-                ? "请重新登录。"
-                : "请修改查询条件后重试。",
 };

@@ -82,7 +82,6 @@ export const history: typeof english = {
   events: "事件",
   progress: (name, pages) => `${name}：${pages} 部分…`,
   saved: (names) => `已保存为 ${names}。`,
-  failed: (name, message) => `${name} 未保存。${message}`,
   cut: (name) => `${name} 只包含时间范围的开头：数据过多。其余部分请选择较短的时间范围。`,
 };
 

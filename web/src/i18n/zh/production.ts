@@ -85,7 +85,7 @@ export const production: typeof english = {
   noAlarms: "两个时间段内都没有读到报警。",
   byShift: "按班次，最近 7 天",
   shiftName: "班次",
-  export: "导出",
+  notSaved: "文件未保存：网关拒绝或没有应答，请重试。",
   exportCsv: (what) => `${what}（CSV）`,
   both: "两个时间段",
   exporting: (done, all) => `正在导出：${done}/${all}…`,
