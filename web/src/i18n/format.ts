@@ -1,11 +1,11 @@
 /** Times and numbers. Times are those of the hall, wherever the browser is. */
 
+import { dayOf, wall } from "./zone.ts";
+
 /** The time of day in a time zone, `10:42:03`; with the date if it is another day than `now`. */
 export function clock(millis: number, zone: string, now: number): string {
-  const at = new Date(millis);
-  const time = at.toLocaleTimeString("sv-SE", { timeZone: zone });
-  const day = (of: Date): string => of.toLocaleDateString("sv-SE", { timeZone: zone });
-  return day(at) === day(new Date(now)) ? time : `${day(at)} ${time}`;
+  const [day = "", time = ""] = wall(millis, zone).split("T");
+  return day === dayOf(now, zone) ? time : `${day} ${time}`;
 }
 
 /** `4:32` */

@@ -1,8 +1,17 @@
 /** Instants and the clock on the wall of the hall. An instant is milliseconds since 1970. */
 
+/** To make one takes longer than to use it many times. */
+const formats = new Map<string, Intl.DateTimeFormat>();
+
 /** A time of the clock on the wall, with its day: `2026-11-25T06:00:00`. */
 export function wall(instant: number, zone: string): string {
-  return new Date(instant).toLocaleString("sv-SE", { timeZone: zone }).replace(" ", "T");
+  let format = formats.get(zone);
+  if (format === undefined) {
+    const digits = { year: "numeric", month: "2-digit", day: "2-digit", hour: "2-digit", minute: "2-digit", second: "2-digit" } as const;
+    format = new Intl.DateTimeFormat("sv-SE", { timeZone: zone, ...digits });
+    formats.set(zone, format);
+  }
+  return format.format(instant).replace(" ", "T");
 }
 
 /** The day on the calendar of the hall: `2026-11-25`. */

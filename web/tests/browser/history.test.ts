@@ -132,6 +132,8 @@ test("the page of a robot has its charts; a phone shows the history in Chinese",
   const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 844 }, locale: "zh-CN", hasTouch: true });
   await page.goto(`${made.url}/robots/pack-01#${await made.token("viewer")}`);
   const AXES = "axis-0 axis-1 axis-2 axis-3 axis-4 axis-5";
+  expect(await page.locator("[data-chart]").count(), "what is not seen asks nothing").toBe(0);
+  await page.tap("[data-tab=charts]");
   await page.waitForSelector(`[data-chart='${AXES}'][data-reading=false]`);
   await until("lines are drawn", async () => (await coloured(page, AXES)) > 20);
   await fits(page);
