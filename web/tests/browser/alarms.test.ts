@@ -1,7 +1,7 @@
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { type Made, make } from "./made.ts";
-import { fits, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
+import { Network, fits, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
 
 const PRESSES = ["press-01", "press-02", "press-03", "press-04"];
 const HALL = '[hall]\ntime_zone = "Asia/Shanghai"\n';
@@ -69,13 +69,11 @@ test("alarms are explained, grouped, acknowledged, shelved with a reason, and fo
   await page.getByRole("group", { name: "Span" }).getByText("8 h").click();
   await says(page, "[data-cost='7']", /7: emergency stop[^]*%[^]*4[^]*press-01, press-02/);
   await isAccessible(page);
-  for (const theme of ["light", "dark"] as const) {
+  for (const [theme, width] of [["light", 1920], ["dark", 768]] as const) {
     await page.emulateMedia({ colorScheme: theme });
-    for (const width of [1920, 768]) {
-      await page.setViewportSize({ width, height: 1080 });
-      await fits(page);
-      await picture(page, `alarms-${width}-${theme}`, true);
-    }
+    await page.setViewportSize({ width, height: 1080 });
+    await fits(page);
+    await picture(page, `alarms-${width}-${theme}`, true);
   }
   await isAccessible(page);
 
@@ -92,7 +90,9 @@ test("alarms are explained, grouped, acknowledged, shelved with a reason, and fo
 test("a viewer reads it on a phone in Chinese, and what a role does not allow is off", async () => {
   await panel([1], "estop");
   const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 844 }, locale: "zh-CN", hasTouch: true });
-  await page.goto(`${made.url}/alarms#${await made.token("viewer")}`);
+  const { hostname, port } = new URL(made.url);
+  const network = new Network({ host: hostname, port: Number(port) });
+  await page.goto(`${await network.open()}/alarms#${await made.token("viewer")}`);
   await says(page, "section:has(#now)", /当前停机原因[^]*pack-01[^]*报警 7[^]*处理方法/);
   expect(await page.isDisabled("[data-acknowledge=pack-01]")).toBe(true);
   expect(await page.getAttribute("[data-shelve=pack-01]", "title")).toBe("搁置需要工程师角色。");
@@ -105,6 +105,10 @@ test("a viewer reads it on a phone in Chinese, and what a role does not allow is
   await page.getByRole("group", { name: "时间范围" }).getByText("7 天").tap();
   await says(page, "[data-problem=store_unavailable]", /网关[^]*磁盘[^]*store_unavailable[^]*the disk fails/);
   await isAccessible(page);
+  // Without the gateway nothing is said of now.
+  await network.cut();
+  await says(page, "[data-now=unknown]", "收不到网关的数据，当前停机原因未知。");
+  await says(page, "section:has(#now) ol.hatched", "pack-01");
   expect(faults).toEqual([]);
   await page.context().close();
 });

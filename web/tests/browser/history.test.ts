@@ -93,14 +93,12 @@ test("the history is chosen, drawn, said as a table, told as events, and saved",
   await page.locator("label:has-text('Show') select").selectOption("cycles");
   await says(page, "[data-event=cycle_done]", /pack-01[^]*1 cycle done, 1\.\d\d s/);
   await isAccessible(page);
-  for (const theme of ["light", "dark"] as const) {
+  for (const [theme, width] of [["light", 1920], ["dark", 768]] as const) {
     await page.emulateMedia({ colorScheme: theme });
-    for (const width of [1920, 768]) {
-      await page.setViewportSize({ width, height: 1080 });
-      await fits(page);
-      await page.waitForTimeout(50);
-      await picture(page, `history-${width}-${theme}`, true);
-    }
+    await page.setViewportSize({ width, height: 1080 });
+    await fits(page);
+    await page.waitForTimeout(50);
+    await picture(page, `history-${width}-${theme}`, true);
   }
   await isAccessible(page);
 
@@ -184,13 +182,11 @@ test("today's cycles are compared with yesterday's, in the time of the hall, whe
   await page.getByRole("button", { name: "Details of pack-01" }).click();
   await says(page, "[data-distribution=pack-01]", /s to \d[^]*[1-9]/);
   await isAccessible(page);
-  for (const theme of ["light", "dark"] as const) {
+  for (const [theme, width] of [["light", 1920], ["dark", 768]] as const) {
     await page.emulateMedia({ colorScheme: theme });
-    for (const width of [1920, 768]) {
-      await page.setViewportSize({ width, height: 1080 });
-      await fits(page);
-      await picture(page, `production-${width}-${theme}`, true);
-    }
+    await page.setViewportSize({ width, height: 1080 });
+    await fits(page);
+    await picture(page, `production-${width}-${theme}`, true);
   }
   const csv = await downloaded(page, () => page.click("[data-export=production]"));
   const lines = csv.bytes.toString().trim().split("\r\n");
@@ -211,6 +207,15 @@ test("a shift is beside the same one of the day before, on a phone in Chinese", 
   expect(second).toBe(shift);
   await says(page, "[data-figures=done]", "截至");
   await says(page, "[data-figure=availability]", /%[^]*没有看到任何数据/);
+  await says(page, "section:has(#together)", "其中一个时间段尚未结束，数量不做相减。");
+  // A robot that is not there is told, with what to do.
+  await page.goto(`${made.url}/history?robot=gone&signal=axis-0`);
+  await says(page, "main [role=alert]", "gone 不存在，或您无权查看。");
+  await page.goto(`${made.url}/production?robot=gone`);
+  await says(page, "[data-problem=no_such_robot]", "no_such_robot");
+  await isAccessible(page);
+  await page.goto(`${made.url}/production?robot=pack-01&compare=shift`);
+  await page.waitForSelector("[data-figures=done]");
   await says(page, "[data-by-shift=done] tbody tr:first-child", new RegExp(`${shift}，${date}，进行中[^]*%`));
   await fits(page);
   await isAccessible(page);

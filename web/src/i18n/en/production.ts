@@ -31,7 +31,8 @@ export const production = {
   again: "Read again",
   progress: (done: number, all: number) => `Read ${done} of ${all}…`,
   asOf: (at: string) => `As of ${at}.`,
-  hall: (robots: number) => (robots === 1 ? "The robot" : `All ${robots} robots together`),
+  hall: (told: number, asked: number) =>
+    told < asked ? `${told} of ${count(asked, "robot", "robots")} together` : asked === 1 ? "The robot" : `All ${asked} robots together`,
   figure: "Figure",
   difference: "Difference",
   from: "Computed from",
@@ -90,5 +91,6 @@ export const production = {
   exporting: (done: number, all: number) => `Export: ${done} of ${all}…`,
   saved: (name: string) => `Saved as ${name}.`,
   figuresOf: (robot: string) => `Figures of ${robot}`,
+  unlike: "One of them has not ended: counts are not subtracted.",
   same: "These are the figures of one span beside another. They do not say why they differ.",
 };

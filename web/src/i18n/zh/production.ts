@@ -32,7 +32,7 @@ export const production: typeof english = {
   again: "重新读取",
   progress: (done, all) => `已读取 ${done}/${all}…`,
   asOf: (at) => `截至 ${at}。`,
-  hall: (robots) => (robots === 1 ? "该机器人" : `全部 ${robots} 台机器人合计`),
+  hall: (told, asked) => (told < asked ? `${asked} 台中的 ${told} 台机器人合计` : asked === 1 ? "该机器人" : `全部 ${asked} 台机器人合计`),
   figure: "指标",
   difference: "差值",
   from: "数据来源",
@@ -91,5 +91,6 @@ export const production: typeof english = {
   exporting: (done, all) => `正在导出：${done}/${all}…`,
   saved: (name) => `已保存为 ${name}。`,
   figuresOf: (robot) => `${robot} 的数据`,
+  unlike: "其中一个时间段尚未结束，数量不做相减。",
   same: "以上为两个时间段的数据对照，不说明差异原因。",
 };

@@ -60,6 +60,13 @@ export function shiftsOf(shifts: Shift[], now: number, zone: string, days: numbe
   return found.sort((a, b) => b.from - a.from);
 }
 
+/** Whether counts of the two can be subtracted: neither or both end before the day or the shift does. */
+export function areAlike(a: Period, b: Period): boolean {
+  const isPart = (one: Period): boolean => (one.kind === "day" ? one.isPart : one.isUnderWay);
+  // A shift under way has no end yet: how long another one would be up to now is not told.
+  return isPart(a) === isPart(b) && !(a.kind === "shift" && a.isUnderWay);
+}
+
 /** How a shift of a day stands in the query: `night@2026-11-25`. */
 export function shiftKey({ name, date }: { name: string; date: string }): string {
   return `${name}@${date}`;

@@ -3,7 +3,7 @@ import type { Production, Shift } from "../../api/types.ts";
 import { en } from "../../i18n/en.ts";
 import { zh } from "../../i18n/zh.ts";
 import { byShift, distribution, hallOf } from "./figures.ts";
-import { dayPeriod, daysOf, pairOf, queryOf, shiftsOf } from "./periods.ts";
+import { areAlike, dayPeriod, daysOf, pairOf, queryOf, shiftsOf } from "./periods.ts";
 import { availabilityOf, cyclesOf, difference, partsOf, sumOf } from "./say.ts";
 
 const BERLIN = "Europe/Berlin";
@@ -37,6 +37,7 @@ test("today is beside yesterday up to the same time of the hall, wherever the br
   const [, whole] = daysOf(new URLSearchParams("whole=1"), NOW, BERLIN);
   expect(whole).toMatchObject({ to: Date.parse("2026-11-24T23:00:00Z"), isPart: false });
   expect(queryOf(today!)).toBe("from=2026-11-24T23%3A00%3A00.000Z&to=2026-11-25T09%3A42%3A03.000Z");
+  expect([areAlike(today!, yesterday!), areAlike(today!, whole!)]).toEqual([true, false]);
   // Days of the past are compared whole.
   const past = daysOf(new URLSearchParams("a=2026-10-25&b=2026-10-24"), NOW, BERLIN);
   expect(past.map((one) => (one?.kind === "day" ? (one.to - one.from) / 3_600_000 : null))).toEqual([25, 24]);
@@ -61,6 +62,8 @@ test("this shift is beside the same one of an earlier day", () => {
     ["early", "2026-11-23", "2026-11-23T05:00", false],
     ["night", "2026-11-22", "2026-11-22T21:00", false],
   ]);
+  expect(areAlike(all[0]!, all[2]!), "one is under way").toBe(false);
+  expect(areAlike(all[1]!, all[3]!)).toBe(true);
   const pair = (query: string) => pairOf(new URLSearchParams(query), all).map((one) => (one?.kind === "shift" ? `${one.name} ${one.date}` : null));
   expect(pair("")).toEqual(["early 2026-11-25", "early 2026-11-24"]);
   expect(pair("a=night@2026-11-24&b=early@2026-11-23")).toEqual(["night 2026-11-24", "early 2026-11-23"]);
