@@ -19,6 +19,7 @@ mod words;
 use std::time::Duration;
 
 use r6_program::Mistakes;
+use r6_program::form::{Fields, Found};
 
 use crate::fault::Fault;
 use crate::io::OutputPoint;
@@ -176,5 +177,12 @@ impl Scenario {
     /// [`Mistakes`]: all places where the text is wrong, in which entry, and what is expected there.
     pub fn read(text: &str) -> Result<Self, Mistakes> {
         file::read(text)
+    }
+
+    /// Reads the lists `at`, `react` and `fault` of a table of another file. The caller finishes the table, and
+    /// sets the seed. `label` is the prefix of each mistake, which is noted in `found`.
+    #[must_use]
+    pub fn of_table(table: &Fields<'_>, label: &str, found: &mut Found<'_>) -> Self {
+        file::lists(table, label, found)
     }
 }

@@ -6,6 +6,7 @@
 pub mod alarm;
 pub mod ending;
 pub mod hall;
+pub mod hall_screen;
 pub mod panel;
 pub mod plot;
 pub mod problem;

@@ -57,24 +57,39 @@ pub(super) fn read(text: &str) -> Result<Scenario, Mistakes> {
     let (document, mut found) = form::parse(text);
     let top = Fields::of(&document, &[], "");
     let seed = top.whole("seed", i64::MAX).and_then(|seed| u64::try_from(seed).ok()).unwrap_or(0);
-    let [at, react, faults] = ["at", "react", "fault"].map(|name| top.tables(name));
+    let scenario = lists(&top, "", &mut found);
     top.finish(Ok(()), &mut found);
-    let timeline = entries("at", &at, "do", &mut found, entry);
+    found.finish(Some(Scenario { seed, ..scenario }))
+}
+
+/// Reads the three lists of a scenario from a table that may have other keys too. `label` is the prefix of
+/// each mistake.
+pub(super) fn lists(top: &Fields<'_>, label: &str, found: &mut Found<'_>) -> Scenario {
+    let [at, react, faults] = ["at", "react", "fault"].map(|name| top.tables(name));
+    let timeline = entries(label, "at", &at, "do", found, entry);
     let often: f64 = timeline.iter().filter_map(|entry| Some(entry.every?.as_secs_f64().recip())).sum();
     // A little more, to allow for rounding.
     if often > MOST_OFTEN + 1e-6 {
         let what = format!(
-            "the entries of [[at]] happen {often:.0} times a second in all; {MOST_OFTEN} are possible"
+            "{label}the entries of [[at]] happen {often:.0} times a second in all; {MOST_OFTEN} are possible"
         );
         found.note(what.into());
     }
-    let reactions = entries("react", &react, "when", &mut found, reaction);
-    let faults = entries("fault", &faults, "fault", &mut found, window);
-    found.finish(Some(Scenario { seed, timeline, reactions, faults }))
+    let reactions = entries(label, "react", &react, "when", found, reaction);
+    let faults = entries(label, "fault", &faults, "fault", found, windows);
+    let begin: usize = faults.iter().map(|fault| fault.times).sum();
+    if begin > MAX_ENTRIES {
+        let what = format!("{label}the faults of [[fault]] begin {begin} times; {MAX_ENTRIES} are possible");
+        found.note(what.into());
+        return Scenario::default();
+    }
+    let faults = faults.iter().flat_map(Windows::each).collect();
+    Scenario { seed: 0, timeline, reactions, faults }
 }
 
 /// Reads the entries of one list; `named_by` is the field that identifies an entry in messages.
 fn entries<T>(
+    label: &str,
     list: &'static str,
     tables: &[&Table],
     named_by: &str,
@@ -82,7 +97,8 @@ fn entries<T>(
     read: impl Fn(&Fields<'_>) -> Result<T, Wrong>,
 ) -> Vec<T> {
     if tables.len() > MAX_ENTRIES {
-        let what = format!("there are {} entries in [[{list}]]; {MAX_ENTRIES} are possible", tables.len());
+        let what =
+            format!("{label}there are {} entries in [[{list}]]; {MAX_ENTRIES} are possible", tables.len());
         found.note(what.into());
         return Vec::new();
     }
@@ -90,7 +106,7 @@ fn entries<T>(
     for (number, table) in tables.iter().enumerate() {
         let name = table.value(named_by).and_then(Node::text).filter(|name| name.len() <= 40);
         let name = name.map(|name| format!(" ({name})")).unwrap_or_default();
-        let fields = Fields::of(table, &[], format!("[[{list}]] {}{name}: ", number + 1));
+        let fields = Fields::of(table, &[], format!("{label}[[{list}]] {}{name}: ", number + 1));
         let one = read(&fields);
         all.extend(fields.finish(one, found));
     }
@@ -217,10 +233,46 @@ fn reaction(fields: &Fields<'_>) -> Result<Reaction, Wrong> {
     })
 }
 
-fn window(fields: &Fields<'_>) -> Result<Window, Wrong> {
-    let (from, lasts) = (seconds(fields, "from"), seconds(fields, "for"));
+/// Reads a fault and the times in which it is in force: one, or with `every` as many as `times` says.
+fn windows(fields: &Fields<'_>) -> Result<Windows, Wrong> {
+    let (from, lasts) = (seconds(fields, "from").unwrap_or_default(), seconds(fields, "for"));
+    let every = fields.number_in("every", "seconds, 0.001 to 31536000", SHORTEST..=LONGEST);
+    let every = every.map(Duration::from_secs_f64);
+    let times = fields.whole_in("times", "how often, 1 to 1000", 1..=MAX_ENTRIES);
+    match (every, times, lasts) {
+        (None, Some(2..), _) if !fields.has("every") => {
+            fields.wrong("times", "`every` is missing: how long until it begins again, seconds");
+        }
+        (Some(_), None, _) if !fields.has("times") => {
+            fields.wrong("every", "`times` is missing: how often the fault begins, 1 to 1000");
+        }
+        (Some(every), Some(_), lasts) if lasts.is_none_or(|lasts| lasts >= every) => {
+            fields.wrong("every", "the fault has to end before it begins again: `for` is less than `every`");
+        }
+        _ => {}
+    }
     let chance = fields.number_in("chance", "a part, 0 to 1", 0.0..=1.0).unwrap_or(1.0);
-    Ok(Window { fault: fault::file::read(fields)?, from: from.unwrap_or_default(), lasts, chance })
+    let first = Window { fault: fault::file::read(fields)?, from, lasts, chance };
+    Ok(Windows { first, every: every.unwrap_or_default(), times: times.unwrap_or(1) })
+}
+
+/// A fault that begins again and again.
+struct Windows {
+    first: Window,
+    /// From one begin to the next.
+    every: Duration,
+    times: usize,
+}
+
+impl Windows {
+    /// Each of its times.
+    fn each(&self) -> impl Iterator<Item = Window> {
+        (0..self.times).scan(self.first.from, |next, _| {
+            let from = *next;
+            *next = from.saturating_add(self.every);
+            Some(Window { from, ..self.first.clone() })
+        })
+    }
 }
 
 fn seconds(fields: &Fields<'_>, name: &'static str) -> Option<Duration> {

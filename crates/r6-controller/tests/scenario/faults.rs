@@ -54,6 +54,18 @@ fn a_window_begins_and_ends_to_the_nanosecond() {
 }
 
 #[test]
+fn a_fault_that_begins_again_is_in_force_each_time_and_no_more() {
+    let mut cell = cell(&fault("echo", "from = 2\nfor = 1\nevery = 10\ntimes = 2"));
+    let mut passed = 0.0;
+    let struck = [1.9, 2.0, 2.9, 3.0, 11.9, 12.0, 12.9, 13.0, 22.5].map(|at| {
+        cell.pass(at - passed);
+        passed = at;
+        cell.ask(ASK) == ASK
+    });
+    assert_eq!(struck, [false, true, true, false, false, true, true, false, false]);
+}
+
+#[test]
 fn from_the_beginning_to_the_end_unless_told() {
     let mut cell = cell(&fault("echo", ""));
     cell.pass(1e6);

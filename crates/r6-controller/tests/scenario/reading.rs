@@ -130,6 +130,22 @@ fn what_is_wrong_is_named_with_its_place() {
             "[[at]]\ntime = 1\ndo = \"bounce\"\npoint = \"X010\"\non = true\nchanges = 1001",
             "6:11: [[at]] 1 (bounce): `changes` is 1001, but has to be how often, 1 to 1000",
         ),
+        (
+            "[[fault]]\nfault = \"refuse\"\nfor = 1\ntimes = 2",
+            "4:9: [[fault]] 1 (refuse): `every` is missing: how long until it begins again, seconds",
+        ),
+        (
+            "[[fault]]\nfault = \"refuse\"\nfor = 1\nevery = 2",
+            "4:9: [[fault]] 1 (refuse): `times` is missing: how often the fault begins, 1 to 1000",
+        ),
+        (
+            "[[fault]]\nfault = \"refuse\"\nfor = 2\nevery = 2\ntimes = 2",
+            "4:9: [[fault]] 1 (refuse): the fault has to end before it begins again: `for` is less than `every`",
+        ),
+        (
+            "[[fault]]\nfault = \"refuse\"\nfor = 1\nevery = 2\ntimes = 1000\n[[fault]]\nfault = \"echo\"",
+            "the faults of [[fault]] begin 1001 times; 1000 are possible",
+        ),
         ("[[react]]\nthen = \"X010\"", "1:1: [[react]] 1: `when` is missing: an output Y010, M010 or EUY010"),
         (
             "[[react]]\nwhen = \"Y010\"\nthen = \"X010\"\nis = \"open\"",

@@ -1,14 +1,14 @@
 //! `r6 gateway`: every robot of a hall behind one door. Its subcommands work on its folder.
 
 mod backup;
-mod config;
+pub mod config;
 mod token;
-mod twins;
+pub mod twins;
 mod user;
 mod verify;
 
 use std::collections::BTreeSet;
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
@@ -29,6 +29,9 @@ const DEFAULT_LISTEN: &str = "127.0.0.1:9780";
 
 /// The default folder of the gateway.
 const DEFAULT_DATA: &str = "r6-gateway";
+
+/// The file in the folder with the URL of the gateway that runs, or ran last.
+const URL_FILE: &str = "url";
 
 /// Offer robots over HTTP: values, leases, commands, stops, an audit log
 #[derive(Debug, Args)]
@@ -204,6 +207,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
         Some(beside) => beside.twins.commit(prepared).await,
         None => Vec::new(),
     };
+    keep_url(&gateway, &args.data);
     tell_start(&gateway, &args.data, beside.as_ref());
     tell_raw(&gateway, rules);
     lines.into_iter().for_each(output::line);
@@ -241,6 +245,36 @@ impl Beside {
     fn new(listen: SocketAddr, raw: &[RawPort]) -> Self {
         let avoided = raw.iter().map(|port| port.listen.port()).chain([listen.port()]).collect();
         Self { twins: Twins::default(), avoided }
+    }
+}
+
+/// The URL of a gateway on this machine. A gateway that listens on all addresses is also reached on this one.
+fn url(gateway: &Gateway) -> String {
+    let host = match gateway.address() {
+        all if all.ip().is_unspecified() => SocketAddr::from((Ipv4Addr::LOCALHOST, all.port())),
+        one => one,
+    };
+    let scheme = if gateway.certificate().is_some() { "https" } else { "http" };
+    format!("{scheme}://{host}")
+}
+
+/// Keeps the URL in the folder, for the links that `r6 gateway user` prints.
+fn keep_url(gateway: &Gateway, data: &Path) {
+    if let Err(error) = std::fs::write(data.join(URL_FILE), format!("{}\n", url(gateway))) {
+        output::note(format_args!(
+            "r6: {}: {error}: links of `r6 gateway user` need --url",
+            data.join(URL_FILE).display()
+        ));
+    }
+}
+
+/// Says that a folder of a gateway is not there yet, before a subcommand makes it: its name may be mistyped.
+fn tell_new_folder(data: &Path) {
+    if !data.exists() {
+        output::note(format_args!(
+            "r6: there was no folder {}: it is made now, for a gateway with this --data",
+            data.display()
+        ));
     }
 }
 

@@ -208,7 +208,7 @@ pub async fn run(args: SimArgs) -> Result<Exit, Failure> {
         logs.spawn(print_log(
             controller.clone(),
             controller.log_from_start(),
-            named,
+            named.then(|| controller.address().to_string()),
             args.told,
             lines.clone(),
         ));
@@ -233,6 +233,11 @@ impl CellArgs {
     /// The name of the arm, if the model comes with r6.
     pub fn known_model(&self) -> Option<String> {
         RobotModel::named(&self.model).map(|model| model.name.to_string())
+    }
+
+    /// How fast time passes.
+    pub fn clock(&self) -> Clock {
+        self.clock
     }
 
     /// The settings of one controller of this kind.
@@ -331,11 +336,11 @@ struct Line<'l> {
     text: String,
 }
 
-/// Prints the events of a controller until it ends.
+/// Prints the events of a controller until it ends. `name` stands before each line for people.
 pub async fn print_log(
     controller: ControllerHandle,
     mut log: broadcast::Receiver<Arc<LogEntry>>,
-    named: bool,
+    name: Option<String>,
     told: LogArgs,
     lines: LineQueue,
 ) {
@@ -348,10 +353,13 @@ pub async fn print_log(
                     Line { controller: address.to_string(), level: entry.level(), entry: &entry, text };
                 json_line(&line, &lines);
             }
-            (Ok(entry), Form::Text) if named => {
-                lines.line(format_args!("{address}  {}", log_text(&entry, told.lang.language())));
+            (Ok(entry), Form::Text) => {
+                let text = log_text(&entry, told.lang.language());
+                match &name {
+                    Some(name) => lines.line(format_args!("{name}  {text}")),
+                    None => lines.line(text),
+                }
             }
-            (Ok(entry), Form::Text) => lines.line(log_text(&entry, told.lang.language())),
             (Err(RecvError::Lagged(count)), Form::Json) => {
                 json_line(&serde_json::json!({ "event": "lost", "lines": count }), &lines);
             }

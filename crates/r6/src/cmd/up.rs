@@ -1,8 +1,11 @@
 //! `r6 up`: a whole cell on this machine, with its live state.
 
 mod gateway;
+mod hall;
+mod hall_file;
 
 use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
@@ -26,6 +29,21 @@ const DRAW_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The port of the real controllers, and the default port of `r6 up`.
 const DEFAULT_LISTEN_PORT: u16 = 9760;
+
+/// The options that describe one robot. The file of a hall has them for each of its robots.
+const ONE_ROBOT: [&str; 11] = [
+    "listen",
+    "panel",
+    "panel_open",
+    "model",
+    "profile",
+    "start",
+    "program",
+    "camera",
+    "scenario",
+    "seed",
+    "state",
+];
 
 /// Where to offer the panel or the gateway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +78,7 @@ Examples:
   r6 up --listen 0.0.0.0:9760                   reachable from other machines: it has no login
   r6 up --profile r6-pendant --start stopped
   r6 up --panel off --gateway off
+  r6 up --cell examples/hall.toml               twelve robots, with trouble: to look at the dashboard
 
 Then, in a second shell:
   r6 status
@@ -81,6 +100,10 @@ pub struct UpArgs {
     /// Let --panel be an address that other machines can reach: it has no login
     #[arg(long, requires = "panel")]
     panel_open: bool,
+    /// A whole hall in place of one robot: a .toml file with robots, what happens to them, and shifts
+    /// (docs/SIMULATOR.md). Each robot has a twin, as with `r6 gateway --twins`
+    #[arg(id = "hall", long = "cell", value_name = "FILE", conflicts_with_all = ONE_ROBOT)]
+    hall: Option<PathBuf>,
     #[command(flatten)]
     lang: LangArg,
     #[command(flatten)]
@@ -99,13 +122,19 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let has_screen = args.has_screen();
     let mut ending = Ending::watch()?;
     let lang = args.lang;
+    if let Some(path) = &args.hall {
+        let clock = args.cell.clock();
+        let options = hall::Options { gateway: args.gateway, clock, lang, has_screen };
+        return hall::run(path, options, ending).await;
+    }
     let (place, usual_port) = (args.gateway, args.listen.port() == DEFAULT_LISTEN_PORT);
     let model = args.cell.known_model();
     let simulation = start(args).await?;
     let panel = simulation.panel().and_then(|panel| Panel::new(panel, 1));
     let gateway = match simulation.controllers().first() {
         Some(robot) => {
-            CellGateway::start(place, Cell { robot: robot.local_address(), panel, model }, usual_port).await?
+            let cell = Cell::of_one(robot.local_address(), panel, model)?;
+            CellGateway::start(place, cell, usual_port).await?
         }
         None => None,
     };
@@ -175,7 +204,7 @@ fn hints(controller: &ControllerHandle, doors: Doors<'_>) -> Vec<String> {
     let motion = (controller.snapshot().program == "remote")
         .then(|| format!("r6{robot} move axes 10 0 0 0 30 0 --speed 50 --wait"));
     let commands = [Some(format!("r6{robot} status")), motion].into_iter().flatten();
-    // A low screen leaves the last one out.
+    // A very low screen leaves the last ones out.
     let watch = format!("r6{robot} watch axis-0 axis-4 isMoving --every 100ms");
     let gateway = doors.gateway.map(CellGateway::hint);
     commands.chain(panel).chain(gateway).chain([watch]).collect()
@@ -204,7 +233,7 @@ async fn show_lines(controller: &ControllerHandle, doors: Doors<'_>, lang: LangA
             Language::Chinese => format!("可以试试：{hint}"),
         });
     }
-    sim::print_log(controller.clone(), log, false, sim::LogArgs::text(lang), lines).await;
+    sim::print_log(controller.clone(), log, None, sim::LogArgs::text(lang), lines).await;
     Ok(())
 }
 
@@ -215,9 +244,10 @@ async fn show_screen(
 ) -> Result<(), Failure> {
     let failed = |error: std::io::Error| Failure::usage(format!("the terminal cannot be drawn on: {error}"));
     let mut log = controller.log_from_start();
-    // The page comes first: a low screen leaves the last hints out.
+    // The page and the raw port come first: a very low screen leaves the last hints out.
     let page = doors.gateway.map(|gateway| format!("open {}", gateway.link()));
-    let hints = page.into_iter().chain(hints(controller, doors)).collect();
+    let raw = doors.gateway.and_then(CellGateway::raw_hint);
+    let hints = page.into_iter().chain(raw).chain(hints(controller, doors)).collect();
     let mut view = View::new(controller.address(), hints);
     let mut screen = Screen::open().map_err(failed)?;
     let mut ticks = tokio::time::interval(DRAW_INTERVAL);

@@ -10,12 +10,16 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Paragraph};
+use ratatui::widgets::{Block, Borders, Paragraph};
 
-use crate::output::alarm;
+use crate::output::hall_screen::HallView;
+use crate::output::{alarm, hall_screen};
 
 /// How many log lines are kept: more than any terminal is high.
-const KEPT_LINES: usize = 200;
+pub const KEPT_LINES: usize = 200;
+
+/// The height below which frames give their room to lines of text.
+const LOW: u16 = 30;
 
 /// The content of the screen besides the controller's state.
 #[derive(Debug)]
@@ -51,9 +55,18 @@ impl Screen {
         Ok(Self { terminal: ratatui::try_init()? })
     }
 
-    /// Draws the state.
+    /// Draws the state of one robot.
     pub fn draw(&mut self, view: &View, state: &ControllerSnapshot) -> std::io::Result<()> {
         self.terminal.draw(|frame| draw(frame, view, state)).map(|_| ())
+    }
+
+    /// Draws the states of the robots of a hall, each with its name.
+    pub fn draw_hall(
+        &mut self,
+        view: &HallView,
+        robots: &[(&str, ControllerSnapshot)],
+    ) -> std::io::Result<()> {
+        self.terminal.draw(|frame| hall_screen::draw(frame, view, robots)).map(|_| ())
     }
 }
 
@@ -66,9 +79,10 @@ impl Drop for Screen {
 
 fn draw(frame: &mut Frame<'_>, view: &View, state: &ControllerSnapshot) {
     let axes = u16::try_from(state.axis_limits.len()).unwrap_or(8).min(8);
-    // On a low screen the last hints give way, so that all axes and a line of the log stay.
-    let [of_head, of_axes, least_of_log] = [7, axes + 2, 3];
-    let wanted = u16::try_from(view.hints.len() + 2).unwrap_or(u16::MAX);
+    // On a low screen frames give way, then the last hints, so that all axes and a line of the log stay.
+    let (borders, edge) = if frame.area().height < LOW { (Borders::TOP, 1) } else { (Borders::ALL, 2) };
+    let [of_head, of_axes, least_of_log] = [5 + edge, axes + edge, 1 + edge];
+    let wanted = u16::try_from(view.hints.len()).unwrap_or(u16::MAX).saturating_add(edge);
     let left = frame.area().height.saturating_sub(of_head + of_axes + least_of_log);
     let [head, middle, log, hints] = Layout::vertical([
         Constraint::Length(of_head),
@@ -78,18 +92,20 @@ fn draw(frame: &mut Frame<'_>, view: &View, state: &ControllerSnapshot) {
     ])
     .areas(frame.area());
     let [bars, pose] = Layout::horizontal([Constraint::Min(40), Constraint::Length(24)]).areas(middle);
-    draw_head(frame, head, view, state);
-    draw_axes(frame, bars, state);
-    draw_pose(frame, pose, state);
-    draw_log(frame, log, view);
-    draw_hints(frame, hints, view);
+    let block = |title: &str| Block::new().borders(borders).title(format!(" {title} "));
+    let title = format!("{} at {}", state.machine_name, view.address);
+    draw_head(frame, head, block(&title), state);
+    draw_axes(frame, bars, block("axes within soft limits"), state);
+    draw_pose(frame, pose, block("pose"), state);
+    draw_log(frame, log, block("log"), view);
+    draw_hints(frame, hints, block("try in a second shell — q ends"), view);
 }
 
 fn bold(text: impl Into<String>) -> Span<'static> {
     Span::styled(text.into(), Style::new().add_modifier(Modifier::BOLD))
 }
 
-fn draw_head(frame: &mut Frame<'_>, area: Rect, view: &View, state: &ControllerSnapshot) {
+fn draw_head(frame: &mut Frame<'_>, area: Rect, block: Block<'_>, state: &ControllerSnapshot) {
     let alarm_style =
         if state.alarm == 0 { Style::new().fg(Color::Green) } else { Style::new().fg(Color::Red) };
     let motion = if state.moving {
@@ -116,8 +132,7 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, view: &View, state: &ControllerS
         Line::raw(points_on(state)),
         Line::raw(format!("firmware {}   profile {}", state.version, state.profile)),
     ];
-    let title = format!(" {} at {} ", state.machine_name, view.address);
-    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
+    frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
 /// Whether the machine takes instructions, and the first reason why not, in a few words.
@@ -157,7 +172,7 @@ fn points_on(state: &ControllerSnapshot) -> String {
     format!("on: {on}{points}")
 }
 
-fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
+fn draw_axes(frame: &mut Frame<'_>, area: Rect, block: Block<'_>, state: &ControllerSnapshot) {
     // The text before the bar is `J1  -155 `, the text after it ` 155  10.000 deg`; the frame is added.
     let width = usize::from(area.width).saturating_sub(35);
     let lines: Vec<_> = AxisIndex::ALL
@@ -175,10 +190,7 @@ fn draw_axes(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
             ))
         })
         .collect();
-    frame.render_widget(
-        Paragraph::new(lines).block(Block::bordered().title(" axes within soft limits ")),
-        area,
-    );
+    frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
 /// A bar from limit to limit with a mark at the position of the axis.
@@ -200,7 +212,7 @@ fn shown(value: f64) -> f64 {
     if value.abs() < 0.0005 { 0.0 } else { value }
 }
 
-fn draw_pose(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
+fn draw_pose(frame: &mut Frame<'_>, area: Rect, block: Block<'_>, state: &ControllerSnapshot) {
     let lines: Vec<_> = AxisIndex::ALL
         .iter()
         .zip(state.world)
@@ -210,20 +222,19 @@ fn draw_pose(frame: &mut Frame<'_>, area: Rect, state: &ControllerSnapshot) {
             Line::raw(format!("{}  {value:12.3} {unit}", component.world_name()))
         })
         .collect();
-    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" pose ")), area);
+    frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
-fn draw_log(frame: &mut Frame<'_>, area: Rect, view: &View) {
-    let room = usize::from(area.height).saturating_sub(2);
+fn draw_log(frame: &mut Frame<'_>, area: Rect, block: Block<'_>, view: &View) {
+    let room = usize::from(block.inner(area).height);
     let skipped = view.lines.len().saturating_sub(room);
     let lines: Vec<_> = view.lines.iter().skip(skipped).map(|line| Line::raw(line.as_str())).collect();
-    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" log ")), area);
+    frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
-fn draw_hints(frame: &mut Frame<'_>, area: Rect, view: &View) {
+fn draw_hints(frame: &mut Frame<'_>, area: Rect, block: Block<'_>, view: &View) {
     let lines: Vec<_> = view.hints.iter().map(|hint| Line::raw(hint.as_str())).collect();
-    let title = " try in a second shell — q ends ";
-    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
+    frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
 #[cfg(test)]
@@ -272,7 +283,9 @@ mod tests {
     fn drawn(width: u16, height: u16) -> String {
         let mut view = View::new(
             SocketAddr::from(([127, 0, 0, 1], 9760)),
-            ["r6 status", "", "r6 panel status", "curl", "r6 watch"].map(str::to_owned).to_vec(),
+            ["open", "r6 status", "r6 move", "r6 panel status", "curl", "raw port", "r6 watch"]
+                .map(str::to_owned)
+                .to_vec(),
         );
         for number in 0..300 {
             view.add_line(format!("line {number}"));
@@ -309,13 +322,21 @@ mod tests {
     }
 
     #[test]
-    fn on_a_low_terminal_hints_give_way_to_axes_and_the_log() {
+    fn a_terminal_of_24_lines_shows_every_hint() {
         let text = drawn(80, 24);
+        for part in ["J6  ", "line 299", "open", "r6 move", "r6 panel status", "curl", "raw port", "r6 watch"]
+        {
+            assert!(text.contains(part), "{part} in\n{text}");
+        }
+    }
+
+    #[test]
+    fn on_a_lower_terminal_hints_give_way_to_axes_and_the_log() {
+        let text = drawn(80, 22);
         for part in ["J6  ", "line 299", "r6 status", "curl"] {
             assert!(text.contains(part), "{part} in\n{text}");
         }
         assert!(!text.contains("r6 watch"), "{text}");
-        assert!(drawn(80, 25).contains("r6 watch"));
     }
 
     #[test]

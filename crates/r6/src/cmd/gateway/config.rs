@@ -20,6 +20,7 @@ use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Node, Wrong};
 use r6_proto::message::instruction::PathSpeed;
 
+pub use hall::read as hall_and_shifts;
 pub use http::{HOST_NAME, HttpSettings, host_name};
 
 use crate::exit::Failure;
@@ -135,6 +136,15 @@ fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
     let address = fields.due("address", "HOST[:PORT], such as 192.168.1.10", |value| {
         value.text().filter(|text| r6_client::check_address(text).is_ok())
     });
+    let models: Vec<_> = RobotModel::names().collect();
+    let wanted = format!("a model: {}", models.join(", "));
+    let model = fields.optional("model", &wanted, |value| RobotModel::named(value.text()?));
+    let robot = RobotConfig { settings: robot::settings(), ..RobotConfig::new(name?, address?) };
+    Ok(RobotConfig { model: model.map(|model| model.name.to_string()), ..reading(fields, robot) })
+}
+
+/// A robot with what a table says of its values: how often they are read, which ones, and which counts parts.
+pub fn reading(fields: &Fields<'_>, usual: RobotConfig) -> RobotConfig {
     let [shortest, longest] =
         [PERIODS.0, PERIODS.1].map(|period| u32::try_from(period.as_millis()).unwrap_or(u32::MAX));
     let period = fields.whole_in("period_ms", &format!("from {shortest} to {longest}"), shortest..=longest);
@@ -143,21 +153,15 @@ fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
         let addresses = value.list()?.iter().map(address_of).collect::<Option<Vec<_>>>()?;
         Some(addresses).filter(|addresses| addresses.len() <= MAX_READ)
     });
-    let models: Vec<_> = RobotModel::names().collect();
-    let wanted = format!("a model: {}", models.join(", "));
-    let model = fields.optional("model", &wanted, |value| RobotModel::named(value.text()?));
     let parts = fields.optional("parts", "a counter, such as counter-1", |value| {
         Address::parse(value.text()?).ok().filter(|address| matches!(address, Address::Counter(_)))
     });
-    let usual = RobotConfig::new(name?, address?);
-    Ok(RobotConfig {
+    RobotConfig {
         period: period.map_or(usual.period, |period| Duration::from_millis(period.into())),
         addresses: addresses.unwrap_or_default(),
-        model: model.map(|model| model.name.to_string()),
         parts,
-        settings: robot::settings(),
         ..usual
-    })
+    }
 }
 
 /// The profile of the firmware of a robot: what its twin answers.

@@ -13,7 +13,7 @@ use r6_sim::{SimSettings, Simulation};
 use crate::exit::Failure;
 
 /// What follows the name of the robot in the name of its twin.
-const SUFFIX: &str = "-twin";
+pub const SUFFIX: &str = "-twin";
 
 /// The model of a twin whose robot has none configured: the default of `r6 sim` and `r6 up`.
 const USUAL_MODEL: &str = "BRTIRUS0707A";

@@ -20,7 +20,7 @@ fn text(path: &Path, what: &str, most: usize) -> Result<String, Failure> {
 }
 
 /// Whether an option names a file, by its extension.
-fn is_file(text: &str, endings: &[&str]) -> bool {
+pub fn is_file(text: &str, endings: &[&str]) -> bool {
     let ending = Path::new(text).extension().and_then(|ending| ending.to_str());
     ending.is_some_and(|ending| endings.contains(&ending))
 }

@@ -9,14 +9,15 @@ use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use r6_api::gateway::Role;
 use r6_gateway::{
-    AuditSettings, DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, HistorySettings, Panel, RawAllow,
-    RawPolicy, RawPort, RawRule, RawSource, RobotConfig, RobotName, TlsSettings,
+    AuditSettings, DEFAULT_PORT, Gateway, GatewayError, GatewaySettings, Hall, HistorySettings, Panel,
+    RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotConfig, RobotName, TlsSettings,
 };
 use r6_proto::Language;
 use tempfile::TempDir;
 
 use super::Place;
 use crate::exit::Failure;
+use crate::output;
 use crate::robot;
 
 /// The name of the virtual robot in its gateway.
@@ -28,27 +29,57 @@ const RAW_PORT: u16 = DEFAULT_PORT + 1;
 /// The file with the header that `curl -H @FILE` sends.
 const TOKEN_FILE: &str = "token";
 
-/// The virtual robot.
+/// The virtual robots.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// Where it listens.
-    pub robot: SocketAddr,
-    /// Its panel, if there is one on this machine.
-    pub panel: Option<Panel>,
-    /// The model of its arm, if it is one of those with a name.
-    pub model: Option<String>,
+    /// The robots, their twins included.
+    pub robots: Vec<RobotConfig>,
+    /// The robot of the raw port, if there is one.
+    pub raw: Option<RobotName>,
+    /// The time zone and the shifts, if the file of the hall has them.
+    pub hall: Option<Hall>,
+    /// What the token of this start may do.
+    pub role: Role,
 }
 
-/// A gateway before one virtual robot. Its folder goes with it.
+impl Cell {
+    /// One robot, with its address, its panel if there is one on this machine, and the model of its arm if it
+    /// is one of those with a name.
+    pub fn of_one(robot: SocketAddr, panel: Option<Panel>, model: Option<String>) -> Result<Self, Failure> {
+        let name = RobotName::new(ROBOT).ok_or_else(|| Failure::usage(RobotName::WANTED))?;
+        let usual = RobotConfig::new(name.clone(), robot.to_string());
+        let config = RobotConfig { settings: robot::settings(), model, panel, ..usual };
+        Ok(Self { robots: vec![config], raw: Some(name), hall: None, role: Role::Operator })
+    }
+
+    /// What a line says of the robots. A hall counts its robots without their twins.
+    fn text(&self, language: Language) -> String {
+        let twins = self.robots.iter().filter(|robot| robot.twin_of.is_some()).count();
+        match (self.robots.as_slice(), language) {
+            ([only], Language::English) => format!("robot `{}`", only.name),
+            ([only], Language::Chinese) => format!("机器人 `{}`", only.name),
+            (all, Language::English) => {
+                let robots = output::counted(all.len().saturating_sub(twins), "robot");
+                format!("{robots}, {}", output::counted(twins, "twin"))
+            }
+            (all, Language::Chinese) => {
+                format!("{} 台机器人，{twins} 台孪生机器人", all.len().saturating_sub(twins))
+            }
+        }
+    }
+}
+
+/// A gateway before virtual robots. Its folder goes with it.
 #[derive(Debug)]
 pub struct CellGateway {
     gateway: Gateway,
     folder: TempDir,
     token: String,
+    cell: Cell,
 }
 
 impl CellGateway {
-    /// Starts the gateway of this robot. `usual_port`: without `--gateway` it takes its usual port if that is
+    /// Starts the gateway of these robots. `usual_port`: without `--gateway` it takes its usual port if that is
     /// free, else any free port.
     pub async fn start(place: Option<Place>, cell: Cell, usual_port: bool) -> Result<Option<Self>, Failure> {
         // The gateway, and beside it the raw port.
@@ -60,11 +91,11 @@ impl CellGateway {
             None if usual_port => vec![usual, any],
             None => vec![any],
         };
-        let (folder, token) = folder()?;
+        let (folder, token) = folder(cell.role)?;
         let mut last = None;
         for (listen, raw) in places {
-            match Gateway::start(settings(listen, raw, folder.path(), cell.clone())?).await {
-                Ok(gateway) => return Ok(Some(Self { gateway, folder, token })),
+            match Gateway::start(settings(listen, raw, folder.path(), cell.clone())).await {
+                Ok(gateway) => return Ok(Some(Self { gateway, folder, token, cell })),
                 Err(error @ GatewayError::Listen { .. }) => last = Some(error),
                 Err(error) => return Err(Failure::usage(format!("the gateway does not start: {error}"))),
             }
@@ -76,14 +107,21 @@ impl CellGateway {
     /// The lines that name its address and that of the raw port.
     pub fn lines(&self, language: Language) -> Vec<String> {
         let address = self.gateway.address();
+        let robots = self.cell.text(language);
         let gateway = match language {
-            Language::English => format!("gateway on http://{address}, robot `{ROBOT}`"),
-            Language::Chinese => format!("网关地址 http://{address}，机器人 `{ROBOT}`"),
+            Language::English => format!("gateway on http://{address}, {robots}"),
+            Language::Chinese => format!("网关地址 http://{address}，{robots}"),
         };
-        let raw = self.gateway.raw_ports().iter().map(|RawPort { listen, .. }| match language {
-            Language::English => format!("raw port of the gateway, for socket scripts, on {listen}"),
-            Language::Chinese => format!("网关的原始端口（供 socket 脚本使用）{listen}"),
-        });
+        let is_hall = self.cell.robots.len() > 1;
+        let raw =
+            self.gateway.raw_ports().iter().map(|RawPort { listen, robot }| match (language, is_hall) {
+                (Language::English, false) => {
+                    format!("raw port of the gateway, for socket scripts, on {listen}")
+                }
+                (Language::Chinese, false) => format!("网关的原始端口（供 socket 脚本使用）{listen}"),
+                (Language::English, true) => format!("raw port of {robot}, for socket scripts, on {listen}"),
+                (Language::Chinese, true) => format!("{robot} 的原始端口（供 socket 脚本使用）{listen}"),
+            });
         let page = match language {
             Language::English => format!("dashboard, with its sign-in for this start, on {}", self.link()),
             Language::Chinese => format!("仪表板（附本次启动的登录）{}", self.link()),
@@ -95,6 +133,24 @@ impl CellGateway {
     /// short form that the page knows: the whole stands in one line of a terminal of 80 columns.
     pub fn link(&self) -> String {
         format!("http://{}/#{}", self.gateway.address(), short(&self.token))
+    }
+
+    /// What it says of its robots.
+    pub fn robots_text(&self, language: Language) -> String {
+        self.cell.text(language)
+    }
+
+    /// What an old script needs, in one line.
+    pub fn raw_hint(&self) -> Option<String> {
+        let RawPort { listen, robot } = self.gateway.raw_ports().first()?;
+        let of = if self.cell.robots.len() > 1 { format!(" of {robot}") } else { String::new() };
+        Some(format!("{listen} is the raw port{of}, for socket scripts"))
+    }
+
+    /// The command that lists all robots.
+    pub fn robots_hint(&self) -> String {
+        let token = self.folder.path().join(TOKEN_FILE);
+        format!("r6 -g http://{} --token-file {} status", self.gateway.address(), token.display())
     }
 
     /// The command that follows J1 live.
@@ -112,8 +168,8 @@ impl CellGateway {
     }
 }
 
-/// The folder, for its owner alone, with a token in it that may read, stop and command; and the token.
-fn folder() -> Result<(TempDir, String), Failure> {
+/// The folder, for its owner alone, with a token of this role in it; and the token.
+fn folder(role: Role) -> Result<(TempDir, String), Failure> {
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
@@ -121,8 +177,8 @@ fn folder() -> Result<(TempDir, String), Failure> {
         .prefix("r6-up-")
         .tempdir()
         .map_err(|error| cannot("make a folder in", &std::env::temp_dir(), &error))?;
-    let (_, token) = r6_gateway::make_token(folder.path(), Role::Operator, None, "r6 up".to_owned())
-        .map_err(Failure::usage)?;
+    let (_, token) =
+        r6_gateway::make_token(folder.path(), role, None, "r6 up".to_owned()).map_err(Failure::usage)?;
     let path = folder.path().join(TOKEN_FILE);
     write(&path, &format!("Authorization: Bearer {token}\n"))
         .map_err(|error| cannot("write", &path, &error))?;
@@ -143,34 +199,25 @@ fn write(path: &PathBuf, text: &str) -> io::Result<()> {
     OpenOptions::new().write(true).create_new(true).open(path)?.write_all(text.as_bytes())
 }
 
-fn settings(
-    listen: SocketAddr,
-    raw: SocketAddr,
-    data: &Path,
-    Cell { robot, panel, model }: Cell,
-) -> Result<GatewaySettings, Failure> {
-    let name = RobotName::new(ROBOT).ok_or_else(|| Failure::usage(RobotName::WANTED))?;
-    let port = RawPort { robot: name.clone(), listen: raw };
-    // The robot is virtual: programs of this machine may move it. Others cannot reach the raw port.
+fn settings(listen: SocketAddr, raw: SocketAddr, data: &Path, cell: Cell) -> GatewaySettings {
+    // The robots are virtual: programs of this machine may move them. Others cannot reach the raw port.
     let sources = ["127.0.0.0/8", "::1"].into_iter().filter_map(RawSource::parse);
     let rules = sources.map(|source| RawRule::new(source, RawAllow::Command)).collect();
-    let usual = RobotConfig::new(name, robot.to_string());
-    let config = RobotConfig { settings: robot::settings(), model, panel, ..usual };
-    Ok(GatewaySettings {
+    GatewaySettings {
         listen,
         data: data.to_owned(),
-        robots: vec![config],
+        robots: cell.robots,
         robot_settings: robot::settings(),
-        raw: vec![port],
+        raw: cell.raw.map(|robot| RawPort { robot, listen: raw }).into_iter().collect(),
         raw_policy: RawPolicy::new(rules),
-        // It goes with the folder.
-        hall: None,
+        hall: cell.hall,
+        // These go with the folder.
         audit: AuditSettings::default(),
         history: HistorySettings { max_bytes: 256 * 1024 * 1024, ..HistorySettings::default() },
         names: Vec::new(),
-        // It is gone soon, and so is its token.
+        // The folder is gone soon, and so is its token.
         tls: TlsSettings::Off,
-    })
+    }
 }
 
 fn cannot(what: &str, path: &Path, error: &io::Error) -> Failure {

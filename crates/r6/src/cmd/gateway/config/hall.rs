@@ -8,7 +8,7 @@ use r6_program::form::{Fields, Found, Node, Table};
 const UTC: &str = "UTC";
 
 /// Reads the tables; `None` if there are none, or if something is wrong.
-pub(super) fn read(hall: Option<&Table>, shifts: &[&Table], found: &mut Found<'_>) -> Option<Hall> {
+pub fn read(hall: Option<&Table>, shifts: &[&Table], found: &mut Found<'_>) -> Option<Hall> {
     if hall.is_none() && shifts.is_empty() {
         return None;
     }
