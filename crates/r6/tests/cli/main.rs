@@ -7,6 +7,7 @@ mod ends;
 mod forged;
 mod gateway;
 mod gateway_kills;
+mod hall;
 mod help;
 mod inspect;
 mod limits;

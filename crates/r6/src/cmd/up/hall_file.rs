@@ -76,7 +76,7 @@ fn parse(text: &str, beside: &dyn Fn(&str) -> Result<String, String>) -> Result<
     if tables.len() > MAX_ROBOTS {
         found.note(format!("there are {} robots; {MAX_ROBOTS} are possible", tables.len()).into());
     }
-    let mut reader = Reader { beside, programs: BTreeMap::new(), robots: Vec::new() };
+    let mut reader = Reader { beside, programs: BTreeMap::new(), names: Vec::new(), robots: Vec::new() };
     for (number, table) in (0..).zip(tables.into_iter().take(MAX_ROBOTS)) {
         reader.robot(table, number, seed, &mut found);
     }
@@ -89,6 +89,8 @@ struct Reader<'a> {
     beside: &'a dyn Fn(&str) -> Result<String, String>,
     /// The files of programs so far; `None` for one with mistakes, which were told.
     programs: BTreeMap<String, Option<Program>>,
+    /// The names so far, also of robots with mistakes.
+    names: Vec<RobotName>,
     robots: Vec<HallRobot>,
 }
 
@@ -146,13 +148,13 @@ impl Reader<'_> {
     }
 
     /// A name that no other robot and no twin has, and that leaves room for the name of a twin.
-    fn new_name(&self, fields: &Fields<'_>, name: RobotName) -> Result<RobotName, Wrong> {
+    fn new_name(&mut self, fields: &Fields<'_>, name: RobotName) -> Result<RobotName, Wrong> {
         let twin = format!("{name}{SUFFIX}");
         if RobotName::new(&twin).is_none() {
             let what = format!("`{twin}`, the name of its twin, is longer than 32 characters");
             return Err(fields.wrong("name", what));
         }
-        for other in self.robots.iter().map(|robot| &robot.config.name) {
+        for other in &self.names {
             if *other == name {
                 return Err(fields.wrong("name", format!("two robots are called `{name}`")));
             }
@@ -161,6 +163,7 @@ impl Reader<'_> {
                     .wrong("name", format!("`{name}` and `{other}`: a twin has the longer name already")));
             }
         }
+        self.names.push(name.clone());
         Ok(name)
     }
 

@@ -1,0 +1,101 @@
+//! `r6 up --cell`: a hall of virtual robots behind one gateway.
+
+use serde_json::{Value, json};
+
+use crate::gateway::{get, until};
+use crate::support::{Running, TempFile, r6};
+
+const NAMES: [&str; 12] = [
+    "press-01",
+    "press-02",
+    "press-03",
+    "weld-01",
+    "weld-02",
+    "glue-01",
+    "pick-01",
+    "pick-02",
+    "pack-01",
+    "pack-02",
+    "pack-03",
+    "gantry-01",
+];
+
+/// A value of a robot, as the gateway reads it.
+fn value(state: &Value, address: &str) -> Value {
+    let signals = state["signals"].as_array().unwrap();
+    let signal = signals.iter().find(|signal| signal["address"] == address);
+    signal.map(|signal| signal["value"].clone()).unwrap_or_default()
+}
+
+#[test]
+fn the_example_brings_twelve_robots_and_their_twins_up_and_its_trouble_comes() {
+    let mut up =
+        Running::start(&["up", "--cell", "examples/hall.toml", "--gateway", "127.0.0.1:0", "--clock", "10x"]);
+    for name in NAMES {
+        let line = up.line();
+        assert!(line.starts_with(&format!("{name} on 127.0.0.1:")) && line.contains(", profile "), "{line}");
+    }
+    let line = up.line();
+    let url = line.strip_prefix("gateway on ").and_then(|rest| rest.strip_suffix(", 12 robots, 12 twins"));
+    let url = url.unwrap_or_else(|| panic!("{line}")).to_owned();
+    let raw = up.line();
+    let raw =
+        raw.strip_prefix("raw port of weld-01, for socket scripts, on ").unwrap_or_else(|| panic!("{raw}"));
+    assert!(up.line().starts_with(&format!("dashboard, with its sign-in for this start, on {url}/#")));
+    let hint = up.line();
+    let words: Vec<_> = hint.strip_prefix("try: r6 ").unwrap().split(' ').collect();
+    let token = std::fs::read_to_string(words[3]).unwrap();
+    let token = token.trim().strip_prefix("Authorization: Bearer ").unwrap();
+    assert!(up.line().starts_with("try: curl "));
+    assert_ne!(up.line(), "", "what happens is a line");
+
+    let robot = |name: &str| get(&url, token, &format!("/v1/robots/{name}")).1;
+    for name in NAMES {
+        let twin = format!("{name}-twin");
+        until(|| (robot(name)["link"] == "up").then_some(()));
+        until(|| (robot(&twin)["link"] == "up").then_some(()));
+        assert_eq!((&robot(name)["twin"], &robot(&twin)["twin_of"]), (&json!(twin), &json!(name)));
+        assert_eq!(robot(name)["virtual"], true, "{name}");
+    }
+    assert_eq!(r6(&words).out.lines().count(), 1 + 2 * NAMES.len());
+    // Seconds of the hall are tenths of a second here.
+    until(|| (value(&robot("press-03"), "curAlarm") == 5001).then_some(()));
+    until(|| value(&robot("pick-01"), "counter-1")["current"].as_i64().filter(|parts| *parts > 2));
+    assert_eq!(value(&robot("pack-03"), "curMode"), 1);
+    until(|| (robot("weld-02")["link"] == "down").then_some(()));
+    until(|| (robot("weld-02")["link"] == "up").then_some(()));
+    let settings = get(&url, token, "/v1/settings").1;
+    assert!(
+        settings.to_string().contains("Europe/Berlin") && settings.to_string().contains("night"),
+        "{settings}"
+    );
+    assert_eq!(get(&url, token, "/v1/audit").0, 200, "the token is that of an admin");
+    let asked = r6(&["-r", raw, "query", "curMode"]);
+    assert!(asked.code == 0 && asked.out.contains('7'), "{asked:?}");
+    assert_eq!(up.end("TERM"), Some(0));
+    assert!(!std::path::Path::new(words[3]).exists(), "the folder goes with the hall");
+}
+
+#[test]
+fn a_wrong_file_starts_nothing_and_each_mistake_has_its_line() {
+    let file = TempFile::new(
+        "hall-wrong.toml",
+        "[[robot]]\nname = \"a\"\nmodel = \"GENERIC-SKARA\"\n[[robot.at]]\ntime = 1\ndo = \"alrm\"\n",
+    );
+    let wrong = r6(&["up", "--cell", file.path()]);
+    assert_eq!((wrong.code, wrong.out.as_str()), (2, ""), "{wrong:?}");
+    for part in [
+        ":3:9: [[robot]] 1 (a): `model` is \"GENERIC-SKARA\"",
+        "nearest: \"GENERIC-SCARA\"",
+        ":6:6: [[robot]] 1 (a): [[at]] 1 (alrm): ",
+        "nearest: \"alarm\"",
+    ] {
+        assert!(wrong.err.contains(part), "{part}: {}", wrong.err);
+    }
+    let none = r6(&["up", "--cell", "no-such-hall.toml"]);
+    assert!(none.code == 2 && none.err.contains("no-such-hall.toml: the file cannot be read"), "{none:?}");
+    for option in [["--model", "GENERIC-SCARA"], ["--listen", "127.0.0.1:0"], ["--seed", "1"]] {
+        let both = r6(&[&["up", "--cell", "examples/hall.toml"][..], &option].concat());
+        assert!(both.code == 2 && both.err.contains("cannot be used with"), "{both:?}");
+    }
+}
