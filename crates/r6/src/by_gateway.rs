@@ -131,7 +131,8 @@ impl ByGateway {
             let trusted = text_file::read(path, "a certificate", MAX_CERTIFICATES).map_err(wrong)?;
             http.with_tls(host.trim_matches(['[', ']']), trusted.as_bytes()).map_err(wrong)?
         };
-        Ok(Gateway { http, token: self.token()? })
+        let (source, token) = self.token()?;
+        Ok(Gateway { http, token, source })
     }
 
     /// The robot that was typed, or the only robot of the gateway.
@@ -158,7 +159,8 @@ impl ByGateway {
         Ok(GatewayRobot { gateway, name })
     }
 
-    fn token(&self) -> Result<String, Failure> {
+    /// Where the token comes from, and the token.
+    fn token(&self) -> Result<(String, String), Failure> {
         let (source, text) = match &self.token_file {
             Some(path) => {
                 let source = format!("--token-file {}", path.display());
@@ -180,7 +182,7 @@ impl ByGateway {
         if token.is_empty() || !token.bytes().all(|byte| byte.is_ascii_graphic()) {
             return Err(Failure::usage(format!("{source} has no token in it")));
         }
-        Ok(token.to_owned())
+        Ok((source, token.to_owned()))
     }
 }
 
@@ -203,6 +205,8 @@ fn is_this_machine(host: &str) -> bool {
 pub struct Gateway {
     http: HttpClient,
     token: String,
+    /// The option or variable that the token comes from.
+    source: String,
 }
 
 impl Gateway {
@@ -249,6 +253,7 @@ impl Gateway {
         match self.http.ask(request).await {
             Ok((status, body)) if status.is_success() => Ok(body),
             Ok((status, body)) => Err(match serde_json::from_slice::<Problem>(&body) {
+                Ok(_) if status == StatusCode::UNAUTHORIZED => self.unknown_token(),
                 Ok(problem) => failure(status, problem, lost),
                 Err(_) => self.unclear(path, &format!("status {status}, and no problem of a gateway"), lost),
             }),
@@ -259,6 +264,16 @@ impl Gateway {
             }
             Err(Lost::NoReply(why)) => Err(self.unclear(path, &why, lost)),
         }
+    }
+
+    /// The failure for a token that the gateway does not know.
+    fn unknown_token(&self) -> Failure {
+        let (authority, source) = (self.authority(), &self.source);
+        let what = format!("the gateway at {authority} does not know the token of {source}");
+        Failure::usage(what).with_code(Code::NoToken).advise(
+            "it was revoked, or it is of another gateway: `r6 gateway token --data DIR --list` shows those of a folder, and `r6 \
+             gateway token --data DIR --role operator` makes one",
+        )
     }
 
     /// The failure for an answer that is missing or cannot be read.
@@ -279,8 +294,6 @@ fn failure(status: StatusCode, problem: Problem, lost: Exit) -> Failure {
     let failure = match (code, status.as_u16()) {
         (Code::OutcomeUnknown | Code::NotStopped, _) => Failure::unknown(message),
         (Code::NoReply | Code::NoConnection | Code::Unreachable, _) => Failure::no_reply(message),
-        (_, 401) => Failure::usage(message)
-            .advise("`r6 gateway token` makes tokens, and `r6 gateway token --list` shows them"),
         (Code::Stopped, _) => {
             Failure::refused(message).advise(format!("`{}` clears the stop", hint::r6("stop --clear")))
         }

@@ -151,7 +151,10 @@ impl Caller {
             None => None,
         };
         let token = known.ok_or_else(|| {
-            let message = "send `Authorization: Bearer TOKEN`; `r6 gateway token` makes one";
+            let message = match token {
+                Some(_) => "this token is not valid: it was revoked, or it is of another gateway",
+                None => "send `Authorization: Bearer TOKEN`; `r6 gateway token` makes one",
+            };
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)
         })?;
         Ok(Self { who: Who::Token(token), source })

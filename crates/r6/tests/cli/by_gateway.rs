@@ -164,6 +164,8 @@ fn what_is_refused_says_why_and_nothing_is_sent() {
     let wrong = TempFile::new("hall-3-wrong", "Authorization: Bearer 00ff");
     let wrong = r6(&["-g", &hall.url, "--token-file", wrong.path(), "status", "--json"]);
     assert_eq!((wrong.code, code(&wrong)), (2, "no_token".into()), "{wrong:?}");
+    let told = wrong.json()["message"].to_string();
+    assert!(told.contains("does not know the token of --token-file "), "{wrong:?}");
     let none = r6(&["-g", &hall.url, "status"]);
     assert_eq!(none.code, 2);
     assert!(none.err.contains("R6_TOKEN"), "{}", none.err);

@@ -264,7 +264,8 @@ fn a_value_is_read_with_a_token_and_the_log_is_whole_in_the_end() {
     // A token can be made before the gateway runs for the first time, and while it runs.
     let early = r6(&["gateway", "token", "--data", &data, "--role", "viewer", "--name", "screen"]);
     assert_eq!(early.code, 0, "{early:?}");
-    assert_eq!(early.err, "token 1: viewer of all robots. It is shown this once\n");
+    let made = format!("r6: there was no folder {data}: it is made now, for a gateway with this --data\n");
+    assert_eq!(early.err, made + "token 1: viewer of all robots. It is shown this once\n");
     let robot = format!("press={robot}");
     let start = ["gateway", "--listen", "127.0.0.1:0", "--data", &data, "--robot", &robot];
     let mut gateway = Running::start(&start);
@@ -521,7 +522,7 @@ fn users_are_made_and_sign_in_and_no_secret_is_in_a_file_or_in_the_output() {
 
     let add = ["gateway", "user", "--data", &data, "--add"];
     let added = r6(&[&add[..], &["cem", "--role", "engineer", "--robot", "press"]].concat());
-    assert!(added.code == 0 && added.out.starts_with("http://127.0.0.1:9780/setup#"), "{added:?}");
+    assert!(added.code == 0 && added.out.starts_with(&format!("{url}/setup#")), "{added:?}");
     let of_cem = added.out.trim().split_once('#').unwrap().1.split_once('&').unwrap().0.to_owned();
     assert_eq!(r6(&[&add[..], &["cem", "--role", "viewer"]].concat()).code, 2, "the name is taken");
     assert_eq!(r6(&[&add[..], &["Cem", "--role", "viewer"]].concat()).code, 2);
@@ -536,6 +537,11 @@ fn users_are_made_and_sign_in_and_no_secret_is_in_a_file_or_in_the_output() {
     let last = disable("anna");
     assert!(last.code == 2 && last.err.contains("last admin"), "{last:?}");
     assert_eq!(r6(&["gateway", "user", "--data", &data, "--link", "no-user"]).code, 2);
+    // A folder without a gateway so far: where a gateway listens if nothing else is said.
+    let early = folder.path().join("early").display().to_string();
+    let added = r6(&["gateway", "user", "--data", &early, "--add", "dora", "--role", "viewer"]);
+    assert!(added.out.starts_with("http://127.0.0.1:9780/setup#"), "{added:?}");
+    assert!(added.err.starts_with(&format!("r6: there was no folder {early}: ")), "{added:?}");
 
     gateway.signal("TERM");
     let errors = errors.join().unwrap().unwrap();

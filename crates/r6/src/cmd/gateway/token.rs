@@ -7,7 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use r6_api::gateway::Role;
 use r6_gateway::RobotName;
 
-use super::DEFAULT_DATA;
+use super::{DEFAULT_DATA, tell_new_folder};
 use crate::exit::{Exit, Failure};
 use crate::output::{self, table::Table};
 
@@ -78,6 +78,7 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         return Err(Failure::usage(wanted));
     }
     let what = what(role, only.as_ref());
+    tell_new_folder(&args.data);
     let (number, token) =
         r6_gateway::make_token(&args.data, role, only, args.name).map_err(Failure::usage)?;
     output::line(token);

@@ -7,9 +7,13 @@ use clap::Args;
 use r6_api::gateway::Role;
 use r6_gateway::{Account, Grant, UserName};
 
-use super::{DEFAULT_DATA, DEFAULT_LISTEN, token};
+use super::{DEFAULT_DATA, DEFAULT_LISTEN, URL_FILE, tell_new_folder, token};
 use crate::exit::{Exit, Failure};
 use crate::output::{self, table::Table};
+use crate::text_file;
+
+/// The longest URL of a gateway: scheme, IPv6 address, port.
+const MAX_URL: usize = 100;
 
 /// Make a user, list or disable users, or print a link with which a user sets a password
 #[derive(Debug, Args)]
@@ -52,7 +56,8 @@ pub struct UserArgs {
     /// Print a link with which the user with this name sets a new password
     #[arg(long, value_name = "NAME", conflicts_with = "add")]
     link: Option<String>,
-    /// The address of the gateway in links [default: this machine; https if the folder has a certificate]
+    /// The address of the gateway in links [default: where the gateway of the folder listens on this machine, or
+    /// listened last; before its first start http://127.0.0.1:9780]
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 }
@@ -73,6 +78,7 @@ pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let name = user(name)?;
     let only = token::only(args.only.as_deref().filter(|_| robot_typed))?;
     let what = token::what(role, only.as_ref());
+    tell_new_folder(&args.data);
     r6_gateway::add_user(&args.data, name.clone(), Grant { role, only }).map_err(Failure::usage)?;
     output::note(format_args!("user {name}: {what}. The link sets the password, once and within an hour"));
     link(&args, name)
@@ -86,13 +92,22 @@ fn link(args: &UserArgs, name: UserName) -> Result<Exit, Failure> {
     let link = r6_gateway::make_link(&args.data, name).map_err(|error| {
         Failure::usage(error).advise("`r6 gateway user --list` prints the users of this folder")
     })?;
-    let here = || {
-        let scheme = if r6_gateway::has_certificate(&args.data) { "https" } else { "http" };
-        format!("{scheme}://{DEFAULT_LISTEN}")
-    };
-    let url = args.url.clone().unwrap_or_else(here);
+    let url = args.url.clone().unwrap_or_else(|| here(&args.data));
     output::line(format_args!("{}/setup{link}", url.trim_end_matches('/')));
     Ok(Exit::Done)
+}
+
+/// The URL of the gateway of this folder: where it listens, or listened last. Before its first start, the usual
+/// one.
+fn here(data: &Path) -> String {
+    let kept = text_file::read(&data.join(URL_FILE), "a URL", MAX_URL).ok();
+    let kept = kept.map(|text| text.trim().to_owned());
+    // The file is of the owner of the folder; what is no URL is not printed as one.
+    let kept = kept.filter(|url| url.starts_with("http") && url.bytes().all(|byte| byte.is_ascii_graphic()));
+    kept.unwrap_or_else(|| {
+        let scheme = if r6_gateway::has_certificate(data) { "https" } else { "http" };
+        format!("{scheme}://{DEFAULT_LISTEN}")
+    })
 }
 
 fn list(data: &Path) -> Result<Exit, Failure> {
