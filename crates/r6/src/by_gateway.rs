@@ -1,7 +1,7 @@
 //! Robots that are reached by a gateway (`--gateway-url URL`): its requests, and what its answers mean for an
 //! exit code.
 
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -11,8 +11,8 @@ use hyper::body::Bytes;
 use hyper::header::{AUTHORIZATION, CONTENT_TYPE, HOST};
 use hyper::{Method, Request, StatusCode, Uri};
 use r6_api::gateway::{
-    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, PanelDone, PanelRequest, Queried, RobotState,
-    Robots, Run, RunRequest, Stopped, WithLease,
+    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, PanelDone, PanelRequest, ProgramWanted,
+    Queried, RobotState, Robots, Run, RunRequest, Stopped, WithLease,
 };
 use r6_api::panel::Snapshot;
 use r6_api::{Code, Problem};
@@ -210,6 +210,19 @@ pub struct Gateway {
 }
 
 impl Gateway {
+    /// A gateway of this process, without TLS.
+    pub fn here(address: SocketAddr, token: &str) -> Self {
+        let http = HttpClient::new(address.to_string(), PATIENCE, MAX_REPLY_BYTES);
+        Self { http, token: token.to_owned(), source: "this start".to_owned() }
+    }
+
+    /// Stores a program under a name that is new. It is sent once.
+    pub async fn store_program(&self, name: &str, text: &str) -> Result<(), Failure> {
+        let wanted = ProgramWanted { program: text.to_owned() };
+        let path = format!("/v1/programs/{}", in_path(name));
+        self.ask(Method::PUT, &path, None, &wanted, Exit::Unknown).await.map(drop)
+    }
+
     /// Host and port.
     pub fn authority(&self) -> &str {
         self.http.authority()

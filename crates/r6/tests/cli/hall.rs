@@ -69,11 +69,37 @@ fn the_example_brings_twelve_robots_and_their_twins_up_and_its_trouble_comes() {
         settings.to_string().contains("Europe/Berlin") && settings.to_string().contains("night"),
         "{settings}"
     );
-    assert_eq!(get(&url, token, "/v1/audit").0, 200, "the token is that of an admin");
+    let programs = get(&url, token, "/v1/programs").1["programs"].clone();
+    assert_eq!(programs.as_array().map(Vec::len), Some(2), "{programs}");
+    let audit = get(&url, token, "/v1/audit");
+    assert!(
+        audit.0 == 200 && audit.1.to_string().contains("square"),
+        "the token is that of an admin: {audit:?}"
+    );
     let asked = r6(&["-r", raw, "query", "curMode"]);
     assert!(asked.code == 0 && asked.out.contains('7'), "{asked:?}");
     assert_eq!(up.end("TERM"), Some(0));
     assert!(!std::path::Path::new(words[3]).exists(), "the folder goes with the hall");
+}
+
+#[test]
+fn the_lines_are_chinese_if_they_are_asked_for_and_a_hall_needs_no_gateway() {
+    let file = TempFile::new("hall-one.toml", "[[robot]]\nname = \"saw\"\nmodel = \"GENERIC-SCARA\"\n");
+    let up = ["up", "--cell", file.path(), "--lang", "zh"];
+    let mut alone = Running::start(&[&up[..], &["--gateway", "off"]].concat());
+    let line = alone.line();
+    assert!(line.starts_with("saw 监听地址 127.0.0.1:"), "{line}");
+    assert!(line.ends_with("，GENERIC-SCARA，控制器配置 hc1"), "{line}");
+    let address = line.split([' ', '，']).nth(2).unwrap().to_owned();
+    assert_eq!(r6(&["-r", &address, "stop"]).code, 0);
+    assert!(alone.line().starts_with("saw  "), "a line of the log has the name");
+    assert_eq!(alone.end("TERM"), Some(0));
+    let mut behind = Running::start(&[&up[..], &["--gateway", "127.0.0.1:0"]].concat());
+    behind.line();
+    let line = behind.line();
+    assert!(line.starts_with("网关地址 http://127.0.0.1:") && line.contains("，1 台机器人，"), "{line}");
+    assert!(behind.line().starts_with("saw 的原始端口"));
+    assert_eq!(behind.end("TERM"), Some(0));
 }
 
 #[test]

@@ -16,6 +16,7 @@ use r6_proto::Language;
 use tempfile::TempDir;
 
 use super::Place;
+use crate::by_gateway;
 use crate::exit::Failure;
 use crate::output;
 use crate::robot;
@@ -133,6 +134,11 @@ impl CellGateway {
     /// short form that the page knows: the whole stands in one line of a terminal of 80 columns.
     pub fn link(&self) -> String {
         format!("http://{}/#{}", self.gateway.address(), short(&self.token))
+    }
+
+    /// Stores a program in its library, over its own API.
+    pub async fn store_program(&self, name: &str, text: &str) -> Result<(), Failure> {
+        by_gateway::Gateway::here(self.gateway.address(), &self.token).store_program(name, text).await
     }
 
     /// What it says of its robots.

@@ -41,7 +41,8 @@ pub struct Options {
 /// A virtual robot that runs.
 struct Running {
     name: RobotName,
-    kind: String,
+    model: String,
+    profile: String,
     simulation: Simulation,
 }
 
@@ -49,11 +50,21 @@ impl Running {
     fn controller(&self) -> Option<&ControllerHandle> {
         self.simulation.controllers().first()
     }
+
+    /// The line that names it.
+    fn line(&self, language: Language) -> Option<String> {
+        let Self { name, model, profile, .. } = self;
+        let address = self.controller()?.address();
+        Some(match language {
+            Language::English => format!("{name} on {address}, {model}, profile {profile}"),
+            Language::Chinese => format!("{name} 监听地址 {address}，{model}，控制器配置 {profile}"),
+        })
+    }
 }
 
 /// Runs the hall of this file until it is ended.
 pub async fn run(path: &Path, options: Options, mut ending: Ending) -> Result<Exit, Failure> {
-    let HallFile { robots, hall } = hall_file::read(path)?;
+    let HallFile { robots, hall, library } = hall_file::read(path)?;
     crate::limits::open_as_many_files_as_allowed();
     let profiles: BTreeMap<_, _> =
         robots.iter().map(|robot| (robot.config.name.clone(), robot.settings.profile.clone())).collect();
@@ -80,6 +91,11 @@ pub async fn run(path: &Path, options: Options, mut ending: Ending) -> Result<Ex
             let gateway =
                 CellGateway::start(place, Cell { robots, raw, hall, role: Role::Admin }, true).await?;
             drop(twins.commit(prepared).await);
+            if let Some(gateway) = &gateway {
+                for (name, text) in &library {
+                    gateway.store_program(name, text).await?;
+                }
+            }
             gateway
         }
     };
@@ -104,14 +120,14 @@ async fn start(
     clock: Clock,
 ) -> Result<(Running, RobotConfig), Failure> {
     let here = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-    let kind = format!("{}, profile {}", settings.model.name, settings.profile.name);
+    let (model, profile) = (settings.model.name.to_string(), settings.profile.name.clone());
     let settings = SimSettings { listen: vec![here], panel: Some(here), clock, ..settings };
     let simulation = Simulation::start(settings).await.map_err(Failure::usage)?;
     let address = simulation.controllers().first().map(ControllerHandle::local_address);
     let panel = simulation.panel().and_then(|panel| Panel::new(panel, 1));
     let address = address.map(|address| address.to_string()).unwrap_or_default();
     let name = config.name.clone();
-    Ok((Running { name, kind, simulation }, RobotConfig { address, panel, ..config }))
+    Ok((Running { name, model, profile, simulation }, RobotConfig { address, panel, ..config }))
 }
 
 async fn show(robots: &[Running], gateway: Option<&CellGateway>, options: Options) -> Result<(), Failure> {
@@ -131,10 +147,8 @@ async fn show_lines(robots: &[Running], gateway: Option<&CellGateway>, lang: Lan
     let logs: Vec<_> = controllers
         .map(|(robot, controller)| (robot.name.to_string(), controller.clone(), controller.log_from_start()))
         .collect();
-    for Running { name, kind, simulation } in robots {
-        if let Some(address) = simulation.controllers().first().map(ControllerHandle::address) {
-            lines.line(format_args!("{name} on {address}, {kind}"));
-        }
+    for line in robots.iter().filter_map(|robot| robot.line(language)) {
+        lines.line(line);
     }
     for line in gateway.into_iter().flat_map(|gateway| gateway.lines(language)) {
         lines.line(line);

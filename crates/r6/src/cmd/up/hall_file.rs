@@ -9,8 +9,8 @@ use r6_controller::settings::REMOTE_MOLD;
 use r6_controller::{Library, Program, RobotModel, Scenario, StartState};
 use r6_controller::{LibraryError, Profile};
 use r6_gateway::{Hall, RobotConfig, RobotName};
-use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Found, Node, Table, Wrong};
+use r6_program::{Mistake, Mistakes, MotionProgram};
 use r6_sim::SimSettings;
 
 use crate::cmd::gateway::config;
@@ -25,6 +25,9 @@ const MAX_FILE_BYTES: usize = 1024 * 1024;
 /// The most robots. Each has a twin beside it, in one process.
 const MAX_ROBOTS: usize = 100;
 
+/// The most programs for the library of the gateway: they are checked and stored before the first line.
+const MAX_LIBRARY: usize = 100;
+
 /// The programs that a robot starts with, if the file names none.
 const USUAL_PROGRAMS: [&str; 1] = [REMOTE_MOLD];
 
@@ -38,6 +41,8 @@ pub struct HallFile {
     pub robots: Vec<HallRobot>,
     /// `[hall]` and `[[shift]]`, if there is any.
     pub hall: Option<Hall>,
+    /// `library`: the names and texts of programs that the gateway keeps.
+    pub library: Vec<(String, String)>,
 }
 
 /// One robot of the file.
@@ -69,6 +74,7 @@ fn parse(text: &str, beside: &dyn Fn(&str) -> Result<String, String>) -> Result<
     let seed = top.whole("seed", i64::MAX).and_then(|seed| u64::try_from(seed).ok()).unwrap_or_default();
     let hall = top.optional("hall", "a table: [hall]", Node::table);
     let hall = config::hall_and_shifts(hall, &top.tables("shift"), &mut found);
+    let library = library(&top, beside);
     let tables = top.tables("robot");
     if tables.is_empty() && !top.has("robot") {
         found.note("there is no [[robot]]: a hall has one or more".into());
@@ -81,7 +87,49 @@ fn parse(text: &str, beside: &dyn Fn(&str) -> Result<String, String>) -> Result<
         reader.robot(table, number, seed, &mut found);
     }
     top.finish(Ok(()), &mut found);
-    found.finish(Some(HallFile { robots: reader.robots, hall }))
+    found.finish(Some(HallFile { robots: reader.robots, hall, library }))
+}
+
+/// Reads the programs for the library of the gateway. Their names are those of the files, without the ending.
+fn library(top: &Fields<'_>, beside: &dyn Fn(&str) -> Result<String, String>) -> Vec<(String, String)> {
+    let wanted = format!("at most {MAX_LIBRARY} files of `r6 run` in brackets, such as [\"square.toml\"]");
+    let named = top.optional("library", &wanted, |value| {
+        let names = value.list()?.iter().map(Node::text).collect::<Option<Vec<_>>>()?;
+        Some(names).filter(|names| names.len() <= MAX_LIBRARY)
+    });
+    let mut library: Vec<(String, String)> = Vec::new();
+    for name in named.unwrap_or_default() {
+        let stem = Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default().to_owned();
+        let is_name = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || b"-_".contains(&byte);
+        if stem.is_empty() || stem.len() > 64 || !stem.bytes().all(is_name) {
+            let what = format!("{name}: its name has to be 1 to 64 characters of a to z, digits, - and _");
+            top.wrong("library", what);
+        }
+        if library.iter().any(|(known, _)| *known == stem) {
+            top.wrong("library", format!("two programs are called `{stem}`"));
+        }
+        match beside(name) {
+            Err(why) => drop(top.wrong("library", format!("{name}: {why}"))),
+            Ok(text) => {
+                if let Err(mistakes) = MotionProgram::read(&text) {
+                    for line in told(name, &mistakes) {
+                        top.wrong("library", line);
+                    }
+                }
+                library.push((stem, text));
+            }
+        }
+    }
+    library
+}
+
+/// A line for each mistake of another file, with the advice.
+fn told(name: &str, mistakes: &Mistakes) -> Vec<String> {
+    let line = |mistake: &Mistake| {
+        let advice = mistake.advice.as_ref().map(|advice| format!("; {advice}")).unwrap_or_default();
+        format!("{}{advice}", mistake.line(name))
+    };
+    mistakes.iter().map(line).collect()
 }
 
 /// Reads one robot after another.
@@ -226,13 +274,7 @@ impl Reader<'_> {
     fn read_program(&self, name: &str) -> Result<Program, Vec<String>> {
         let text = (self.beside)(name).map_err(|why| vec![format!("{name}: {why}")])?;
         let stem = Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
-        Program::read(stem, &text).map_err(|mistakes| {
-            let line = |mistake: &r6_program::Mistake| {
-                let advice = mistake.advice.as_ref().map(|advice| format!("; {advice}")).unwrap_or_default();
-                format!("{}{advice}", mistake.line(name))
-            };
-            mistakes.iter().map(line).collect()
-        })
+        Program::read(stem, &text).map_err(|mistakes| told(name, &mistakes))
     }
 }
 

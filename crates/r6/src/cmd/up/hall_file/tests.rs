@@ -89,7 +89,9 @@ impl Played {
 
 #[test]
 fn the_example_has_twelve_robots_of_several_kinds_and_the_shifts() {
-    let HallFile { robots, hall } = example();
+    let HallFile { robots, hall, library } = example();
+    let stored: Vec<_> = library.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(stored, ["square", "reach"]);
     assert_eq!(robots.len(), 12);
     let distinct =
         |of: &dyn Fn(&HallRobot) -> String| robots.iter().map(of).collect::<std::collections::BTreeSet<_>>();
@@ -263,21 +265,25 @@ fn every_mistake_of_a_robot_is_told_with_its_line_and_the_nearest_word() {
 #[test]
 fn the_mistakes_of_what_happens_of_programs_and_of_shifts_are_told_too() {
     assert_told(
-        "[[robot]]\nname = \"a\"\nprograms = [\"bad.toml\"]\n[[robot.at]]\ntime = 1\ndo = \"alrm\"\n\
+        "library = [\"bad.toml\", \"Bad name.toml\"]\n\
+         [[robot]]\nname = \"a\"\nprograms = [\"bad.toml\"]\n[[robot.at]]\ntime = 1\ndo = \"alrm\"\n\
          [[robot.react]]\nwhen = \"X010\"\nthen = \"X010\"\n[[robot.fault]]\nfault = \"refuse\"\nform = 3\n\
          [[robot]]\nname = \"b\"\nprograms = [\"bad.toml\"]\n[[robot]]\nname = \"c\"\nprograms = [\"none.toml\"]\n\
          [[robot]]\nname = \"d\"\nprograms = [\"calls.toml\"]\n[[shift]]\nname = \"early\"\n",
         &[
-            ("hall.toml:3:12: [[robot]] 1 (a): bad.toml:3:1: ", "nearest: `seconds`"),
-            ("hall.toml:6:6: [[robot]] 1 (a): [[at]] 1 (alrm): ", "nearest: \"alarm\""),
-            ("hall.toml:8:8: [[robot]] 1 (a): [[react]] 1 (X010): ", "an output Y010"),
-            ("hall.toml:12:1: [[robot]] 1 (a): [[fault]] 1 (refuse): ", "there is no key `form`"),
-            ("hall.toml:18:12: [[robot]] 3 (c): none.toml: the file cannot be read", "no such file"),
-            ("hall.toml:21:12: [[robot]] 4 (d): program `calls`: ", "nearest: `remote`"),
-            ("hall.toml:22:1: [[shift]] 1: ", "`days` is missing"),
-            ("hall.toml:22:1: [[shift]] 1: ", "`begin` is missing"),
-            ("hall.toml:22:1: [[shift]] 1: ", "`end` is missing"),
-            ("hall.toml:23:8: [[shift]] 1: ", "a shift needs the `time_zone` of [hall]"),
+            ("hall.toml:1:11: bad.toml:1:3: ", "a taught program runs on the controller"),
+            ("hall.toml:1:11: Bad name.toml: its name", "1 to 64 characters"),
+            ("hall.toml:1:11: Bad name.toml: the file", "no such file"),
+            ("hall.toml:4:12: [[robot]] 1 (a): bad.toml:3:1: ", "nearest: `seconds`"),
+            ("hall.toml:7:6: [[robot]] 1 (a): [[at]] 1 (alrm): ", "nearest: \"alarm\""),
+            ("hall.toml:9:8: [[robot]] 1 (a): [[react]] 1 (X010): ", "an output Y010"),
+            ("hall.toml:13:1: [[robot]] 1 (a): [[fault]] 1 (refuse): ", "there is no key `form`"),
+            ("hall.toml:19:12: [[robot]] 3 (c): none.toml: the file cannot be read", "no such file"),
+            ("hall.toml:22:12: [[robot]] 4 (d): program `calls`: ", "nearest: `remote`"),
+            ("hall.toml:23:1: [[shift]] 1: ", "`days` is missing"),
+            ("hall.toml:23:1: [[shift]] 1: ", "`begin` is missing"),
+            ("hall.toml:23:1: [[shift]] 1: ", "`end` is missing"),
+            ("hall.toml:24:8: [[shift]] 1: ", "a shift needs the `time_zone` of [hall]"),
         ],
     );
 }
