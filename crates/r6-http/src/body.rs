@@ -1,17 +1,21 @@
 //! Reads the bodies of requests: within limits of time and length, and of the right type.
 
+use std::pin::Pin;
+use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
-use axum::body::Bytes;
+use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::Request;
 use axum::extract::rejection::BytesRejection;
 use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderMap, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use hyper::body::{Frame, SizeHint};
 use r6_api::Code;
 
 use crate::refusal::Refusal;
+use crate::server::Guest;
 
 /// How long a request may take, its body included. Requests themselves take microseconds, and a disk that
 /// saves a state takes some seconds.
@@ -23,6 +27,50 @@ pub async fn in_time(request: Request, next: Next) -> Response {
         let message = "the request did not come to its end in time";
         Refusal::new(StatusCode::REQUEST_TIMEOUT, Code::TooSlow, message).into_response()
     })
+}
+
+/// Keeps the connection of a request from the end of its body on ([`Guest::keep`]): a layer for
+/// `axum::middleware::from_fn`, for servers that know no callers.
+pub async fn keep_when_read(request: Request, next: Next) -> Response {
+    let Some(guest) = request.extensions().get::<Guest>().cloned() else { return next.run(request).await };
+    let request = request.map(|body| {
+        if body.is_end_stream() {
+            guest.keep();
+            return body;
+        }
+        Body::new(KeptAtEnd { body, guest })
+    });
+    next.run(request).await
+}
+
+/// A body at whose end the connection is kept.
+struct KeptAtEnd {
+    body: Body,
+    guest: Guest,
+}
+
+impl HttpBody for KeptAtEnd {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        let frame = ready!(Pin::new(&mut self.body).poll_frame(cx));
+        if frame.is_none() {
+            self.guest.keep();
+        }
+        Poll::Ready(frame)
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
 }
 
 /// The body, after it was read to its end.

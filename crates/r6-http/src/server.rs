@@ -48,6 +48,19 @@ const SEND_BUFFER: usize = 64 * 1024;
 #[derive(Clone, Copy, Debug)]
 pub struct Peer(pub SocketAddr);
 
+/// The connection of a request: an extension of each request.
+#[derive(Clone, Debug)]
+pub struct Guest(Arc<GuestState>);
+
+impl Guest {
+    /// From now on the request counts as being answered: its connection is the last to be closed if there is
+    /// no room. To be called once the caller is known; on a server without callers, once the body was read.
+    /// Without this call, strangers could hold all places with requests whose bodies never end.
+    pub fn keep(&self) {
+        self.0.is_kept.store(true, Ordering::Relaxed);
+    }
+}
+
 /// Where connections come from.
 pub trait Listener: Send {
     /// A connection.
@@ -112,7 +125,11 @@ where
     let mut guests = Guests::default();
     loop {
         match listener.accept().await {
-            Ok((stream, peer)) => guests.admit(peer, |state| greet(stream, peer, state)),
+            Ok((stream, peer)) => {
+                guests.admit(peer, |state| greet(stream, peer, state));
+                // A request that has arrived is read before the next connection can push this one out.
+                tokio::task::yield_now().await;
+            }
             Err(error) => {
                 // Most likely too many open files: give the connections a moment to end.
                 let server = listener.address();
@@ -126,17 +143,18 @@ where
 /// The open connections, oldest first.
 ///
 /// A new connection never waits, because an emergency stop must not wait behind incomplete requests. If there
-/// is no room, one connection is closed: first of those that never got a good answer, then of those that
-/// wait for their next request or follow a stream, and only then of those whose request is being answered.
-/// Of the first sort that there is, it is the oldest of the peer that has the most of them. A peer that has
-/// too many connections makes room itself.
+/// is no room, one connection is closed: first of the strangers, which never had a request that was kept (see
+/// [`Guest::keep`]) and got a good answer, then of those that wait for their next request or follow a stream,
+/// and only then of those whose request is being answered and is kept. Of the first sort that there is, it is
+/// the oldest of the peer that has the most of them. A peer that has too many connections makes room itself.
 #[derive(Default)]
 struct Guests {
-    open: Vec<Guest>,
+    open: Vec<Open>,
     tasks: JoinSet<()>,
 }
 
-struct Guest {
+/// An open connection.
+struct Open {
     peer: IpAddr,
     state: Arc<GuestState>,
     task: AbortHandle,
@@ -145,16 +163,16 @@ struct Guest {
 /// What a connection does now.
 #[derive(Debug, Default)]
 struct GuestState {
-    /// Whether a request has come and its answer has not been sent.
-    answers: AtomicBool,
-    /// Whether a request got what it asked for.
+    /// Whether a request is kept and its answer has not been sent.
+    is_kept: AtomicBool,
+    /// Whether a request that was kept got what it asked for.
     was_served: AtomicBool,
 }
 
 impl GuestState {
     /// The lowest goes first if there is no room.
     fn rank(&self) -> u8 {
-        match (self.answers.load(Ordering::Relaxed), self.was_served.load(Ordering::Relaxed)) {
+        match (self.is_kept.load(Ordering::Relaxed), self.was_served.load(Ordering::Relaxed)) {
             (false, false) => 0,
             (false, true) => 1,
             (true, _) => 2,
@@ -184,7 +202,7 @@ impl Guests {
         }
         let state = Arc::new(GuestState::default());
         let task = self.tasks.spawn(serve(Arc::clone(&state)));
-        self.open.push(Guest { peer, state, task });
+        self.open.push(Open { peer, state, task });
     }
 
     /// Which connection is closed to make room for one of this peer, if any.
@@ -236,17 +254,18 @@ where
     let (ends, mut end) = watch::channel(None::<EndsWith>);
     let ends = Arc::new(ends);
     let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
-        state.answers.store(true, Ordering::Relaxed);
+        state.is_kept.store(false, Ordering::Relaxed);
         request.extensions_mut().insert(peer);
+        request.extensions_mut().insert(Guest(Arc::clone(&state)));
         let answer = router.call(request);
         let (state, left, ends) = (Arc::clone(&state), Arc::clone(&left), Arc::clone(&ends));
         async move {
             let mut answer = answer.await;
             let is_good = |answer: &Response| !answer.status().is_client_error();
-            if answer.as_ref().is_ok_and(is_good) {
+            let was_kept = state.is_kept.swap(false, Ordering::Relaxed);
+            if was_kept && answer.as_ref().is_ok_and(is_good) {
                 state.was_served.store(true, Ordering::Relaxed);
             }
-            state.answers.store(false, Ordering::Relaxed);
             let with = answer.as_mut().ok().and_then(|answer| answer.extensions_mut().remove::<EndsWith>());
             ends.send_replace(with);
             let work = answer.as_mut().ok().and_then(|answer| answer.extensions_mut().remove::<Afterwards>());
@@ -281,15 +300,15 @@ where
 mod tests {
     use super::*;
 
-    /// Connections, oldest first: the last number of the address, whether an answer is due, whether it was
+    /// Connections, oldest first: the last number of the address, whether a request is kept, whether one was
     /// served.
     async fn guests(open: &[(u8, bool, bool)]) -> Guests {
         let mut guests = Guests::default();
-        for (peer, answers, was_served) in open {
-            let state = GuestState { answers: (*answers).into(), was_served: (*was_served).into() };
+        for (peer, is_kept, was_served) in open {
+            let state = GuestState { is_kept: (*is_kept).into(), was_served: (*was_served).into() };
             let task = guests.tasks.spawn(std::future::pending());
             let peer = IpAddr::from([10, 0, 0, *peer]);
-            guests.open.push(Guest { peer, state: Arc::new(state), task });
+            guests.open.push(Open { peer, state: Arc::new(state), task });
         }
         guests
     }

@@ -85,6 +85,31 @@ async fn a_crowd_takes_no_connection_of_another_address() {
     assert!(simulation.controllers()[0].snapshot().emergency_stop);
 }
 
+/// Requests whose bodies never end once held all places of their address but one: each new connection was
+/// pushed out by the next.
+#[tokio::test]
+async fn requests_that_never_end_push_no_emergency_stop_out() {
+    let simulation = start().await;
+    let head = head(&simulation);
+    let host = simulation.panel().unwrap();
+    let look = format!("GET /v1/controllers/1 HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
+    let mut crowd = Vec::new();
+    for _ in 0..31 {
+        crowd.push(silent(&simulation, &format!("{head}Content-Length: 100\r\n\r\n{{")).await);
+    }
+    // The panel handles connections in turn: it has read those of before by now.
+    assert_eq!(answer(&mut silent(&simulation, &look).await).await.0, 200);
+    let estop = format!("{head}Content-Length: {}\r\n\r\n{ESTOP}", ESTOP.len());
+    let (first, rest) = estop.split_at(30);
+    let mut stream = silent(&simulation, first).await;
+    for _ in 0..5 {
+        crowd.push(silent(&simulation, "").await);
+    }
+    assert_eq!(answer(&mut silent(&simulation, &look).await).await.0, 200);
+    stream.write_all(rest.as_bytes()).await.unwrap();
+    assert_eq!(answer(&mut stream).await.0, 200);
+}
+
 /// Time passes at once if no task has anything to do.
 #[tokio::test(start_paused = true)]
 async fn half_a_head_is_given_up_after_two_seconds() {

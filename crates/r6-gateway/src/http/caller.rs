@@ -10,7 +10,7 @@ use axum::http::header::{AUTHORIZATION, ORIGIN, UPGRADE};
 use axum::http::request::Parts;
 use axum::http::{Method, StatusCode};
 use r6_api::Code;
-use r6_http::{Peer, Refusal};
+use r6_http::{Guest, Peer, Refusal};
 
 use super::{State, cookie};
 use crate::accounts::{self, SignedIn};
@@ -131,9 +131,18 @@ impl Caller {
         }
     }
 
-    /// The caller, whose request is not counted. With a token the cookie does not matter. A token that is in
-    /// memory and a session need no disk.
+    /// The caller, whose request is not counted. From now on strangers cannot push the request out.
     async fn known(parts: &Parts, state: &State) -> Result<Self, Refusal> {
+        let caller = Self::look_up(parts, state).await?;
+        if let Some(guest) = parts.extensions.get::<Guest>() {
+            guest.keep();
+        }
+        Ok(caller)
+    }
+
+    /// The caller. With a token the cookie does not matter. A token that is in memory and a session need no
+    /// disk.
+    async fn look_up(parts: &Parts, state: &State) -> Result<Self, Refusal> {
         let source = parts.extensions.get::<Peer>().map(|peer| peer.0);
         let mut headers = parts.headers.get_all(AUTHORIZATION).iter();
         let text = match (headers.next(), headers.next()) {

@@ -1,5 +1,6 @@
 //! Who may use the gateway: tokens, roles, and each route of the description.
 
+use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use r6_api::gateway::Role;
@@ -346,4 +347,49 @@ async fn a_caller_who_is_refused_in_a_loop_does_not_fill_the_audit_log() {
     let count = |status: &str| answers.matches(&format!("HTTP/1.1 {status} ")).count();
     assert!(count("429") > 0, "{} {}", count("403"), count("429"));
     assert_eq!(count("403") + count("429"), 600);
+}
+
+/// A connection that has sent this and sends no more.
+async fn silent(address: SocketAddr, said: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    stream.write_all(said.as_bytes()).await.unwrap();
+    stream
+}
+
+/// Requests whose bodies never end, and answers that need no token, once held all places but one: each new
+/// connection was pushed out by the next.
+#[tokio::test]
+async fn strangers_who_hold_their_places_push_no_stop_out() {
+    let hall = Hall::start().await;
+    let address = hall.gateway.address();
+    let slow = format!(
+        "POST /v1/session HTTP/1.1\r\nHost: {address}\r\nContent-Type: application/json\r\n\
+         Content-Length: 100\r\n\r\n{{"
+    );
+    let healthy = format!("GET /healthz HTTP/1.1\r\nHost: {address}\r\n\r\n");
+    for held in [slow, healthy] {
+        let mut crowd = Vec::new();
+        for _ in 0..31 {
+            crowd.push(silent(address, &held).await);
+        }
+        // The server handles connections in turn: it has read those of before by now.
+        assert_eq!(call(address, "", "GET", "/healthz", None).await.0, 204);
+        for _ in 0..3 {
+            let stop = format!(
+                "POST /v1/robots/press/stop HTTP/1.1\r\nHost: {address}\r\nContent-Length: 0\r\n\
+                 Authorization: Bearer {}\r\nConnection: close\r\n\r\n",
+                hall.operator
+            );
+            let (first, rest) = stop.split_at(40);
+            let mut stream = silent(address, first).await;
+            for _ in 0..5 {
+                crowd.push(silent(address, "").await);
+            }
+            assert_eq!(call(address, "", "GET", "/healthz", None).await.0, 204);
+            stream.write_all(rest.as_bytes()).await.unwrap();
+            let mut answer = String::new();
+            stream.read_to_string(&mut answer).await.expect("the stop is pushed out");
+            assert!(answer.starts_with("HTTP/1.1 200 "), "{answer:?}");
+        }
+    }
 }

@@ -17,7 +17,7 @@ use r6_controller::program::MAX_TEXT_BYTES;
 use r6_controller::{PanelAction, Refused};
 use r6_http::Refusal;
 use r6_http::access::{Site, guard};
-use r6_http::body::{in_time, require_json, whole};
+use r6_http::body::{in_time, keep_when_read, require_json, whole};
 use utoipa::OpenApi;
 use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouterExt};
 use utoipa_axum::routes;
@@ -59,6 +59,7 @@ pub(super) fn router(controllers: Handles, address: SocketAddr) -> Router {
         .fallback(no_such_path)
         .method_not_allowed_fallback(no_such_method)
         .layer(DefaultBodyLimit::max(MAX_BODY_BYTES))
+        .layer(middleware::from_fn(keep_when_read))
         .layer(middleware::from_fn(in_time))
         .layer(middleware::from_fn_with_state(Site::new(address), guard))
         .with_state(controllers)
