@@ -48,6 +48,9 @@ const LAST_SAMPLES: Duration = Duration::from_secs(5);
 /// How long the last records about users may take at the end.
 const LAST_RECORDS: Duration = Duration::from_secs(5);
 
+/// How long the store may take to close at the end: what its log has goes into its file.
+const CLOSE_STORE: Duration = Duration::from_secs(5);
+
 /// What a gateway needs.
 #[derive(Clone, Debug)]
 pub struct GatewaySettings {
@@ -281,7 +284,7 @@ impl Gateway {
     }
 
     /// Ends the gateway in order: no new requests, then the outcomes of commands and stops that are under
-    /// way, the connections, and the last records. All leases end. Arms that a run moves are stopped; the
+    /// way, the connections, and the last records. The files of its folder are closed, 5 s later at most. All leases end. Arms that a run moves are stopped; the
     /// others go on with what they do.
     ///
     /// # Errors
@@ -301,6 +304,9 @@ impl Gateway {
             && !matches!(tokio::time::timeout(LAST_SAMPLES, history.end()).await, Ok(Ok(())))
         {
             tracing::error!("the last samples of the history were not written");
+        }
+        if !matches!(tokio::time::timeout(CLOSE_STORE, shared.keeper.end()).await, Ok(Ok(()))) {
+            tracing::error!("the store was not closed in time: its log stays beside it, for the next start");
         }
         ended
     }

@@ -227,8 +227,8 @@ struct Worker {
 }
 
 impl Worker {
-    /// Does a job. Returns whether it was the last one.
-    fn handle(&mut self, job: Job) -> bool {
+    /// Does a job. `None` if it was the last one: then the files are closed.
+    fn handle(mut self, job: Job) -> Option<Self> {
         match job {
             Job::Keep(batch) => self.journal.take(clock::now(), batch),
             // A caller that has gone needs no answer.
@@ -238,11 +238,14 @@ impl Worker {
                 let _ = answer.send(self.journal.last_seen(clock::now(), time, &robot));
             }
             Job::End(answer) => {
-                let _ = answer.send(self.flush());
-                return true;
+                let flushed = self.flush();
+                // Before the caller goes on, who may end the process: the files need no log beside them then.
+                drop(self);
+                let _ = answer.send(flushed);
+                return None;
             }
         }
-        false
+        Some(self)
     }
 
     fn begin_turn(&self) {
@@ -282,9 +285,8 @@ fn work(mut worker: Worker, jobs: &Receiver<Job>) {
         worker.begin_turn();
         match jobs.recv_timeout(next_write.saturating_duration_since(Monotonic::now())) {
             Ok(job) => {
-                if worker.handle(job) {
-                    return;
-                }
+                let Some(goes_on) = worker.handle(job) else { return };
+                worker = goes_on;
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return drop(worker.flush()),
@@ -313,9 +315,8 @@ async fn work_in_task(mut worker: Worker, jobs: Receiver<Job>) {
         loop {
             match jobs.try_recv() {
                 Ok(job) => {
-                    if worker.handle(job) {
-                        return;
-                    }
+                    let Some(goes_on) = worker.handle(job) else { return };
+                    worker = goes_on;
                 }
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => return drop(worker.flush()),

@@ -60,9 +60,11 @@ enum Job {
     EndRun(Box<Run>, bool, Vec<AuditRecord>, Answer<()>),
     OwedStops(Answer<Vec<RobotName>>),
     ForgetOwedStop(RobotName, Answer<()>),
+    End(Answer<()>),
 }
 
-/// A handle on the thread of the store. The thread ends with the last handle, after all that was asked for.
+/// A handle on the thread of the store. The thread ends with [`Keeper::end`] or the last handle, after all that
+/// was asked for.
 #[derive(Clone)]
 pub struct Keeper {
     jobs: Sender<Job>,
@@ -100,9 +102,14 @@ impl Keeper {
                     Some(job) => Some(job),
                     None => waiting.recv().await,
                 };
-                let Some(job) = job else { return };
-                tokio::time::sleep(takes()).await;
-                next = carry_out(&mut store, job, &mut waiting);
+                match job {
+                    None => return,
+                    Some(Job::End(answer)) => return end(store, answer),
+                    Some(job) => {
+                        tokio::time::sleep(takes()).await;
+                        next = carry_out(&mut store, job, &mut waiting);
+                    }
+                }
             }
         });
         Self { jobs }
@@ -391,6 +398,17 @@ impl Keeper {
         self.ask(|answer| Job::ForgetOwedStop(robot, answer)).await
     }
 
+    /// Ends the thread after all that was asked for, and closes the store: what its log has is in its file then.
+    /// Nothing can be asked for any more.
+    ///
+    /// # Errors
+    /// [`StoreError::Closed`]: it has ended before.
+    pub async fn end(&self) -> Result<(), StoreError> {
+        let (answer, answered) = oneshot::channel();
+        self.jobs.send(Job::End(answer)).await.map_err(|_| StoreError::Closed)?;
+        answered.await.unwrap_or(Err(StoreError::Closed))
+    }
+
     async fn ask<T, E: From<StoreError>>(&self, job: impl FnOnce(Answer<T, E>) -> Job) -> Result<T, E> {
         let (answer, answered) = oneshot::channel();
         self.jobs.try_send(job(answer)).map_err(|error| match error {
@@ -406,8 +424,17 @@ impl Keeper {
 fn keep(mut store: impl Store, mut waiting: Receiver<Job>) {
     let mut next = None;
     while let Some(job) = next.take().or_else(|| waiting.blocking_recv()) {
-        next = carry_out(&mut store, job, &mut waiting);
+        match job {
+            Job::End(answer) => return end(store, answer),
+            job => next = carry_out(&mut store, job, &mut waiting),
+        }
     }
+}
+
+/// Closes the store before the caller goes on, who may end the process.
+fn end(store: impl Store, answer: Answer<()>) {
+    drop(store);
+    drop(answer.send(Ok(())));
 }
 
 /// Does a job, and for appends those right behind it. Returns the first job that was taken and is not done.
@@ -459,6 +486,8 @@ fn carry_out(store: &mut impl Store, job: Job, waiting: &mut Receiver<Job>) -> O
         }
         Job::OwedStops(answer) => drop(answer.send(store.owed_stops())),
         Job::ForgetOwedStop(robot, answer) => drop(answer.send(store.forget_owed_stop(&robot))),
+        // The callers of this function end with this job.
+        Job::End(answer) => drop(answer.send(Err(StoreError::Closed))),
     }
     None
 }

@@ -163,3 +163,24 @@ async fn values_grow_old_also_while_a_new_connection_gets_no_answer() {
         .await;
     assert!(begun.elapsed() < Duration::from_secs(3), "{:?}: {state}", begun.elapsed());
 }
+
+/// The files of a folder and of the folders in it.
+fn files(folder: &std::path::Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let names = entries.flat_map(|path| match path.is_dir() {
+        true => files(&path),
+        false => vec![path.file_name().unwrap().to_string_lossy().into_owned()],
+    });
+    names.collect()
+}
+
+#[tokio::test]
+async fn an_orderly_end_leaves_no_logs_of_the_files_beside_them() {
+    let hall = Hall::start().await;
+    hall.until("press", |state| signal(state, "world-0")["quality"] == "fresh").await;
+    let beside = |files: &[String]| files.iter().any(|name| name.ends_with("-wal") || name.ends_with("-shm"));
+    assert!(beside(&files(hall.data.path())), "the gateway writes logs");
+    hall.gateway.shutdown().await.unwrap();
+    let left = files(hall.data.path());
+    assert!(left.contains(&"control.db".to_owned()) && !beside(&left), "{left:?}");
+}
