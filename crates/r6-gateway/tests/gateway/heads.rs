@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use r6_api::gateway::Role;
-use r6_gateway::{Gateway, PublicKey, VerifyError, verify};
+use r6_gateway::{Gateway, GatewayError, PublicKey, VerifyError, verify};
 use serde_json::Value;
 
 use crate::support::{call, settings};
@@ -31,6 +31,12 @@ async fn a_head_that_was_fetched_proves_the_log_until_its_end_is_cut_off() {
     let engineer = r6_gateway::make_token(&data, Role::Engineer, None, String::new()).unwrap().1;
     let gateway = Gateway::start(settings(&data, Vec::new())).await.unwrap();
     let (told, key, note) = head(gateway.address(), &engineer).await;
+    // What was given out is stored, so that the next start knows it too.
+    let control = rusqlite::Connection::open(data.join("control.db")).unwrap();
+    let stored: String =
+        control.query_row("SELECT text FROM audit_head WHERE what = 'end'", [], |row| row.get(0)).unwrap();
+    drop(control);
+    assert_eq!(stored, note);
     // A token, the key and a start.
     assert_eq!(told["number"].as_u64(), Some(3), "{told}");
     let (_, audit) = call(gateway.address(), &engineer, "GET", "/v1/audit?after=1", None).await;
@@ -47,6 +53,9 @@ async fn a_head_that_was_fetched_proves_the_log_until_its_end_is_cut_off() {
     assert!(r6_gateway::backup(&data, &to, false, |_| ()).unwrap().problems.is_empty());
     assert!(!to.join("audit.key").exists());
     assert_eq!(verify(&to, &[key], Some(&note)).unwrap().stored.unwrap().number, 4);
+    let refused = Gateway::start(settings(&to, Vec::new())).await.unwrap_err();
+    assert!(matches!(&refused, GatewayError::IsBackup(folder) if *folder == to), "{refused}");
+    assert!(!to.join("lock").exists(), "nothing was written there");
     assert!(r6_gateway::restore(&new, &to, |_| ()).unwrap().problems.is_empty());
     let verified = verify(&new, &[key], Some(&note)).unwrap();
     assert_eq!((verified.entries, verified.stored), (5, None), "what is restored is signed anew");

@@ -421,6 +421,23 @@ fn a_hangup_exchanges_the_rules_of_raw_ports() {
     gateway.signal("HUP");
     assert!(gateway.line().starts_with("read "));
     assert!(ask().contains(r#""queryData":["7"]"#));
+
+    // A file that is right, with robots that cannot be: none of it counts, the rules neither.
+    hall("allow = \"deny\"\n");
+    let same = format!("[[robot]]\nname = \"saw\"\naddress = \"{}\"\n", robot.address());
+    let text = same + &std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, text).unwrap();
+    gateway.signal("HUP");
+    let mut errors = gateway.close_stdin().lines();
+    let told = errors.find(|line| line.as_ref().unwrap().contains("nothing was changed")).unwrap().unwrap();
+    assert!(told.starts_with(&format!("r6: {path}: nothing was changed")), "{told}");
+    assert!(ask().contains(r#""queryData":["7"]"#));
+    let engineer = token(&data, "engineer");
+    until(|| {
+        let audit = get(&url, &engineer, "/v1/audit").1;
+        let rules = audit["entries"].as_array()?.iter().rfind(|entry| entry["what"] == "raw_rules")?;
+        (rules["rules"][0]["allow"] == "read").then_some(())
+    });
     assert_eq!(gateway.end("TERM"), Some(0));
 }
 
