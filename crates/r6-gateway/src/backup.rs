@@ -356,7 +356,7 @@ mod tests {
         crate::make_token(&data, Role::Admin, None, "mine".to_owned()).unwrap();
         let mut store = Sqlite::open(&data).unwrap();
         let press = RobotName::new("press").unwrap();
-        let saved = Saved { number: 7, stopped: false, identity: None };
+        let saved = Saved { number: 7, ..Saved::default() };
         store.save_seat(&press, &saved).unwrap();
         std::fs::create_dir_all(data.join("tls")).unwrap();
         std::fs::write(data.join("tls/key.pem"), "key").unwrap();
@@ -386,12 +386,13 @@ mod tests {
         let mut store = Sqlite::open_existing(&new).unwrap();
         let seat = store.seat(&RobotName::new("press").unwrap()).unwrap();
         assert_eq!((seat.number, seat.stopped), (1_000_007, true), "no number is given out twice");
+        assert_eq!(seat.stopped_by.unwrap().by, "shell");
         // It was added to the configuration and never answered, or it comes later.
         let silent = RobotName::new("silent").unwrap();
         let seat = store.seat(&silent).unwrap();
         assert_eq!((seat.number, seat.stopped, seat.identity), (1_000_000, true, None));
         // Its own seat holds once there is one.
-        store.save_seat(&silent, &Saved { number: 1_000_001, stopped: false, identity: None }).unwrap();
+        store.save_seat(&silent, &Saved { number: 1_000_001, ..Saved::default() }).unwrap();
         let seat = store.seat(&silent).unwrap();
         assert_eq!((seat.number, seat.stopped), (1_000_001, false));
         store.close().unwrap();

@@ -470,11 +470,6 @@ fn lock(folder: &Path) -> Result<File, GatewayError> {
     }
 }
 
-/// The gateway, for what it does by itself or because its file was read.
-fn by_itself() -> By {
-    By { actor: "gateway".to_owned(), source: None }
-}
-
 fn record(robot: Option<String>, deed: Deed) -> AuditRecord {
     let (time, actor) = (clock::time_of_day(), "gateway".to_owned());
     AuditRecord { time, actor, source: None, robot, deed }

@@ -45,7 +45,9 @@ pub fn draw() -> Result<(String, [u8; 32]), getrandom::Error> {
 pub struct Known {
     /// Its number.
     pub number: i64,
-    /// Its number and name, for people.
+    /// What people call it; empty if it has no name.
+    pub name: String,
+    /// `token`, its number and name, for people: `token 3 (screen)`.
     pub label: String,
     /// What it allows.
     pub grant: Grant,
@@ -182,8 +184,9 @@ impl Tokens {
         let tokens = self.keeper.tokens().await?;
         *read_at = now;
         let known = tokens.into_iter().map(|Token { number, hash, grant, name }| {
-            let label = if name.is_empty() { number.to_string() } else { format!("{number} ({name})") };
-            (hash, Arc::new(Known { number, label, grant }))
+            let named = if name.is_empty() { String::new() } else { format!(" ({name})") };
+            let label = format!("token {number}{named}");
+            (hash, Arc::new(Known { number, name, label, grant }))
         });
         let known: BTreeMap<_, _> = known.collect();
         let valid: BTreeSet<_> = known.values().map(|known| known.number).collect();

@@ -21,7 +21,9 @@ function snapshot(name: string, signals: Signal[], part: object = {}): LiveSent 
     virtual: true,
     lease: null,
     stopped: false,
+    stopped_by: null,
     stops_under_way: 0,
+    global_speed: null,
     period_ms: 100,
     epoch: 7,
     number: 1,
@@ -70,11 +72,22 @@ test("link, lease and stop follow the events", () => {
   expect(summary().lease?.number).toBe(4);
   tell({ event: "lease_ended", lease: 4, holder: "anna", cause: "released" });
   expect(summary().lease).toBeNull();
-  tell({ event: "stop_began", by: "anna" });
+  tell({ event: "stop_began", by: "gateway", holds: false });
+  tell({ event: "stop_ended", confirmed: true });
+  expect([summary().stopped, summary().stopped_by, summary().stops_under_way]).toEqual([false, null, 0]);
+  tell({ event: "stop_began", by: "anna", holds: true, time: "10:42" });
+  tell({ event: "stop_began", by: "ben", holds: true, time: "10:43" });
+  tell({ event: "stop_ended", confirmed: true });
   tell({ event: "stop_ended", confirmed: true });
   expect([summary().stopped, summary().stops_under_way]).toEqual([true, 0]);
+  expect(summary().stopped_by).toEqual({ by: "anna", at: "10:42" });
   tell({ event: "stop_cleared" });
-  expect(summary().stopped).toBe(false);
+  expect([summary().stopped, summary().stopped_by]).toEqual([false, null]);
+  const set = { percent: 5, by: "anna", at: "10:44" };
+  tell({ event: "global_speed", set });
+  expect(summary().global_speed).toEqual(set);
+  tell({ event: "global_speed", set: null });
+  expect(summary().global_speed).toBeNull();
   tell({ event: "link_down" }, 5_000);
   expect([summary().link, store.robots.get("saw")!.downSince]).toEqual(["down", 5_000]);
   tell({ event: "link_up" });

@@ -155,12 +155,18 @@ export class Store {
       case "lease_ended":
         // A later lease may have begun already.
         return lease !== null && lease.number > event.lease ? false : set({ lease: null });
-      case "stop_began":
-        return set({ stopped: true, stops_under_way: stops + 1 });
+      case "stop_began": {
+        if (!event.holds) return set({ stops_under_way: stops + 1 });
+        // The first stop since the last that was cleared is the one that holds.
+        const by = robot.summary.stopped_by ?? { by: event.by, at: event.time };
+        return set({ stopped: true, stopped_by: by, stops_under_way: stops + 1 });
+      }
       case "stop_ended":
         return set({ stops_under_way: Math.max(0, stops - 1) });
       case "stop_cleared":
-        return set({ stopped: false });
+        return set({ stopped: false, stopped_by: null });
+      case "global_speed":
+        return set({ global_speed: event.set });
       default:
         return false;
     }

@@ -20,7 +20,9 @@ function view(name: string, part: Partial<View> = {}, summary: Partial<RobotSumm
     twin_of: null,
     lease: null,
     stopped: false,
+    stopped_by: null,
     stops_under_way: 0,
+    global_speed: null,
     ...summary,
   };
   const rest = { mode: 2, alarm: 0, moving: false, homed: true, left: 0, program: null, parts: null, downSince: null };

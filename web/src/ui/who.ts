@@ -2,6 +2,7 @@
 import type { Session } from "../api/types.ts";
 import type { en } from "../i18n/en.ts";
 
-export function whoOf({ user, token, role }: Session, words: typeof en): string {
-  return `${user ?? words.token(token ?? 0)} · ${words.role(role)}`;
+export function whoOf({ user, token, token_name: name, role }: Session, words: typeof en): string {
+  const named = name ? ` (${name})` : "";
+  return `${user ?? words.token(token ?? 0) + named} · ${words.role(role)}`;
 }

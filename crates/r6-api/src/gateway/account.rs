@@ -67,6 +67,10 @@ pub struct Session {
     /// The number of the token; `null` for a user.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub token: Option<i64>,
+    /// What people call the token; `null` for a user, and for a token without a name.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub token_name: Option<String>,
     /// What the caller may do.
     pub role: Role,
     /// The only robot; `null` for all.

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{IdentityChange, RobotIdentity, Role, RunEnd, RunState, Shift, UnseenBecause};
+use super::{
+    ActedBy, GlobalSpeed, IdentityChange, RobotIdentity, Role, RunEnd, RunState, Shift, UnseenBecause,
+};
 use crate::Code;
 
 /// Something that happened, in the stream of `GET /v1/events`.
@@ -62,6 +64,10 @@ pub enum Happened {
     StopBegan {
         /// By which user, token or raw client.
         by: String,
+        /// Whether it holds until it is cleared. A stop by which the gateway ends a run does not.
+        #[serde(default)]
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        holds: bool,
     },
     /// A stop came to its end.
     StopEnded {
@@ -112,8 +118,18 @@ pub enum Happened {
         state: RunState,
         /// Why.
         because: RunEnd,
+        /// Who stopped the robot, and when, if `because` is `stop` or `lease_taken`; `null` otherwise.
+        #[serde(default)]
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        stopped_by: Option<ActedBy>,
         /// How many steps are done, as far as was seen.
         done: usize,
+    },
+    /// The global speed was set over the gateway, or it is not known any more which one was set.
+    GlobalSpeed {
+        /// The speed; `null` if it is not known.
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        set: Option<GlobalSpeed>,
     },
     /// `curAlarm` became this code.
     AlarmBegan {

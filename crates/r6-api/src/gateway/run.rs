@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::LeaseKey;
+use super::{ActedBy, LeaseKey};
 
 /// A request to run a program. It has either `program` or `name`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -149,6 +149,10 @@ pub struct Run {
     /// Why it ended; `null` while it is under way.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub because: Option<RunEnd>,
+    /// Who stopped the robot, and when, if `because` is `stop` or `lease_taken`; `null` otherwise.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub stopped_by: Option<ActedBy>,
     /// What proves the end; `null` unless it is done.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub proof: Option<RunProof>,

@@ -44,6 +44,16 @@ impl Order {
         }
     }
 
+    /// The global speed that it sets, in percent.
+    #[must_use]
+    pub fn global_speed(&self) -> Option<f64> {
+        match self {
+            // On the wire it has steps of 0.1 %.
+            Self::Command(Command::ModifyGspd { percent }) => Some((percent * 10.0).round() / 10.0),
+            Self::Command(_) | Self::List { .. } => None,
+        }
+    }
+
     /// Its word: that of the command, or `AddRCC`.
     #[must_use]
     pub fn word(&self) -> &'static str {
@@ -111,6 +121,7 @@ mod tests {
             assert_eq!((order.effect(), order.runs_leftover()), (effect, leftover), "{order}");
             let is_speed = matches!(order, Order::Command(Command::ModifyGspd { .. }));
             assert_eq!(order.disturbs_run(), !is_speed, "{order}");
+            assert_eq!(order.global_speed(), is_speed.then_some(5.0), "{order}");
             assert_eq!(order.to_string(), shown);
         }
         assert!(list(true, 11).to_string().ends_with("path speed, …"));

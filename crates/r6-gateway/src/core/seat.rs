@@ -3,22 +3,25 @@
 //! A [`Seat`] knows the lease, the stop that holds, the identity and the link of one robot. It alone makes a
 //! [`Permit`], and the fleet sends nothing that changes or moves without one. Times are those of one clock
 //! that counts suspend. [`Seat::generation`] grows whenever all permits made so far are void. `run.rs` has
-//! the run of a program, `panel.rs` the panel of a virtual robot, which needs no permit.
+//! the run of a program, `panel.rs` the panel of a virtual robot, which needs no permit. `speed.rs` knows the
+//! global speed as it was last set.
 
 mod panel;
 mod permit;
 mod run;
+mod speed;
 #[cfg(test)]
 mod tests;
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use r6_api::gateway::{IdentityChange, LeaseEnd, RobotIdentity};
+use r6_api::gateway::{ActedBy, GlobalSpeed, IdentityChange, LeaseEnd, RobotIdentity};
 use r6_proto::time::Instant;
 
 pub use permit::{Denied, Permit};
 pub use run::{Cut, Left, Ticket};
+pub use speed::SpeedAnswer;
 
 /// The shortest lease that can be asked for.
 pub const SHORTEST_LEASE: Duration = Duration::from_secs(2);
@@ -82,6 +85,8 @@ pub struct Saved {
     pub number: u64,
     /// Whether a stop holds.
     pub stopped: bool,
+    /// Who made the stop that holds, and when; `None` if none holds or that is not known.
+    pub stopped_by: Option<ActedBy>,
     /// The robot that this name stands for; `None` until one has answered.
     pub identity: Option<RobotIdentity>,
 }
@@ -111,6 +116,8 @@ pub enum Noticed {
     LinkUp,
     /// It does not answer.
     LinkDown,
+    /// The global speed was set, or it is not known any more.
+    GlobalSpeed(Option<GlobalSpeed>),
 }
 
 #[derive(Clone, Debug)]
@@ -153,6 +160,8 @@ pub struct Seat {
     runs: u64,
     /// Whether a list of an earlier run may still be at the robot.
     owes_stop: bool,
+    /// The global speed as it was last set.
+    speed: speed::Speed,
     /// For how long an observation of the mode counts.
     fresh_for: Duration,
     generation: u64,
@@ -188,6 +197,7 @@ impl Seat {
             run: None,
             runs: 0,
             owes_stop: false,
+            speed: speed::Speed::default(),
             fresh_for,
             generation: 0,
             noticed: VecDeque::new(),
@@ -354,6 +364,14 @@ impl Seat {
         self.void_permits();
     }
 
+    /// Notes who made the stop that holds, unless that is known, and of a run who cut it short.
+    pub fn name_stop(&mut self, who: &ActedBy) {
+        if self.saved.stopped {
+            self.saved.stopped_by.get_or_insert_with(|| who.clone());
+        }
+        self.name_cut(who);
+    }
+
     /// A stop or a pause came to its end, whatever its outcome.
     pub fn stop_ends(&mut self) {
         self.stops_under_way = self.stops_under_way.saturating_sub(1);
@@ -369,6 +387,7 @@ impl Seat {
             return Err(Denied::StopUnderWay);
         }
         self.saved.stopped = false;
+        self.saved.stopped_by = None;
         Ok(())
     }
 
@@ -383,6 +402,7 @@ impl Seat {
             Some(_) if self.stranger.as_ref() == Some(&found) => {}
             Some(_) => {
                 self.stranger = Some(found);
+                self.forget_speed();
                 self.void_permits();
                 self.end_lease(LeaseEnd::IdentityChanged);
                 self.noticed.extend(self.identity_change().map(Noticed::IdentityChanged));
@@ -400,14 +420,16 @@ impl Seat {
             return Err(Denied::AnotherIdentity);
         }
         self.saved.identity = self.stranger.take();
-        // Another robot has no list of an earlier run.
+        // Another robot has no list of an earlier run, and a speed of its own.
         self.owes_stop = false;
+        self.forget_speed();
         self.run.iter_mut().for_each(|run| run.is_elsewhere = true);
         Ok(())
     }
 
     /// Forgets which robot this name stands for. The next robot that answers is the robot of this name.
     pub fn forget_identity(&mut self) {
+        self.forget_speed();
         self.saved.identity = None;
         self.stranger = None;
     }
@@ -422,6 +444,7 @@ impl Seat {
             }
             Some(_) => {}
         }
+        self.seen_for_speed(connection, asked_at);
         self.link = Some(Link { connection, seen_at: asked_at, manual });
     }
 
@@ -439,6 +462,7 @@ impl Seat {
     pub fn reconfigured(&mut self) {
         self.reconfiguring = false;
         self.end_lease(LeaseEnd::Reconfigured);
+        self.forget_speed();
         self.link_lost();
         self.stranger = None;
     }

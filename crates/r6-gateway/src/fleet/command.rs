@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use r6_api::Code;
 use r6_api::gateway::{
-    AuditRecord, CommandDone, CommandOutcome, Deed, Happened, Lease, LeaseKey, RobotIdentity, Stopped,
+    ActedBy, AuditRecord, CommandDone, CommandOutcome, Deed, GlobalSpeed, Happened, Lease, LeaseKey,
+    RobotIdentity, Stopped,
 };
 use r6_client::{Address, NotSent, OutcomeUnknown, RequestError, Robot};
 use r6_proto::{Command, Effect};
@@ -16,7 +17,7 @@ use super::link::to_client;
 use super::station::{By, MAX_COMMANDS, MAX_STOPS, Station, millis};
 use crate::clock;
 use crate::core::order::Order;
-use crate::core::seat::{Ask, Denied, Granted, Key, Secret};
+use crate::core::seat::{Ask, Denied, Granted, Key, Secret, SpeedAnswer};
 use crate::problem::Problem;
 use crate::secret;
 
@@ -184,6 +185,7 @@ impl Station {
         }
 
         let sent = order.to_string();
+        let percent = order.global_speed();
         let send = async {
             // What was true before the disk had its turn may not be true any more.
             let permit = self.seat(|seat, now| seat.permit(now, key, order));
@@ -193,9 +195,25 @@ impl Station {
             let answer = self.send(&robot, permit).await;
             answer.map_err(|error| (outcome(&error), self.problem_of(&error, key, effect)))
         };
+        let send = self.noting_speed(by, percent, send);
         let (command_id, accepted) = self.recorded(by, &sent, key.number, send).await?;
         let after_ms = clock::milliseconds(accepted.after);
         Ok(CommandDone { command_id: Some(command_id), sent, after_ms })
+    }
+
+    /// Sends a command, and notes the global speed in percent that it sets, if it does.
+    async fn noting_speed<T>(
+        &self,
+        by: &By,
+        percent: Option<f64>,
+        send: impl Future<Output = Result<T, (CommandOutcome, Problem)>>,
+    ) -> Result<T, (CommandOutcome, Problem)> {
+        let Some(percent) = percent else { return send.await };
+        self.seat(|seat, _| seat.speed_leaves());
+        let answer = send.await;
+        let failed = answer.as_ref().err().map(|(outcome, _)| *outcome);
+        self.seat(|seat, _| seat.speed_answered(speed_answer(by, percent, failed)));
+        answer
     }
 
     /// Sends something to the robot. Its intent is on the disk before `send` begins, its outcome after.
@@ -305,8 +323,9 @@ impl Station {
     pub(super) fn begin_stop(&self, by: &By, request: &str, written: bool) {
         self.seat_noting(|seat, _| {
             seat.stop_begins();
+            seat.name_stop(&by.acts());
             let record = written.then(|| {
-                self.publish(Happened::StopBegan { by: by.actor.clone() });
+                self.publish(Happened::StopBegan { by: by.actor.clone(), holds: true });
                 self.record(by, Deed::StopBegan { request: request.to_owned() })
             });
             ((), record)
@@ -449,6 +468,18 @@ fn ask(by: &By, lasts: Duration) -> Result<Ask, Problem> {
     secret::fill(&mut bytes)
         .map_err(|error| Problem::new(Code::StoreUnavailable, format!("no random numbers: {error}")))?;
     Ok(Ask { holder: by.actor.clone(), lasts, secret: Secret(bytes) })
+}
+
+/// What became of a command that sets the global speed. `failed`: how, if it was not accepted.
+fn speed_answer(by: &By, percent: f64, failed: Option<CommandOutcome>) -> SpeedAnswer {
+    match failed {
+        None | Some(CommandOutcome::Accepted) => {
+            let ActedBy { by, at } = by.acts();
+            SpeedAnswer::Set(GlobalSpeed { percent, by, at })
+        }
+        Some(CommandOutcome::NotSent | CommandOutcome::Refused) => SpeedAnswer::Unchanged,
+        Some(CommandOutcome::Unknown) => SpeedAnswer::Unknown,
+    }
 }
 
 fn outcome(error: &RequestError) -> CommandOutcome {

@@ -31,7 +31,7 @@ use tokio::time::{Instant, timeout};
 
 use self::answer::{again, keep_answer};
 use self::end::{Ended, Halted, Outcome};
-use super::station::{By, Station};
+use super::station::{By, Station, by_itself};
 use crate::clock;
 use crate::core::library::ProgramName;
 use crate::core::seat::{Cut, Key, Left, Ticket};
@@ -119,7 +119,7 @@ impl Drop for Taken {
         let (state, because) = (RunState::Unknown, RunEnd::OutcomeUnknown);
         station.runs.send_replace(Some(run.clone()));
         station.counts.count_run(state);
-        station.publish(Happened::RunEnded { run_id, state, because, done });
+        station.publish(Happened::RunEnded { run_id, state, because, stopped_by: None, done });
         if let Ok(runtime) = tokio::runtime::Handle::try_current() {
             let last = LastWrite { run, answer: None, owed: true, record };
             runtime.spawn(Arc::clone(station).keep_end(last));
@@ -199,6 +199,7 @@ impl Station {
             began_at: time.clone(),
             ended_at: None,
             because: None,
+            stopped_by: None,
             proof: None,
             detail: String::new(),
         };
@@ -244,7 +245,9 @@ impl Station {
         let cut = self.seat(|seat, _| seat.cut(ticket));
         let halted = self.halt(&robot, connection, cut, &outcome).await;
         drop(sending);
-        let ended = Ended::of(outcome, cut, halted);
+        // An admin who takes the lease stops the robot a moment later.
+        let stopped_by = self.seat(|seat, _| seat.run_stopped_by(ticket));
+        let ended = Ended::of(outcome, cut, stopped_by, halted);
         // Before the disk has its turn: the robot may answer again meanwhile.
         self.seat(|seat, _| seat.leave(ticket, ended.left));
         self.end(under_way, ended).await;
@@ -318,9 +321,9 @@ impl Station {
 
     /// Stops the arm and clears the list, and tells of it. Unlike a stop of a person, it does not hold.
     async fn stop_list(&self, robot: &Robot) -> Halted {
-        let by = By { actor: "gateway".to_owned(), source: None };
+        let by = by_itself();
         let sending = self.sending();
-        self.publish(Happened::StopBegan { by: by.actor.clone() });
+        self.publish(Happened::StopBegan { by: by.actor.clone(), holds: false });
         self.note(&by, Deed::StopBegan { request: "stop".to_owned() });
         let answer = robot.stop().await;
         drop(sending);
@@ -369,9 +372,10 @@ impl Station {
 
     /// Ends a run: the store has its end, then the robot is free.
     async fn end(self: &Arc<Self>, mut under_way: UnderWay, ended: Ended) {
-        let Ended { state, because, proof, detail, left, problem } = ended;
+        let Ended { state, because, stopped_by, proof, detail, left, problem } = ended;
         let run = &mut under_way.run;
         (run.state, run.because, run.proof) = (state, Some(because), proof);
+        run.stopped_by.clone_from(&stopped_by);
         if state == RunState::Done {
             run.done = run.steps;
         }
@@ -403,7 +407,7 @@ impl Station {
         self.seat(|seat, _| {
             // A reader that learns of the end can begin the next run at once.
             self.runs.send_replace(Some(run));
-            self.publish(Happened::RunEnded { run_id, state, because, done });
+            self.publish(Happened::RunEnded { run_id, state, because, stopped_by, done });
             seat.end_run(under_way.ticket, left);
         });
         if let Some(to) = under_way.answer.take() {

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use r6_api::AddressValue;
 use r6_api::gateway::{
-    AuditRecord, Deed, Happened, LeaseEnd, LeaseHolder, RobotLink, RobotState, RobotSummary, Run, Signal,
-    SignalQuality,
+    ActedBy, AuditRecord, Deed, Happened, LeaseEnd, LeaseHolder, RobotLink, RobotState, RobotSummary, Run,
+    Signal, SignalQuality,
 };
 use r6_api::status::is_virtual;
 use r6_client::{Address, Permission, Robot};
@@ -140,10 +140,22 @@ pub struct Kept {
 /// Who asks for something.
 #[derive(Clone, Debug)]
 pub struct By {
-    /// The name of the user, or the number and the name of the token.
+    /// The name of the user, or `token` with its number and its name.
     pub actor: String,
     /// The address that the request came from.
     pub source: Option<String>,
+}
+
+impl By {
+    /// The caller, who acts now.
+    pub(super) fn acts(&self) -> ActedBy {
+        ActedBy { by: self.actor.clone(), at: clock::time_of_day() }
+    }
+}
+
+/// The gateway, for what it does by itself.
+pub(crate) fn by_itself() -> By {
+    By { actor: "gateway".to_owned(), source: None }
 }
 
 /// Who answers at the address of a robot.
@@ -340,8 +352,13 @@ impl Station {
         let mut held = self.held();
         let now = clock::now();
         let generation = held.seat.generation();
+        let was_stopped = held.seat.stops().0;
         held.seat.handle_timeout(now);
         let (result, record) = act(&mut held, now);
+        if held.seat.stops().0 && !was_stopped {
+            // A stop of a caller has its name already. Without one, the gateway lets a stop hold.
+            held.seat.name_stop(&by_itself().acts());
+        }
         if held.seat.generation() != generation {
             std::mem::take(&mut held.permission).withdraw();
         }
@@ -557,7 +574,7 @@ impl Station {
     /// Publishes what the seat noticed. Returns whether there is something to write.
     fn tell(&self, held: &mut Held, noticed: Noticed) -> bool {
         let robot = self.name();
-        let mut by = By { actor: "gateway".to_owned(), source: None };
+        let mut by = by_itself();
         let (happened, deed) = match noticed {
             Noticed::LeaseBegan { number, holder } => {
                 tracing::info!(robot, lease = number, %holder, "a lease began");
@@ -589,6 +606,7 @@ impl Station {
                 );
                 (Happened::LinkDown {}, None)
             }
+            Noticed::GlobalSpeed(set) => (Happened::GlobalSpeed { set }, None),
         };
         self.publish(happened);
         let writes = deed.is_some();
@@ -618,6 +636,8 @@ impl Station {
                 holder: lease.holder,
                 expires_in_ms: millis(lease.left),
             });
+            let stopped_by = seat.saved().stopped_by.clone();
+            let global_speed = seat.global_speed(now).cloned();
             let named = identity.as_ref().and_then(|robot| robot.machine_name.as_deref().map(is_virtual));
             RobotSummary {
                 name: self.name().to_owned(),
@@ -633,7 +653,9 @@ impl Station {
                 identity_changed,
                 lease,
                 stopped,
+                stopped_by,
                 stops_under_way,
+                global_speed,
             }
         })
     }

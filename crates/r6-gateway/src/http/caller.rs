@@ -34,15 +34,23 @@ pub struct Caller {
     source: Option<SocketAddr>,
 }
 
+/// What a caller has proved to be.
 #[derive(Clone, Debug)]
-enum Who {
+pub enum Who {
+    /// A token was sent.
     Token(Arc<Known>),
     /// A browser with a session for this token.
     Page(Arc<Known>, Page),
+    /// A browser with a session of a user.
     User(SignedIn),
 }
 
 impl Caller {
+    /// What the caller has proved to be.
+    pub fn who(&self) -> &Who {
+        &self.who
+    }
+
     /// Who it is, for the audit log.
     pub fn by(&self) -> By {
         let actor = match &self.who {

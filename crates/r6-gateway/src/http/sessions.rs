@@ -12,13 +12,12 @@ use r6_http::Refusal;
 use r6_proto::time::Instant;
 
 use super::body::Json;
-use super::caller::{Caller, Source, User};
+use super::caller::{Caller, Source, User, Who};
 use super::described::{OfBody, OfChange, OfToken};
 use super::{State, cookie, refusal};
 use crate::accounts::SignedIn;
 use crate::clock;
-use crate::core::role::Grant;
-use crate::tokens::Page;
+use crate::tokens::{Known, Page};
 
 /// Signs a user in: sets the cookie `r6_session`; with TLS it is `__Host-r6_session`. The answer has the
 /// `csrf` that every later request with the cookie needs in `X-CSRF-Token`, unless it is a `GET`. A session
@@ -83,7 +82,7 @@ pub async fn sign_in_with_token(
         Refusal::new(StatusCode::SERVICE_UNAVAILABLE, Code::StoreUnavailable, message)
     })?;
     tracing::info!(token = token.label, "a browser signed in with a token");
-    let session = of_token(&token.grant, token.number, Some(&page));
+    let session = of_token(&token, Some(&page));
     let headers =
         [(SET_COOKIE, cookie::set(&secret.0, state.is_secure)), (CACHE_CONTROL, "no-store".to_owned())];
     Ok((headers, axum::Json(session)).into_response())
@@ -95,8 +94,11 @@ pub async fn sign_in_with_token(
     OfToken,
 ))]
 pub async fn show(caller: Caller) -> impl IntoResponse {
-    let of_this = || of_token(caller.grant(), caller.token().unwrap_or_default(), caller.page());
-    let session = caller.session().map_or_else(of_this, of_user);
+    let session = match caller.who() {
+        Who::Token(token) => of_token(token, None),
+        Who::Page(token, page) => of_token(token, Some(page)),
+        Who::User(signed_in) => of_user(signed_in),
+    };
     ([(CACHE_CONTROL, "no-store")], axum::Json(session))
 }
 
@@ -160,6 +162,7 @@ fn of_user(signed_in: &SignedIn) -> Session {
     Session {
         user: Some(account.name.to_string()),
         token: None,
+        token_name: None,
         role: account.grant.role,
         robot: account.grant.only.as_ref().map(ToString::to_string),
         csrf: Some(signed_in.csrf.clone()),
@@ -168,10 +171,12 @@ fn of_user(signed_in: &SignedIn) -> Session {
     }
 }
 
-fn of_token(grant: &Grant, number: i64, page: Option<&Page>) -> Session {
+fn of_token(token: &Known, page: Option<&Page>) -> Session {
+    let Known { number, name, grant, .. } = token;
     Session {
         user: None,
-        token: Some(number),
+        token: Some(*number),
+        token_name: Some(name.clone()).filter(|name| !name.is_empty()),
         role: grant.role,
         robot: grant.only.as_ref().map(ToString::to_string),
         csrf: page.map(|page| page.csrf.clone()),

@@ -5,7 +5,7 @@ mod programs;
 mod runs;
 
 use r6_api::gateway::{
-    AuditRecord, CommandOutcome, Deed, ProgramType, RobotIdentity, Role, Run, RunEnd, RunState,
+    ActedBy, AuditRecord, CommandOutcome, Deed, ProgramType, RobotIdentity, Role, Run, RunEnd, RunState,
 };
 
 use self::programs::version;
@@ -250,10 +250,11 @@ fn a_seat_is_kept_and_its_number_never_falls() {
         let (press, saw) = (RobotName::new("press").unwrap(), RobotName::new("saw").unwrap());
         assert_eq!(store.seat(&press), Ok(Saved::default()));
         let identity = RobotIdentity { axis_count: Some(6), ..RobotIdentity::default() };
-        let saved = Saved { number: 7, stopped: true, identity: Some(identity) };
+        let stopped_by = Some(ActedBy { by: "token 1 (r6 up)".to_owned(), at: author().time });
+        let saved = Saved { number: 7, stopped: true, stopped_by, identity: Some(identity) };
         store.save_seat(&press, &saved).unwrap();
         assert_eq!(store.seat(&press), Ok(saved.clone()));
-        let cleared = Saved { stopped: false, identity: None, ..saved };
+        let cleared = Saved { stopped: false, stopped_by: None, identity: None, ..saved };
         store.save_seat(&press, &cleared).unwrap();
         assert_eq!((store.seat(&press), store.seat(&saw)), (Ok(cleared), Ok(Saved::default())));
     });

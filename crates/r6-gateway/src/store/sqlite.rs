@@ -9,7 +9,7 @@ mod users;
 use std::path::{Path, PathBuf, absolute};
 use std::time::Duration;
 
-use r6_api::gateway::{AuditRecord, RobotIdentity, Run};
+use r6_api::gateway::{ActedBy, AuditRecord, RobotIdentity, Run};
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params};
 
 use self::tables::TABLES;
@@ -157,14 +157,17 @@ impl Sqlite {
     /// # Errors
     /// [`StoreError`].
     pub fn stop_all(&mut self, record: &AuditRecord) -> Result<(), StoreError> {
+        let by = ActedBy { by: record.actor.clone(), at: record.time.clone() };
+        let by = to_json(&by)?;
         let transaction = self.write()?;
         transaction.execute(
-            "INSERT INTO seat (robot, lease_number, stopped) VALUES ('', 0, 1) ON CONFLICT DO NOTHING",
+            "INSERT INTO seat (robot, lease_number, stopped) VALUES ('', 0, 0) ON CONFLICT DO NOTHING",
             [],
         )?;
         transaction.execute(
-            "UPDATE seat SET stopped = 1, lease_number = lease_number + ?1",
-            [LEASES_SINCE_BACKUP],
+            "UPDATE seat SET stopped_by = CASE stopped WHEN 1 THEN stopped_by ELSE ?2 END, stopped = 1,
+             lease_number = lease_number + ?1",
+            params![LEASES_SINCE_BACKUP, by],
         )?;
         // Another gateway may go on from here. So this one gets a key of its own, and signs anew.
         transaction.execute("DELETE FROM audit_head WHERE what = 'end'", [])?;
@@ -257,6 +260,10 @@ fn append_in(transaction: &Transaction<'_>, records: &[AuditRecord]) -> Result<u
         insert.execute(params![number, body, head.bytes()])?;
     }
     Ok(last + 1)
+}
+
+fn to_json(of: &impl serde::Serialize) -> Result<String, StoreError> {
+    serde_json::to_string(of).map_err(|error| StoreError::Unreadable(error.to_string()))
 }
 
 fn grant(word: &str, only: Option<String>) -> Result<Grant, StoreError> {
@@ -409,29 +416,32 @@ impl Store for Sqlite {
         let row = self
             .connection
             .prepare_cached(
-                "SELECT lease_number, stopped, identity FROM seat WHERE robot IN (?1, '')
+                "SELECT lease_number, stopped, identity, stopped_by FROM seat WHERE robot IN (?1, '')
                  ORDER BY robot = '' LIMIT 1",
             )?
             .query_row([robot.as_str()], |row| {
-                Ok((row.get(0)?, row.get(1)?, row.get::<_, Option<String>>(2)?))
+                let (identity, by): (Option<String>, Option<String>) = (row.get(2)?, row.get(3)?);
+                Ok((row.get(0)?, row.get(1)?, identity, by))
             })
             .optional()?;
-        let Some((number, stopped, identity)) = row else { return Ok(Saved::default()) };
+        let Some((number, stopped, identity, by)) = row else { return Ok(Saved::default()) };
+        let unreadable = |error: serde_json::Error| StoreError::Unreadable(format!("{robot}: {error}"));
         let identity = identity.map(|text| serde_json::from_str::<RobotIdentity>(&text)).transpose();
-        let identity = identity.map_err(|error| StoreError::Unreadable(format!("{robot}: {error}")))?;
-        Ok(Saved { number, stopped, identity })
+        let by = by.map(|text| serde_json::from_str::<ActedBy>(&text)).transpose();
+        let stopped_by = by.map_err(unreadable)?;
+        Ok(Saved { number, stopped, stopped_by, identity: identity.map_err(unreadable)? })
     }
 
     fn save_seat(&mut self, robot: &RobotName, saved: &Saved) -> Result<(), StoreError> {
-        let identity = saved.identity.as_ref().map(serde_json::to_string).transpose();
-        let identity = identity.map_err(|error| StoreError::Unreadable(error.to_string()))?;
+        let identity = saved.identity.as_ref().map(to_json).transpose()?;
+        let by = saved.stopped_by.as_ref().map(to_json).transpose()?;
         let transaction = self.write()?;
         // A number that was given out once is never given out again.
         transaction.execute(
-            "INSERT INTO seat (robot, lease_number, stopped, identity) VALUES (?1, ?2, ?3, ?4)
+            "INSERT INTO seat (robot, lease_number, stopped, identity, stopped_by) VALUES (?1, ?2, ?3, ?4, ?5)
              ON CONFLICT (robot) DO UPDATE SET lease_number = max(lease_number, excluded.lease_number),
-             stopped = excluded.stopped, identity = excluded.identity",
-            params![robot.as_str(), saved.number, saved.stopped, identity],
+             stopped = excluded.stopped, identity = excluded.identity, stopped_by = excluded.stopped_by",
+            params![robot.as_str(), saved.number, saved.stopped, identity, by],
         )?;
         transaction.commit()?;
         Ok(())

@@ -76,7 +76,7 @@ async fn an_alarm_is_acknowledged_once_and_is_another_one_when_it_comes_again() 
     let comment = json!({ "comment": "guard door" });
     let (status, told) = hall.acknowledge(&hall.operator, &first, &comment).await;
     assert_eq!((status, &told["acknowledged"]["comment"]), (200, &json!("guard door")));
-    assert_eq!(told["acknowledged"]["by"], "2 (operator)");
+    assert_eq!(told["acknowledged"]["by"], "token 2 (operator)");
     let (status, again) = hall.acknowledge(&hall.engineer, &first, &json!({})).await;
     assert_eq!((status, &again["acknowledged"]), (200, &told["acknowledged"]), "the first one stays");
     assert_eq!(hall.until_alarms(|_| true).await[0]["acknowledged"], told["acknowledged"]);
@@ -88,12 +88,12 @@ async fn an_alarm_is_acknowledged_once_and_is_another_one_when_it_comes_again() 
     };
     assert!(is_of_values("alarm_began"));
     assert_eq!((&event["alarm"], &event["comment"]), (&first["id"], &json!("guard door")));
-    assert_eq!((&event["by"], &event["robot"]), (&json!("2 (operator)"), &json!("press")));
+    assert_eq!((&event["by"], &event["robot"]), (&json!("token 2 (operator)"), &json!("press")));
     let audit = hall.audit().await;
     let entries: Vec<_> = audit.iter().filter(|entry| entry["what"] == "alarm_acknowledged").collect();
     let [entry] = &entries[..] else { panic!("{entries:#?}") };
     assert_eq!((&entry["alarm"], &entry["code"]), (&first["id"], &json!(7)));
-    assert_eq!((&entry["robot"], &entry["actor"]), (&json!("press"), &json!("2 (operator)")));
+    assert_eq!((&entry["robot"], &entry["actor"]), (&json!("press"), &json!("token 2 (operator)")));
     assert!(entry["source"].as_str().unwrap().starts_with("127.0.0.1:"), "{entry}");
     assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["lease"], json!(null), "it took no lease");
     let read = crate::support::signal(&hall.get(&hall.viewer, "/v1/robots/press").await, "curAlarm").clone();
@@ -105,7 +105,7 @@ async fn an_alarm_is_acknowledged_once_and_is_another_one_when_it_comes_again() 
     assert_eq!(second["acknowledged"], json!(null));
     let both = hall.until_alarms(|alarms| alarms.len() == 2).await;
     assert_eq!((&both[1]["id"], &both[1]["state"]), (&first["id"], &json!("ended")));
-    assert_eq!(both[1]["acknowledged"]["by"], "2 (operator)");
+    assert_eq!(both[1]["acknowledged"]["by"], "token 2 (operator)");
     assert!(both[1]["until"].as_str() > both[1]["since"].as_str(), "{both:#?}");
     // An alarm that ended is acknowledged too.
     hall.clear().await;
@@ -124,7 +124,7 @@ async fn a_shelf_holds_for_the_code_until_its_time_ends() {
     let wanted = json!({ "for_ms": 60_000, "reason": "door is being mended" });
     let (status, told) = hall.shelve(&first, &wanted).await;
     assert_eq!((status, &told["shelved"]["reason"]), (200, &json!("door is being mended")));
-    assert_eq!(told["shelved"]["by"], "3 (engineer)");
+    assert_eq!(told["shelved"]["by"], "token 3 (engineer)");
     hall.clear().await;
     let second = hall.emergency().await;
     assert_eq!((&second["shelved"], &second["acknowledged"]), (&told["shelved"], &json!(null)));

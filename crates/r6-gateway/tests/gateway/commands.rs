@@ -1,10 +1,13 @@
 //! Commands: what needs the lease, what reaches the controller, and what the audit log has of it.
 
+use std::time::Duration;
+
 use r6_controller::StartState;
+use r6_gateway::RobotConfig;
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
 
-use crate::support::{Hall, commands, ready_to_start, signal};
+use crate::support::{Hall, Stream, commands, name, ready_to_start, signal, way};
 
 #[tokio::test]
 async fn a_command_needs_role_and_lease_and_stands_in_the_audit_log() {
@@ -26,7 +29,7 @@ async fn a_command_needs_role_and_lease_and_stands_in_the_audit_log() {
     let (intent, outcome) = (entry("command_intent"), entry("command_outcome"));
     assert_eq!(intent["number"], done["command_id"]);
     assert_eq!((&intent["command"], &intent["lease"]), (&json!("modifyGSPD \"50\""), &lease["number"]));
-    assert_eq!((&intent["actor"], &intent["robot"]), (&json!("2 (operator)"), &json!("press")));
+    assert_eq!((&intent["actor"], &intent["robot"]), (&json!("token 2 (operator)"), &json!("press")));
     assert!(intent["source"].as_str().unwrap().starts_with("127.0.0.1:"), "{intent}");
     assert_eq!((&outcome["intent"], &outcome["outcome"]), (&intent["number"], &json!("accepted")));
     let refused = audit.iter().filter(|entry| entry["what"] == "refused");
@@ -119,4 +122,37 @@ async fn a_start_button_with_the_lease_moves_the_arm() {
     let (status, done) = hall.command(&hall.operator, "press", &lease, "startButton").await;
     assert_eq!(status, 200, "{done}");
     hall.until("press", |state| signal(state, "isMoving")["value"] == true).await;
+}
+
+#[tokio::test]
+async fn the_global_speed_is_shown_as_last_set_until_the_controller_may_have_restarted() {
+    let robot = VirtualController::start().await.unwrap();
+    let (through, cut) = way(robot.address()).await;
+    let press = RobotConfig {
+        period: Duration::from_millis(20),
+        ..RobotConfig::new(name("press"), through.to_string())
+    };
+    let hall = Hall::at(tempfile::tempdir().unwrap(), vec![press], vec![robot]).await;
+    hall.until_up("press").await;
+    let speed = async || hall.get(&hall.viewer, "/v1/robots/press").await["global_speed"].clone();
+    assert_eq!(speed().await, json!(null), "the protocol does not tell it");
+    let lease = hall.lease(&hall.operator, "press").await;
+    let mut events = Stream::open(hall.gateway.address(), &hall.viewer, "/v1/events", "").await;
+    assert_eq!(hall.command(&hall.operator, "press", &lease, "modifyGSPD 5").await.0, 200);
+    let set = speed().await;
+    assert_eq!((&set["percent"], &set["by"]), (&json!(5.0), &json!("token 2 (operator)")), "{set}");
+    let mut told = async || loop {
+        let event = events.next().await.unwrap();
+        if event.kind == "global_speed" {
+            return event.data["set"].clone();
+        }
+    };
+    assert_eq!(told().await, set);
+
+    cut.send(true).unwrap();
+    hall.until("press", |state| state["link"] == "down").await;
+    hall.until("press", |state| state["global_speed"].is_null()).await;
+    cut.send(false).unwrap();
+    hall.until_up("press").await;
+    assert_eq!((speed().await, told().await), (json!(null), json!(null)));
 }

@@ -21,7 +21,7 @@ async fn one_holds_the_lease_and_the_other_is_told_who() {
         );
     }
     let seen = hall.get(&hall.viewer, "/v1/robots/press").await["lease"].clone();
-    assert_eq!((&seen["number"], &seen["holder"]), (&first["number"], &json!("2 (operator)")));
+    assert_eq!((&seen["number"], &seen["holder"]), (&first["number"], &json!("token 2 (operator)")));
     assert_eq!(seen.get("secret"), None);
 
     // The number alone is not enough, nor is the secret.
@@ -135,7 +135,10 @@ async fn the_audit_log_tells_who_gave_a_lease_back() {
     let (status, _) = hall.call(&hall.engineer, "DELETE", LEASE, Some(&json!({ "lease": lease }))).await;
     assert_eq!(status, 204);
     let ended = hall.until_audited(|entry| entry["what"] == "lease_ended").await;
-    assert_eq!((&ended["actor"], &ended["holder"]), (&json!("3 (engineer)"), &json!("2 (operator)")));
+    assert_eq!(
+        (&ended["actor"], &ended["holder"]),
+        (&json!("token 3 (engineer)"), &json!("token 2 (operator)"))
+    );
     assert!(ended["source"].as_str().unwrap().starts_with("127.0.0.1:"), "{ended}");
     // The gateway ends the next one by itself.
     let (status, lease) = hall.post(&hall.operator, LEASE, &json!({ "duration_ms": 2000 })).await;

@@ -150,7 +150,7 @@ async fn a_move_by_hand_needs_the_lease_and_the_key_an_engineer_and_both_are_in_
     };
     let intent = of("command_intent", "number", done["command_id"].clone());
     let told = (&intent["command"], &intent["actor"], &intent["lease"]);
-    assert_eq!(told, (&json!(jogged), &json!("2 (operator)"), &lease["number"]), "{intent}");
+    assert_eq!(told, (&json!(jogged), &json!("token 2 (operator)"), &lease["number"]), "{intent}");
     assert_eq!(of("command_outcome", "intent", done["command_id"].clone())["outcome"], "accepted");
     // The action that the machine refused has both entries, too.
     let refused =
@@ -205,7 +205,7 @@ async fn a_stop_at_the_panel_needs_no_lease_and_holds_for_starts_and_moves_by_ha
 
     let is_stop = |entry: &Value| entry["what"] == "stop" && entry["request"] == "panel estop";
     let stop = cell.hall.until_audited(is_stop).await;
-    assert_eq!((&stop["confirmed"], &stop["actor"]), (&json!(true), &json!("3 (engineer)")));
+    assert_eq!((&stop["confirmed"], &stop["actor"]), (&json!(true), &json!("token 3 (engineer)")));
     cell.hall.until_audited(|entry| entry["what"] == "stop_began" && entry["request"] == "panel estop").await;
 }
 

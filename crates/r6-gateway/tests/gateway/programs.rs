@@ -199,7 +199,7 @@ async fn programs_are_kept_with_their_versions_and_an_old_version_overwrites_not
     assert_eq!((made.status, &made.body["version"], &made.body["ok"]), (201, &json!(1), &json!(true)));
     assert_eq!(
         (&made.body["stored_by"], &made.body["kind"]),
-        (&json!("3 (engineer)"), &json!("instructions"))
+        (&json!("token 3 (engineer)"), &json!("instructions"))
     );
     let first = made.etag.clone().unwrap();
     assert_eq!(made.body["etag"], first.as_str());
@@ -257,7 +257,7 @@ async fn programs_are_kept_with_their_versions_and_an_old_version_overwrites_not
         told.iter().map(|entry| (entry["what"].as_str().unwrap(), &entry["version"])).collect();
     let (one, two) = (json!(1), json!(2));
     assert_eq!(whats, [("program_stored", &one), ("program_stored", &two), ("program_removed", &two)]);
-    assert!(told.iter().all(|entry| entry["actor"] == "3 (engineer)" && entry["robot"].is_null()));
+    assert!(told.iter().all(|entry| entry["actor"] == "token 3 (engineer)" && entry["robot"].is_null()));
 }
 
 #[tokio::test]

@@ -90,7 +90,7 @@ async fn an_admin_adds_changes_and_removes_a_robot_and_the_others_go_on() {
     ];
     assert_eq!(told, wanted);
     let configured = hall.until_audited(|entry| entry["what"] == "robot_removed").await;
-    assert_eq!((&configured["actor"], &configured["robot"]), (&json!("4 (admin)"), &json!("saw")));
+    assert_eq!((&configured["actor"], &configured["robot"]), (&json!("token 4 (admin)"), &json!("saw")));
     let configured =
         hall.audit().await.into_iter().filter(|entry| entry["what"] == "robot_configured").count();
     assert_eq!(configured, 2);

@@ -271,6 +271,13 @@ async fn somebody_who_stops_the_robot_ends_the_run_and_the_stop_holds() {
         let run = hall.until_over(number).await;
         assert_eq!((&run["state"], &run["because"]), (&json!("stopped"), &json!("stop")), "{run:#}");
         assert!(hall.stands().await);
+        let (by, at) = (&run["stopped_by"]["by"], run["stopped_by"]["at"].as_str().unwrap());
+        assert_eq!(by, "token 3 (engineer)");
+        assert!(run["began_at"].as_str().unwrap() < at && at <= run["ended_at"].as_str().unwrap(), "{run:#}");
+        assert!(
+            run["detail"].as_str().unwrap().starts_with("token 3 (engineer) stopped the robot"),
+            "{run:#}"
+        );
         let state = hall.get(&hall.viewer, "/v1/robots/press").await;
         assert_eq!((&state["stopped"], &state["lease"]["number"]), (&json!(true), &lease["number"]));
         let body = json!({ "program": moves(100, &[1.0]), "lease": lease });
@@ -290,6 +297,7 @@ async fn an_admin_who_takes_the_lease_stops_the_run_first() {
     assert!(hall.stands().await);
     let run = hall.run_of(number).await;
     assert_eq!((&run["state"], &run["because"]), (&json!("stopped"), &json!("lease_taken")), "{run:#}");
+    assert_eq!(run["stopped_by"]["by"], "token 4 (admin)");
 }
 
 #[tokio::test]

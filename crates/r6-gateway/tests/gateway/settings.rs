@@ -57,7 +57,7 @@ async fn settings_are_changed_by_version_audited_and_kept() {
     let entries: Vec<_> = audit.iter().filter(|entry| entry["what"] == "settings_changed").collect();
     let [entry] = &entries[..] else { panic!("{entries:#?}") };
     assert_eq!((&entry["time_zone"], &entry["version"]), (&json!("Europe/Berlin"), &json!(1)));
-    assert_eq!((&entry["shifts"], &entry["actor"]), (&berlin()["shifts"], &json!("4 (admin)")));
+    assert_eq!((&entry["shifts"], &entry["actor"]), (&berlin()["shifts"], &json!("token 4 (admin)")));
 
     let hall = hall.again(Vec::new(), Vec::new()).await;
     let kept = call_with(hall.gateway.address(), &hall.viewer, "GET", SETTINGS, "", None).await;

@@ -5,7 +5,7 @@ use std::time::Duration;
 use futures_util::StreamExt as _;
 use futures_util::stream::FuturesUnordered;
 use r6_gateway::{Gateway, RobotConfig};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::support::{Hall, call, commands, name, ready_to_start, settings, signal};
 
@@ -41,7 +41,7 @@ async fn a_stop_without_lease_stops_a_moving_arm_and_holds_until_it_is_cleared()
     let (status, done) = hall.command(&hall.operator, "press", &lease, "startButton").await;
     assert_eq!(status, 200, "{done}");
     let stop = hall.until_audited(|entry| entry["what"] == "stop").await;
-    assert_eq!((&stop["confirmed"], &stop["actor"]), (&json!(true), &json!("3 (engineer)")));
+    assert_eq!((&stop["confirmed"], &stop["actor"]), (&json!(true), &json!("token 3 (engineer)")));
     hall.until_audited(|entry| entry["what"] == "stop_cleared").await;
 }
 
@@ -135,7 +135,7 @@ async fn stops_in_a_loop_are_all_made_and_written_once_a_minute() {
     let audit = hall.audit().await;
     let actors: Vec<_> =
         audit.iter().filter(|entry| entry["what"] == "stop").map(|entry| &entry["actor"]).collect();
-    assert_eq!(actors, [&json!("2 (operator)"), &json!("3 (engineer)")], "each caller once");
+    assert_eq!(actors, [&json!("token 2 (operator)"), &json!("token 3 (engineer)")], "each caller once");
 }
 
 #[tokio::test]
@@ -183,4 +183,30 @@ async fn a_start_that_waited_for_the_disk_is_not_sent_after_a_stop_although_that
     assert_eq!((status, &problem["code"]), (409, &json!("not_ready")), "{problem}");
     assert!(!commands(&mut log).iter().any(|command| command.contains("startButton")));
     assert!(!hall.robots[0].handle().snapshot().moving);
+}
+
+#[tokio::test]
+async fn all_see_who_stopped_the_robot_until_it_is_cleared() {
+    let hall = Hall::start().await;
+    let by = |state: &Value| state["stopped_by"]["by"].clone();
+    assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stopped_by"], json!(null));
+    assert_eq!(hall.stop(&hall.engineer, "press").await.0, 200);
+    let state = hall.get(&hall.viewer, "/v1/robots/press").await;
+    assert_eq!(by(&state), "token 3 (engineer)");
+    let at = state["stopped_by"]["at"].clone();
+    let began = hall.until_audited(|entry| entry["what"] == "stop_began").await;
+    assert_eq!(at.as_str().unwrap()[..19], began["time"].as_str().unwrap()[..19]);
+    // The stop holds since the first one.
+    assert_eq!(hall.stop(&hall.admin, "press").await.0, 200);
+    assert_eq!(hall.get(&hall.viewer, "/v1/robots").await["robots"][0]["stopped_by"]["at"], at);
+    // It is known after a restart, too.
+    let config = RobotConfig::new(name("press"), hall.robots[0].address().to_string());
+    let mut hall = hall;
+    let robots = std::mem::take(&mut hall.robots);
+    let hall = hall.again(vec![config], robots).await;
+    assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stopped_by"]["at"], at);
+    hall.until_up("press").await;
+    let lease = json!({ "lease": hall.lease(&hall.operator, "press").await });
+    assert_eq!(hall.post(&hall.operator, "/v1/robots/press/clear-stopped", &lease).await.0, 204);
+    assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stopped_by"], json!(null));
 }

@@ -132,10 +132,8 @@ impl fmt::Display for Denied {
                  secret with each command",
             ),
             Self::Leased { holder, left } => {
-                // A token's label begins with its number; that of a raw client says so itself.
-                let what = if holder.starts_with(|first: char| first.is_ascii_digit()) { "token " } else { "" };
                 let left = left.as_millis();
-                write!(f, "{what}{holder} holds the lease for {left} ms more, unless it is renewed")
+                write!(f, "{holder} holds the lease for {left} ms more, unless it is renewed")
             }
             Self::BeingTaken => f.write_str("an admin is taking the lease, and the robot is being stopped"),
             Self::Stopped => f.write_str(

@@ -8,7 +8,7 @@
 //! If the robot is out of reach, its list may still run. Then the seat *owes a stop*: nothing that changes or
 //! moves is permitted until the shell has stopped that list.
 
-use r6_api::gateway::LeaseEnd;
+use r6_api::gateway::{ActedBy, LeaseEnd};
 use r6_proto::time::Instant;
 
 use super::permit::{Denied, Permit};
@@ -56,6 +56,8 @@ pub(super) struct Run {
     ticket: Ticket,
     key: Key,
     pub(super) cut: Option<Cut>,
+    /// Who made the stop that cut it short.
+    stopped_by: Option<ActedBy>,
     /// Whether the seat knows what it leaves.
     has_left: bool,
     /// Whether another robot was accepted since. It has no list of this run.
@@ -76,7 +78,8 @@ impl Seat {
         self.void_permits();
         self.runs += 1;
         let ticket = Ticket(self.runs);
-        self.run = Some(Run { ticket, key, cut: None, has_left: false, is_elsewhere: false });
+        self.run =
+            Some(Run { ticket, key, cut: None, stopped_by: None, has_left: false, is_elsewhere: false });
         Ok(ticket)
     }
 
@@ -95,6 +98,12 @@ impl Seat {
     #[must_use]
     pub fn cut(&self, ticket: Ticket) -> Option<Cut> {
         self.run.as_ref().filter(|run| run.ticket == ticket)?.cut
+    }
+
+    /// Who stopped the robot, if that cut this run short: by a stop, or to take the lease.
+    #[must_use]
+    pub fn run_stopped_by(&self, ticket: Ticket) -> Option<ActedBy> {
+        self.run.as_ref().filter(|run| run.ticket == ticket)?.stopped_by.clone()
     }
 
     /// The run that was cut short and is not over, and by what.
@@ -179,6 +188,15 @@ impl Seat {
             && run.cut.is_none_or(|first| first.is_in_reach() && !cut.is_in_reach())
         {
             run.cut = Some(cut);
+        }
+    }
+
+    /// Notes who made the stop that cut the run short: the first one.
+    pub(super) fn name_cut(&mut self, who: &ActedBy) {
+        if let Some(run) = &mut self.run
+            && matches!(run.cut, Some(Cut::Stop | Cut::Lease(LeaseEnd::Taken)))
+        {
+            run.stopped_by.get_or_insert_with(|| who.clone());
         }
     }
 

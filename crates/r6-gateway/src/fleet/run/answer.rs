@@ -15,7 +15,7 @@ use crate::store::{Keeper, StoreError};
 #[serde(rename_all = "snake_case")]
 enum Answer {
     /// The controller accepted the first list.
-    Began(Run),
+    Began(Box<Run>),
     /// It did not.
     Refused(ApiProblem),
 }
@@ -44,7 +44,7 @@ pub(super) async fn keep_answer(
     answer: &Result<Run, (u64, Problem)>,
 ) -> Result<(), StoreError> {
     let (run_id, answer) = match answer {
-        Ok(run) => (run.run_id, Answer::Began(run.clone())),
+        Ok(run) => (run.run_id, Answer::Began(Box::new(run.clone()))),
         Err((run_id, Problem { code, message, .. })) => {
             (*run_id, Answer::Refused(ApiProblem { code: *code, message: message.clone() }))
         }
@@ -61,7 +61,7 @@ pub(super) fn again(known: KeptRun, hash: [u8; 32]) -> Result<Run, Problem> {
         return Err(Problem::new(Code::KeyTaken, message));
     }
     match known.answer.as_deref().map(serde_json::from_str::<Answer>) {
-        Some(Ok(Answer::Began(run))) => Ok(run),
+        Some(Ok(Answer::Began(run))) => Ok(*run),
         Some(Ok(Answer::Refused(ApiProblem { code, message }))) => Err(Problem::new(code, message)),
         None if !known.ended => {
             Err(Problem::new(Code::InProgress, format!("run {run_id} of this request is just beginning")))

@@ -1,7 +1,7 @@
 //! What became of a run: judged from how the motion ended, what cut the run short, and the stop after it.
 
 use r6_api::Code;
-use r6_api::gateway::{LeaseEnd, RunEnd, RunProof, RunState};
+use r6_api::gateway::{ActedBy, LeaseEnd, RunEnd, RunProof, RunState};
 use r6_client::{
     Cause, Done, DoubtAfterStop, EndProof, ListAfterStop, MotionError, NotSent, OperationMode, Progress,
     RequestError, StopReport, Unmet,
@@ -55,6 +55,8 @@ impl Halted {
 pub struct Ended {
     pub state: RunState,
     pub because: RunEnd,
+    /// Who stopped the robot, if that ended the run.
+    pub stopped_by: Option<ActedBy>,
     pub proof: Option<RunProof>,
     /// For people.
     pub detail: String,
@@ -65,8 +67,8 @@ pub struct Ended {
 }
 
 impl Ended {
-    /// Judges the end of a run.
-    pub fn of(outcome: Outcome, cut: Option<Cut>, halted: Halted) -> Self {
+    /// Judges the end of a run. `stopped_by`: who stopped the robot, if that cut it short.
+    pub fn of(outcome: Outcome, cut: Option<Cut>, stopped_by: Option<ActedBy>, halted: Halted) -> Self {
         let left = match halted {
             Halted::NotNeeded | Halted::Stands => Left::Nothing,
             Halted::NotProved => Left::NotStopped,
@@ -76,13 +78,13 @@ impl Ended {
             Outcome::Ended(Ok(done)) | Outcome::Halted(Ok(done), _) => return Self::done(&done, left),
             Outcome::Released(progress) => {
                 let because = cut.map_or(RunEnd::LinkLost, of_cut);
-                let detail = format!("{}; {progress}", words(because));
+                let detail = format!("{}; {progress}", words(because, stopped_by.as_ref()));
                 (because, detail, progress.left > 0, Code::NotReady)
             }
             Outcome::Ended(Err(error)) | Outcome::Halted(Err(error), _) => {
                 let because = cut.map_or_else(|| of_cause(&error.cause), of_cut);
                 let detail = match cut {
-                    Some(_) => format!("{}; {}", words(because), told(&error)),
+                    Some(_) => format!("{}; {}", words(because, stopped_by.as_ref()), told(&error)),
                     None => told(&error),
                 };
                 (because, detail, !error.nothing_left(), code(&error.cause))
@@ -106,7 +108,8 @@ impl Ended {
             _ => code,
         };
         let problem = Problem::new(code, detail.clone());
-        Self { state, because, proof: None, detail, left, problem }
+        let stopped_by = stopped_by.filter(|_| matches!(because, RunEnd::Stop | RunEnd::LeaseTaken));
+        Self { state, because, stopped_by, proof: None, detail, left, problem }
     }
 
     fn done(done: &Done, left: Left) -> Self {
@@ -121,7 +124,8 @@ impl Ended {
             EndProof::AtRest => (RunProof::AtRest, "the arm stands, and the list is empty".to_owned()),
         };
         let (state, because, proof) = (RunState::Done, RunEnd::Finished, Some(proof));
-        Self { state, because, proof, left, problem: Problem::new(Code::NotReady, detail.clone()), detail }
+        let problem = Problem::new(Code::NotReady, detail.clone());
+        Self { state, because, stopped_by: None, proof, left, problem, detail }
     }
 }
 
@@ -212,8 +216,15 @@ fn told(error: &MotionError) -> String {
     format!("nothing was sent: {}", told.collect::<Vec<_>>().join("; "))
 }
 
-fn words(because: RunEnd) -> &'static str {
-    match because {
+fn words(because: RunEnd, stopped_by: Option<&ActedBy>) -> String {
+    if let Some(ActedBy { by, .. }) = stopped_by {
+        match because {
+            RunEnd::Stop => return format!("{by} stopped the robot"),
+            RunEnd::LeaseTaken => return format!("{by} took the lease"),
+            _ => {}
+        }
+    }
+    let words = match because {
         RunEnd::LeaseExpired => "the lease was not renewed",
         RunEnd::LeaseReleased => "the lease was given back",
         RunEnd::LeaseTaken => "an admin took the lease",
@@ -223,7 +234,8 @@ fn words(because: RunEnd) -> &'static str {
         RunEnd::GatewayEnded => "the gateway ends",
         RunEnd::Stop => "the robot was stopped",
         _ => "the run was cut short",
-    }
+    };
+    words.to_owned()
 }
 
 #[cfg(test)]
@@ -245,7 +257,7 @@ mod tests {
             (Halted::NotProved, RunState::Unknown, Left::NotStopped),
             (Halted::OutOfReach, RunState::Unknown, Left::OutOfReach),
         ] {
-            let ended = Ended::of(error(Cause::StoppedHere, 5, 5), expired, halted);
+            let ended = Ended::of(error(Cause::StoppedHere, 5, 5), expired, None, halted);
             assert_eq!((ended.state, ended.left, ended.because), (state, left, RunEnd::LeaseExpired));
         }
     }
@@ -289,24 +301,25 @@ mod tests {
     #[test]
     fn what_never_left_is_refused_and_what_cannot_be_known_is_unknown() {
         let refused = |unmet| error(Cause::NotReady(vec![unmet]), 0, 0);
-        let ended = Ended::of(refused(Unmet::LeftoverList { length: 3 }), None, Halted::NotNeeded);
+        let ended = Ended::of(refused(Unmet::LeftoverList { length: 3 }), None, None, Halted::NotNeeded);
         assert_eq!((ended.state, ended.problem.code), (RunState::Refused, Code::LeftoverList));
-        let ended = Ended::of(refused(Unmet::Moving), None, Halted::NotNeeded);
+        let ended = Ended::of(refused(Unmet::Moving), None, None, Halted::NotNeeded);
         assert_eq!((ended.state, ended.problem.code), (RunState::Refused, Code::NotReady));
         assert_eq!(ended.detail, Cause::NotReady(vec![Unmet::Moving]).to_string());
-        let ended = Ended::of(refused(Unmet::Mode { found: OperationMode::Auto }), None, Halted::NotNeeded);
+        let ended =
+            Ended::of(refused(Unmet::Mode { found: OperationMode::Auto }), None, None, Halted::NotNeeded);
         assert!(ended.detail.contains("send the command startButton with the lease"), "{}", ended.detail);
         assert!(!ended.detail.contains("r6 command"), "{}", ended.detail);
         let alarm = || error(Cause::AlarmRaised { code: 3 }, 5, 5);
-        assert_eq!(Ended::of(alarm(), None, Halted::Stands).state, RunState::Failed);
-        assert_eq!(Ended::of(alarm(), None, Halted::NotProved).state, RunState::Unknown);
-        let gone = Ended::of(error(Cause::NotSeen, 9, 9), None, Halted::Stands);
+        assert_eq!(Ended::of(alarm(), None, None, Halted::Stands).state, RunState::Failed);
+        assert_eq!(Ended::of(alarm(), None, None, Halted::NotProved).state, RunState::Unknown);
+        let gone = Ended::of(error(Cause::NotSeen, 9, 9), None, None, Halted::Stands);
         assert_eq!((gone.state, gone.because), (RunState::Unknown, RunEnd::NotProved));
         // The first list was refused; some controllers run such lists all the same, so the arm was stopped.
         let reason = r6_client::Refused::InstructionList { reason: None };
-        let first = Ended::of(error(Cause::Refused(reason.clone()), 5, 0), None, Halted::Stands);
+        let first = Ended::of(error(Cause::Refused(reason.clone()), 5, 0), None, None, Halted::Stands);
         assert_eq!((first.state, first.problem.code), (RunState::Failed, Code::Refused));
-        let later = Ended::of(error(Cause::Refused(reason), 9, 5), None, Halted::Stands);
+        let later = Ended::of(error(Cause::Refused(reason), 9, 5), None, None, Halted::Stands);
         assert_eq!(later.state, RunState::Failed);
     }
 }

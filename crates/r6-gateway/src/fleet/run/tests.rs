@@ -45,6 +45,7 @@ impl Scene {
             began_at: clock::time_of_day(),
             ended_at: None,
             because: None,
+            stopped_by: None,
             proof: None,
             detail: String::new(),
         };

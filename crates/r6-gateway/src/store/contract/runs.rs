@@ -19,6 +19,7 @@ fn new_run(caller: &str, key: &str, now: u64) -> NewRun {
         began_at: "2026-01-01T00:00:00.000000Z".to_owned(),
         ended_at: None,
         because: None,
+        stopped_by: None,
         proof: None,
         detail: String::new(),
     };

@@ -2,7 +2,7 @@
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-pub const TABLES: [&str; 6] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS];
+pub const TABLES: [&str; 7] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY];
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
 /// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -119,4 +119,9 @@ CREATE TABLE audit_head (
     what TEXT PRIMARY KEY CHECK (what IN ('key', 'end', 'cut')),
     text TEXT NOT NULL
 ) STRICT;
+";
+
+/// Who made the stop that holds, and when, as JSON.
+const STOPPED_BY: &str = "
+ALTER TABLE seat ADD COLUMN stopped_by TEXT;
 ";
