@@ -87,12 +87,19 @@ impl fmt::Display for Press {
             Action::RaiseAlarm { alarm } => write!(f, "panel alarm {alarm}"),
             Action::Home {} => f.write_str("panel home"),
             Action::Jog { axis, by, speed_percent } => {
-                write!(f, "panel jog {} {by:+} --speed {speed_percent}", name(axis))
+                let sign = if *by < 0.0 { "" } else { "+" };
+                write!(f, "panel jog {} {sign}{} --speed {}", name(axis), number(*by), number(*speed_percent))
             }
             Action::ClearPoints {} => f.write_str("panel clear-points"),
             Action::SwitchProgram { program } => write!(f, "panel program {}", name(program)),
         }
     }
+}
+
+/// A number that the caller chose, which is not checked yet: with an exponent if it would be long without.
+fn number(chosen: f64) -> String {
+    let is_short = chosen == 0.0 || (1e-4..1e7).contains(&chosen.abs());
+    if is_short { chosen.to_string() } else { format!("{chosen:e}") }
 }
 
 #[cfg(test)]
@@ -145,5 +152,17 @@ mod tests {
         let program = "a\u{1b}[2J".to_owned() + &"b".repeat(200);
         let told = Press::new(Action::SwitchProgram { program }).to_string();
         assert!(told.len() < 100 && !told.contains('\u{1b}'), "{told}");
+    }
+
+    #[test]
+    fn a_number_that_the_caller_chose_is_not_long() {
+        for (by, speed, told) in [
+            ("-12.5", "20", "panel jog J1 -12.5 --speed 20"),
+            ("1e308", "1e-308", "panel jog J1 +1e308 --speed 1e-308"),
+            ("-1.7976931348623157e308", "0", "panel jog J1 -1.7976931348623157e308 --speed 0"),
+        ] {
+            let json = format!(r#"{{"do":"jog","axis":"J1","by":{by},"speed_percent":{speed}}}"#);
+            assert_eq!(press(&json).to_string(), told);
+        }
     }
 }

@@ -147,6 +147,8 @@ pub struct Seat {
     /// Whether an admin takes the lease: the robot is being stopped for that.
     taking: bool,
     stops_under_way: u32,
+    /// How many stops have begun.
+    stops_begun: u64,
     /// The robot that answers, if it is another than expected.
     stranger: Option<RobotIdentity>,
     link: Option<Link>,
@@ -190,6 +192,7 @@ impl Seat {
             lease: None,
             taking: false,
             stops_under_way: 0,
+            stops_begun: 0,
             stranger: None,
             link: None,
             closed: false,
@@ -249,6 +252,12 @@ impl Seat {
     #[must_use]
     pub fn stops(&self) -> (bool, u32) {
         (self.saved.stopped, self.stops_under_way)
+    }
+
+    /// How many stops have begun until now, also those that were cleared.
+    #[must_use]
+    pub fn stops_begun(&self) -> u64 {
+        self.stops_begun
     }
 
     /// Whether the robot answers and its state was read on this connection.
@@ -360,6 +369,7 @@ impl Seat {
     pub fn stop_begins(&mut self) {
         self.saved.stopped = true;
         self.stops_under_way = self.stops_under_way.saturating_add(1);
+        self.stops_begun += 1;
         self.cut_run(Cut::Stop);
         self.void_permits();
     }

@@ -16,9 +16,9 @@ use r6_proto::Effect;
 
 use super::command::{Told, check_list};
 use super::panel::{Failed, Panel};
-use super::station::{By, MAX_STOPS, Station};
+use super::station::{By, MAX_STOPS, Station, by_itself};
 use crate::core::panel::Press;
-use crate::core::seat::Key;
+use crate::core::seat::{Denied, Key};
 use crate::problem::Problem;
 
 impl Station {
@@ -101,21 +101,24 @@ impl Station {
                 robot.ok_or_else(|| untold(Problem::new(Code::NotReady, "there is no connection yet")))?;
             check_list(&robot).await.map_err(untold)?;
         }
+        let mut stops_before = None;
         let act = async {
             let line = panel.connect().await.map_err(|why| (CommandOutcome::NotSent, unreachable(&why)))?;
             // What was true before the disk and the connection had their turn may not be true any more.
-            self.seat(|seat, now| {
-                seat.check_press(now, key, press).and_then(|()| seat.check_asked(now, asked))
-            })
-            .map_err(|denied| (CommandOutcome::NotSent, denied.into()))?;
+            let checked = self.seat(|seat, now| {
+                seat.check_press(now, key, press).and_then(|()| seat.check_asked(now, asked))?;
+                Ok::<_, Denied>(seat.stops_begun())
+            });
+            stops_before = Some(checked.map_err(|denied| (CommandOutcome::NotSent, denied.into()))?);
             let _sending = self.sending();
             line.act(&press.action).await.map_err(problem_of)
         };
         let done = self.recorded(by, &press.to_string(), key.number, act).await;
-        if press.effect == Effect::Moves && self.seat(|seat, _| seat.stops().0) {
-            // No stop held when it was sent. The stop that began since may have come before it.
-            let gateway = By { actor: "gateway".to_owned(), source: None };
-            let _ = self.stop(&gateway).await;
+        let begun = self.seat(|seat, _| seat.stops_begun());
+        if press.effect == Effect::Moves && stops_before.is_some_and(|before| before != begun) {
+            // A stop that began since may have come to the machine before it, also if it was confirmed and cleared
+            // by now.
+            let _ = self.stop(&by_itself()).await;
         }
         let (command_id, panel) = done?;
         Ok(PanelDone { command_id: Some(command_id), panel })

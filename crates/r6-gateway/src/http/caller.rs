@@ -12,6 +12,7 @@ use axum::http::{Method, StatusCode};
 use r6_api::Code;
 use r6_http::{Guest, Peer, Refusal};
 
+use super::body::Json;
 use super::{State, cookie};
 use crate::accounts::{self, SignedIn};
 use crate::clock;
@@ -128,6 +129,20 @@ impl Caller {
             Who::User(signed_in) => state.accounts.request(&signed_in.user.account.name),
         };
         counted.map_err(Refusal::too_many)
+    }
+
+    /// The body of a request that may be a stop. What cannot be read is no stop, and counts as any request.
+    ///
+    /// # Errors
+    /// `too_many_requests`; what is wrong with the body.
+    pub fn of_body<T>(&self, state: &State, body: Result<Json<T>, Refusal>) -> Result<T, Refusal> {
+        match body {
+            Ok(Json(request)) => Ok(request),
+            Err(refusal) => {
+                self.count(state)?;
+                Err(refusal)
+            }
+        }
     }
 
     /// Whether the caller could come again now: streams end within a second when it could not.
@@ -351,7 +366,11 @@ impl<R: Needs> FromRequestParts<State> for Named<R> {
             caller.count(state)?;
         }
         let names = Path::<BTreeMap<String, String>>::from_request_parts(parts, state).await;
-        let name = names.ok().and_then(|Path(mut names)| names.remove("name")).unwrap_or_default();
+        let name = match names {
+            Ok(Path(mut names)) => names.remove("name").unwrap_or_default(),
+            // One of the names in the path is no text. If it is that of the robot, there is no such robot.
+            Err(_) => as_written(parts.uri.path()).to_owned(),
+        };
         if let Err(refusal) = caller.must(R::RIGHT, &name) {
             if R::RIGHT == Right::Stop {
                 // What is refused is no stop.
@@ -366,6 +385,11 @@ impl<R: Needs> FromRequestParts<State> for Named<R> {
         }
         Ok(Self { caller, name, right: PhantomData })
     }
+}
+
+/// The name of the robot in the path of a route about it, as it stands there. Real names need no `%`.
+fn as_written(path: &str) -> &str {
+    path.strip_prefix("/v1/robots/").and_then(|rest| rest.split('/').next()).unwrap_or_default()
 }
 
 /// The robot that a path names, for a caller who has the right `R` for it.

@@ -41,9 +41,10 @@ use crate::problem;
 pub async fn command(
     robot: Robot<Stop>,
     Of(state): Of<State>,
-    Json(request): Json<CommandRequest>,
+    body: Result<Json<CommandRequest>, Refusal>,
 ) -> Result<axum::Json<CommandDone>, Refusal> {
     let Robot { caller, station, .. } = robot;
+    let request = caller.of_body(&state, body)?;
     let command = read(&request.command, &request.arguments);
     let stops = command.as_ref().is_ok_and(|command| command.name().effect() == Effect::Stops);
     if !stops {

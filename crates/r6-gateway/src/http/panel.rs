@@ -66,9 +66,10 @@ pub async fn show(robot: Robot<Read>) -> Result<axum::Json<Snapshot>, Refusal> {
 pub async fn act(
     robot: Robot<Stop>,
     Of(state): Of<State>,
-    Json(request): Json<PanelRequest>,
+    body: Result<Json<PanelRequest>, Refusal>,
 ) -> Result<axum::Json<PanelDone>, Refusal> {
     let Robot { caller, station, .. } = robot;
+    let request = caller.of_body(&state, body)?;
     let press = Press::new(request.action);
     let by = caller.by();
     let work = if press.effect == Effect::Stops {

@@ -393,3 +393,48 @@ async fn strangers_who_hold_their_places_push_no_stop_out() {
         }
     }
 }
+
+#[tokio::test]
+async fn bodies_that_cannot_be_read_are_no_stops_and_count() {
+    let hall = Hall::start().await;
+    let (address, token) = (hall.gateway.address(), &hall.operator);
+    for path in ["commands", "panel"] {
+        let request = |end: &str| {
+            let head =
+                format!("POST /v1/robots/press/{path} HTTP/1.1\r\nHost: {address}\r\nContent-Length: 1\r\n");
+            let kind = "Content-Type: application/json\r\n";
+            format!("{head}{kind}Authorization: Bearer {token}\r\n{end}\r\n{{")
+        };
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        let all = request("").repeat(599) + &request("Connection: close\r\n");
+        let (mut reads, mut writes) = stream.split();
+        let mut answers = String::new();
+        let (written, read) =
+            tokio::join!(writes.write_all(all.as_bytes()), reads.read_to_string(&mut answers));
+        written.and(read).unwrap();
+        let count = |status: &str| answers.matches(&format!("HTTP/1.1 {status} ")).count();
+        assert!(count("429") > 0, "{path}: {} {}", count("400"), count("429"));
+        assert_eq!(count("400") + count("429"), 600, "{path}");
+    }
+    assert_eq!(hall.stop(token, "press").await.0, 200);
+}
+
+#[tokio::test]
+async fn a_part_of_a_path_that_is_no_text_is_named_by_its_own_problem() {
+    let hall = Hall::start().await;
+    let only = r6_gateway::make_token(hall.data.path(), Role::Engineer, Some(name("press")), String::new());
+    let only = only.unwrap().1;
+    for token in [&hall.engineer, &only] {
+        for (path, code) in [
+            ("press/alarms/%ff/acknowledge", "no_such_alarm"),
+            ("press/alarms/%FF%FE/acknowledge", "no_such_alarm"),
+        ] {
+            let (status, problem) = hall.post(token, &format!("/v1/robots/{path}"), &json!({})).await;
+            assert_eq!((status, &problem["code"]), (404, &json!(code)), "{path}");
+        }
+    }
+    let path = "/v1/robots/%ff/alarms/7/acknowledge";
+    let (status, problem) = hall.post(&hall.engineer, path, &json!({})).await;
+    assert_eq!((status, &problem["code"]), (404, &json!("no_such_robot")));
+    assert_eq!(hall.post(&only, path, &json!({})).await.0, 403);
+}

@@ -310,6 +310,16 @@ async fn an_action_without_an_answer_may_have_been_done() {
 
 #[tokio::test]
 async fn a_stop_that_overtakes_a_start_on_its_way_to_the_panel_is_sent_again_behind_it() {
+    overtake(false).await;
+}
+
+#[tokio::test]
+async fn a_stop_that_overtook_a_start_and_was_cleared_before_it_arrived_is_sent_again_too() {
+    overtake(true).await;
+}
+
+/// A start waits on its way to the panel while the robot is stopped and, perhaps, the stop is cleared.
+async fn overtake(is_cleared: bool) {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let slow = listener.local_addr().unwrap();
     let mut panel = slow;
@@ -332,6 +342,9 @@ async fn a_stop_that_overtakes_a_start_on_its_way_to_the_panel_is_sent_again_beh
         has_arrived.await.unwrap();
         let stopped = cell.hall.stop(&cell.hall.engineer, "press").await;
         assert_eq!(stopped.0, 200, "{stopped:?}");
+        if is_cleared {
+            cell.clear_stop(&lease).await;
+        }
         go.send(()).unwrap();
     };
     let ((status, started), ()) = tokio::join!(start, stop);
