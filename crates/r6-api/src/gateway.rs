@@ -20,8 +20,8 @@ mod settings;
 use serde::{Deserialize, Serialize};
 
 pub use account::{
-    PasswordChange, Secret, Session, Setup, SignIn, Token, TokenMade, TokenSignIn, TokenWanted, Tokens, User,
-    UserWanted, Users,
+    LinkSignIn, PasswordChange, Secret, Session, Setup, SignIn, Token, TokenMade, TokenSignIn, TokenWanted,
+    Tokens, User, UserWanted, Users,
 };
 pub use alarm::{
     AcknowledgeRequest, Acknowledged, RobotAlarm, RobotAlarmState, RobotAlarms, ShelveRequest, Shelved,

@@ -29,9 +29,9 @@ use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
 use crate::fleet::roster::{self, Changes};
 use crate::fleet::run;
-use crate::fleet::station::{By, Kept, Shared};
+use crate::fleet::station::{Kept, Shared, by_itself};
 use crate::history::{HistorySettings, Recorder};
-use crate::http::{self, State};
+use crate::http::{self, Cookie, State};
 use crate::problem::Problem;
 use crate::programs::bench::Bench;
 use crate::raw_port::{self, Door, RawPort, SharedPolicy};
@@ -188,7 +188,8 @@ impl Gateway {
             history.on.then(|| Recorder::start(&settings.data.join(HISTORY), history)).transpose()?;
         let shared = Shared::new(keeper, Roads::Tcp, history, epoch());
         let (robots, hall) = (settings.robot_settings, settings.hall);
-        let state = look_after(begun, shared, certificate.clone(), robots, hall, audit).await?;
+        let doors = (address.port(), certificate.clone());
+        let state = look_after(begun, shared, doors, robots, hall, audit).await?;
         let raw_policy = SharedPolicy::new(settings.raw_policy);
         let doors = match open(settings.raw, &state.fleet, &raw_policy) {
             Ok(doors) => doors,
@@ -248,6 +249,16 @@ impl Gateway {
         Ok(secret.map(|secret| format!("{scheme}://{host}/setup#{}", secret.0)))
     }
 
+    /// Makes a link to the dashboard that signs browsers in with the rights of the token with this number: its
+    /// secret. It is no token, works any number of times, and ends with the gateway.
+    ///
+    /// # Errors
+    /// The system has no random numbers.
+    pub fn sign_in_secret(&self, token: i64) -> io::Result<String> {
+        let secret = self.state.tokens.make_link(token).map_err(io::Error::other)?;
+        Ok(secret.0)
+    }
+
     /// Makes these rules those of all raw ports, from the next frame of each client on. The audit log tells
     /// of them, as soon as the disk takes it.
     pub fn set_raw_policy(&self, policy: RawPolicy) {
@@ -284,8 +295,8 @@ impl Gateway {
     }
 
     /// Ends the gateway in order: no new requests, then the outcomes of commands and stops that are under
-    /// way, the connections, and the last records. The files of its folder are closed, 5 s later at most. All leases end. Arms that a run moves are stopped; the
-    /// others go on with what they do.
+    /// way, the connections, the last records and, within 5 s, the files of its folder. All leases end. Arms
+    /// that a run moves are stopped; the others go on with what they do.
     ///
     /// # Errors
     /// The last record could not be written.
@@ -338,7 +349,7 @@ pub(crate) fn begin(store: &mut dyn Store, robots: Vec<RobotConfig>) -> Result<B
 pub(crate) async fn look_after(
     (robots, owed): Begun,
     shared: Shared,
-    certificate: Option<Certificate>,
+    (port, certificate): (u16, Option<Certificate>),
     robot_settings: RobotSettings,
     hall: Option<Hall>,
     (signer, audit): (Signer, AuditSettings),
@@ -350,6 +361,7 @@ pub(crate) async fn look_after(
     let fleet = Arc::new(Fleet::start(robots, &owed, Arc::clone(&shared)));
     let auditor = Arc::new(Auditor::new(shared.keeper.clone(), signer, audit));
     let (is_secure, bench) = (certificate.is_some(), Bench::new());
+    let cookie = Cookie::new(port, is_secure);
     Ok(State {
         fleet,
         tokens,
@@ -357,6 +369,7 @@ pub(crate) async fn look_after(
         auditor,
         shared,
         is_secure,
+        cookie,
         certificate,
         robot_settings,
         settings,

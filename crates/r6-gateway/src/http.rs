@@ -51,12 +51,14 @@ use utoipa::{Modify, OpenApi};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+use crate::DEFAULT_PORT;
 use crate::accounts::Accounts;
 use crate::auditor::Auditor;
 use crate::certificate::Certificate;
 use crate::fleet::Fleet;
 use crate::fleet::station::Shared;
 use crate::http::caller::Caller;
+pub use crate::http::cookie::Cookie;
 use crate::http::described::OfToken;
 use crate::programs::bench::Bench;
 use crate::settings::Settings;
@@ -77,6 +79,8 @@ pub struct State {
     pub shared: Arc<Shared>,
     /// Whether clients speak TLS with the gateway.
     pub is_secure: bool,
+    /// The cookie of its sessions.
+    pub cookie: Cookie,
     /// The certificate for that.
     pub certificate: Option<Certificate>,
     /// How to communicate with robots that are added.
@@ -109,9 +113,11 @@ impl Modify for Schemes {
         let scheme = SecurityScheme::Http(Http::new(HttpAuthScheme::Bearer));
         let components = api.components.get_or_insert_default();
         components.add_security_scheme("token", scheme);
-        let about = "Set by POST /v1/session. With TLS its name is __Host-r6_session. A request that is no GET \
-                     also needs the header X-CSRF-Token with the `csrf` of the session.";
-        let cookie = ApiKey::Cookie(ApiKeyValue::with_description(cookie::NAME, about));
+        let about = "Set by POST /v1/session. The number is the port that the gateway listens on. With TLS the name \
+                     is __Host-r6_session_9780. A request that is no GET also needs the header X-CSRF-Token with the \
+                     `csrf` of the session.";
+        let usual = Cookie::new(DEFAULT_PORT, false);
+        let cookie = ApiKey::Cookie(ApiKeyValue::with_description(usual.name(), about));
         components.add_security_scheme("session", SecurityScheme::ApiKey(cookie));
     }
 }
@@ -153,6 +159,7 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(production::show))
         .routes(routes!(sessions::sign_in, sessions::show, sessions::sign_out))
         .routes(routes!(sessions::sign_in_with_token))
+        .routes(routes!(sessions::sign_in_with_link))
         .routes(routes!(sessions::change_password))
         .routes(routes!(settings::show, settings::put))
         .routes(routes!(page::hall))

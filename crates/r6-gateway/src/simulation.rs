@@ -77,7 +77,15 @@ pub async fn start(
     let history = settings.history.map(|(folder, kept)| Recorder::in_task(&folder, kept));
     let shared = Shared::new(keeper, crate::fleet::roads::Roads::Simulated(roads), history, gateway::epoch());
     let audit = (signer, settings.audit.unwrap_or_default());
-    let state = gateway::look_after(saved, shared, None, settings.robot_settings, None, audit).await?;
+    let state = gateway::look_after(
+        saved,
+        shared,
+        (settings.address.port(), None),
+        settings.robot_settings,
+        None,
+        audit,
+    )
+    .await?;
     let mut server = JoinSet::new();
     let site = gateway::site(settings.address, settings.names, &state);
     server.spawn(r6_http::serve_plain(listener, http::router(state.clone(), site)));

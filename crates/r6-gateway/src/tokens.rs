@@ -53,6 +53,11 @@ pub struct Known {
     pub grant: Grant,
 }
 
+/// What people are told of a token: `token`, its number, and its name if it has one.
+pub fn label(number: i64, name: &str) -> String {
+    if name.is_empty() { format!("token {number}") } else { format!("token {number} ({name})") }
+}
+
 /// A browser that was given a session for a token.
 #[derive(Clone)]
 pub struct Page {
@@ -79,6 +84,8 @@ pub struct Tokens {
     rates: SyncMutex<BTreeMap<i64, Rate>>,
     /// Those of browsers, by the number of the token.
     sessions: SyncMutex<Sessions<i64>>,
+    /// The tokens that links stand for, by the hashes of their secrets. They end with the process.
+    links: SyncMutex<BTreeMap<[u8; 32], i64>>,
     read_at: Mutex<Instant>,
 }
 
@@ -90,7 +97,8 @@ impl Tokens {
     pub async fn read(keeper: Keeper) -> Result<Self, StoreError> {
         let (known, rates) = (RwLock::default(), SyncMutex::default());
         let (sessions, read_at) = (SyncMutex::default(), Mutex::new(Instant::ORIGIN));
-        let tokens = Self { keeper, known, rates, sessions, read_at };
+        let links = SyncMutex::default();
+        let tokens = Self { keeper, known, rates, sessions, links, read_at };
         tokens.refresh().await?;
         Ok(tokens)
     }
@@ -106,10 +114,35 @@ impl Tokens {
         self.known(&hash)
     }
 
+    /// Makes a link with which browsers get sessions for the token with this number: its secret. It opens any
+    /// number of sessions, so that a second browser can use it, or a browser whose session has ended. It ends
+    /// with the process. A token that leaks can send requests from anywhere; this secret gives only sessions,
+    /// which end, and whose pages are checked.
+    ///
+    /// # Errors
+    /// The system has no random numbers.
+    pub fn make_link(&self, number: i64) -> Result<Secret, getrandom::Error> {
+        let (text, hash) = secret::draw("")?;
+        self.links.lock().unwrap_or_else(PoisonError::into_inner).insert(hash, number);
+        Ok(Secret(text))
+    }
+
+    /// The token that the link with this secret stands for, if it is still valid.
+    pub fn of_link(&self, text: &str) -> Option<Arc<Known>> {
+        let links = self.links.lock().unwrap_or_else(PoisonError::into_inner);
+        let number = links.get(&secret::hash(text)).copied()?;
+        drop(links);
+        self.with_number(number)
+    }
+
+    fn with_number(&self, number: i64) -> Option<Arc<Known>> {
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        known.values().find(|known| known.number == number).cloned()
+    }
+
     /// Whether the token with this number is still valid.
     pub fn is_valid(&self, number: i64) -> bool {
-        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
-        known.values().any(|known| known.number == number)
+        self.with_number(number).is_some()
     }
 
     /// Begins a session of a browser for this token. Returns its secret, which is nowhere else.
@@ -131,8 +164,7 @@ impl Tokens {
     pub fn session(&self, text: &str) -> Option<(Arc<Known>, Page)> {
         let id = secret::hash(text);
         let session = self.sessions().request(&id, clock::now())?;
-        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
-        let token = known.values().find(|known| known.number == session.owner).cloned()?;
+        let token = self.with_number(session.owner)?;
         Some((token, Page { id, csrf: accounts::csrf(text), ends: session.ends() }))
     }
 
@@ -184,8 +216,7 @@ impl Tokens {
         let tokens = self.keeper.tokens().await?;
         *read_at = now;
         let known = tokens.into_iter().map(|Token { number, hash, grant, name }| {
-            let named = if name.is_empty() { String::new() } else { format!(" ({name})") };
-            let label = format!("token {number}{named}");
+            let label = label(number, &name);
             (hash, Arc::new(Known { number, name, label, grant }))
         });
         let known: BTreeMap<_, _> = known.collect();

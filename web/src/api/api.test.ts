@@ -2,16 +2,16 @@ import { expect, test } from "vitest";
 import { routeOf } from "../route.ts";
 import { clock, minutes } from "../i18n/format.ts";
 import { problemOf } from "./client.ts";
-import { tokenOf } from "./secret.ts";
+import { secretOf } from "./secret.ts";
 
-test("a token is read in both of its forms, and nothing else is", () => {
+test("a token and the secret of a link are read, and nothing else is", () => {
   const long = `r6_${"00ff10fb".repeat(8)}`;
   // The same bytes, as Python's base64.urlsafe_b64encode writes them, without `=`.
   const short = "AP8Q-wD_EPsA_xD7AP8Q-wD_EPsA_xD7AP8Q-wD_EPs";
-  expect(tokenOf(` ${long}\n`)).toBe(long);
-  expect(tokenOf(short)).toBe(long);
+  expect(secretOf(` ${long}\n`)).toEqual({ token: long });
+  expect(secretOf(short)).toEqual({ secret: long.slice(3) });
   for (const wrong of ["", "r6_00", long.toUpperCase(), short.slice(1), `${short}=`, "a b"]) {
-    expect(tokenOf(wrong), wrong).toBeNull();
+    expect(secretOf(wrong), wrong).toBeNull();
   }
 });
 

@@ -1,16 +1,19 @@
 /** The secret behind the `#` of the page's address. */
 
+/** What signs in: a token, or the secret of a link, which opens sessions and is no token. */
+export type Secret = { token: string } | { secret: string };
+
 /**
- * Reads a token: as `r6 gateway token` shows it, or in the short form of `r6 up`, which has the same 256 bits
- * as base64url. Returns the token as the gateway knows it; `null` if the text is none.
+ * Reads a token as `r6 gateway token` shows it, or the secret of the link of `r6 up`: 256 bits as base64url, which
+ * the gateway knows in hexadecimal. Returns `null` if the text is neither.
  */
-export function tokenOf(text: string): string | null {
+export function secretOf(text: string): Secret | null {
   const plain = text.trim();
-  if (/^r6_[0-9a-f]{64}$/.test(plain)) return plain;
+  if (/^r6_[0-9a-f]{64}$/.test(plain)) return { token: plain };
   if (!/^[A-Za-z0-9_-]{43}$/.test(plain)) return null;
   const bytes = atob(plain.replaceAll("-", "+").replaceAll("_", "/") + "=");
   const hex = Array.from(bytes, (byte) => byte.charCodeAt(0).toString(16).padStart(2, "0"));
-  return `r6_${hex.join("")}`;
+  return { secret: hex.join("") };
 }
 
 /** A one-time link: it makes the first admin, or sets the password of the user with this name. */

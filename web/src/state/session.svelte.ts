@@ -1,6 +1,6 @@
 /** Who uses the page, and for how long. */
 import { call, whenSignedOut } from "../api/client.ts";
-import { type OneTimeLink, oneTimeLinkOf, tokenOf } from "../api/secret.ts";
+import { type OneTimeLink, type Secret, oneTimeLinkOf, secretOf } from "../api/secret.ts";
 import type { Role, Session } from "../api/types.ts";
 
 /** How often a page that somebody uses tells the gateway so: a session ends 15 minutes after its last request. */
@@ -15,7 +15,7 @@ export interface Offer {
   known: Session;
   /** Who the link signs in; `null` if it is not valid, or that cannot be asked. */
   offered: Session | null;
-  token: string;
+  by: Secret;
 }
 
 class SessionState {
@@ -68,17 +68,17 @@ class SessionState {
       this.phase = "link";
       return;
     }
-    const token = tokenOf(secret);
+    const by = secretOf(secret);
     const known = await call<Session>("GET", "/v1/session");
     if (known.kind === "ok") {
-      if (token === null) this.#enter(known.value);
-      else await this.#ask(known.value, token);
+      if (by === null) this.#enter(known.value);
+      else await this.#ask(known.value, by);
       return;
     }
-    if (known.kind === "refused" && token !== null && (await this.signIn({ token }))) return;
+    if (known.kind === "refused" && by !== null && (await this.signIn(by))) return;
     this.phase = "out";
     if (known.kind === "unknown") this.problem = { code: "unknown", message: "" };
-    else if (secret !== "" && token === null) this.problem = { code: "bad_link", message: "" };
+    else if (secret !== "" && by === null) this.problem = { code: "bad_link", message: "" };
   }
 
   /** The one-time link was used, or is left. A session that is open in this browser goes on, unless it was of this user. */
@@ -100,12 +100,12 @@ class SessionState {
     this.isMaybeOpen = !(await this.#close(offer.known.csrf));
     if (this.isMaybeOpen || this.offer !== offer) return;
     this.offer = null;
-    if (!(await this.signIn({ token: offer.token }))) this.phase = "out";
+    if (!(await this.signIn(offer.by))) this.phase = "out";
   }
 
   /** Returns whether it worked. */
-  async signIn(by: { token: string } | { name: string; password: string }): Promise<boolean> {
-    const path = "token" in by ? "/v1/session/token" : "/v1/session";
+  async signIn(by: Secret | { name: string; password: string }): Promise<boolean> {
+    const path = "token" in by ? "/v1/session/token" : "secret" in by ? "/v1/session/link" : "/v1/session";
     const answer = await call<Session>("POST", path, { body: by });
     if (answer.kind === "ok") {
       this.#enter(answer.value);
@@ -151,14 +151,17 @@ class SessionState {
   }
 
   /** The link of the session that is open changes nothing. Of another one, the person decides. */
-  async #ask(known: Session, token: string): Promise<void> {
-    const answer = await call<Session>("GET", "/v1/session", { bearer: token });
+  async #ask(known: Session, by: Secret): Promise<void> {
+    const answer =
+      "token" in by
+        ? await call<Session>("GET", "/v1/session", { bearer: by.token })
+        : await call<Session>("POST", "/v1/session/link", { body: { ...by, look: true } });
     const offered = answer.kind === "ok" ? answer.value : null;
     if (offered !== null && offered.token !== null && offered.token === known.token) {
       this.#enter(known);
       return;
     }
-    this.offer = { known, offered, token };
+    this.offer = { known, offered, by };
     this.phase = "asking";
   }
 

@@ -1,13 +1,15 @@
 import { beforeEach, expect, test, vi } from "vitest";
 
 const TOKEN = `r6_${"0".repeat(64)}`;
-const ANNA = { user: "anna", token: null, role: "admin", robot: null, csrf: "anna's", ends_in_ms: 1, idle_ends_in_ms: 1 };
-const TOKEN_7 = { user: null, token: 7, role: "operator", robot: null, csrf: null, ends_in_ms: null, idle_ends_in_ms: null };
+const LINK = "A".repeat(43);
+const ANNA = { user: "anna", token: null, token_name: null, role: "admin", robot: null, csrf: "anna's", ends_in_ms: 1, idle_ends_in_ms: 1 };
+const TOKEN_7 = { user: null, token: 7, token_name: null, role: "operator", robot: null, csrf: null, ends_in_ms: null, idle_ends_in_ms: null };
 
 interface Asked {
   method: string;
   path: string;
   bearer: string | undefined;
+  body: unknown;
 }
 
 /** A page whose address has this text behind `#`, and a gateway that answers so. */
@@ -16,7 +18,9 @@ async function begin(hash: string, answer: (asked: Asked) => Response | null) {
   vi.stubGlobal("location", { hash, pathname: "/", search: "" });
   vi.stubGlobal("history", { replaceState: () => {} });
   vi.stubGlobal("fetch", (path: string, init: RequestInit) => {
-    const one = { method: init.method ?? "GET", path, bearer: (init.headers as Record<string, string>)["Authorization"] };
+    const bearer = (init.headers as Record<string, string>)["Authorization"];
+    const body: unknown = typeof init.body === "string" ? JSON.parse(init.body) : null;
+    const one = { method: init.method ?? "GET", path, bearer, body };
     asked.push(one);
     const response = answer(one);
     return response === null ? Promise.reject(new TypeError("Failed to fetch")) : Promise.resolve(response);
@@ -55,6 +59,26 @@ test("a link signs in where no session is open", async () => {
   const { session, asked } = await begin(`#${TOKEN}`, ({ method }) => (method === "GET" ? refused(401) : Response.json(TOKEN_7)));
   expect([session.phase, session.session?.token]).toEqual(["in", 7]);
   expect(asked.map(({ method, path }) => `${method} ${path}`)).toEqual(["GET /v1/session", "POST /v1/session/token"]);
+});
+
+test("the link of `r6 up` signs in with a secret that is no token", async () => {
+  const { session, asked } = await begin(`#${LINK}`, ({ method }) => (method === "GET" ? refused(401) : Response.json(TOKEN_7)));
+  expect([session.phase, session.session?.token]).toEqual(["in", 7]);
+  expect(asked.map(({ method, path }) => `${method} ${path}`)).toEqual(["GET /v1/session", "POST /v1/session/link"]);
+  expect(asked[1]?.body).toEqual({ secret: "0".repeat(64) });
+});
+
+test("the link of `r6 up` is asked for whom it is before it replaces a session", async () => {
+  const answer = ({ method, path }: Asked): Response => {
+    if (method === "DELETE") return new Response(null, { status: 204 });
+    return Response.json(path.endsWith("link") ? TOKEN_7 : ANNA);
+  };
+  const { session, asked } = await begin(`#${LINK}`, answer);
+  expect(session.offer).toMatchObject({ known: { user: "anna" }, offered: { token: 7 } });
+  expect(asked.at(-1)).toMatchObject({ path: "/v1/session/link", body: { look: true } });
+  await session.replace();
+  expect([session.phase, session.session?.token]).toEqual(["in", 7]);
+  expect(asked.at(-1)?.body).toEqual({ secret: "0".repeat(64) });
 });
 
 test("a link replaces an open session only if the person says so", async () => {

@@ -57,6 +57,19 @@ pub struct TokenSignIn {
     pub token: Secret,
 }
 
+/// A browser that signs in with a link.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct LinkSignIn {
+    /// The secret of the link: 64 hexadecimal digits. Behind the `#` it stands as base64url.
+    #[cfg_attr(feature = "openapi", schema(value_type = String, format = Password))]
+    pub secret: Secret,
+    /// Whether only to say for whom the session would be.
+    #[serde(default)]
+    pub look: bool,
+}
+
 /// Who calls: a user with a session, or a token.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]

@@ -60,17 +60,17 @@ pub struct RobotSummary {
     pub lease: Option<LeaseHolder>,
     /// Whether a stop was asked for and not cleared: commands that can move the robot are refused.
     pub stopped: bool,
-    /// Who made the stop that holds, and when: the first one since the last that was cleared. `null` if no stop
-    /// holds, or if it is not known.
+    /// Who made the stop that holds, and when: the first one since the last that was cleared. `null` if no
+    /// stop holds, or if it is not known.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub stopped_by: Option<ActedBy>,
     /// How many stops are under way now.
     pub stops_under_way: u32,
     /// The global speed as it was last set over the gateway. The protocol does not tell it: a person at the
-    /// pendant, or a program that is connected to the robot directly, can have set another one since. `null` if
-    /// it was not set since the gateway started, if that is not sure, if the controller may have been switched
-    /// off and on since (the link was down for a second), or if another robot answered.
+    /// pendant, or a program that is connected to the robot directly, can have set another one since. `null`
+    /// if it was not set since the gateway started, if that is not sure, if the controller may have been
+    /// switched off and on since (the link was down for a second), or if another robot answered.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub global_speed: Option<GlobalSpeed>,
@@ -177,7 +177,8 @@ pub struct IdentityChange {
 pub struct LeaseHolder {
     /// Its number. A robot's next lease has a higher one.
     pub number: u64,
-    /// The name of the user; the token, its number and name; or `raw`, the address and the rule of a raw client.
+    /// The name of the user; the token, its number and name; or `raw`, the address and the rule of a raw
+    /// client.
     #[cfg_attr(feature = "openapi", schema(example = "token 1 (r6 up)"))]
     pub holder: String,
     /// How long it lasts unless it is renewed.

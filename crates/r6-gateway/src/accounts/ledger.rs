@@ -37,6 +37,8 @@ pub struct Ledger {
     waiting: Mutex<Waiting>,
     failures: Mutex<Failures>,
     refusals: Mutex<Refusals>,
+    /// Which sign-ins and sign-outs with tokens stand in the audit log.
+    sessions: Mutex<Refusals>,
     /// Locked while records are written, so that they keep their order.
     writing: AsyncMutex<()>,
     wake: Notify,
@@ -73,6 +75,7 @@ impl Ledger {
             waiting: Mutex::default(),
             failures: Mutex::default(),
             refusals: Mutex::default(),
+            sessions: Mutex::default(),
             writing: AsyncMutex::default(),
             wake: Notify::new(),
             done: watch::Sender::new(0),
@@ -85,6 +88,15 @@ impl Ledger {
         let mut done = self.done.subscribe();
         if tokio::time::timeout(PATIENCE, done.wait_for(|done| *done >= number)).await.is_err() {
             tracing::warn!(by = by.actor, "a record about a user waits for the disk");
+        }
+    }
+
+    /// The same once a minute for each caller, address and deed: a script that signs in in a loop must not fill
+    /// the disk.
+    pub async fn tell_once_a_minute(&self, by: &By, source: IpAddr, deed: Deed) {
+        let what = format!("{} {deed:?}", by.actor);
+        if lock(&self.sessions).is_written(clock::now(), source, &what) {
+            self.tell(by, deed).await;
         }
     }
 

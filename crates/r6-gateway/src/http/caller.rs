@@ -12,8 +12,8 @@ use axum::http::{Method, StatusCode};
 use r6_api::Code;
 use r6_http::{Guest, Peer, Refusal};
 
+use super::State;
 use super::body::Json;
-use super::{State, cookie};
 use crate::accounts::{self, SignedIn};
 use crate::clock;
 use crate::core::role::{Grant, Right};
@@ -73,6 +73,11 @@ impl Caller {
             Who::Token(token) | Who::Page(token, _) => &token.grant,
             Who::User(signed_in) => &signed_in.user.account.grant,
         }
+    }
+
+    /// The address that the request came from.
+    pub fn source(&self) -> Option<SocketAddr> {
+        self.source
     }
 
     /// The number of the token; `None` for a user.
@@ -169,7 +174,7 @@ impl Caller {
         let source = parts.extensions.get::<Peer>().map(|peer| peer.0);
         let mut headers = parts.headers.get_all(AUTHORIZATION).iter();
         let text = match (headers.next(), headers.next()) {
-            (None, _) => match &cookie::candidates(&parts.headers, state.is_secure)[..] {
+            (None, _) => match &state.cookie.candidates(&parts.headers)[..] {
                 [] => None,
                 texts => return Self::of_session(texts, parts, state, source),
             },

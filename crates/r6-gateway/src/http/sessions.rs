@@ -1,12 +1,13 @@
 //! Signing in and out.
 
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use axum::extract::State as Of;
 use axum::http::StatusCode;
 use axum::http::header::{CACHE_CONTROL, SET_COOKIE};
 use axum::response::{IntoResponse, Response};
-use r6_api::gateway::{PasswordChange, Session, SignIn, TokenSignIn};
+use r6_api::gateway::{Deed, LinkSignIn, PasswordChange, Secret, Session, SignIn, TokenSignIn};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
 use r6_proto::time::Instant;
@@ -14,14 +15,17 @@ use r6_proto::time::Instant;
 use super::body::Json;
 use super::caller::{Caller, Source, User, Who};
 use super::described::{OfBody, OfChange, OfToken};
-use super::{State, cookie, refusal};
+use super::{Cookie, State, refusal};
 use crate::accounts::SignedIn;
 use crate::clock;
+use crate::fleet::station::By;
+use crate::problem;
 use crate::tokens::{Known, Page};
 
-/// Signs a user in: sets the cookie `r6_session`; with TLS it is `__Host-r6_session`. The answer has the
-/// `csrf` that every later request with the cookie needs in `X-CSRF-Token`, unless it is a `GET`. A session
-/// ends 15 minutes after its last request, or after 8 hours. Wrong passwords make the next tries wait.
+/// Signs a user in: sets the cookie `r6_session_PORT`, with the port that the gateway listens on; with TLS
+/// it is `__Host-r6_session_PORT`. The answer has the `csrf` that every later request with the cookie needs
+/// in `X-CSRF-Token`, unless it is a `GET`. A session ends 15 minutes after its last request, or after 8
+/// hours. Wrong passwords make the next tries wait.
 #[utoipa::path(
     post,
     path = "/v1/session",
@@ -46,9 +50,7 @@ pub async fn sign_in(
     // A caller that hangs up has tried a password all the same.
     let work = tokio::spawn(async move { state.accounts.sign_in(asked, source).await });
     let (secret, signed_in) = work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?;
-    let headers =
-        [(SET_COOKIE, cookie::set(&secret.0, state.is_secure)), (CACHE_CONTROL, "no-store".to_owned())];
-    Ok((headers, axum::Json(of_user(&signed_in))).into_response())
+    Ok(with_cookie(&state.cookie, &secret, of_user(&signed_in)))
 }
 
 /// Gives a browser a session for a token: the cookie of [`sign_in`], with the same ends, and what the token
@@ -69,6 +71,7 @@ pub async fn sign_in(
     )
 )]
 pub async fn sign_in_with_token(
+    Source(source): Source,
     Of(state): Of<State>,
     Json(asked): Json<TokenSignIn>,
 ) -> Result<Response, Refusal> {
@@ -76,16 +79,60 @@ pub async fn sign_in_with_token(
         let message = "this token is not valid; `r6 gateway token` makes one";
         Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)
     })?;
+    begin_session(&state, &token, source).await
+}
+
+/// Gives a browser a session for the token that a link stands for, as [`sign_in_with_token`] does. `r6 up`
+/// prints such a link. The secret of the link is no token: it opens sessions and nothing else, any number of
+/// them, until the gateway ends. With `look` it opens none, and the answer says for whom it would be.
+#[utoipa::path(
+    post,
+    path = "/v1/session/link",
+    security(()),
+    request_body = LinkSignIn,
+    responses(
+        (status = 200, description = "The session, with `Set-Cookie`; without it and `csrf` for `look`", body = Session),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 410, description = "`link_void`: it is of an earlier start, or its token was revoked", body = Problem),
+        (status = 422, description = "`bad_value`", body = Problem),
+        (status = 429, description = "`too_many_requests`", body = Problem),
+        (status = 503, description = "`store_unavailable`", body = Problem),
+        OfBody,
+    )
+)]
+pub async fn sign_in_with_link(
+    Source(source): Source,
+    Of(state): Of<State>,
+    Json(LinkSignIn { secret, look }): Json<LinkSignIn>,
+) -> Result<Response, Refusal> {
+    let token = state.tokens.of_link(&secret.0).ok_or_else(|| {
+        let message = "this link is not valid: it is of an earlier start, or its token was revoked";
+        refusal::of(problem::Problem::new(Code::LinkVoid, message))
+    })?;
+    if look {
+        state.tokens.request(token.number).map_err(Refusal::too_many)?;
+        return Ok(([(CACHE_CONTROL, "no-store")], axum::Json(of_token(&token, None))).into_response());
+    }
+    begin_session(&state, &token, source).await
+}
+
+/// Opens a session of a browser for a token.
+async fn begin_session(state: &State, token: &Known, source: SocketAddr) -> Result<Response, Refusal> {
     state.tokens.request(token.number).map_err(Refusal::too_many)?;
-    let (secret, page) = state.tokens.begin_session(&token).map_err(|error| {
+    let (secret, page) = state.tokens.begin_session(token).map_err(|error| {
         let message = format!("no random numbers: {error}");
         Refusal::new(StatusCode::SERVICE_UNAVAILABLE, Code::StoreUnavailable, message)
     })?;
-    tracing::info!(token = token.label, "a browser signed in with a token");
-    let session = of_token(&token, Some(&page));
-    let headers =
-        [(SET_COOKIE, cookie::set(&secret.0, state.is_secure)), (CACHE_CONTROL, "no-store".to_owned())];
-    Ok((headers, axum::Json(session)).into_response())
+    tracing::info!(token = token.label, %source, "a browser signed in with a token");
+    let by = By { actor: token.label.clone(), source: Some(source.to_string()) };
+    state.accounts.ledger.tell_once_a_minute(&by, source.ip(), Deed::SignedIn {}).await;
+    Ok(with_cookie(&state.cookie, &secret, of_token(token, Some(&page))))
+}
+
+/// The answer that gives a browser its session.
+fn with_cookie(cookie: &Cookie, secret: &Secret, session: Session) -> Response {
+    let headers = [(SET_COOKIE, cookie.set(&secret.0)), (CACHE_CONTROL, "no-store".to_owned())];
+    (headers, axum::Json(session)).into_response()
 }
 
 /// Who calls, and until when the session is open. This counts as a request of the session.
@@ -108,20 +155,26 @@ pub async fn show(caller: Caller) -> impl IntoResponse {
     OfChange,
 ))]
 pub async fn sign_out(caller: Caller, Of(state): Of<State>) -> Result<impl IntoResponse, Refusal> {
-    let is_secure = state.is_secure;
+    let unset = state.cookie.unset();
     match (caller.session(), caller.page()) {
         (Some(signed_in), _) => {
             let (id, by) = (signed_in.id, caller.by());
             let work = tokio::spawn(async move { state.accounts.sign_out(&id, &by).await });
             work.await.map_err(refusal::of_lost_work)?;
         }
-        (None, Some(page)) => state.tokens.end_session(&page.id),
+        (None, Some(page)) => {
+            state.tokens.end_session(&page.id);
+            if let Some(source) = caller.source() {
+                let ledger = &state.accounts.ledger;
+                ledger.tell_once_a_minute(&caller.by(), source.ip(), Deed::SignedOut {}).await;
+            }
+        }
         (None, None) => {
             let message = "there is no session to end: the request has a token";
             return Err(Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message));
         }
     }
-    Ok((StatusCode::NO_CONTENT, [(SET_COOKIE, cookie::unset(is_secure))]))
+    Ok((StatusCode::NO_CONTENT, [(SET_COOKIE, unset)]))
 }
 
 /// Gives the caller another password. The other sessions of the user end.

@@ -18,6 +18,7 @@ use crate::store::{
     Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, NewToken, NewVersion, Sqlite, Store,
     StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange,
 };
+use crate::tokens;
 use crate::verify::{self, VerifyError};
 
 /// What a disk takes.
@@ -121,7 +122,7 @@ impl Disk {
         let token = NewToken { hash, grant, name: name.to_owned() };
         let author = Author::shell(crate::clock::time_of_day());
         let number = self.platter().store.add_token(&token, &author)?;
-        Ok(format!("{number} ({name})"))
+        Ok(tokens::label(number, name))
     }
 
     /// The entries of the audit log after this number, oldest first, at most a page.

@@ -63,8 +63,8 @@ enum Job {
     End(Answer<()>),
 }
 
-/// A handle on the thread of the store. The thread ends with [`Keeper::end`] or the last handle, after all that
-/// was asked for.
+/// A handle on the thread of the store. The thread ends with [`Keeper::end`] or the last handle, after all
+/// that was asked for.
 #[derive(Clone)]
 pub struct Keeper {
     jobs: Sender<Job>,
@@ -398,8 +398,8 @@ impl Keeper {
         self.ask(|answer| Job::ForgetOwedStop(robot, answer)).await
     }
 
-    /// Ends the thread after all that was asked for, and closes the store: what its log has is in its file then.
-    /// Nothing can be asked for any more.
+    /// Ends the thread after all that was asked for, and closes the store: what its log has is in its file
+    /// then. Nothing can be asked for any more.
     ///
     /// # Errors
     /// [`StoreError::Closed`]: it has ended before.

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
-use crate::support::{Hall, PATIENCE, call, name, request};
+use crate::support::{Hall, PATIENCE, call, cookie_name, name, request};
 
 /// Who may use a route.
 #[derive(Clone, Copy)]
@@ -23,7 +23,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 61] = [
+const ROUTES: [(&str, &str, Needs); 62] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -57,6 +57,7 @@ const ROUTES: [(&str, &str, Needs); 61] = [
     ("POST", "/v1/setup", Needs::Nothing),
     ("POST", "/v1/session", Needs::Nothing),
     ("POST", "/v1/session/token", Needs::Nothing),
+    ("POST", "/v1/session/link", Needs::Nothing),
     ("GET", "/v1/session", Needs::Role(Role::Viewer)),
     ("DELETE", "/v1/session", Needs::User),
     ("PUT", "/v1/session/password", Needs::User),
@@ -164,15 +165,16 @@ async fn every_route_refuses_pages_without_proof_and_lower_roles_of_users() {
         hall.user(role.word(), role).await;
         browsers.push((role, hall.browser(role.word()).await));
     }
-    let cookie = |text: &str| format!("Cookie: r6_session={text}\r\n");
     let address = hall.gateway.address();
+    let named = cookie_name(address);
+    let cookie = |text: &str| format!("Cookie: {named}={text}\r\n");
     for (method, path) in described() {
         let (needs, concrete) = needs(&method, &path);
         if matches!(needs, Needs::Nothing) {
             continue;
         }
         let body = (method != "GET").then(|| json!({ "no": "such field" }));
-        let two = cookie("0000; r6_session=1111");
+        let two = cookie(&format!("0000; {named}=1111"));
         for stranger in [cookie(""), cookie("0000"), cookie(&"0".repeat(64)), two] {
             let answer = request(address, &stranger, &method, &concrete, body.as_ref()).await;
             assert_eq!((answer.status, &answer.body["code"]), (401, &json!("no_session")), "{method} {path}");

@@ -143,7 +143,7 @@ async fn the_global_speed_is_shown_as_last_set_until_the_controller_may_have_res
     assert_eq!((&set["percent"], &set["by"]), (&json!(5.0), &json!("token 2 (operator)")), "{set}");
     let mut told = async || loop {
         let event = events.next().await.unwrap();
-        if event.kind == "global_speed" {
+        if event.data["event"] == "global_speed" {
             return event.data["set"].clone();
         }
     };

@@ -19,7 +19,7 @@ fn the_committed_description_is_what_the_gateway_is() {
 }
 
 /// The routes that need neither a token nor a session.
-const OPEN: [(&str, &str); 12] = [
+const OPEN: [(&str, &str); 13] = [
     ("get", "/"),
     ("get", "/robots/{name}"),
     ("get", "/robots/{name}/teach"),
@@ -32,6 +32,7 @@ const OPEN: [(&str, &str); 12] = [
     ("post", "/v1/setup"),
     ("post", "/v1/session"),
     ("post", "/v1/session/token"),
+    ("post", "/v1/session/link"),
 ];
 
 #[test]
@@ -60,7 +61,7 @@ fn every_route_but_the_open_ones_names_its_problems_and_needs_a_token() {
     }
     assert_eq!(api["security"], json!([{ "token": [] }, { "session": [] }]));
     let cookie = &api["components"]["securitySchemes"]["session"];
-    assert_eq!((&cookie["in"], &cookie["name"]), (&json!("cookie"), &json!("r6_session")));
+    assert_eq!((&cookie["in"], &cookie["name"]), (&json!("cookie"), &json!("r6_session_9780")));
 }
 
 #[tokio::test]

@@ -76,7 +76,8 @@ async fn events_are_told_in_order_and_resumed() {
     let mut kinds: Vec<_> = seen.iter().map(|event| event.data["event"].as_str().unwrap()).collect();
     // The stop changes the mode, and that may be read before it is over.
     kinds.retain(|kind| !is_of_values(kind));
-    assert_eq!(kinds, ["lease_began", "command_began", "command_ended", "stop_began", "stop_ended"]);
+    let told = ["lease_began", "command_began", "global_speed", "command_ended", "stop_began", "stop_ended"];
+    assert_eq!(kinds, told);
     let ids: Vec<_> = seen.iter().map(|event| event.data["id"].as_u64().unwrap()).collect();
     assert!(ids.windows(2).all(|pair| pair[1] == pair[0] + 1), "{ids:?}");
 

@@ -308,6 +308,11 @@ pub async fn request(
 /// A password of the tests.
 pub const PASSWORD: &str = "correct horse battery";
 
+/// The name of the cookie of this gateway.
+pub fn cookie_name(gateway: SocketAddr) -> String {
+    format!("r6_session_{}", gateway.port())
+}
+
 /// A browser in which a user signed in.
 #[derive(Clone, Debug)]
 pub struct Browser {
@@ -327,10 +332,12 @@ impl Browser {
         Self::open(gateway, "/v1/session/token", &json!({ "token": token })).await
     }
 
-    async fn open(gateway: SocketAddr, path: &str, asked: &Value) -> Self {
+    /// A browser that signs in over this path.
+    pub async fn open(gateway: SocketAddr, path: &str, asked: &Value) -> Self {
         let answer = request(gateway, "", "POST", path, Some(asked)).await;
         assert_eq!(answer.status, 200, "{}", answer.body);
-        let cookie = answer.head.lines().find_map(|line| line.strip_prefix("set-cookie: r6_session="));
+        let named = format!("set-cookie: {}=", cookie_name(gateway));
+        let cookie = answer.head.lines().find_map(|line| line.strip_prefix(&named));
         let (cookie, attributes) = cookie.unwrap().split_once(';').unwrap();
         assert_eq!(attributes, " HttpOnly; SameSite=Strict; Path=/");
         assert_eq!(cookie.len(), 64);
@@ -340,7 +347,7 @@ impl Browser {
 
     /// The header with the session.
     pub fn headers(&self) -> String {
-        format!("Cookie: r6_session={}\r\n", self.cookie)
+        format!("Cookie: {}={}\r\n", cookie_name(self.gateway), self.cookie)
     }
 
     /// A request with the proof that the page belongs to the session.

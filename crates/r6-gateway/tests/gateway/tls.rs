@@ -120,7 +120,8 @@ async fn with_tls_the_cookie_has_a_name_that_only_this_host_can_set() {
     let signed_in = exchange(&made, "POST", "/v1/session", "", &asked).await;
     let cookie = signed_in.lines().find_map(|line| line.strip_prefix("set-cookie: ")).unwrap();
     let (cookie, attributes) = cookie.split_once(';').unwrap();
-    assert!(cookie.starts_with("__Host-r6_session="), "{cookie}");
+    let named = format!("__Host-r6_session_{}=", made.gateway.address().port());
+    assert!(cookie.starts_with(&named), "{cookie}");
     assert_eq!(attributes, " HttpOnly; SameSite=Strict; Path=/; Secure");
     let show = async |cookie: &str| {
         exchange(&made, "GET", "/v1/session", &format!("Cookie: {cookie}\r\n"), "").await

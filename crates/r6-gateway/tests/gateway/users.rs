@@ -14,7 +14,7 @@ use tokio_tungstenite::client_async;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 
-use crate::support::{Browser, Hall, PASSWORD, PATIENCE, Stream, request};
+use crate::support::{Browser, Hall, PASSWORD, PATIENCE, Stream, cookie_name, request};
 
 /// A stream ends within this time after its session; some of it is for a busy machine.
 const SOON: Duration = Duration::from_secs(2);
@@ -180,7 +180,7 @@ async fn streams_end_with_their_session() {
         let mut events = Stream::open_with(address, &anna.headers(), "/v1/events", "").await;
         let mut socket = format!("ws://{address}/v1/live").into_client_request().unwrap();
         let headers = socket.headers_mut();
-        headers.insert("cookie", format!("r6_session={}", anna.cookie).parse().unwrap());
+        headers.insert("cookie", format!("{}={}", cookie_name(address), anna.cookie).parse().unwrap());
         headers.insert("origin", format!("http://{address}").parse().unwrap());
         let stream = TcpStream::connect(address).await.unwrap();
         let (mut socket, _) = client_async(socket, stream).await.unwrap();
@@ -520,12 +520,13 @@ async fn cookies_of_other_programs_lock_no_browser_out() {
         let answer = request(address, &headers, method, path, None).await;
         (answer.status, answer.body["code"].as_str().unwrap_or_default().to_owned())
     };
-    let (ours, theirs) = (format!("r6_session={}", anna.cookie), format!("r6_session={}", other.cookie));
+    let named = cookie_name(address);
+    let (ours, theirs) = (format!("{named}={}", anna.cookie), format!("{named}={}", other.cookie));
     let stop = "/v1/robots/press/stop";
     for cookies in [
         format!("name=жора; {ours}"),
-        format!("r6_session=planted; {ours}"),
-        format!("{ours}; r6_session=planted; r6_session="),
+        format!("{named}=planted; {ours}"),
+        format!("{ours}; {named}=planted; {named}="),
         format!("{theirs}; {ours}"),
     ] {
         assert_eq!(ask(&cookies, "", "GET", "/v1/session").await.0, 200, "{cookies}");
@@ -533,7 +534,7 @@ async fn cookies_of_other_programs_lock_no_browser_out() {
         let wrong = ask(&cookies, "0", "POST", stop).await;
         assert_eq!(wrong, (403, "bad_csrf".to_owned()), "{cookies}");
     }
-    let planted = format!("{}{ours}", "r6_session=planted; ".repeat(4));
+    let planted = format!("{}{ours}", format!("{named}=planted; ").repeat(4));
     assert_eq!(ask(&planted, &anna.csrf, "GET", "/v1/session").await, (401, "no_session".to_owned()));
     // The proof says which of two sessions is meant.
     let both = format!("{theirs}; {ours}");

@@ -528,9 +528,10 @@ fn users_are_made_and_sign_in_and_no_secret_is_in_a_file_or_in_the_output() {
     assert_eq!(sign_in("first password").0, 401);
     let (status, head, session) = sign_in("second password");
     assert_eq!(status, 200, "{session}");
-    let cookie = head.split_once("r6_session=").unwrap().1.split_once(';').unwrap().0.to_owned();
+    let cookie = head.split_once("set-cookie: ").unwrap().1.split_once(';').unwrap().0.to_owned();
+    assert!(cookie.starts_with("r6_session_"), "{cookie}");
     let csrf = session["csrf"].as_str().unwrap().to_owned();
-    let headers = format!("Cookie: r6_session={cookie}\r\nX-CSRF-Token: {csrf}\r\n");
+    let headers = format!("Cookie: {cookie}\r\nX-CSRF-Token: {csrf}\r\n");
     let wanted = r#"{"role":"viewer","password":"third password"}"#;
     assert_eq!(send(&url, "PUT", "/v1/users/ben", &headers, wanted).0, 201);
     let change = r#"{"old":"second password","new":"fourth password"}"#;

@@ -76,6 +76,8 @@ pub struct CellGateway {
     gateway: Gateway,
     folder: TempDir,
     token: String,
+    /// The secret of the link to the dashboard.
+    secret: String,
     cell: Cell,
 }
 
@@ -92,11 +94,16 @@ impl CellGateway {
             None if usual_port => vec![usual, any],
             None => vec![any],
         };
-        let (folder, token) = folder(cell.role)?;
+        let (folder, number, token) = folder(cell.role)?;
         let mut last = None;
         for (listen, raw) in places {
             match Gateway::start(settings(listen, raw, folder.path(), cell.clone())).await {
-                Ok(gateway) => return Ok(Some(Self { gateway, folder, token, cell })),
+                Ok(gateway) => {
+                    let secret = gateway.sign_in_secret(number).map_err(|error| {
+                        Failure::usage(format!("the system has no random numbers: {error}"))
+                    })?;
+                    return Ok(Some(Self { gateway, folder, token, secret, cell }));
+                }
                 Err(error @ GatewayError::Listen { .. }) => last = Some(error),
                 Err(error) => return Err(Failure::usage(format!("the gateway does not start: {error}"))),
             }
@@ -130,10 +137,11 @@ impl CellGateway {
         [gateway].into_iter().chain(raw).chain([page]).collect()
     }
 
-    /// The address of the dashboard. The token is behind the `#`, which browsers send to no server, in the
-    /// short form that the page knows: the whole stands in one line of a terminal of 80 columns.
+    /// The address of the dashboard. Behind the `#`, which browsers send to no server, is a secret that opens
+    /// sessions until this ends. It is no token. In base64url the whole stands in one line of a terminal of
+    /// 80 columns.
     pub fn link(&self) -> String {
-        format!("http://{}/#{}", self.gateway.address(), short(&self.token))
+        format!("http://{}/#{}", self.gateway.address(), short(&self.secret))
     }
 
     /// Stores a program in its library, over its own API.
@@ -174,8 +182,8 @@ impl CellGateway {
     }
 }
 
-/// The folder, for its owner alone, with a token of this role in it; and the token.
-fn folder(role: Role) -> Result<(TempDir, String), Failure> {
+/// The folder, for its owner alone, with a token of this role in it; its number, and the token.
+fn folder(role: Role) -> Result<(TempDir, i64, String), Failure> {
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
@@ -183,19 +191,19 @@ fn folder(role: Role) -> Result<(TempDir, String), Failure> {
         .prefix("r6-up-")
         .tempdir()
         .map_err(|error| cannot("make a folder in", &std::env::temp_dir(), &error))?;
-    let (_, token) =
+    let (number, token) =
         r6_gateway::make_token(folder.path(), role, None, "r6 up".to_owned()).map_err(Failure::usage)?;
     let path = folder.path().join(TOKEN_FILE);
     write(&path, &format!("Authorization: Bearer {token}\n"))
         .map_err(|error| cannot("write", &path, &error))?;
-    Ok((folder, token))
+    Ok((folder, number, token))
 }
 
-/// The 256 bits of a token as base64url: 43 characters in place of 67. A text that is no token stays.
-fn short(token: &str) -> String {
+/// The 256 bits of a secret as base64url: 43 characters in place of 64. A text that is no secret stays.
+fn short(secret: &str) -> String {
     let digit = |byte: u8| char::from(byte).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
-    let digits = token.strip_prefix("r6_").and_then(|hex| hex.bytes().map(digit).collect());
-    let Some(digits): Option<Vec<u8>> = digits else { return token.to_owned() };
+    let digits = secret.bytes().map(digit).collect();
+    let Some(digits): Option<Vec<u8>> = digits else { return secret.to_owned() };
     let bytes = digits.chunks(2).map(|pair| pair.iter().fold(0, |byte, digit| byte << 4 | digit));
     URL_SAFE_NO_PAD.encode(bytes.collect::<Vec<u8>>())
 }
@@ -236,10 +244,10 @@ mod tests {
 
     /// The right side is what Python's `base64.urlsafe_b64encode(bytes.fromhex(…))` says, without `=`.
     #[test]
-    fn a_token_is_written_as_base64url() {
-        assert_eq!(short("r6_00ff10fbf0"), "AP8Q-_A");
-        assert_eq!(short("r6_"), "");
-        assert_eq!(short(&format!("r6_{}", "f".repeat(64))), "_".repeat(42) + "8");
-        assert_eq!(short("r6_xyz"), "r6_xyz");
+    fn a_secret_is_written_as_base64url() {
+        assert_eq!(short("00ff10fbf0"), "AP8Q-_A");
+        assert_eq!(short(""), "");
+        assert_eq!(short(&"f".repeat(64)), "_".repeat(42) + "8");
+        assert_eq!(short("xyz"), "xyz");
     }
 }
