@@ -16,6 +16,7 @@
 //! - [`order`]: what the holder of a lease sends.
 //! - [`panel`]: actions at the panel of a virtual robot, and what they need.
 //! - [`rate`]: how many requests a token may make.
+//! - [`refusals`]: which refusals and repeated stops of one caller stand in the audit log.
 //! - [`library`]: the programs that are kept, and which version a change is for.
 //! - [`live`]: what readers of values get, and where they go on.
 //! - [`raw`]: the raw port.
@@ -36,6 +37,7 @@ pub mod panel;
 pub mod production;
 pub mod rate;
 pub mod raw;
+pub mod refusals;
 pub mod retention;
 pub mod role;
 pub mod seat;

@@ -1,6 +1,6 @@
 //! The robots of the gateway: one task and one connection each.
 //!
-//! - [`station`]: what the gateway knows of one robot, and its seat.
+//! - [`station`]: what the gateway knows of one robot, its seat, and what waits for the disk.
 //! - [`config`]: how one robot is looked after.
 //! - [`roster`]: adds, changes and removes robots while the others go on.
 //! - [`roads`]: how connections to robots are made.
@@ -9,7 +9,7 @@
 //! - [`observe`]: what happens, from the values.
 //! - [`command`]: leases, commands, stops and the acceptance of another robot.
 //! - [`run`]: runs programs.
-//! - `operate`: acts at the panel of a virtual robot; [`panel`] is the way to it.
+//! - [`panel`]: acts at the panel of a virtual robot.
 //! - [`query`]: asks the robot for values that are not read again and again.
 //! - [`counts`]: what happened, counted.
 //! - [`alarms`]: the alarms of a robot, acknowledged and shelved; [`desk`] has them and saves them.
@@ -23,7 +23,6 @@ pub mod counts;
 pub mod desk;
 pub mod link;
 mod observe;
-mod operate;
 pub mod panel;
 pub mod query;
 mod record;

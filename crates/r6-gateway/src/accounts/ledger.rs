@@ -15,7 +15,7 @@ use tokio::time::{Interval, MissedTickBehavior};
 
 use crate::clock;
 use crate::core::account::UserName;
-use crate::core::raw::refusals::Refusals;
+use crate::core::refusals::Refusals;
 use crate::core::sign_in::{Failed, Failures};
 use crate::fleet::station::By;
 use crate::store::{Keeper, StoreError};
@@ -91,8 +91,8 @@ impl Ledger {
         }
     }
 
-    /// The same once a minute for each caller, address and deed: a script that signs in in a loop must not fill
-    /// the disk.
+    /// The same once a minute for each caller, address and deed: a script that signs in in a loop must not
+    /// fill the disk.
     pub async fn tell_once_a_minute(&self, by: &By, source: IpAddr, deed: Deed) {
         let what = format!("{} {deed:?}", by.actor);
         if lock(&self.sessions).is_written(clock::now(), source, &what) {

@@ -5,12 +5,10 @@
 //! - [`fresh`]: which readings are fresh enough after a command.
 //! - [`lease`]: the lease of scripts that know no leases.
 //! - [`meaning`]: whether a list means the same in our own encoding.
-//! - [`refusals`]: which refusals stand in the audit log.
 //! - [`session`]: the frames and limits of one client.
 
 pub mod fresh;
 pub mod lease;
 pub mod meaning;
 pub mod policy;
-pub mod refusals;
 pub mod session;

@@ -1,163 +1,163 @@
-//! The way to the panel of a virtual robot: one request over a connection of its own.
+//! The panel of a virtual robot: the person at the machine, with roles, leases, stops and the audit log.
+//!
+//! A panel has no login, so the gateway is the way to it for others. It is reached over HTTP on this machine
+//! (`panel/line.rs`). What an action needs is in `core/panel.rs`.
+//!
+//! 1. `http/panel.rs` reads the action and asks for the right.
+//! 2. An action that stops makes the stop hold, and goes to the panel at once.
+//! 3. Every other action needs the lease. Its intent is written, then the panel is connected to, then the
+//!    seat is asked again, and only then the action is sent. A stop that begins while it is on its way is
+//!    sent again behind it.
 
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
-use std::time::Duration;
+mod line;
 
-use axum::body::Bytes;
-use axum::http::header::{CONTENT_TYPE, HOST};
-use axum::http::{Method, Request, StatusCode};
-use http_body_util::{BodyExt, Full, Limited};
-use hyper::client::conn::http1::{self, Connection, SendRequest};
-use hyper_util::rt::TokioIo;
-use r6_api::panel::{Action, Snapshot};
-use tokio::net::TcpStream;
+use r6_api::Code;
+use r6_api::gateway::{CommandOutcome, PanelDone};
+use r6_api::panel::Snapshot;
+use r6_proto::Effect;
 
-/// How long a connection to a panel may take. It is on this machine.
-const CONNECT_WITHIN: Duration = Duration::from_secs(2);
+use self::line::Failed;
+pub use self::line::Panel;
+use super::command::{Told, check_list};
+use super::station::{By, MAX_STOPS, Station, by_itself};
+use crate::core::panel::Press;
+use crate::core::seat::{Denied, Key};
+use crate::problem::Problem;
 
-/// How long an answer may take: the panel holds it up for nothing.
-const ANSWER_WITHIN: Duration = Duration::from_secs(5);
-
-/// The longest answer that is read. A state has about two thousand bytes, and names of 200 programs.
-const MAX_ANSWER: usize = 256 * 1024;
-
-/// Where the panel of a virtual robot is: over HTTP, on this machine. A real robot has none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Panel {
-    address: SocketAddr,
-    controller: usize,
-}
-
-impl Panel {
-    /// The panel that listens at this address, and the number of the controller there, from 1. `None` if it
-    /// cannot be reached over the loopback interface: it has no login.
-    #[must_use]
-    pub fn new(address: SocketAddr, controller: usize) -> Option<Self> {
-        let address = match address.ip() {
-            IpAddr::V4(ip) if ip.is_unspecified() => SocketAddr::from((Ipv4Addr::LOCALHOST, address.port())),
-            IpAddr::V6(ip) if ip.is_unspecified() => SocketAddr::from((Ipv6Addr::LOCALHOST, address.port())),
-            _ => address,
-        };
-        address.ip().is_loopback().then_some(Self { address, controller })
-    }
-
-    /// Where it listens.
-    #[must_use]
-    pub fn address(&self) -> SocketAddr {
-        self.address
-    }
-
-    /// Connects. Nothing is sent yet.
-    pub(super) async fn connect(self) -> Result<Line, String> {
-        let connecting = async {
-            let stream = TcpStream::connect(self.address).await.map_err(|error| error.to_string())?;
-            http1::handshake(TokioIo::new(stream)).await.map_err(|error| error.to_string())
-        };
-        let connected = tokio::time::timeout(CONNECT_WITHIN, connecting).await;
-        let connected = connected.unwrap_or_else(|_| Err(format!("no connection within {CONNECT_WITHIN:?}")));
-        let (sender, connection) = connected?;
-        Ok(Line { panel: self, sender, connection })
-    }
-}
-
-/// A connection to a panel, for one request.
-pub(super) struct Line {
-    panel: Panel,
-    sender: SendRequest<Full<Bytes>>,
-    connection: Connection<TokioIo<TcpStream>, Full<Bytes>>,
-}
-
-/// Why a panel did not do what it was asked for.
-#[derive(Debug)]
-pub(super) enum Failed {
-    /// It refused, for this reason.
-    Refused(r6_api::Problem),
-    /// No usable answer came: it may have acted.
-    NoAnswer(String),
-}
-
-impl Line {
+impl Station {
     /// What a person sees at the machine.
-    pub(super) async fn look(self) -> Result<Snapshot, Failed> {
-        let path = format!("/v1/controllers/{}", self.panel.controller);
-        self.ask(Method::GET, &path, Bytes::new()).await
+    ///
+    /// # Errors
+    /// `no_panel`, `no_reply`.
+    pub async fn panel_state(&self) -> Result<Snapshot, Problem> {
+        let no_reply = |why: &str| Problem::new(Code::NoReply, format!("its panel did not answer: {why}"));
+        let line = self.panel()?.connect().await.map_err(|why| no_reply(&why))?;
+        line.look().await.map_err(|failed| match failed {
+            Failed::Refused(problem) => no_reply(&problem.message),
+            Failed::NoAnswer(why) => no_reply(&why),
+        })
     }
 
-    /// Does this at the machine, and returns what a person then sees.
-    pub(super) async fn act(self, action: &Action) -> Result<Snapshot, Failed> {
-        let path = format!("/v1/controllers/{}/actions", self.panel.controller);
-        let body = serde_json::to_vec(action).map_err(|error| Failed::NoAnswer(error.to_string()))?;
-        self.ask(Method::POST, &path, body.into()).await
-    }
-
-    async fn ask(self, method: Method, path: &str, body: Bytes) -> Result<Snapshot, Failed> {
-        let Self { panel, mut sender, connection } = self;
-        let request = Request::builder()
-            .method(method)
-            .uri(path)
-            .header(HOST, panel.address.to_string())
-            .header(CONTENT_TYPE, "application/json")
-            .body(Full::new(body))
-            .map_err(|error| Failed::NoAnswer(error.to_string()))?;
-        let answer = async {
-            let answer = sender.send_request(request).await.map_err(|error| error.to_string())?;
-            let status = answer.status();
-            let body = Limited::new(answer.into_body(), MAX_ANSWER).collect().await;
-            Ok((status, body.map_err(|error| error.to_string())?.to_bytes()))
-        };
-        // The answer comes only while the connection is polled. If the connection ends early, the answer ends
-        // too.
-        let exchange = async {
-            let mut answer = std::pin::pin!(answer);
-            tokio::select! {
-                answer = &mut answer => answer,
-                _ = connection => answer.await,
+    /// Does something at the panel that stops the robot. It needs no lease, and holds as a stop does.
+    ///
+    /// `written`: whether the audit log and the events tell it.
+    ///
+    /// # Errors
+    /// `no_panel`, before the stop holds; `not_ready`, `overloaded`, `outcome_unknown`.
+    pub async fn panel_stop(&self, by: &By, press: &Press, written: bool) -> Result<PanelDone, Problem> {
+        let panel = self.panel()?;
+        let word = press.to_string();
+        let sending = self.sending();
+        self.begin_stop(by, &word, written);
+        let answer = match self.stop_commands.try_acquire() {
+            Ok(_place) => match panel.connect().await {
+                Ok(line) => line.act(&press.action).await.map_err(|failed| problem_of(failed).1),
+                Err(why) => Err(unreachable(&why)),
+            },
+            Err(_) => {
+                let message = format!("{MAX_STOPS} commands that stop this robot are under way");
+                Err(Problem::new(Code::Overloaded, message))
             }
         };
-        let answer = tokio::time::timeout(ANSWER_WITHIN, exchange).await;
-        let answer = answer.unwrap_or_else(|_| Err(format!("none came within {ANSWER_WITHIN:?}")));
-        let (status, body) = answer.map_err(Failed::NoAnswer)?;
-        read(status, &body)
+        drop(sending);
+        let detail = answer.as_ref().err().map(|problem| problem.message.clone()).unwrap_or_default();
+        self.end_stop(by, &word, (answer.is_ok(), detail), written);
+        Ok(PanelDone { command_id: None, panel: answer? })
     }
-}
 
-/// An answer of a panel.
-fn read(status: StatusCode, body: &[u8]) -> Result<Snapshot, Failed> {
-    if status.is_success() {
-        return serde_json::from_slice(body)
-            .map_err(|error| Failed::NoAnswer(format!("it is not that of a panel: {error}")));
-    }
-    match serde_json::from_slice(body) {
-        Ok(problem) => Err(Failed::Refused(problem)),
-        Err(_) => Err(Failed::NoAnswer(format!("status {status}, which is not a panel's"))),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_panel_is_on_this_machine() {
-        for (listens, reached) in [
-            ("127.0.0.1:9770", Some("127.0.0.1:9770")),
-            ("0.0.0.0:9770", Some("127.0.0.1:9770")),
-            ("[::1]:9770", Some("[::1]:9770")),
-            ("[::]:9770", Some("[::1]:9770")),
-            ("192.168.1.5:9770", None),
-        ] {
-            let panel = Panel::new(listens.parse().unwrap(), 1);
-            assert_eq!(panel.map(|panel| panel.address().to_string()).as_deref(), reached, "{listens}");
+    /// Does something else at the panel. Its intent is on the disk before it leaves, its outcome after.
+    ///
+    /// # Errors
+    /// `no_panel`, `no_lease`, `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `leftover_list`,
+    /// `overloaded`, `store_unavailable`, `outcome_unknown`, and why the panel refuses.
+    pub async fn panel_action(
+        &self,
+        by: &By,
+        key: Key,
+        press: &Press,
+        run_leftover: bool,
+    ) -> Result<PanelDone, Problem> {
+        let done = self.try_panel_action(by, key, press, run_leftover).await;
+        if let Err((problem, Told::No)) = &done {
+            self.note_refused(by, &press.to_string(), problem.code);
         }
+        done.map_err(|(problem, _)| problem)
     }
 
-    #[test]
-    fn an_answer_that_is_no_panels_tells_nothing() {
-        let refused = read(StatusCode::CONFLICT, br#"{"code":"moving","message":"it moves"}"#);
-        assert!(matches!(refused, Err(Failed::Refused(problem)) if problem.code == r6_api::Code::Moving));
-        for (status, body) in [(200, "{}"), (200, ""), (409, "no"), (502, "<html>")] {
-            let told = read(StatusCode::from_u16(status).unwrap(), body.as_bytes());
-            assert!(matches!(told, Err(Failed::NoAnswer(_))), "{status} {body}");
+    async fn try_panel_action(
+        &self,
+        by: &By,
+        key: Key,
+        press: &Press,
+        run_leftover: bool,
+    ) -> Result<PanelDone, (Problem, Told)> {
+        let untold = |problem: Problem| (problem, Told::No);
+        let panel = self.panel().map_err(untold)?;
+        let _slot = self.commands.try_acquire().map_err(|_| {
+            untold(Problem::new(Code::Overloaded, "too many commands of this robot are under way"))
+        })?;
+        let asked = self.seat(|seat, now| seat.check_press(now, key, press).map(|()| seat.asked(now)));
+        let asked = asked.map_err(|denied| untold(denied.into()))?;
+        if press.runs_leftover && !run_leftover {
+            let robot = self.robot();
+            let robot =
+                robot.ok_or_else(|| untold(Problem::new(Code::NotReady, "there is no connection yet")))?;
+            check_list(&robot).await.map_err(untold)?;
+        }
+        let mut stops_before = None;
+        let act = async {
+            let line = panel.connect().await.map_err(|why| (CommandOutcome::NotSent, unreachable(&why)))?;
+            // What was true before the disk and the connection had their turn may not be true any more.
+            let checked = self.seat(|seat, now| {
+                seat.check_press(now, key, press).and_then(|()| seat.check_asked(now, asked))?;
+                Ok::<_, Denied>(seat.stops_begun())
+            });
+            stops_before = Some(checked.map_err(|denied| (CommandOutcome::NotSent, denied.into()))?);
+            let _sending = self.sending();
+            line.act(&press.action).await.map_err(problem_of)
+        };
+        let done = self.recorded(by, &press.to_string(), key.number, act).await;
+        let begun = self.seat(|seat, _| seat.stops_begun());
+        if press.effect == Effect::Moves && stops_before.is_some_and(|before| before != begun) {
+            // A stop that began since may have come to the machine before it, also if it was confirmed and
+            // cleared by now.
+            let _ = self.stop(&by_itself()).await;
+        }
+        let (command_id, panel) = done?;
+        Ok(PanelDone { command_id: Some(command_id), panel })
+    }
+
+    /// Where its panel is.
+    ///
+    /// # Errors
+    /// `no_panel`.
+    pub fn panel(&self) -> Result<Panel, Problem> {
+        self.config().panel.ok_or_else(|| {
+            let message = "this robot has no panel here, and nothing was done: twins and the robot of `r6 up` have \
+                           one. POST …/stop stops every robot";
+            Problem::new(Code::NoPanel, message)
+        })
+    }
+}
+
+fn unreachable(why: &str) -> Problem {
+    Problem::new(Code::NotReady, format!("its panel cannot be reached, and nothing was sent: {why}"))
+}
+
+/// The outcome and the problem of an action that was not done, or of which that is not known.
+fn problem_of(failed: Failed) -> (CommandOutcome, Problem) {
+    match failed {
+        Failed::Refused(r6_api::Problem { code, message }) => {
+            let code = match code {
+                // At the gateway, this is an alarm that somebody wants to acknowledge.
+                Code::NoSuchAlarm => Code::BadValue,
+                code => code,
+            };
+            (CommandOutcome::Refused, Problem::new(code, message))
+        }
+        Failed::NoAnswer(why) => {
+            let message = format!("its panel gave no usable answer: {why}; look at the robot");
+            (CommandOutcome::Unknown, Problem::new(Code::OutcomeUnknown, message))
         }
     }
 }

@@ -1,8 +1,9 @@
 //! What the gateway knows of one robot, and who may send commands to it.
 
+mod pending;
+
 use std::cmp::Ordering::{Equal, Greater, Less};
 use std::collections::VecDeque;
-use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -17,13 +18,14 @@ use r6_client::{Address, Permission, Robot};
 use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
 
+use self::pending::push;
 use crate::clock;
 use crate::core::alarms;
 use crate::core::live::follower::{Step, Top};
 use crate::core::live::numbers::Span;
 use crate::core::name::RobotName;
 use crate::core::raw::fresh::Freshness;
-use crate::core::raw::refusals::Refusals;
+use crate::core::refusals::Refusals;
 use crate::core::seat::{Cut, Denied, Key, Noticed, Saved, Seat, Ticket};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
@@ -32,7 +34,7 @@ use crate::fleet::roads::Roads;
 use crate::history::Recorder;
 use crate::live::board::Board;
 use crate::live::news::News;
-use crate::store::{Keeper, StoreError};
+use crate::store::Keeper;
 
 /// How many commands of one robot are under way at once, those that wait included. A controller takes about
 /// 20 ms for one.
@@ -46,16 +48,8 @@ pub(super) const MAX_QUERIES: usize = 4;
 /// it sooner.
 pub(super) const MAX_STOPS: u32 = 16;
 
-/// How many records wait to be written. If the store fails for long, refusals are lost first, then the oldest
-/// records, and the log of the process says so.
-const MAX_PENDING: usize = 1_000;
-
 /// The mode is read at least this often, whatever the period of the values: a command needs it.
 pub(super) const MODE_PERIOD: Duration = Duration::from_millis(500);
-
-/// How long an answer waits until the disk has what it tells: a write takes milliseconds, and a person who
-/// stops a robot must not wait for a disk that is full.
-const ANSWERS_WITHIN: Duration = Duration::from_millis(250);
 
 /// For how long an observation of a robot's mode counts. Longer than [`MODE_PERIOD`] by the client's own
 /// limit for a value that is suspect.
@@ -446,35 +440,6 @@ impl Station {
         (held.seat.generation() == generation).then(|| held.permission.clone())
     }
 
-    /// Notes something for the audit log, to be written soon.
-    pub(super) fn note(&self, by: &By, deed: Deed) {
-        let record = self.record(by, deed);
-        push(&mut self.held().pending, record);
-        self.to_write.notify_one();
-    }
-
-    /// Whether this caller did not do this at this robot from the same address within the last minute.
-    pub(super) fn is_first_in_a_minute(&self, by: &By, request: &str) -> bool {
-        is_first(&self.refusals, by, request)
-    }
-
-    /// Whether this caller has had no stop of this robot from the same address within the last minute that
-    /// was not confirmed.
-    pub(super) fn is_first_unconfirmed(&self, by: &By, request: &str) -> bool {
-        is_first(&self.unconfirmed, by, request)
-    }
-
-    /// A record about this robot.
-    pub(super) fn record(&self, by: &By, deed: Deed) -> AuditRecord {
-        AuditRecord {
-            time: clock::time_of_day(),
-            actor: by.actor.clone(),
-            source: by.source.clone(),
-            robot: Some(self.name().to_owned()),
-            deed,
-        }
-    }
-
     /// Publishes an event.
     pub(super) fn publish(&self, happened: Happened) {
         self.publish_of(clock::time_of_day(), happened);
@@ -483,92 +448,6 @@ impl Station {
     /// Publishes an event of this time.
     pub(super) fn publish_of(&self, time: String, happened: Happened) {
         self.shared.news.add(time, self.name(), happened);
-    }
-
-    /// Writes a record now, behind the records that wait. Returns its number.
-    pub(super) async fn append(&self, record: AuditRecord) -> Result<u64, StoreError> {
-        let _turn = self.writing.lock().await;
-        let waiting = self.take_pending();
-        let records = waiting.iter().cloned().chain([record]).collect();
-        let first = self.shared.keeper.append(records).await;
-        let behind = waiting.len() as u64;
-        if first.is_err() {
-            self.put_back(waiting);
-        }
-        first.map(|first| first + behind)
-    }
-
-    /// Writes the state of the seat to the store, if it changed.
-    pub(super) async fn save(&self) -> Result<(), StoreError> {
-        let _turn = self.saving.lock().await;
-        let saved = {
-            let held = self.held();
-            if held.seat.saved() == &held.stored {
-                return Ok(());
-            }
-            held.seat.saved().clone()
-        };
-        self.shared.keeper.save_seat(self.name.clone(), saved.clone()).await?;
-        self.held().stored = saved;
-        Ok(())
-    }
-
-    /// Writes the records that wait. When this returns, they are on the disk.
-    pub(super) async fn write_pending(&self) -> Result<(), StoreError> {
-        let _turn = self.writing.lock().await;
-        let pending = self.take_pending();
-        if pending.is_empty() {
-            return Ok(());
-        }
-        let written = self.shared.keeper.append(pending.clone()).await;
-        if written.is_err() {
-            self.put_back(pending);
-        }
-        written.map(drop)
-    }
-
-    /// Waits until all that has happened so far is on the disk, [`ANSWERS_WITHIN`] at most. So what a
-    /// caller is told survives the gateway, and a disk that is full or slow holds no answer up.
-    pub async fn written(&self) {
-        let written = async {
-            loop {
-                let wrote = self.wrote.notified();
-                if self.is_written() {
-                    return;
-                }
-                wrote.await;
-            }
-        };
-        if tokio::time::timeout(ANSWERS_WITHIN, written).await.is_err() {
-            tracing::warn!(robot = self.name(), "an answer is given before the disk has what it tells");
-        }
-    }
-
-    fn is_written(&self) -> bool {
-        // Records on their way count as not written.
-        let (Ok(_writing), Ok(_saving)) = (self.writing.try_lock(), self.saving.try_lock()) else {
-            return false;
-        };
-        let held = self.held();
-        held.pending.is_empty() && held.seat.saved() == &held.stored
-    }
-
-    /// How many records wait to be written.
-    pub fn records_waiting(&self) -> usize {
-        self.held().pending.len()
-    }
-
-    fn take_pending(&self) -> Vec<AuditRecord> {
-        self.held().pending.drain(..).collect()
-    }
-
-    /// Puts records back before those that were noted meanwhile.
-    fn put_back(&self, records: Vec<AuditRecord>) {
-        let mut held = self.held();
-        let later = std::mem::replace(&mut held.pending, records.into());
-        later.into_iter().for_each(|record| push(&mut held.pending, record));
-        drop(held);
-        self.to_write.notify_one();
     }
 
     /// Publishes what the seat noticed. Returns whether there is something to write.
@@ -703,25 +582,6 @@ impl Drop for Sending<'_> {
     fn drop(&mut self) {
         self.0.fresh().ends(clock::now());
     }
-}
-
-fn push(pending: &mut VecDeque<AuditRecord>, record: AuditRecord) {
-    pending.push_back(record);
-    if pending.len() <= MAX_PENDING {
-        return;
-    }
-    // A client in a loop must not push out what was done.
-    let refusal = pending.iter().position(|record| matches!(record.deed, Deed::Refused { .. }));
-    if let Some(lost) = pending.remove(refusal.unwrap_or(0)) {
-        tracing::error!(?lost, "the store does not take records: one is lost");
-    }
-}
-
-fn is_first(remembered: &Mutex<Refusals>, by: &By, request: &str) -> bool {
-    let source = by.source.as_deref().and_then(|source| source.parse::<SocketAddr>().ok());
-    let Some(source) = source else { return true };
-    let mut remembered = remembered.lock().unwrap_or_else(PoisonError::into_inner);
-    remembered.is_written(clock::now(), source.ip(), &format!("{} {request}", by.actor))
 }
 
 /// Whole milliseconds.

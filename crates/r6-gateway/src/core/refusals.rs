@@ -1,5 +1,5 @@
-//! Which refusals and repeated stops of raw clients stand in the audit log: a script in a loop must not fill
-//! the disk.
+//! Which refusals, repeated stops and sessions of one caller stand in the audit log: a script in a loop must
+//! not fill the disk.
 
 use std::net::IpAddr;
 use std::time::Duration;
