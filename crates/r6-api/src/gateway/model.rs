@@ -31,8 +31,8 @@ pub struct ArmModel {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum ArmGeometry {
-    /// Six axes that turn. At 0 the upper arm stands upright and the forearm is level along +X. Positive turns:
-    /// J1 about +Z; J2, J3 and J5 about +Y; J4 and J6 about +X.
+    /// Six axes that turn. At 0 the upper arm stands upright and the forearm is level along +X. Positive
+    /// turns: J1 about +Z; J2, J3 and J5 about +Y; J4 and J6 about +X.
     SixAxis {
         /// Floor to shoulder, upwards.
         d1: f64,

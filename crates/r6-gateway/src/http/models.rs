@@ -9,8 +9,8 @@ use super::caller::Caller;
 use super::described::OfToken;
 use crate::programs::plan::unit;
 
-/// The models of arms: lengths, axes and limits. They are in the program, so they are the same until it is another
-/// one.
+/// The models of arms: lengths, axes and limits. They are in the program, so they are the same until the
+/// gateway is another one.
 #[utoipa::path(get, path = "/v1/models", operation_id = "models", responses(
     (status = 200, description = "All models", body = Models),
     OfToken,

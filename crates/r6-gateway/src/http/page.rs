@@ -1,6 +1,6 @@
-//! The dashboard: files that the build script embeds, and a page in their place if they were not built. A build
-//! for development reads them from `page/built`, or from the folder that `R6_PAGE` names, so that a change of
-//! the page needs no build of the gateway.
+//! The dashboard: files that the build script embeds, and a page in their place if they were not built. A
+//! build for development reads them from `page/built`, or from the folder that `R6_PAGE` names, so that a
+//! change of the page needs no build of the gateway.
 //!
 //! The files say nothing about robots, so they need no token. The page signs in and uses the API as every
 //! other client.
