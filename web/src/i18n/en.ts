@@ -11,6 +11,7 @@ import { controls } from "./en/controls.ts";
 import { alarms } from "./en/alarms.ts";
 import { chart } from "./en/chart.ts";
 import { choice, history } from "./en/history.ts";
+import { gallery } from "./en/gallery.ts";
 import { menu } from "./en/menu.ts";
 import { production } from "./en/production.ts";
 import { count, duration } from "./en/say.ts";
@@ -44,6 +45,7 @@ export const en = {
   audit,
   account,
   connections,
+  gallery,
   hallSettings,
   arm,
   controls,

@@ -8,6 +8,7 @@ import { controls } from "./zh/controls.ts";
 import { alarms } from "./zh/alarms.ts";
 import { chart } from "./zh/chart.ts";
 import { choice, history } from "./zh/history.ts";
+import { gallery } from "./zh/gallery.ts";
 import { menu } from "./zh/menu.ts";
 import { teach } from "./zh/teach.ts";
 import { production } from "./zh/production.ts";
@@ -41,6 +42,7 @@ export const zh: typeof en = {
   audit,
   account,
   connections,
+  gallery,
   hallSettings,
   arm,
   controls,

@@ -12,6 +12,7 @@ export const hallSettings = {
   zoneUnknown: "This browser does not know the zone. The gateway may know it.",
   now: (at: string) => `There it is ${at} now.`,
   shifts: "Shifts",
+  one: "Shift",
   noShift: "No shift. Production is then shown by the day only.",
   shift: "Name",
   shiftHint: "a to z, digits and -",

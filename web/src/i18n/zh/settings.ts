@@ -21,6 +21,7 @@ export const hallSettings: typeof english = {
   zoneUnknown: "此浏览器不认识该时区，网关可能认识。",
   now: (at) => `当地现在是 ${at}。`,
   shifts: "班次",
+  one: "班次",
   noShift: "没有班次。生产数据仅按天显示。",
   shift: "名称",
   shiftHint: "可用 a 至 z、数字和 -",
