@@ -1,4 +1,6 @@
 /** Words of the page of components. The names of components are those of the code. */
+import { count } from "./say.ts";
+
 export const gallery = {
   what: "Each part of src/ui in each of its states. Nothing here reaches a robot.",
   theme: "The theme is chosen in the menu at the top right, or on the page of settings.",
@@ -30,7 +32,7 @@ export const gallery = {
   disabled: "Cannot be pressed now",
   plain: "Plain",
   hold: "Hold for 1 s",
-  held: (times: number) => `held ${times} times`,
+  held: (times: number) => `held ${count(times, "time", "times")}`,
   dialog: "Open a dialog",
   dialogText: "Stop stays above it and in reach.",
   field: "A field",
