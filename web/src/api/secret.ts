@@ -22,7 +22,7 @@ export interface OneTimeLink {
   name: string | null;
 }
 
-/** Reads what the page of one-time links hands on: `link=SECRET`, or `link=SECRET&NAME`. `null` if it is none. */
+/** Reads what the page of one-time links hands on: `link=SECRET`, or `link=SECRET&NAME`. `null` for another text. */
 export function oneTimeLinkOf(text: string): OneTimeLink | null {
   const [, secret, name] = /^link=([^&]+)(?:&(.+))?$/.exec(text) ?? [];
   return secret === undefined ? null : { secret, name: name ?? null };

@@ -8,7 +8,7 @@ export function isPassword(text: string): boolean {
   return length >= LEAST && length <= MOST;
 }
 
-/** Characters that nobody mistakes for others when they are read from a note. */
+/** Characters that are not mistaken for others when they are read from a note. */
 const CLEAR = "abcdefghijkmnpqrstuvwxyz23456789";
 
 /** A password of 100 random bits, in groups: `k3mv7-…`. */

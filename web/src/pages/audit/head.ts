@@ -1,6 +1,6 @@
 /** Heads of the audit log that were kept. */
 
-/** Number and hash in the text of a head, as `GET /v1/audit/head` tells it; `null` if the text is none. */
+/** Number and hash in the text of a head, as `GET /v1/audit/head` tells it; `null` for another text. */
 export function headIn(text: string): { number: number; hash: string } | null {
   try {
     const read: unknown = JSON.parse(text);
