@@ -31,7 +31,7 @@ function plan(part: Partial<ProgramPlan> = {}): ProgramPlan {
     ],
     problems: [],
     sample_ms: 100,
-    samples: [sample(0, [0, 0]), sample(100, [10, 9.2]), sample(200, [96, 0]), sample(300, [0, -9.5])],
+    samples: [sample(0, [0, 0]), sample(100, [10, 9.5]), sample(200, [96, 0]), sample(300, [0, -9.6])],
     remarks: [],
     ...part,
   };
@@ -41,13 +41,13 @@ const limit = { kind: "limit" as const, step: 3, at_ms: 250, axis: "J1", alarm: 
 
 test("a path is amber near a limit, by the range of the axis", () => {
   expect(marksOf(plan())).toEqual(["ok", "near", "near", "near"]);
-  expect(marksOf(plan({ samples: [sample(0, [94, 8.9])] }))).toEqual(["ok"]);
+  expect(marksOf(plan({ samples: [sample(0, [93.9, 9.3])] }))).toEqual(["ok"]);
   const found = nearLimits(plan());
   expect(found.map(({ axis, value, limit, step }) => [axis, value, limit, step])).toEqual([
-    ["J2", -9.5, -10, 3],
+    ["J2", -9.6, -10, 3],
     ["J1", 96, 100, 3],
   ]);
-  expect(found[0]?.room).toBeCloseTo(0.5);
+  expect(found[0]?.room).toBeCloseTo(0.4);
 });
 
 test("where a plan ends at a limit or a singularity is marked, also if it ends at once", () => {
@@ -62,10 +62,10 @@ test("where a plan ends at a limit or a singularity is marked, also if it ends a
 });
 
 test("the arm is found at each instant, and is not told beyond the plan", () => {
-  expect(armAt(plan(), 50)?.axes).toEqual([5, 4.6]);
+  expect(armAt(plan(), 50)?.axes).toEqual([5, 4.75]);
   expect(armAt(plan(), 50)?.sample.time_ms).toBe(0);
-  expect(armAt(plan(), 100)?.axes).toEqual([10, 9.2]);
-  expect(armAt(plan(), 1e9)?.axes).toEqual([0, -9.5]);
+  expect(armAt(plan(), 100)?.axes).toEqual([10, 9.5]);
+  expect(armAt(plan(), 1e9)?.axes).toEqual([0, -9.6]);
   expect(armAt(plan(), -1)?.axes).toEqual([0, 0]);
   expect(armAt(plan({ samples: [] }), 0)).toBeNull();
   expect([stepAt(plan(), 99), stepAt(plan(), 100), stepAt(plan({ steps: [] }), 0)]).toEqual([1, 3, null]);

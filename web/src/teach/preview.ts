@@ -3,15 +3,10 @@
  * whether it still holds. The gateway alone computes with arms.
  */
 import type { PlanSample, ProgramPlan } from "../api/types.ts";
+import { nearness } from "../scene/model.ts";
 
 /** A part of a path. `beyond` and `singular` are where the plan ends for that reason. */
 export type Mark = "ok" | "near" | "beyond" | "singular";
-
-/**
- * Nearer to a soft limit than this counts as near: a part of its range, and so many degrees or mm at most.
- */
-export const NEAR_PART = 0.05;
-export const NEAR_MOST = 5;
 
 /** How far an axis may stand from where the plan begins, in degrees or mm: encoders tremble. */
 export const TREMBLE = 0.05;
@@ -23,9 +18,9 @@ function room(value: number, [low = -Infinity, high = Infinity]: readonly number
   return Math.min(value - low, high - value);
 }
 
-function isNear(value: number, axis: Axis): boolean {
-  const [low = 0, high = 0] = axis.limits;
-  return room(value, axis.limits) < Math.min(NEAR_MOST, (high - low) * NEAR_PART);
+/** The same as on the page of the robot. */
+function isNear(value: number, { limits: [low = 0, high = 0] }: Axis): boolean {
+  return nearness(value, [low, high]) !== "inside";
 }
 
 /** The mark of each sample. */
