@@ -211,8 +211,8 @@ async fn health_needs_no_token_and_an_unknown_path_does() {
     let hall = Hall::start().await;
     let address = hall.gateway.address();
     assert_eq!(call(address, "", "GET", "/healthz", None).await.0, 204);
-    assert_eq!(call(address, "", "GET", "/v2", None).await.0, 401);
-    let (status, problem) = hall.call(&hall.viewer, "GET", "/v2", None).await;
+    assert_eq!(call(address, "", "GET", "/v1/no-such-path", None).await.0, 401);
+    let (status, problem) = hall.call(&hall.viewer, "GET", "/v1/no-such-path", None).await;
     assert_eq!((status, &problem["code"]), (404, &json!("no_such_path")));
     let (status, problem) = hall.call(&hall.viewer, "PUT", "/v1/robots", None).await;
     assert_eq!((status, &problem["code"]), (405, &json!("no_such_method")));
@@ -280,7 +280,7 @@ async fn a_token_that_asks_too_often_is_told_and_can_still_stop() {
     let address = hall.gateway.address();
     let request = |end: &str| {
         let token = &hall.operator;
-        format!("GET /v2 HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {token}\r\n{end}\r\n")
+        format!("GET /v1/no-such-path HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {token}\r\n{end}\r\n")
     };
     // One connection and no wait for the answers, so that the machine is fast enough for the limit.
     let mut stream = TcpStream::connect(address).await.unwrap();

@@ -126,7 +126,7 @@ async fn a_user_commands_and_stops_and_the_log_names_the_user() {
     assert_eq!(anna.call("POST", "/v1/robots/press/commands", Some(&command)).await.0, 200);
     assert_eq!(anna.bare("POST", "/v1/robots/press/stop", None).await.0, 403);
     // Beyond the limit of requests a stop still goes.
-    let reads = async |_| anna.bare("GET", "/v2", None).await.0;
+    let reads = async |_| anna.bare("GET", "/v1/no-such-path", None).await.0;
     let mut statuses = Vec::new();
     let begun = Instant::now();
     while !statuses.contains(&429) {
