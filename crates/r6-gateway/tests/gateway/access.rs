@@ -280,7 +280,9 @@ async fn a_token_that_asks_too_often_is_told_and_can_still_stop() {
     let address = hall.gateway.address();
     let request = |end: &str| {
         let token = &hall.operator;
-        format!("GET /v1/no-such-path HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {token}\r\n{end}\r\n")
+        format!(
+            "GET /v1/no-such-path HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {token}\r\n{end}\r\n"
+        )
     };
     // One connection and no wait for the answers, so that the machine is fast enough for the limit.
     let mut stream = TcpStream::connect(address).await.unwrap();

@@ -418,7 +418,9 @@ async fn a_restart_signs_out_and_keeps_the_users() {
     hall.user("anna", Role::Viewer).await;
     let anna = hall.browser("anna").await;
     let hall = hall.again(Vec::new(), vec![VirtualController::start().await.unwrap()]).await;
-    let answer = request(hall.gateway.address(), &anna.headers(), "GET", "/v1/robots", None).await;
+    // It has another port by now, and so another name of the cookie.
+    let headers = format!("Cookie: {}={}\r\n", cookie_name(hall.gateway.address()), anna.cookie);
+    let answer = request(hall.gateway.address(), &headers, "GET", "/v1/robots", None).await;
     assert_eq!((answer.status, &answer.body["code"]), (401, &json!("no_session")));
     hall.browser("anna").await;
 }
