@@ -32,15 +32,15 @@ export function bucketsOf(answer: HistoryBucket[], width: number, to: number): B
 }
 
 /**
- * Whether a line may be drawn from a bucket to the next one: both have a value for all of their time. A gap that is
- * narrower than a bucket is seen as one too.
+ * Whether a line may be drawn from a bucket to the next one: both have a value for all of their time. So a
+ * gap that is narrower than a bucket is shown too.
  */
 export function joins(a: Bucket | undefined, b: Bucket | undefined): boolean {
   if (a === undefined || b === undefined || a.mean === null || b.mean === null) return false;
   return a.seen >= 1 - ROUNDING && b.seen >= 1 - ROUNDING && Math.abs(b.at - a.at - a.width) <= 1;
 }
 
-/** The points of lines: `null` where a line has to end. Each bucket is two points, at its middle and at its end. */
+/** The points of lines: `null` where a line ends. Each bucket is two points, at its middle and at its end. */
 export function columns(times: { at: number; width: number }[], rows: (Bucket | undefined)[][]): [number[], ...(number | null)[][]] {
   const x: number[] = [];
   for (const { at, width } of times) x.push((at + width / 2) / 1000, (at + width) / 1000);
@@ -101,8 +101,8 @@ export function extent(rows: Bucket[][]): [number, number] | null {
 }
 
 /**
- * What came over the live stream since the history was read, in buckets of the same width. A value counts from one
- * look to the next, if it is known at both: a look that knows none begins a gap.
+ * What came over the live stream since the history was read, in buckets of the same width. A value counts
+ * from one look to the next, if it is known at both. A look without a value begins a gap.
  */
 export class Tail {
   readonly #begin: number;

@@ -5,8 +5,8 @@ import type { History } from "../api/types.ts";
 import { type Bucket, bucketsOf } from "./buckets.ts";
 
 /**
- * How many queries of all charts are under way: the gateway answers four at a time, for everyone, and a browser has
- * a turn for three questions, of which one is left for the rest of the page.
+ * How many queries of all charts are under way. The gateway answers four at a time, for all callers. The page
+ * asks three questions at a time, and one of them is left for its other parts.
  */
 const MAX_UNDER_WAY = 2;
 /** How many buckets an answer has, and how many answers of one signal are read. */
@@ -24,7 +24,7 @@ export interface Question {
 }
 
 export type Outcome =
-  /** `unit` is `null` if the protocol does not tell it. `unreadable`: chunks of the history that cannot be read. */
+  /** `unit`: `null` if the protocol does not tell it. `unreadable`: chunks that cannot be read. */
   | { kind: "read"; buckets: Bucket[]; unit: string | null; unreadable: number; isWhole: boolean }
   | { kind: "failed"; failure: Failure }
   | { kind: "given_up" };

@@ -11,7 +11,9 @@ export function nameOf(address: string, words: typeof en): string {
   return words.robot.signals[address] ?? address;
 }
 
-/** The colours of lines: classes of the page and names of its tokens. From the seventh on, lines are dashed. */
+/**
+ * The colours of lines: classes of the page and names of its tokens. From the seventh on, lines are dashed.
+ */
 export const COLOURS = 6;
 
 /** The sign of the colour of a line, and whether it is dashed: colours come again. */
@@ -21,7 +23,9 @@ export function lookOf(address: string, at: number): { colour: number; isDashed:
   return { colour: (place % COLOURS) + 1, isDashed: place >= COLOURS };
 }
 
-/** Signals that one scale fits: axes, places, angles, and others by their units. Eight at most are together. */
+/**
+ * Signals that one scale fits: axes, places, angles, and others by their units. Eight at most are together.
+ */
 export function groupsOf(signals: string[], unit: (address: string) => string | null): string[][] {
   const groups = new Map<string, string[]>();
   for (const signal of signals) {

@@ -1,4 +1,6 @@
-/** Draws buckets with uPlot: a band from min to max, and a line of the means. Nothing is drawn across a gap. */
+/**
+ * Draws buckets with uPlot: a band from min to max, and a line of the means. Nothing is drawn across a gap.
+ */
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { wall } from "../i18n/zone.ts";

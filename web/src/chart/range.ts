@@ -25,7 +25,7 @@ export type Range =
   | { kind: "live"; span: Span }
   | { kind: "own"; from: number; to: number };
 
-/** The range that a query names. One that is wrong or that is missing is the usual one. */
+/** The range that a query names; the usual one if it is wrong or missing. */
 export function rangeOf(query: URLSearchParams, zone: string, usual: Span = "15m"): Range {
   const own = ownOf(query.get("from"), query.get("to"), zone);
   if (own !== null) return own;
@@ -33,7 +33,10 @@ export function rangeOf(query: URLSearchParams, zone: string, usual: Span = "15m
   return { kind: "live", span: Object.hasOwn(SPANS, named) ? (named as Span) : usual };
 }
 
-/** A range of one's own; `null` if a time is none, or the end is not behind the begin, or it is too long. */
+/**
+ * A range of one's own; `null` if a time is wrong, the end is not behind the begin, or the range is too
+ * long.
+ */
 export function ownOf(from: string | null, to: string | null, zone: string): Extract<Range, { kind: "own" }> | null {
   const [begin, end] = [from, to].map((text) => (text === null ? null : instantOf(text, zone)));
   if (begin == null || end == null || begin >= end || end - begin > LONGEST) return null;

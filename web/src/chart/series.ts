@@ -6,8 +6,8 @@ import type { Outcome } from "./load.ts";
 const nothing = (at: number, width: number): Bucket => ({ at, width, mean: null, min: null, max: null, seen: 0 });
 
 /**
- * What is read by the gateway can be asked for a little later, in milliseconds: it is written four times a second. So
- * the end of the history is read a second time.
+ * How long a value takes until it can be asked for, in milliseconds: the gateway writes four times a
+ * second. So the end of the history is read a second time.
  */
 export const LATE = 1_500;
 

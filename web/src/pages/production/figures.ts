@@ -77,7 +77,7 @@ export function sources(all: Production[], of: (one: Production) => string[]): s
   return [...new Set(all.flatMap(of))];
 }
 
-/** A part of a distribution: cycles from a time on, up to another one that does not belong to it. In milliseconds. */
+/** A part of a distribution: cycles of at least `from` and less than `to`, in milliseconds. */
 export interface Bin {
   from: number;
   to: number;

@@ -17,9 +17,8 @@ export function queryOf(period: Period): string {
 }
 
 /**
- * A day of the hall, up to now at most. With `until`, a time on the wall such as `10:42:03`, it ends there, so that
- * two days can be compared; a day that has that time left out ends at the change of the clock. `null` for a text that is
- * no day, and for a day that has not begun.
+ * A day of the hall, up to now at most. With `until`, a time on the wall such as `10:42:03`, it ends there,
+ * so that two days can be compared. `null` if the text is no day, or the day has not begun.
  */
 export function dayPeriod(day: string, now: number, zone: string, until: string | null = null): Period | null {
   const [from, next] = [beginOf(day, zone), isDay(day) ? beginOf(dayAfter(day, 1), zone) : null];
@@ -33,7 +32,10 @@ function isDay(text: string): boolean {
   return /^\d{4}-\d\d-\d\d$/.test(text) && !Number.isNaN(Date.parse(`${text}T00:00:00Z`));
 }
 
-/** Two days beside each other. If the first one is today, the second one ends at the same time, unless all of it is wanted. */
+/**
+ * Two days beside each other. Beside today, the other day ends at the same time, unless `whole` is in the
+ * query.
+ */
 export function daysOf(query: URLSearchParams, now: number, zone: string): [Period | null, Period | null] {
   const today = dayOf(now, zone);
   const first = query.get("a") ?? today;
@@ -72,7 +74,7 @@ export function shiftKey({ name, date }: { name: string; date: string }): string
   return `${name}@${date}`;
 }
 
-/** Two shifts beside each other: this one, or the last one, and the same one of an earlier day if there is one. */
+/** Two shifts beside each other: the latest one, and the same one of an earlier day if there is one. */
 export function pairOf(query: URLSearchParams, all: (Period & { kind: "shift" })[]): [Period | null, Period | null] {
   const named = (key: string): Period | undefined => all.find((one) => shiftKey(one) === query.get(key));
   const first = named("a") ?? all[0];
