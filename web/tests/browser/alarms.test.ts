@@ -36,7 +36,7 @@ test("alarms are explained, grouped, acknowledged, shelved with a reason, and fo
   await page.click("text=Acknowledge all 4");
   await says(page, "[data-told-alarms]", "Acknowledged 4 of 4");
   await page.click(`${LINE} summary`);
-  await says(page, `${LINE} details`, /press-01\s+Seen by 1[^]*press-04\s+Seen by 1/);
+  await says(page, `${LINE} details`, /press-01\s+Seen by token 1[^]*press-04\s+Seen by token 1/);
 
   await panel([1], "alarm", "850");
   const pack = `${LINE}:has([data-shelve=pack-01])`;
@@ -53,7 +53,7 @@ test("alarms are explained, grouped, acknowledged, shelved with a reason, and fo
   await page.selectOption("[name=for]", "120");
   await picture(page, "alarms-shelve");
   await page.click("[role=dialog] [type=submit]");
-  await says(page, "[data-shelved=pack-01]", /Reason: the door switch is being mended[^]*by 1[^]*until/);
+  await says(page, "[data-shelved=pack-01]", /Reason: the door switch is being mended[^]*by token 1[^]*until/);
   // The end is told on the clock of the hall, and the browser is in another zone.
   const end = new Date(Date.now() + 2 * 3_600_000).toLocaleTimeString("sv-SE", { timeZone: "Asia/Shanghai" }).slice(0, 2);
   await says(page, "[data-shelved=pack-01]", new RegExp(`until (\\d{4}-\\d\\d-\\d\\d )?${end}:`));
