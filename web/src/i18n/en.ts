@@ -140,7 +140,7 @@ export const en = {
   robots: {
     title: "All robots",
     search: "Search robots",
-    none: "No robot yet. An admin adds one with PUT /v1/robots/{name}, or in the file of the gateway.",
+    none: "No robot yet. An admin adds one on the page of connections, or in the file of the gateway.",
     noMatch: (search: string) => `No robot matches “${search}”.`,
     loading: "Waiting for the robots…",
     noLink: (seconds: number | null) => (seconds === null ? "no link" : `no link ${duration(seconds)}`),

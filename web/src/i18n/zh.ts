@@ -135,7 +135,7 @@ export const zh: typeof en = {
   robots: {
     title: "所有机器人",
     search: "搜索机器人",
-    none: "还没有机器人。管理员可用 PUT /v1/robots/{name} 添加，或写入网关的配置文件。",
+    none: "还没有机器人。管理员可在“连接”页面添加，或写入网关的配置文件。",
     noMatch: (search) => `没有与“${search}”匹配的机器人。`,
     loading: "正在等待机器人数据…",
     noLink: (seconds) => (seconds === null ? "无连接" : `无连接 ${duration(seconds)}`),

@@ -1,11 +1,9 @@
-import { readFileSync } from "node:fs";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { type Hall, looks, startHall } from "./gateway.ts";
-import { fits, isAccessible, openPage, picture, says, startBrowser, until } from "./support.ts";
+import { Network, fits, isAccessible, openPage, picture, says, startBrowser, until } from "./support.ts";
 
 const PASSWORD = "correct horse battery";
-const SCRIPT = readFileSync(new URL("../../../crates/r6-gateway/src/http/setup/script.js", import.meta.url), "utf8");
 let hall: Hall;
 let browser: Browser;
 let admin = "";
@@ -29,8 +27,6 @@ async function signIn(page: Page, name: string, password: string): Promise<void>
 
 test("a one-time link makes the first admin, who signs in and makes a user, whose page ends with the user", async () => {
   const { page, faults } = await openPage(browser);
-  // A command that was built before the page under test has the script of its own time.
-  await page.route("**/setup.js", (route) => route.fulfill({ contentType: "text/javascript", body: SCRIPT }));
   await page.goto(`${hall.url}/setup#${hall.secret}`);
   await says(page, "h1", "Make the first admin");
   expect(page.url(), "the secret is not in the address any more").toBe(`${hall.url}/`);
@@ -198,23 +194,36 @@ test("connections: which is at fault; a robot is added, exchanged, accepted and 
   await page.context().close();
 });
 
-test("another build of the page is offered when the page is shown again, and a lost gateway is the fault", async () => {
+test("a lost gateway is the fault, and another build of the page is offered when it comes back", async () => {
+  const { hostname, port } = new URL(hall.url);
+  const network = new Network({ host: hostname, port: Number(port) });
+  const url = await network.open();
   const { page, faults } = await openPage(browser);
-  await page.goto(`${hall.url}/connections#${admin}`);
-  await page.waitForSelector("[data-fault=some]");
-  const shown = (): Promise<void> => page.evaluate(() => void document.dispatchEvent(new Event("visibilitychange")));
-  const asked = page.waitForResponse((response) => new URL(response.url()).pathname === "/");
-  await shown();
-  await asked;
+  await page.goto(`${url}/connections#${admin}`);
+  await says(page, "[data-fault=some]", "saw");
+  await network.cut();
+  await says(page, "[data-fault=gateway]", "This page does not hear the gateway.");
+  await says(page, "[data-row=press-1] [data-link]", "not known");
+  await isAccessible(page);
+  await picture(page, "connections-lost");
+  // The same build is back: nothing is offered. Then another one is.
+  let looked = page.waitForResponse((response) => new URL(response.url()).pathname === "/");
+  await network.open();
+  await looked;
+  await says(page, "[data-fault=some]", "saw");
+  await until("what is shown is of now", async () => (await page.locator("[data-problem], [data-as-of]").count()) === 0);
   expect(await page.locator("[data-new-build]").count()).toBe(0);
-  await page.route(`${hall.url}/`, async (route) => {
+  await page.route(`${url}/`, async (route) => {
     const response = await route.fetch();
     await route.fulfill({ response, body: (await response.text()).replace(/index-[\w-]+\.js/, "index-another.js") });
   });
-  await shown();
+  await network.cut();
+  await says(page, "[data-fault=gateway]", "This page does not hear the gateway.");
+  await network.open();
   await says(page, "[data-new-build]", "The gateway has another version of this page.");
   await isAccessible(page);
   await picture(page, "new-build");
   expect(faults).toEqual([]);
+  await network.cut();
   await page.context().close();
 });

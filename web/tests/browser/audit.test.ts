@@ -24,10 +24,12 @@ afterAll(async () => {
   await hall?.end();
 });
 
-test("one link shows who stopped robot 4: who, from where, when, and whether the arm was seen to stand", async () => {
+test("one click shows who stopped robot 4: who, from where, when, and whether the arm was seen to stand", async () => {
   const { page, faults } = await openPage(browser);
-  await page.goto(`${hall.url}/audit?robot=press-4&kind=stop#${engineer}`);
+  await page.goto(`${hall.url}/robots/press-4#${engineer}`);
+  await page.click("[data-stopped-by]");
   await says(page, "[role=table]", "It was seen that the arm stands.");
+  expect(new URL(page.url()).search).toBe("?robot=press-4&kind=stop");
   const rows = page.locator("tbody > tr");
   expect(await rows.count()).toBe(2);
   const row = (await rows.first().textContent()) ?? "";

@@ -103,7 +103,7 @@ test("speed, outputs, counters and registers are set under the lease, and a stop
   await page.click("[data-stop=saw]");
   await says(page, "[data-doing]", "It waits for you to clear the stop.");
   await says(page, "[data-stopped-by]", /^Stopped by \d+, \d\d:\d\d:\d\d$/);
-  expect(await page.getAttribute("[data-stopped-by]", "href")).toBe("/audit?robot=saw");
+  expect(await page.getAttribute("[data-stopped-by]", "href")).toBe("/audit?robot=saw&kind=stop");
   expect(await page.isDisabled("[data-set-output=on]")).toBe(true);
   await says(page, "[data-told]", "saw: stopped, seen");
   await page.click("[data-control=clear_stop]");
