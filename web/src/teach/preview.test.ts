@@ -72,7 +72,7 @@ test("the arm is found at each instant, and is not told beyond the plan", () => 
 });
 
 test("a preview is void when arm, robot, tool, frame, speed or text change", () => {
-  const made: Basis = { text: "a", robot: "saw", machine: "m", model: "M", speed: 50, axes: [1, 2], frames: "0 0" };
+  const made: Basis = { text: "a", robot: "saw", machine: "m", model: "M", speed: 50, setSpeed: 50, axes: [1, 2], frames: "0 0" };
   const by = (part: Partial<Basis>) => voidBy(made, { ...made, ...part });
   expect(by({})).toBeNull();
   expect(by({ axes: [1.04, 2] })).toBeNull();
@@ -82,12 +82,14 @@ test("a preview is void when arm, robot, tool, frame, speed or text change", () 
     by({ machine: "n" }),
     by({ model: null }),
     by({ speed: 60 }),
+    by({ setSpeed: 30 }),
+    by({ setSpeed: null }),
     by({ axes: [1.06, 2] }),
     by({ axes: [1] }),
     by({ axes: null }),
     by({ frames: "1 0" }),
     by({ frames: null }),
-  ]).toEqual(["text", "robot", "robot", "model", "speed", "arm", "arm", "arm_unknown", "frames", "frames"]);
+  ]).toEqual(["text", "robot", "robot", "model", "speed", "speed", "speed", "arm", "arm", "arm_unknown", "frames", "frames"]);
   expect(['modifyGSPD "300"', "switchTool \"1\"", "switchCoordinate", "modifyOutput"].map(voidByCommand)).toEqual([
     "speed",
     "frames",

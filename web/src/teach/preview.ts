@@ -120,6 +120,8 @@ export interface Basis {
   model: string | null;
   /** The global speed that was assumed, in percent. */
   speed: number;
+  /** The global speed that was set last, in percent; `null` if the gateway does not know it. */
+  setSpeed: number | null;
   /** Where its axes stand; `null` if that is not known now. */
   axes: readonly number[] | null;
   /** Tool and work frame in use, as the robot tells them; `null` if it does not. */
@@ -133,7 +135,7 @@ export function voidBy(made: Basis, now: Basis): Void | null {
   if (now.robot !== made.robot || now.machine !== made.machine) return "robot";
   if (now.model !== made.model) return "model";
   if (now.text !== made.text) return "text";
-  if (now.speed !== made.speed) return "speed";
+  if (now.speed !== made.speed || now.setSpeed !== made.setSpeed) return "speed";
   if (now.frames !== made.frames) return "frames";
   if (now.axes === null || made.axes === null) return "arm_unknown";
   const stands = made.axes.every((value, at) => Math.abs(value - (now.axes?.[at] ?? Infinity)) <= TREMBLE);

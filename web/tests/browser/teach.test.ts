@@ -29,6 +29,7 @@ let url: string;
 let twin: string;
 let engineer: string;
 let operator: string;
+let tokenFile: string;
 
 beforeAll(async () => {
   robot = new Running("sim", "--listen", "127.0.0.1:0");
@@ -43,6 +44,8 @@ beforeAll(async () => {
   engineer = (await r6("gateway", "token", "--data", kept, "--role", "engineer", "--name", "ann")).trim();
   operator = (await r6("gateway", "token", "--data", kept, "--role", "operator")).trim();
   // The picture has a test of its own: drawing it without a graphics card takes a core.
+  tokenFile = join(data.path, "token");
+  writeFileSync(tokenFile, operator, { mode: 0o600 });
   browser = await startBrowser("--disable-3d-apis");
 });
 
@@ -149,6 +152,13 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await page.keyboard.press(" ");
   await until("the preview plays to its end", async () => (await page.textContent('[data-planned-axis="0"]')) !== begin);
   await page.waitForSelector("[data-play=false]");
+
+  // A speed that was set makes the preview void, and the next one is for it.
+  await r6("-g", url, "--token-file", tokenFile, "-r", "press-4-twin", "command", "modifyGSPD", "90");
+  await page.waitForSelector("[data-void=speed]");
+  expect(await page.inputValue("[data-speed]")).toBe("90");
+  await page.click("[data-make]");
+  await page.waitForSelector("[data-preview=done]");
 
   // A point beyond a limit: the step and the path are red, and nothing is sent.
   await page.click('[data-point-name="P3"] button');

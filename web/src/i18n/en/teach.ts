@@ -333,7 +333,10 @@ export const teach = {
         ? `${program}: all ${count(total, "step", "steps")}.`
         : `${program}: step${from === to ? ` ${from}` : `s ${from} to ${to}`} of ${total}. Steps before do not run: outputs, workbench and path speed that they set are not set.`,
     path: (mm: string, ms: number, speed: number) =>
-      `The tool goes ${mm} in ${seconds(ms)}, if the global speed is ${speed} %. The controller does not report its global speed.`,
+      `The tool goes ${mm} in ${seconds(ms)}, if the global speed is ${speed} %.`,
+    speedSet: (percent: number, by: string, at: string) =>
+      `Set to ${percent} % by ${by}, ${at}. The controller does not report it: somebody at the pendant may have changed it.`,
+    speedUnknown: "Which global speed is set is not known: expect full speed.",
     list: "No instruction is left in its list.",
     frames: "It runs with the tool and the work frame that are in use.",
     waits: (steps: number[]) =>
@@ -386,6 +389,7 @@ export const teach = {
     done: (robot: string, proof: string) => `Done on ${robot}, seen: ${proof}.`,
     proof: { reached: "the arm stands where the last move ends", consumed: "the list was worked through, and the arm stands", cut_short: "an input cut the last move short, and the arm stands", at_rest: "the list is empty, and the arm stands" } as Record<string, string>,
     stopped: (why: string) => `Stopped before its end: ${why}. It is proved that the arm stands.`,
+    stoppedBy: (who: string, at: string) => `Stopped before its end by ${who}, ${at}. It is proved that the arm stands.`,
     failed: (why: string) => `Failed: ${why}. It is proved that the arm stands.`,
     notCarried: (why: string) => `Nothing was carried out: ${why}.`,
     unknownEnd: (why: string) => `OUTCOME UNKNOWN: ${why}. It is not known what was carried out, or not proved that the arm stands. Look at the arm.`,

@@ -327,7 +327,9 @@ export const teach: typeof english = {
       from === 1 && to === total
         ? `${program}：全部 ${total} 个步骤。`
         : `${program}：共 ${total} 个步骤中的${from === to ? `步骤 ${from}` : `步骤 ${from} 至 ${to}`}。之前的步骤不运行：它们设置的输出、工作台和路径速度不会生效。`,
-    path: (mm, ms, speed) => `工具行程 ${mm}，用时 ${seconds(ms)}（全局速度为 ${speed} % 时）。控制器不报告全局速度。`,
+    path: (mm, ms, speed) => `工具行程 ${mm}，用时 ${seconds(ms)}（全局速度为 ${speed} % 时）。`,
+    speedSet: (percent, by, at) => `由 ${by} 于 ${at} 设为 ${percent} %。控制器不报告此值：示教器旁的人员可能已更改。`,
+    speedUnknown: "已设定的全局速度未知：请按全速对待。",
     list: "列表中没有剩余指令。",
     frames: "使用当前的工具和工作坐标系运行。",
     waits: (steps) => `步骤 ${steps.join("、")}：机械臂在此等待信号，信号到来后继续。`,
@@ -383,6 +385,7 @@ export const teach: typeof english = {
       at_rest: "列表为空，机械臂静止",
     },
     stopped: (why) => `中途停止：${why}。已证明机械臂静止。`,
+    stoppedBy: (who, at) => `${who} 于 ${at} 中途停止。已证明机械臂静止。`,
     failed: (why) => `失败：${why}。已证明机械臂静止。`,
     notCarried: (why) => `没有执行任何内容：${why}。`,
     unknownEnd: (why) => `结果未知：${why}。执行了哪些内容未知，或无法证明机械臂静止。请查看机械臂。`,

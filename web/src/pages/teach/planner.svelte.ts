@@ -60,6 +60,11 @@ export function machineOf(view: View): string {
   return JSON.stringify([identity, identity_changed, virtual]);
 }
 
+/** The global speed that was set last over the gateway, in percent; `null` if it is not known. */
+function setSpeedOf(view: View): number | null {
+  return view.summary.global_speed?.percent ?? null;
+}
+
 /**
  * Tool and work frame in use, as one text; `null` if the robot does not tell them; `undefined` without an
  * answer.
@@ -143,6 +148,7 @@ export class Planner {
       machine,
       model: view.summary.model,
       speed,
+      setSpeed: setSpeedOf(view),
       axes: first,
       frames: frames ?? null,
     };
@@ -180,6 +186,7 @@ export class Planner {
       machine: machineOf(view),
       model: view.summary.model,
       speed,
+      setSpeed: setSpeedOf(view),
       axes: axesOf(view),
       frames: basis.frames,
     });
