@@ -72,7 +72,7 @@ test("speed, outputs, counters and registers are set under the lease, and a stop
   await page.click("[data-control=speed]");
   await says(page, "[role=dialog]", "What the speed is now is not known");
   await page.click("[data-raise]");
-  await says(page, "[data-speed]", /30 %, set by \d+, \d\d:\d\d:\d\d; not reported by the controller/);
+  await says(page, "[data-speed]", /30 %, set by token \d+, \d\d:\d\d:\d\d; not reported by the controller/);
   await page.fill("[data-percent]", "20");
   await page.keyboard.press("Enter");
   await says(page, "[data-speed]", "20 %");
@@ -102,7 +102,7 @@ test("speed, outputs, counters and registers are set under the lease, and a stop
 
   await page.click("[data-stop=saw]");
   await says(page, "[data-doing]", "It waits for you to clear the stop.");
-  await says(page, "[data-stopped-by]", /^Stopped by \d+, \d\d:\d\d:\d\d$/);
+  await says(page, "[data-stopped-by]", /^Stopped by token \d+, \d\d:\d\d:\d\d$/);
   expect(await page.getAttribute("[data-stopped-by]", "href")).toBe("/audit?robot=saw&kind=stop");
   expect(await page.isDisabled("[data-set-output=on]")).toBe(true);
   await says(page, "[data-told]", "saw: stopped, seen");
@@ -113,7 +113,7 @@ test("speed, outputs, counters and registers are set under the lease, and a stop
 
   // Who comes later sees who set the speed. The twin is a link away.
   await page.reload();
-  await says(page, "[data-speed]", /20 %, set by \d+/);
+  await says(page, "[data-speed]", /20 %, set by token \d+/);
   await page.click("[data-twin=saw-twin]");
   await says(page, "h1", "saw-twin");
   expect(faults).toEqual([]);
@@ -205,7 +205,7 @@ test("an admin takes a lease over with a reason, and chooses a model; another ro
   await page.waitForSelector("[data-robot=saw]");
   await page.goto(`${url}/robots/saw`);
   await page.click("[data-take]");
-  await says(page, "[role=dialog]", /Take saw from \d+\?[^]*stops the robot first/);
+  await says(page, "[role=dialog]", /Take saw from token \d+\?[^]*stops the robot first/);
   expect(await page.isDisabled("[data-take-over]")).toBe(true);
   await page.fill("[data-reason]", "the operator has left");
   await isAccessible(page);
