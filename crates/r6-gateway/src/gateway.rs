@@ -249,8 +249,8 @@ impl Gateway {
         Ok(secret.map(|secret| format!("{scheme}://{host}/setup#{}", secret.0)))
     }
 
-    /// Makes a link to the dashboard that signs browsers in with the rights of the token with this number: its
-    /// secret. It is no token, works any number of times, and ends with the gateway.
+    /// Makes a link to the dashboard that signs browsers in with the rights of the token with this number:
+    /// its secret. It is no token, works any number of times, and ends with the gateway.
     ///
     /// # Errors
     /// The system has no random numbers.

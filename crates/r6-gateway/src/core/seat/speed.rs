@@ -2,8 +2,8 @@
 //!
 //! The protocol does not tell the global speed, so it is known from commands alone. It is forgotten as soon
 //! as another one may hold: after a command whose outcome is not known, after commands that overlapped, after
-//! a time without a connection in which the controller may have been switched off and on, and if another robot
-//! answers. A person at the pendant can change it, and no forgetting helps against that.
+//! a time without a connection in which the controller may have been switched off and on, and if another
+//! robot answers. A person at the pendant can change it, and no forgetting helps against that.
 
 use std::time::Duration;
 
