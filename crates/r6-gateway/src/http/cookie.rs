@@ -71,7 +71,7 @@ mod tests {
             [b"r6_session_80=ab".as_slice()].as_slice(),
             &[b"a=b; r6_session_80=ab; c=d"],
             &[b"a=b", b"r6_session_80=ab"],
-            &[b" r6_session = ab "],
+            &[b" r6_session_80 = ab "],
             // Other programs of the host write what they want.
             &["a=é; r6_session_80=ab".as_bytes()],
             &[b"a=\xff\xfe; r6_session_80=ab"],
