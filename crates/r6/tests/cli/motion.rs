@@ -174,9 +174,9 @@ fn programs_are_told_what_happens_line_by_line() {
     let outcome = robot.r6(&["move", "axes", "5", "--speed", "100", "--wait", "--json"]);
     assert_eq!(outcome.code, 0, "{outcome:?}");
     // How often progress is seen depends on how busy the machine is.
-    let events: Vec<_> =
+    let told: Vec<_> =
         events(&outcome.out).into_iter().filter(|event| event["event"] != "progress").collect();
-    let [accepted, stands] = &events[..] else { panic!("{outcome:?}") };
+    let [accepted, stands] = &told[..] else { panic!("{outcome:?}") };
     assert_eq!((&accepted["event"], &accepted["instructions"]), (&"accepted".into(), &1.into()));
     assert_eq!((&accepted["replaced_list"], &accepted["repeats"]), (&true.into(), &false.into()));
     assert!(accepted["after_ms"].as_f64().unwrap() > 0.0);
