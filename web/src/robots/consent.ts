@@ -2,6 +2,8 @@
 import type { View } from "./view.ts";
 
 export interface Consent {
+  /** The name of the robot. */
+  name: string;
   program: string | null;
   /** Instructions left in the list; `null` if that was not known. */
   left: number | null;
@@ -14,13 +16,14 @@ export type Changed = "robot" | "program" | "left";
 
 export function consentOf(view: View): Consent {
   const { virtual, identity, identity_changed } = view.summary;
-  return { program: view.program, left: view.left, virtual, machine: JSON.stringify([identity, identity_changed]) };
+  const machine = JSON.stringify([identity, identity_changed]);
+  return { name: view.name, program: view.program, left: view.left, virtual, machine };
 }
 
 /** What is not any more as the person was told. */
 export function changed(consent: Consent, view: View): Changed | null {
   const now = consentOf(view);
-  if (now.machine !== consent.machine || now.virtual !== consent.virtual) return "robot";
+  if (now.name !== consent.name || now.machine !== consent.machine || now.virtual !== consent.virtual) return "robot";
   if (now.program !== consent.program) return "program";
   // To an empty list nothing was added with this consent: the gateway refuses if there is something.
   if (now.left !== consent.left && !(consent.left === 0 && now.left === null)) return "left";

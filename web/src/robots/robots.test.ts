@@ -92,6 +92,7 @@ test("that the arm stands is said only if it is seen now", () => {
 test("a consent holds for what was said, and for nothing else", () => {
   const before = view("saw", { program: "pick", left: 3 }, { virtual: true });
   const told = consentOf(before);
+  expect(changed(told, { ...before, name: "twin-of-saw" }), "another robot of the same kind").toBe("robot");
   const now = (part: Partial<View>, summary: Partial<RobotSummary> = {}) =>
     changed(told, view("saw", { program: "pick", left: 3, ...part }, { virtual: true, ...summary }));
   expect(now({})).toBeNull();

@@ -23,6 +23,8 @@ class LeaseState {
   #key: LeaseKey | null = null;
   #timer: ReturnType<typeof setInterval> | null = null;
   #hidden: ReturnType<typeof setTimeout> | null = null;
+  /** Which take is the last one. One that something else overtook gives back what it gets. */
+  #takes = 0;
 
   /** What commands for this robot send; `null` if this page does not hold its lease. */
   key(robot: string): LeaseKey | null {
@@ -36,15 +38,23 @@ class LeaseState {
   /** `because`: takes it from its holder, for this reason. The gateway stops the robot first. */
   async take(robot: string, because?: string): Promise<Answer<Lease>> {
     await this.give();
+    const ticket = (this.#takes += 1);
     this.isAsking = true;
     this.ended = null;
     const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;
     const body = { duration_ms: LASTS, ...(because === undefined ? {} : { take_because: because }) };
     const patience = because === undefined ? {} : { patience: STOPS };
     const answer = await call<Lease>("POST", path, { body, csrf: session.csrf, ...patience });
-    this.isAsking = false;
+    if (ticket === this.#takes) this.isAsking = false;
     if (answer.kind === "ok") {
-      this.#key = answer.value.lease;
+      const { lease } = answer.value;
+      if (ticket !== this.#takes || isHidden()) {
+        // The page was left, hidden or lost the gateway meanwhile, or asked for another robot.
+        await call("DELETE", path, { body: { lease }, csrf: session.csrf, keepalive: true });
+        if (ticket === this.#takes) this.ended = robot;
+        return answer;
+      }
+      this.#key = lease;
       this.robot = robot;
       this.#timer = setInterval(() => void this.#renew(), RENEW);
     }
@@ -53,6 +63,7 @@ class LeaseState {
 
   /** Gives it back. Without one, does nothing. */
   async give(): Promise<void> {
+    this.#overtake();
     const { robot } = this;
     const lease = this.#key;
     this.#forget();
@@ -63,6 +74,7 @@ class LeaseState {
 
   /** The gateway told that this lease ended, or cannot be heard. */
   lost(): void {
+    this.#overtake();
     if (this.#key === null) return;
     const { robot } = this;
     this.#forget();
@@ -98,12 +110,27 @@ class LeaseState {
     if (answer.kind === "refused") this.lost();
   }
 
+  /** The page of the robot is left: what is asked for is not wanted any more. */
+  leave(): void {
+    if (this.isAsking) this.#overtake();
+  }
+
+  /** What is asked for now is not wanted any more. */
+  #overtake(): void {
+    this.#takes += 1;
+    this.isAsking = false;
+  }
+
   #forget(): void {
     if (this.#timer !== null) clearInterval(this.#timer);
     this.#timer = null;
     this.#key = null;
     this.robot = null;
   }
+}
+
+function isHidden(): boolean {
+  return typeof document !== "undefined" && document.visibilityState === "hidden";
 }
 
 export const lease = new LeaseState();

@@ -23,3 +23,50 @@ test("that a lease has ended is said on the page of its robot alone", async () =
   vi.useRealTimers();
   vi.unstubAllGlobals();
 });
+
+/** A gateway that answers when the test says so. Returns what was asked of it. */
+function slowGateway(): { asked: string[]; answer(): void } {
+  const asked: string[] = [];
+  const waiting: (() => void)[] = [];
+  vi.stubGlobal("fetch", (path: string, { method }: RequestInit) => {
+    asked.push(`${method} ${path.split("/")[3]}`);
+    if (method !== "POST") return Promise.resolve(Response.json({}));
+    return new Promise((next) => waiting.push(() => next(Response.json({ lease: { number: asked.length, key: "k" } }))));
+  });
+  return { asked, answer: () => waiting.shift()?.() };
+}
+
+test("a lease that comes late is given back if the page was left, or asked for another robot", async () => {
+  const gateway = slowGateway();
+  const taken = lease.take("saw");
+  await vi.waitFor(() => expect(gateway.asked).toEqual(["POST saw"]));
+  lease.leave();
+  gateway.answer();
+  await taken;
+  expect([lease.robot, gateway.asked]).toEqual([null, ["POST saw", "DELETE saw"]]);
+
+  const first = lease.take("saw");
+  await vi.waitFor(() => expect(gateway.asked).toHaveLength(3));
+  const second = lease.take("press");
+  await vi.waitFor(() => expect(gateway.asked).toHaveLength(4));
+  gateway.answer();
+  await first;
+  expect(lease.robot, "the first is given back").toBeNull();
+  gateway.answer();
+  await second;
+  expect([lease.robot, gateway.asked.slice(2)]).toEqual(["press", ["POST saw", "POST press", "DELETE saw"]]);
+  await lease.give();
+  vi.unstubAllGlobals();
+});
+
+test("a lease that comes while the page is hidden is given back", async () => {
+  const gateway = slowGateway();
+  vi.stubGlobal("document", { visibilityState: "visible" });
+  const taken = lease.take("saw");
+  await vi.waitFor(() => expect(gateway.asked).toHaveLength(1));
+  vi.stubGlobal("document", { visibilityState: "hidden" });
+  gateway.answer();
+  await taken;
+  expect([lease.robot, lease.ended, gateway.asked]).toEqual([null, "saw", ["POST saw", "DELETE saw"]]);
+  vi.unstubAllGlobals();
+});

@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import type { ProgramPlan, Run } from "../api/types.ts";
 import type { View } from "../robots/view.ts";
-import { type Basis, armAt, framesInUse, marksOf, nearLimits, stepAt, stepMarks, voidBy, voidByCommand } from "./preview.ts";
+import { hasStayed, type Basis, armAt, framesInUse, marksOf, nearLimits, stepAt, stepMarks, voidBy, voidByCommand } from "./preview.ts";
 import { type Ready, mayRun, notSent, range, sentBy } from "./send.ts";
 
 function sample(time_ms: number, axes: number[]): ProgramPlan["samples"][number] {
@@ -140,12 +140,14 @@ const READY: Ready = {
   plan: { ended: "done", problems: [] },
   isVoid: null,
   runs: false,
+  isUnknown: false,
 };
 
 test("a program is sent only if everything is known to be ready", () => {
   const by = (part: Partial<Ready>, seen: View = view()) => notSent(seen, { ...READY, ...part });
   expect(by({})).toEqual([]);
   expect(notSent(undefined, READY)).toEqual(["no_target"]);
+  expect(by({ isUnknown: true }), "nothing is sent behind what may still run").toEqual(["look_first"]);
   expect([
     by({ gateway: false }),
     by({ right: false }),
@@ -237,4 +239,13 @@ test("without a clear answer the outcome is unknown", () => {
     false,
     false,
   ]);
+});
+
+test("the arm has stayed only if each axis is seen where it was", () => {
+  expect(hasStayed([1, 2], [1, 2])).toBe(true);
+  expect(hasStayed([1, 2], [1, 5]), "it moved").toBe(false);
+  expect(hasStayed([1, 2], [1, null]), "it is not known any more").toBe(false);
+  expect(hasStayed([1, null], [1, 3]), "it became known").toBe(false);
+  // A four-axis arm has no others.
+  expect(hasStayed([1, null], [1, null])).toBe(true);
 });

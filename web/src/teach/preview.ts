@@ -130,6 +130,13 @@ export interface Basis {
 
 export type Void = "text" | "robot" | "model" | "speed" | "arm" | "arm_unknown" | "frames" | "frames_in_use";
 
+/** Whether the axes stand where they stood. What is not known has not stayed, unless it was not known before. */
+export function hasStayed(before: readonly (number | null)[], now: readonly (number | null)[]): boolean {
+  return before.every((value, at) =>
+    value === null ? (now[at] ?? null) === null : Math.abs(value - (now[at] ?? Infinity)) <= TREMBLE,
+  );
+}
+
 /** Why a preview does not hold any more; `null` if it holds. */
 export function voidBy(made: Basis, now: Basis): Void | null {
   if (now.robot !== made.robot || now.machine !== made.machine) return "robot";
@@ -138,8 +145,7 @@ export function voidBy(made: Basis, now: Basis): Void | null {
   if (now.speed !== made.speed || now.setSpeed !== made.setSpeed) return "speed";
   if (now.frames !== made.frames) return "frames";
   if (now.axes === null || made.axes === null) return "arm_unknown";
-  const stands = made.axes.every((value, at) => Math.abs(value - (now.axes?.[at] ?? Infinity)) <= TREMBLE);
-  return stands ? null : "arm";
+  return hasStayed(made.axes, now.axes) ? null : "arm";
 }
 
 /**

@@ -26,7 +26,8 @@ export type NotSent =
   | "moves_unknown"
   | "list"
   | "list_unknown"
-  | "run_under_way";
+  | "run_under_way"
+  | "look_first";
 
 /** Which steps are to run, counted from 0. */
 export type Scope = { kind: "all" } | { kind: "from"; step: number } | { kind: "one"; step: number };
@@ -57,6 +58,8 @@ export interface Ready {
   /** Why the preview does not hold. */
   isVoid: Void | null;
   runs: boolean;
+  /** Whether it is not known what became of the last program, and somebody has to look first. */
+  isUnknown: boolean;
 }
 
 /**
@@ -66,6 +69,7 @@ export function notSent(view: View | undefined, ready: Ready): NotSent[] {
   if (view === undefined) return ["no_target"];
   // What else is in the way then is its own doing.
   if (ready.runs) return ["run_under_way"];
+  if (ready.isUnknown) return ["look_first"];
   const reasons: NotSent[] = [];
   const check = (isMet: boolean, reason: NotSent): void => {
     if (!isMet) reasons.push(reason);
@@ -123,6 +127,11 @@ export function sentBy(answer: Answer<Run>): Sent {
 
 export function ofRun(run: Run): Sent {
   return run.state === "running" ? { kind: "accepted", run } : { kind: "ended", run };
+}
+
+/** Whether it is not known what became of it. */
+export function isOpen(sent: Sent | null): boolean {
+  return sent?.kind === "unknown" || (sent?.kind === "ended" && sent.run.state === "unknown");
 }
 
 /** Whether the run may still be under way. */

@@ -377,6 +377,7 @@ export const teach = {
         list: "instructions are left in its list",
         list_unknown: "what is left in its list is not known",
         run_under_way: "a program runs on it",
+        look_first: "what became of the last program is not known: look at the arm, and say so below",
       })[reason],
     sent: (robot: string) => `Sent to ${robot}. No answer yet.`,
     accepted: (robot: string, accepted: number, done: number, steps: number) =>

@@ -369,6 +369,7 @@ export const teach: typeof english = {
         list: "列表中还有指令",
         list_unknown: "列表中是否还有指令未知",
         run_under_way: "正在运行一个程序",
+        look_first: "上一个程序的结果未知：请先查看机械臂，并在下方确认",
       })[reason],
     sent: (robot) => `已发送到 ${robot}，尚无应答。`,
     accepted: (robot, accepted, done, steps) => `${robot} 已接受 ${accepted} / ${steps} 个步骤，确认完成 ${done} 个。`,

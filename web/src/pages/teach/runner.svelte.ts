@@ -4,7 +4,7 @@ import { call } from "../../api/client.ts";
 import type { LeaseKey, Run } from "../../api/types.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { session } from "../../state/session.svelte.ts";
-import { type Sent, mayRun, ofRun, sentBy } from "../../teach/send.ts";
+import { type Sent, isOpen, mayRun, ofRun, sentBy } from "../../teach/send.ts";
 
 /** How often a run that is under way is asked for, in milliseconds; events tell it sooner. */
 const ASK = 1_000;
@@ -37,6 +37,11 @@ class Runner {
   /** Whether this very text ran on the robot to its end, while this page was open. */
   hasRun(robot: string, text: string): boolean {
     return this.#ran.get(robot) === text;
+  }
+
+  /** Whether it is not known what became of the last program, and the person has not said yet that it was looked at. */
+  isUnknown(robot: string): boolean {
+    return isOpen(this.of(robot));
   }
 
   forget(robot: string): void {
@@ -83,7 +88,11 @@ class Runner {
       if (answer.kind === "ok") this.#tell(robot, program, ofRun(answer.value));
       else if (answer.kind === "refused" && answer.status === 404) this.#tell(robot, program, { kind: "unknown" });
       else if (before?.kind === "accepted") this.#sent.set(robot, { kind: "unheard", run: before.run });
-      if (session.phase !== "in") break;
+      if (session.phase !== "in") {
+        // Another session does not follow it.
+        if (mayRun(this.of(robot))) this.#tell(robot, program, { kind: "unknown" });
+        break;
+      }
     }
     unread();
   }
