@@ -293,8 +293,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * The models of arms: lengths, axes and limits. They are in the program, so they are the same until it is another
-         *     one.
+         * The models of arms: lengths, axes and limits. They are in the program, so they are the same until the
+         *     gateway is another one.
          */
         get: operations["models"];
         put?: never;

@@ -132,7 +132,7 @@ export const en = {
         case "no_link":
           return robots === 1 ? "link lost" : `link lost: ${robots} robots`;
         case "stop_holds":
-          return "a stop holds until the holder of the lease clears it";
+          return "a stop holds until a person takes control and clears it";
       }
     },
     acknowledged: (by: string) => `seen by ${by}`,
@@ -163,7 +163,7 @@ export const en = {
         return `Alarm ${doing.code}${doing.text === null ? "" : `: ${doing.text}`}. It waits for a person.`;
       case "stop_holds":
         return `${doing.stands ? "A stop holds, and the arm stands." : "A stop holds; whether the arm stands is not known."} ${
-          doing.mine ? "It waits for you to clear the stop." : "It waits for the holder of the lease to clear the stop."
+          doing.mine ? "It waits for you to clear the stop." : "It waits for the person in control to clear the stop."
         }`;
       case "manual":
         return "Manual: the person at the pendant leads. Commands from here are refused.";

@@ -80,7 +80,7 @@ test("a lost gateway is the fault, and another build of the page is offered when
   await network.open();
   await looked;
   await says(page, "[data-fault=some]", "saw");
-  await says(page, "[data-row=press-1]", /up\s*no change seen in 24 h/);
+  await says(page, "[data-row=press-1]", /up\s*no change recorded/);
   await until("what is shown is of now", async () => (await page.locator("[data-problem], [data-as-of]").count()) === 0);
   expect(await page.locator("[data-new-build]").count()).toBe(0);
   await page.route(`${url}/`, async (route) => {

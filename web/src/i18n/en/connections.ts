@@ -45,7 +45,7 @@ export const connections = {
   unknown: "not known",
   since: "Since",
   sinceIs: (since: Since, at: string): string =>
-    ({ unknown: "not known", at, at_least: `${at} or earlier`, no_change: "no change seen in 24 h" })[since.kind],
+    ({ unknown: "not known", at, at_least: `${at} or earlier`, no_change: "no change recorded, as far as the last 24 h are kept" })[since.kind],
   losses: "Losses in 24 h",
   timeouts: "Without a reply",
   timeoutsOf: (timeouts: number, requests: number) => `${timeouts} of ${requests}`,

@@ -11,7 +11,7 @@ const STATES: Record<string, string> = {
 
 export const production = {
   robots: "Robots",
-  allRobots: "All robots.",
+  allRobots: "All robots but twins.",
   compare: "Compare",
   days: "Days",
   shifts: "Shifts",

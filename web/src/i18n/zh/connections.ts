@@ -45,7 +45,7 @@ export const connections: typeof english = {
   unknown: "未知",
   since: "开始时间",
   sinceIs: (since, at) =>
-    ({ unknown: "未知", at, at_least: `${at} 或更早`, no_change: "24 小时内未见变化" })[since.kind],
+    ({ unknown: "未知", at, at_least: `${at} 或更早`, no_change: "在已保存的最近 24 小时记录中没有变化" })[since.kind],
   losses: "24 小时内断开次数",
   timeouts: "无应答",
   timeoutsOf: (timeouts, requests) => `${timeouts} / ${requests}`,

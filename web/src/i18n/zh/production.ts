@@ -12,7 +12,7 @@ const STATES: Record<string, string> = {
 
 export const production: typeof english = {
   robots: "机器人",
-  allRobots: "全部机器人。",
+  allRobots: "所有机器人（不含孪生）。",
   compare: "对比",
   days: "按天",
   shifts: "按班次",
