@@ -247,6 +247,8 @@ codes! {
     NotThisVersion "not_this_version",
     /// The store cannot be written.
     StoreUnavailable "store_unavailable",
+    /// Another gateway owns the robots, or none does at the moment.
+    NoOwner "no_owner",
 }
 
 #[cfg(test)]

@@ -36,6 +36,16 @@ impl Robot {
         self.drive(self.close_now()).await
     }
 
+    /// Ends the connection for all clones at once, whatever is under way: requests without a reply have an
+    /// unknown outcome. A stop that already waits to be written is still sent. Nothing is sent after it, and
+    /// there is no other connection.
+    ///
+    /// [`Self::close`] ends it in order.
+    pub fn disconnect(&self) {
+        self.announce_closing();
+        self.end_connection();
+    }
+
     pub(crate) async fn close_now(&self) -> Closed {
         self.announce_closing();
         self.no_stop_under_way().await;

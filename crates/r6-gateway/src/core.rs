@@ -13,6 +13,7 @@
 //! - [`session`]: the sessions of users.
 //! - [`sign_in`]: how often passwords can be tried.
 //! - [`name`]: names of robots.
+//! - [`owner`]: which gateway owns the robots of a store that several share.
 //! - [`order`]: what the holder of a lease sends.
 //! - [`panel`]: actions at the panel of a virtual robot, and what they need.
 //! - [`rate`]: how many requests a token may make.
@@ -33,6 +34,7 @@ pub mod library;
 pub mod live;
 pub mod name;
 pub mod order;
+pub mod owner;
 pub mod panel;
 pub mod production;
 pub mod rate;

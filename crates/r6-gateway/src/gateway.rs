@@ -6,7 +6,7 @@ use std::fs::{File, TryLockError};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, UNIX_EPOCH};
 
 use r6_api::gateway::{AuditRecord, CommandOutcome, Deed};
@@ -24,6 +24,7 @@ use crate::core::hall::Hall;
 use crate::core::head::Signer;
 use crate::core::name::RobotName;
 use crate::core::raw::policy::RawPolicy;
+use crate::files;
 use crate::fleet::Fleet;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
@@ -36,6 +37,9 @@ use crate::problem::Problem;
 use crate::programs::bench::Bench;
 use crate::raw_port::{self, Door, RawPort, SharedPolicy};
 use crate::settings::Settings;
+use crate::sharing::{self, Configured, Running, Sharing};
+use crate::store::history::Place;
+use crate::store::postgres::Database;
 use crate::store::{Keeper, Sqlite, Store, StoreError};
 use crate::tokens::{REFRESH, Tokens};
 
@@ -56,8 +60,10 @@ const CLOSE_STORE: Duration = Duration::from_secs(5);
 pub struct GatewaySettings {
     /// The address to listen on; port 0 takes any free port.
     pub listen: SocketAddr,
-    /// The folder of the store.
+    /// The folder of the store, of the key of the audit log and of a certificate.
     pub data: PathBuf,
+    /// The database of the store, if it is not in the folder. Gateways with the same database share it.
+    pub store: Option<Database>,
     /// The robots of the file and the command line.
     pub robots: Vec<RobotConfig>,
     /// How to communicate with robots that are added through the API.
@@ -91,6 +97,8 @@ pub enum GatewayError {
     Robots(Problem),
     /// A raw port is wrong.
     Raw(String),
+    /// This cannot be used with a store that several gateways share: for people.
+    Sharing(&'static str),
     /// The certificate cannot be used.
     Certificate(CertificateError),
     /// The system did not allow listening there.
@@ -118,6 +126,7 @@ impl fmt::Display for GatewayError {
             Self::Store(error) => error.fmt(f),
             Self::Robots(problem) => f.write_str(&problem.message),
             Self::Raw(wrong) => f.write_str(wrong),
+            Self::Sharing(wrong) => f.write_str(wrong),
             Self::Certificate(error) => write!(f, "TLS: {error}"),
             Self::Listen { option, address, error } if error.kind() == io::ErrorKind::AddrInUse => {
                 write!(f, "{address} is taken by another program: choose another address with {option}")
@@ -142,11 +151,34 @@ impl From<StoreError> for GatewayError {
     }
 }
 
+/// The present state. A gateway that shares its store has another one in each term.
+#[derive(Clone, Debug)]
+pub(crate) struct Present(Arc<Mutex<State>>);
+
+impl Present {
+    /// This one.
+    pub fn new(state: State) -> Self {
+        Self(Arc::new(Mutex::new(state)))
+    }
+
+    /// The state now.
+    pub fn state(&self) -> State {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// It is another one from now on.
+    pub fn set(&self, state: State) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = state;
+    }
+}
+
 /// A running gateway. Dropping it ends it without order: use [`Self::shutdown`].
 #[derive(Debug)]
 pub struct Gateway {
     address: SocketAddr,
-    state: State,
+    present: Present,
+    /// The loop of a gateway that shares its store.
+    sharing: Option<Running>,
     raw_policy: SharedPolicy,
     raw_ports: Vec<RawPort>,
     certificate: Option<Certificate>,
@@ -164,6 +196,9 @@ impl Gateway {
         // What reads a backup relies on it that nothing writes there.
         if settings.data.join(backup::LIST).is_file() {
             return Err(GatewayError::IsBackup(settings.data));
+        }
+        if let Some(database) = settings.store.clone() {
+            return Self::share(settings, database).await;
         }
         let mut store = Sqlite::open(&settings.data)?;
         let lock = lock(&settings.data)?;
@@ -184,8 +219,10 @@ impl Gateway {
         }
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
         let history = settings.history;
-        let history =
-            history.on.then(|| Recorder::start(&settings.data.join(HISTORY), history)).transpose()?;
+        let history = history
+            .on
+            .then(|| Recorder::start(Place::Folder(settings.data.join(HISTORY)), history))
+            .transpose()?;
         let shared = Shared::new(keeper, Roads::Tcp, history, epoch());
         let (robots, hall) = (settings.robot_settings, settings.hall);
         let doors = (address.port(), certificate.clone());
@@ -211,7 +248,56 @@ impl Gateway {
             raw_ports.push(port);
             server.spawn(raw_port::attend(door, listener));
         }
-        Ok(Self { address, state, raw_policy, raw_ports, certificate, server, _lock: lock })
+        let present = Present::new(state);
+        Ok(Self { address, present, sharing: None, raw_policy, raw_ports, certificate, server, _lock: lock })
+    }
+
+    /// Starts a gateway whose store others share.
+    async fn share(settings: GatewaySettings, database: Database) -> Result<Self, GatewayError> {
+        if !settings.raw.is_empty() {
+            return Err(GatewayError::Sharing("raw ports cannot be used with --store yet"));
+        }
+        if settings.robots.iter().any(|robot| robot.twin_of.is_some()) {
+            return Err(GatewayError::Sharing(
+                "twins cannot be used with --store yet: they live in one process",
+            ));
+        }
+        roster::check(&settings.robots).map_err(GatewayError::Robots)?;
+        files::make_folder(&settings.data).map_err(GatewayError::System)?;
+        let lock = lock(&settings.data)?;
+        let listen = settings.listen;
+        let certificate = Certificate::open(&settings.tls, &settings.data, listen.ip(), &settings.names)?;
+        let failed = |error| GatewayError::Listen { option: "--listen", address: listen, error };
+        let listener = TcpListener::bind(listen).await.map_err(failed)?;
+        let address = listener.local_addr().map_err(failed)?;
+        let raw_policy = SharedPolicy::new(settings.raw_policy);
+        let sharing = Sharing {
+            database,
+            name: sharing::name(address, certificate.is_some(), &settings.names),
+            address,
+            listener: listener.into_std().map_err(failed)?,
+            data: settings.data,
+            certificate: certificate.clone(),
+            names: settings.names,
+            audit: settings.audit,
+            history: settings.history,
+            robot_settings: settings.robot_settings,
+            configured: Mutex::new(Configured { robots: settings.robots, hall: settings.hall }),
+        };
+        let (running, present) = Running::start(sharing).await?;
+        let mut server = JoinSet::new();
+        server.spawn(follow(certificate.clone()));
+        let raw_ports = Vec::new();
+        let sharing = Some(running);
+        Ok(Self { address, present, sharing, raw_policy, raw_ports, certificate, server, _lock: lock })
+    }
+
+    /// Which gateway owns the robots: `Ok` if it is this one, and else why not, for people.
+    ///
+    /// # Errors
+    /// `no_owner`.
+    pub fn owner(&self) -> Result<(), Problem> {
+        self.present.state().shared.ownership.check()
     }
 
     /// The address that it listens on.
@@ -239,13 +325,17 @@ impl Gateway {
     /// # Errors
     /// [`StoreError`].
     pub async fn setup_link(&self) -> Result<Option<String>, StoreError> {
-        let secret = self.state.accounts.setup_link().await?;
+        let state = self.present.state();
+        if state.shared.ownership.is_other() {
+            return Ok(None);
+        }
+        let secret = state.accounts.setup_link().await?;
         // A gateway that listens on all addresses is also reached on this machine.
         let host = match self.address {
             all if all.ip().is_unspecified() => SocketAddr::from((Ipv4Addr::LOCALHOST, all.port())),
             one => one,
         };
-        let scheme = if self.state.is_secure { "https" } else { "http" };
+        let scheme = if state.is_secure { "https" } else { "http" };
         Ok(secret.map(|secret| format!("{scheme}://{host}/setup#{}", secret.0)))
     }
 
@@ -255,7 +345,7 @@ impl Gateway {
     /// # Errors
     /// The system has no random numbers.
     pub fn sign_in_secret(&self, token: i64) -> io::Result<String> {
-        let secret = self.state.tokens.make_link(token).map_err(io::Error::other)?;
+        let secret = self.present.state().tokens.make_link(token).map_err(io::Error::other)?;
         Ok(secret.0)
     }
 
@@ -263,7 +353,7 @@ impl Gateway {
     /// of them, as soon as the disk takes it.
     pub fn set_raw_policy(&self, policy: RawPolicy) {
         if let Some(changed) = self.raw_policy.set(policy) {
-            self.state.accounts.ledger.note(&by_itself(), changed.deed());
+            self.present.state().accounts.ledger.note(&by_itself(), changed.deed());
         }
     }
 
@@ -276,13 +366,16 @@ impl Gateway {
     /// Makes the time zone and the shifts of the file these. Without, those that were stored over the API
     /// hold.
     pub fn set_hall(&self, hall: Option<Hall>) {
-        self.state.settings.set_file(hall);
+        if let Some(sharing) = &self.sharing {
+            sharing.configure(|configured| configured.hall.clone_from(&hall));
+        }
+        self.present.state().settings.set_file(hall);
     }
 
     /// How many robots it looks after, twins included.
     #[must_use]
     pub fn robots(&self) -> usize {
-        self.state.fleet.stations().len()
+        self.present.state().fleet.stations().len()
     }
 
     /// Makes the robots of the file and the command line these. Robots that do not change go on. Those that
@@ -291,7 +384,16 @@ impl Gateway {
     /// # Errors
     /// The robots cannot be looked after (nothing was changed), or the store failed.
     pub async fn reload(&self, robots: Vec<RobotConfig>) -> Result<Changes, Problem> {
-        self.state.fleet.reload(robots).await
+        let state = self.present.state();
+        let Some(sharing) = &self.sharing else { return state.fleet.reload(robots).await };
+        roster::check(&robots)?;
+        let changes = match state.shared.ownership.is_other() {
+            // They hold once this gateway owns the robots.
+            true => Changes::default(),
+            false => state.fleet.reload(robots.clone()).await?,
+        };
+        sharing.configure(|configured| configured.robots = robots);
+        Ok(changes)
     }
 
     /// Ends the gateway in order: no new requests, then the outcomes of commands and stops that are under
@@ -302,25 +404,33 @@ impl Gateway {
     /// The last record could not be written.
     pub async fn shutdown(mut self) -> Result<(), StoreError> {
         self.server.shutdown().await;
-        self.state.fleet.end().await;
-        let shared = &self.state.shared;
-        if !matches!(tokio::time::timeout(LAST_RECORDS, self.state.accounts.ledger.end()).await, Ok(Ok(()))) {
-            tracing::error!("the last records about users were not written");
+        match self.sharing.take() {
+            Some(sharing) => sharing.end().await,
+            None => finish(&self.present.state()).await,
         }
-        let ended = shared.keeper.append(vec![record(None, Deed::GatewayEnded {})]).await.map(drop);
-        if let Err(error) = self.state.auditor.put_head().await {
-            tracing::error!(%error, "the last head of the audit log was not stored");
-        }
-        if let Some(history) = &shared.history
-            && !matches!(tokio::time::timeout(LAST_SAMPLES, history.end()).await, Ok(Ok(())))
-        {
-            tracing::error!("the last samples of the history were not written");
-        }
-        if !matches!(tokio::time::timeout(CLOSE_STORE, shared.keeper.end()).await, Ok(Ok(()))) {
-            tracing::error!("the store was not closed in time: its log stays beside it, for the next start");
-        }
-        ended
     }
+}
+
+/// Ends the robots and the store in order, when no request comes any more.
+pub(crate) async fn finish(state: &State) -> Result<(), StoreError> {
+    state.fleet.end().await;
+    let shared = &state.shared;
+    if !matches!(tokio::time::timeout(LAST_RECORDS, state.accounts.ledger.end()).await, Ok(Ok(()))) {
+        tracing::error!("the last records about users were not written");
+    }
+    let ended = shared.keeper.append(vec![record(None, Deed::GatewayEnded {})]).await.map(drop);
+    if let Err(error) = state.auditor.put_head().await {
+        tracing::error!(%error, "the last head of the audit log was not stored");
+    }
+    if let Some(history) = &shared.history
+        && !matches!(tokio::time::timeout(LAST_SAMPLES, history.end()).await, Ok(Ok(())))
+    {
+        tracing::error!("the last samples of the history were not written");
+    }
+    if !matches!(tokio::time::timeout(CLOSE_STORE, shared.keeper.end()).await, Ok(Ok(()))) {
+        tracing::error!("the store was not closed in time: its log stays beside it, for the next start");
+    }
+    ended
 }
 
 /// The robots, each as it was saved, and those that are owed a stop: a list of a run may still be there.

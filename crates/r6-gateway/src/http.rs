@@ -195,7 +195,8 @@ pub fn router(state: State, site: Site) -> Router {
 /// The OpenAPI description of the gateway, as `GET /v1/openapi.json` returns it.
 #[must_use]
 pub fn openapi() -> String {
-    let (_, api) = routes().split_for_parts();
+    let (_, mut api) = routes().split_for_parts();
+    described::add_no_owner(&mut api);
     // A description that serde cannot write would be a fault of its derive; the test of the committed file
     // would fail.
     let mut text = api.to_pretty_json().unwrap_or_default();

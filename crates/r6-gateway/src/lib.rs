@@ -33,6 +33,7 @@
 //! - `accounts`: users, their passwords and sessions.
 //! - `auditor`: signs the heads of the audit log and removes its oldest entries; `verify` checks it.
 //! - `settings`: the time zone and the shifts of the hall.
+//! - `sharing`: a gateway that shares its store with others, of which one owns the robots (`ownership`).
 //! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
 //! - `raw_port`: the robots' own protocol, for old scripts.
@@ -55,11 +56,13 @@ mod gateway;
 mod history;
 mod http;
 mod live;
+mod ownership;
 mod problem;
 mod programs;
 mod raw_port;
 mod secret;
 mod settings;
+mod sharing;
 mod shell;
 #[cfg(feature = "simulation")]
 mod simulated;
@@ -88,8 +91,9 @@ pub use crate::http::openapi;
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
 pub use crate::shell::{
-    add_user, disable_user, has_certificate, list_tokens, list_users, make_link, make_token, revoke_token,
+    At, add_user, disable_user, has_certificate, list_tokens, list_users, make_link, make_token, revoke_token,
 };
+pub use crate::store::postgres::Database;
 pub use crate::store::{StoreError, Token};
 pub use crate::verify::{Signed, Verified, VerifyError, verify};
 

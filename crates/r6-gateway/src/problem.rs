@@ -116,6 +116,7 @@ impl From<StoreError> for Problem {
             | StoreError::Broken(_)
             | StoreError::Unreadable(_)
             | StoreError::Closed => Code::StoreUnavailable,
+            StoreError::NotOwner => Code::NoOwner,
         };
         Self::new(code, error.to_string())
     }

@@ -1,6 +1,6 @@
-//! What the command line does with the folder of a gateway, whether the gateway runs or not.
+//! What the command line does with the store of a gateway, whether the gateway runs or not.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use r6_api::gateway::Role;
 
@@ -10,21 +10,70 @@ use crate::clock;
 use crate::core::account::{Account, UserName, Wish};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
+use crate::store::postgres::session::Hand;
+use crate::store::postgres::{Database, Postgres};
 use crate::store::{Author, NewToken, Sqlite, Store, StoreError, Token, UserChange};
 use crate::tokens;
 use crate::verify::to_read;
+
+/// Where a store is.
+#[derive(Clone, Debug)]
+pub enum At {
+    /// In the folder of a gateway.
+    Folder(PathBuf),
+    /// In a database that gateways share.
+    Database(Database),
+}
+
+impl From<&Path> for At {
+    fn from(folder: &Path) -> Self {
+        Self::Folder(folder.to_owned())
+    }
+}
+
+impl From<&PathBuf> for At {
+    fn from(folder: &PathBuf) -> Self {
+        Self::Folder(folder.clone())
+    }
+}
+
+impl At {
+    fn open(&self) -> Result<Box<dyn Store>, StoreError> {
+        Ok(match self {
+            Self::Folder(folder) => Box::new(Sqlite::open(folder)?),
+            Self::Database(database) => Box::new(Postgres::open(database, Hand::Shell)?),
+        })
+    }
+
+    fn open_existing(&self) -> Result<Box<dyn Store>, StoreError> {
+        Ok(match self {
+            Self::Folder(folder) => Box::new(Sqlite::open_existing(folder)?),
+            Self::Database(database) => {
+                drop(Postgres::open_to_read(database)?);
+                Box::new(Postgres::open(database, Hand::Shell)?)
+            }
+        })
+    }
+
+    fn open_to_read(&self) -> Result<Box<dyn Store>, StoreError> {
+        Ok(match self {
+            Self::Folder(folder) => Box::new(to_read(folder)?),
+            Self::Database(database) => Box::new(Postgres::open_to_read(database)?),
+        })
+    }
+}
 
 /// Makes a token. Returns its number and its text, which is nowhere else.
 ///
 /// # Errors
 /// [`StoreError`].
 pub fn make_token(
-    folder: &Path,
+    at: impl Into<At>,
     role: Role,
     only: Option<RobotName>,
     name: String,
 ) -> Result<(i64, String), StoreError> {
-    let mut store = Sqlite::open(folder)?;
+    let mut store = at.into().open()?;
     let drawn = tokens::draw();
     let (text, hash) =
         drawn.map_err(|error| StoreError::Unavailable(format!("no random numbers: {error}")))?;
@@ -37,35 +86,35 @@ pub fn make_token(
 ///
 /// # Errors
 /// [`StoreError`].
-pub fn revoke_token(folder: &Path, number: i64) -> Result<bool, StoreError> {
-    Sqlite::open_existing(folder)?.revoke_token(number, &Author::shell(clock::time_of_day()))
+pub fn revoke_token(at: impl Into<At>, number: i64) -> Result<bool, StoreError> {
+    at.into().open_existing()?.revoke_token(number, &Author::shell(clock::time_of_day()))
 }
 
 /// The tokens that are not revoked.
 ///
 /// # Errors
 /// [`StoreError`].
-pub fn list_tokens(folder: &Path) -> Result<Vec<Token>, StoreError> {
-    to_read(folder)?.tokens()
+pub fn list_tokens(at: impl Into<At>) -> Result<Vec<Token>, StoreError> {
+    at.into().open_to_read()?.tokens()
 }
 
 /// Makes a user without a password: [`make_link`] lets the user set one.
 ///
 /// # Errors
 /// [`StoreError`].
-pub fn add_user(folder: &Path, name: UserName, grant: Grant) -> Result<(), StoreError> {
-    change_user(&mut Sqlite::open(folder)?, name, Wish::Add(grant))
+pub fn add_user(at: impl Into<At>, name: UserName, grant: Grant) -> Result<(), StoreError> {
+    change_user(&mut *at.into().open()?, name, Wish::Add(grant))
 }
 
 /// Disables a user: a running gateway ends the user's sessions within a second.
 ///
 /// # Errors
 /// [`StoreError`].
-pub fn disable_user(folder: &Path, name: UserName) -> Result<(), StoreError> {
-    change_user(&mut Sqlite::open_existing(folder)?, name, Wish::Disable)
+pub fn disable_user(at: impl Into<At>, name: UserName) -> Result<(), StoreError> {
+    change_user(&mut *at.into().open_existing()?, name, Wish::Disable)
 }
 
-fn change_user(store: &mut Sqlite, name: UserName, wish: Wish) -> Result<(), StoreError> {
+fn change_user(store: &mut dyn Store, name: UserName, wish: Wish) -> Result<(), StoreError> {
     let change = UserChange { name, wish, link: None, if_stamp: None };
     store.change_user(&change, &Author::shell(clock::time_of_day())).map(drop)
 }
@@ -75,8 +124,8 @@ fn change_user(store: &mut Sqlite, name: UserName, wish: Wish) -> Result<(), Sto
 ///
 /// # Errors
 /// [`StoreError`].
-pub fn make_link(folder: &Path, name: UserName) -> Result<String, StoreError> {
-    let mut store = Sqlite::open_existing(folder)?;
+pub fn make_link(at: impl Into<At>, name: UserName) -> Result<String, StoreError> {
+    let mut store = at.into().open_existing()?;
     let (secret, link) = accounts::draw_link(Some(name.clone()))?;
     store.put_link(&link, &Author::shell(clock::time_of_day()))?;
     Ok(format!("#{}&{name}", secret.0))
@@ -93,7 +142,7 @@ pub fn has_certificate(folder: &Path) -> bool {
 ///
 /// # Errors
 /// [`StoreError`].
-pub fn list_users(folder: &Path) -> Result<Vec<Account>, StoreError> {
-    let users = to_read(folder)?.users()?;
+pub fn list_users(at: impl Into<At>) -> Result<Vec<Account>, StoreError> {
+    let users = at.into().open_to_read()?.users()?;
     Ok(users.into_iter().map(|user| user.account).collect())
 }

@@ -13,6 +13,7 @@ mod keeper;
 mod library;
 #[cfg(test)]
 mod memory;
+pub mod postgres;
 pub mod runs;
 mod sqlite;
 
@@ -464,6 +465,8 @@ pub enum StoreError {
     Unreadable(String),
     /// The store was closed.
     Closed,
+    /// Another gateway owns the robots, and writes; or that is not known any more.
+    NotOwner,
 }
 
 impl fmt::Display for StoreError {
@@ -480,6 +483,7 @@ impl fmt::Display for StoreError {
             Self::UserChanged => f.write_str("the user was changed meanwhile: sign in again"),
             Self::Unreadable(what) => write!(f, "the store has a value that cannot be read: {what}"),
             Self::Closed => f.write_str("the store was closed"),
+            Self::NotOwner => f.write_str("this gateway does not own the robots: another one writes"),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Checks the audit log of a folder, and the heads that were signed of it.
+//! Checks the audit log of a folder or a database, and the heads that were signed of it.
 
 use std::fmt;
 use std::path::Path;
@@ -9,6 +9,8 @@ use crate::backup;
 use crate::core::chain::{Broken, Hash, Verifier};
 use crate::core::head::{Head, Kind, PublicKey, Unfit};
 use crate::core::retention::LEAST_ENTRIES;
+use crate::shell::At;
+use crate::store::postgres::Postgres;
 use crate::store::{Entry, MAX_PAGE, Sqlite, Store, StoreError};
 
 /// How messages call the head that was given.
@@ -104,10 +106,19 @@ pub fn to_read(folder: &Path) -> Result<Sqlite, StoreError> {
 ///
 /// # Errors
 /// [`VerifyError`].
-pub fn verify(folder: &Path, keys: &[PublicKey], kept: Option<&str>) -> Result<Verified, VerifyError> {
-    let mut store = to_read(folder)?;
-    store.hold_still()?;
-    of_store(&mut store, keys, kept)
+pub fn verify(at: impl Into<At>, keys: &[PublicKey], kept: Option<&str>) -> Result<Verified, VerifyError> {
+    match at.into() {
+        At::Folder(folder) => {
+            let mut store = to_read(&folder)?;
+            store.hold_still()?;
+            of_store(&mut store, keys, kept)
+        }
+        At::Database(database) => {
+            let mut store = Postgres::open_to_read(&database)?;
+            store.hold_still()?;
+            of_store(&mut store, keys, kept)
+        }
+    }
 }
 
 /// The same for a store that is open.

@@ -15,6 +15,8 @@ pub mod coverage;
 pub mod hostile;
 pub mod imports;
 pub mod layers;
+#[cfg(unix)]
+pub mod postgres;
 pub mod transcript;
 pub mod vector;
 mod workspace;

@@ -76,6 +76,7 @@ pub fn serve_gateway(robots: &[String]) {
     let settings = GatewaySettings {
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
         data: data.path().to_owned(),
+        store: None,
         robots: robots.collect(),
         robot_settings: RobotSettings::default(),
         raw: Vec::new(),

@@ -40,12 +40,13 @@ impl Station {
     /// The conditions of a permit; `None` if it is void.
     fn conditions(&self, permit: &Permit) -> Option<Conditions> {
         let permission = self.permission(permit.generation())?;
-        let latest = permit.latest();
+        let (latest, ownership) = (permit.latest(), self.shared.ownership.clone());
         Some(Conditions {
             leave_within: Some(latest.since(clock::now())),
             only_on: Some(permit.connection()),
-            // The client's clock stands while the machine sleeps. The clock of the lease goes on.
-            permission: Some(permission.only_while(move || clock::now() < latest)),
+            // The client's clock stands while the machine sleeps. The clock of the lease goes on, and so does
+            // that of the ownership: a process that was frozen sends nothing when it goes on.
+            permission: Some(permission.only_while(move || clock::now() < latest && ownership.may_move())),
         })
     }
 }

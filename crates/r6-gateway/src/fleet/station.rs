@@ -34,6 +34,7 @@ use crate::fleet::roads::Roads;
 use crate::history::Recorder;
 use crate::live::board::Board;
 use crate::live::news::News;
+use crate::ownership::Ownership;
 use crate::store::Keeper;
 
 /// How many commands of one robot are under way at once, those that wait included. A controller takes about
@@ -68,6 +69,8 @@ pub struct Shared {
     pub news: News,
     /// Counts changes of values, so that readers can wait for the next one.
     pub pulse: watch::Sender<u64>,
+    /// Whether this gateway owns the robots.
+    pub ownership: Ownership,
     /// When this gateway started: numbers of events and of changes count from then.
     pub epoch: u64,
     /// The last number of a change of any robot, of a robot that came or went.
@@ -81,16 +84,24 @@ impl Shared {
     #[must_use]
     pub fn new(keeper: Keeper, roads: Roads, history: Option<Recorder>, epoch: u64) -> Self {
         let (news, pulse) = (News::default(), watch::Sender::new(0));
+        let ownership = Ownership::alone();
         Self {
             keeper,
             roads,
             history,
             news,
             pulse,
+            ownership,
             epoch,
             numbers: AtomicU64::new(0),
             removed: AtomicU64::new(0),
         }
+    }
+
+    /// The same, of a gateway that shares its store.
+    #[must_use]
+    pub fn owned(self, ownership: Ownership) -> Self {
+        Self { ownership, ..self }
     }
 
     /// How far the numbers have come. A reader that looks after this sees all that has one of these numbers,
@@ -427,6 +438,14 @@ impl Station {
             moving.is_some_and(|read| stands(&read) && shows(&read)),
             list.is_some_and(|read| is_empty(&read) && shows(&read)),
         )
+    }
+
+    /// Ends the robot here at once: nothing is permitted any more, and there is no connection.
+    pub(super) fn cut(&self) {
+        self.seat(|seat, _| seat.close(LeaseEnd::GatewayEnded));
+        if let Some(robot) = self.robot.send_replace(None) {
+            robot.disconnect();
+        }
     }
 
     /// The client's handle, if there ever was a connection to the present address.

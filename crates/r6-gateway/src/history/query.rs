@@ -8,7 +8,6 @@ mod events;
 mod production;
 mod series;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -23,7 +22,7 @@ use crate::core::history::merge::Merge;
 use crate::core::history::sample::{Interval, Micros, Sample};
 use crate::core::name::RobotName;
 use crate::store::StoreError;
-use crate::store::history::{Ask, Days, Entry, HistoryStore, Part};
+use crate::store::history::{Ask, Entry, HistoryStore, Part, Place};
 use series::Series;
 
 #[cfg(test)]
@@ -80,17 +79,17 @@ pub struct Answer {
     pub is_too_wide: bool,
 }
 
-/// Reads the history of a folder.
+/// Reads the history.
 #[derive(Debug)]
 pub struct Reader {
-    folder: PathBuf,
+    place: Place,
     permits: Arc<Semaphore>,
 }
 
 impl Reader {
-    /// Of this folder.
-    pub fn new(folder: PathBuf) -> Self {
-        Self { folder, permits: Arc::new(Semaphore::new(MAX_QUERIES)) }
+    /// The history in this place.
+    pub fn new(place: Place) -> Self {
+        Self { place, permits: Arc::new(Semaphore::new(MAX_QUERIES)) }
     }
 
     /// Leave to ask; `None` if too many queries are under way.
@@ -132,12 +131,12 @@ impl Reader {
     async fn work<T: Send + 'static>(
         &self,
         permit: OwnedSemaphorePermit,
-        work: impl FnOnce(&mut Days) -> Result<T, StoreError> + Send + 'static,
+        work: impl FnOnce(&mut Box<dyn HistoryStore>) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, StoreError> {
-        let mut store = Days::to_read(&self.folder);
+        let place = self.place.clone();
         let work = tokio::task::spawn_blocking(move || {
             let _permit = permit;
-            work(&mut store)
+            work(&mut place.to_read()?)
         });
         work.await.unwrap_or(Err(StoreError::Closed))
     }

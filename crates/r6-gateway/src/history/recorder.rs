@@ -1,5 +1,6 @@
 //! The thread of the history.
 
+#[cfg(feature = "simulation")]
 use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -21,7 +22,9 @@ use crate::core::history::wall::WallClock;
 use crate::core::name::RobotName;
 use crate::core::watch::Before;
 use crate::store::StoreError;
-use crate::store::history::{Days, HistoryStore};
+#[cfg(feature = "simulation")]
+use crate::store::history::Days;
+use crate::store::history::{HistoryStore, Place};
 
 /// How often what came is written: what is younger is lost with the process.
 const EVERY: Duration = Duration::from_millis(250);
@@ -87,12 +90,13 @@ struct Shared {
 }
 
 impl Recorder {
-    /// Starts the thread for the history in this folder.
+    /// Starts the thread for the history in this place.
     ///
     /// # Errors
     /// [`StoreError`]: the system gives no thread.
-    pub fn start(folder: &Path, settings: HistorySettings) -> Result<Self, StoreError> {
-        let (recorder, worker, jobs) = Self::new(folder, settings);
+    pub fn start(place: Place, settings: HistorySettings) -> Result<Self, StoreError> {
+        let store = place.to_write(settings.max_bytes)?;
+        let (recorder, worker, jobs) = Self::new(store, place, settings);
         thread::Builder::new()
             .name("history".to_owned())
             .spawn(move || work(worker, &jobs))
@@ -104,14 +108,18 @@ impl Recorder {
     /// 250 ms.
     #[cfg(feature = "simulation")]
     pub fn in_task(folder: &Path, settings: HistorySettings) -> Self {
-        let (recorder, worker, jobs) = Self::new(folder, settings);
+        let store: Box<dyn HistoryStore> = Box::new(Days::to_write(folder, settings.max_bytes));
+        let (recorder, worker, jobs) = Self::new(store, Place::Folder(folder.to_owned()), settings);
         tokio::spawn(work_in_task(worker, jobs));
         recorder
     }
 
-    fn new(folder: &Path, settings: HistorySettings) -> (Self, Worker, Receiver<Job>) {
-        let store = Days::to_write(folder, settings.max_bytes);
-        let reader = query::Reader::new(folder.to_owned());
+    fn new(
+        store: Box<dyn HistoryStore>,
+        place: Place,
+        settings: HistorySettings,
+    ) -> (Self, Worker, Receiver<Job>) {
+        let reader = query::Reader::new(place);
         let counts = Arc::<HistoryCounts>::default();
         let clock = Mutex::new(WallClock::new(clock::now(), clock::system()));
         let shared = Shared {
@@ -220,7 +228,7 @@ impl Shared {
 
 /// What the thread does. In a simulation a task does it.
 struct Worker {
-    journal: Journal<Days>,
+    journal: Journal<Box<dyn HistoryStore>>,
     shared: Arc<Shared>,
     /// Whether the last write failed.
     failed: bool,

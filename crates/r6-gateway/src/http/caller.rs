@@ -12,8 +12,8 @@ use axum::http::{Method, StatusCode};
 use r6_api::Code;
 use r6_http::{Guest, Peer, Refusal};
 
-use super::State;
 use super::body::Json;
+use super::{State, refusal};
 use crate::accounts::{self, SignedIn};
 use crate::clock;
 use crate::core::role::{Grant, Right};
@@ -242,8 +242,41 @@ impl FromRequestParts<State> for Caller {
     async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
         let caller = Self::known(parts, state).await?;
         caller.count(state)?;
+        check_owner(parts, state, false)?;
         Ok(caller)
     }
+}
+
+/// What a gateway answers that does not own the robots: what is in the store alone, and what needs neither a
+/// robot nor the store. All below these paths is meant.
+const ANSWERED_BY_ALL: [&str; 9] = [
+    "/v1/audit",
+    "/v1/models",
+    "/v1/openapi.json",
+    "/v1/programs",
+    "/v1/session",
+    "/v1/settings",
+    "/v1/tokens",
+    "/v1/users",
+    "/metrics",
+];
+
+/// Refuses what another gateway has to do, because it owns the robots.
+fn check_owner(parts: &Parts, state: &State, is_stop: bool) -> Result<(), Refusal> {
+    let ownership = &state.shared.ownership;
+    let path = parts.uri.path();
+    let is_read = matches!(parts.method, Method::GET | Method::HEAD);
+    let is_computed = matches!(path, "/v1/programs/check" | "/v1/programs/plan");
+    let is_for_all = if ownership.is_other() {
+        let is_below = |known: &&str| {
+            path.strip_prefix(*known).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+        };
+        path == "/readyz" || is_computed || (is_read && ANSWERED_BY_ALL.iter().any(|known| is_below(&known)))
+    } else {
+        // A stop may leave for as long as there are connections.
+        is_read || is_stop || is_computed
+    };
+    if is_for_all { Ok(()) } else { ownership.check().map_err(refusal::of) }
 }
 
 /// What a route needs, as a type: a route about a robot cannot be written without it.
@@ -303,7 +336,7 @@ impl<R: Needs> FromRequestParts<State> for Manager<R> {
         let caller = Caller::from_request_parts(parts, state).await?;
         // No robot has this name, so it is covered by all robots alone.
         if let Err(refusal) = caller.must(R::RIGHT, "") {
-            if let Some(source) = caller.source {
+            if let Some(source) = caller.source.filter(|_| !state.shared.ownership.is_other()) {
                 let request = parts.uri.path().chars().take(MAX_TOLD).collect();
                 state.accounts.ledger.refused(&caller.by(), source.ip(), request, Code::NotAllowed);
             }
@@ -370,6 +403,7 @@ impl<R: Needs> FromRequestParts<State> for Named<R> {
         if R::RIGHT != Right::Stop {
             caller.count(state)?;
         }
+        check_owner(parts, state, R::RIGHT == Right::Stop)?;
         let names = Path::<BTreeMap<String, String>>::from_request_parts(parts, state).await;
         let name = match names {
             Ok(Path(mut names)) => names.remove("name").unwrap_or_default(),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use utoipa::IntoResponses;
-use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
+use utoipa::openapi::{ContentBuilder, OpenApi, Ref, RefOr, Response, ResponseBuilder};
 
 macro_rules! refusals {
     ($($(#[$doc:meta])* $name:ident { $($status:literal $description:literal)+ })+) => {$(
@@ -43,6 +43,22 @@ refusals! {
         "408" "`too_slow`"
         "413" "`too_long`"
         "415" "`not_json`"
+    }
+}
+
+/// Describes that a gateway refuses what another one has to do: every route that needs a token or a session.
+pub fn add_no_owner(api: &mut OpenApi) {
+    // Whether the gateway is ready is not refused: that is the answer.
+    for (_, item) in api.paths.paths.iter_mut().filter(|(path, _)| *path != "/readyz") {
+        let operations =
+            [&mut item.get, &mut item.put, &mut item.post, &mut item.delete].into_iter().flatten();
+        for operation in operations.filter(|operation| operation.responses.responses.contains_key("401")) {
+            match operation.responses.responses.get_mut("503") {
+                Some(RefOr::T(response)) => response.description.push_str("; `no_owner`"),
+                Some(RefOr::Ref(_)) => {}
+                None => operation.responses.responses.extend([refusal("503", "`no_owner`")]),
+            }
+        }
     }
 }
 

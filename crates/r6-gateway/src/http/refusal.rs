@@ -54,7 +54,7 @@ fn status(code: Code) -> StatusCode {
         | Code::NoSuchAxis
         | Code::NoDistance
         | Code::BadSpeed => StatusCode::UNPROCESSABLE_ENTITY,
-        Code::StoreUnavailable | Code::Overloaded => StatusCode::SERVICE_UNAVAILABLE,
+        Code::StoreUnavailable | Code::Overloaded | Code::NoOwner => StatusCode::SERVICE_UNAVAILABLE,
         Code::OutcomeUnknown | Code::NotStopped | Code::NoReply => StatusCode::GATEWAY_TIMEOUT,
         // The state of the robot, of its lease or of its configuration does not allow it now.
         _ => StatusCode::CONFLICT,

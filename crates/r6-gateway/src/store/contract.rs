@@ -9,6 +9,8 @@ use r6_api::gateway::{
 };
 
 use self::programs::version;
+use super::postgres::session::Hand;
+use super::postgres::{Database, Postgres};
 use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS_OF_ONE, NewRun};
 use super::{
     Author, Keeper, Kept, LibraryError, Link, Memory, NewToken, NewVersion, Sqlite, Store, StoreError,
@@ -28,6 +30,17 @@ fn on_each(test: impl Fn(&mut dyn Store)) {
     test(&mut Memory::default());
     let folder = tempfile::tempdir().unwrap();
     test(&mut Sqlite::open(folder.path()).unwrap());
+    on_postgres(|database| {
+        test(&mut Postgres::open(database, Hand::Shell).unwrap());
+    });
+}
+
+/// Runs a test on a new database.
+pub fn on_postgres(test: impl Fn(&Database)) {
+    let name = std::thread::current().name().unwrap_or("a test").to_owned();
+    if let Some(server) = r6_testkit::postgres::shared(&name) {
+        test(&Database::parse(&server.database()).unwrap());
+    }
 }
 
 fn record(deed: Deed) -> AuditRecord {

@@ -8,6 +8,7 @@ mod contract;
 mod days;
 #[cfg(test)]
 mod memory;
+mod place;
 mod table;
 
 use r6_proto::Address;
@@ -21,6 +22,7 @@ use crate::core::name::RobotName;
 pub use days::{Days, file_names, is_file_name};
 #[cfg(test)]
 pub use memory::MemoryDays;
+pub use place::Place;
 
 /// One file: a part of a day.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -10,6 +10,8 @@ mod heads;
 mod history;
 mod leases;
 mod openapi;
+#[cfg(unix)]
+mod owner;
 mod page;
 mod panel;
 mod production;

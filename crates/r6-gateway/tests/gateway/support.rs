@@ -208,6 +208,7 @@ pub fn settings(data: &Path, robots: Vec<RobotConfig>) -> GatewaySettings {
     GatewaySettings {
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
         data: data.to_owned(),
+        store: None,
         robots,
         robot_settings: RobotSettings::default(),
         raw: Vec::new(),

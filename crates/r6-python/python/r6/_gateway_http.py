@@ -37,6 +37,7 @@ _AGAIN = frozenset(
         "too_many_requests",
         "overloaded",
         "store_unavailable",
+        "no_owner",
         "unreachable",
     }
 )

@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use r6_gateway::{
-    Certificate, Changes, Gateway, GatewaySettings, RawPort, RobotConfig, RobotName, TlsSettings,
+    At, Certificate, Changes, Database, Gateway, GatewaySettings, RawPort, RobotConfig, RobotName,
+    TlsSettings,
 };
 
 use crate::cmd::gateway::config::Config;
@@ -116,6 +117,11 @@ struct ServeArgs {
     /// Folder for tokens, users, leases, the audit log and the history
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
+    /// Keep everything but the key of the audit log and certificates in this PostgreSQL database. Gateways
+    /// with the same one share users, leases and the audit log; one of them owns the robots, and another
+    /// takes over within 5 s
+    #[arg(long, value_name = "URL", value_parser = Database::parse, conflicts_with_all = ["raw", "twins"])]
+    store: Option<Database>,
     /// A file with robots, TOML; SIGHUP makes the gateway read it again
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -182,6 +188,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
         None => None,
     };
     let (listen, data) = (args.listen, args.data.clone());
+    let at = args.store.clone().map_or_else(|| At::Folder(data.clone()), At::Database);
     let raw_policy = policy.unwrap_or_default();
     let robot_settings = robot::settings();
     let mut beside = args.twins.then(|| Beside::new(listen, &raw));
@@ -192,6 +199,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let settings = GatewaySettings {
         listen,
         data,
+        store: args.store.clone(),
         robots,
         robot_settings,
         raw,
@@ -209,6 +217,10 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     };
     keep_url(&gateway, &args.data);
     tell_start(&gateway, &args.data, beside.as_ref());
+    if let Some(store) = &args.store {
+        tell_store(&gateway, store);
+    }
+    tell_tokens(&args.data, at).await;
     tell_raw(&gateway, rules);
     lines.into_iter().for_each(output::line);
     tell_link(&gateway).await;
@@ -306,11 +318,32 @@ fn tell_start(gateway: &Gateway, data: &Path, beside: Option<&Beside>) {
             "r6: it has no robot yet: --robot press-4=192.168.1.10, --config FILE, or an admin adds one over HTTP",
         );
     }
-    if r6_gateway::list_tokens(data).is_ok_and(|tokens| tokens.is_empty()) {
+}
+
+/// Says how to make the first token.
+async fn tell_tokens(data: &Path, at: At) {
+    let store = match &at {
+        At::Folder(_) => format!("--data {}", data.display()),
+        At::Database(_) => "--store URL".to_owned(),
+    };
+    let listed = tokio::task::spawn_blocking(move || r6_gateway::list_tokens(at)).await;
+    if listed.is_ok_and(|listed| listed.is_ok_and(|tokens| tokens.is_empty())) {
         output::note(format_args!(
-            "r6: no program can use it yet: `r6 gateway token --data {} --role operator` makes a token",
-            data.display()
+            "r6: no program can use it yet: `r6 gateway token {store} --role operator` makes a token"
         ));
+    }
+}
+
+/// Says where the store is, and which gateway owns the robots.
+fn tell_store(gateway: &Gateway, store: &Database) {
+    match gateway.owner() {
+        Ok(()) => output::line(format_args!("store in {store}; this gateway owns the robots")),
+        Err(problem) => output::line(format_args!("store in {store}; {}", problem.message)),
+    }
+    if store.is_remote() {
+        output::note(
+            "r6: the gateway speaks no TLS with the database: everyone on the way to it can read along",
+        );
     }
 }
 

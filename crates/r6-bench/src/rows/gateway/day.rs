@@ -54,6 +54,7 @@ pub fn serve() {
     let settings = GatewaySettings {
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
         data: data.path().to_owned(),
+        store: None,
         // Nothing listens there: the day is all that is known of this robot.
         robots: vec![RobotConfig {
             period: Duration::from_secs(3600),

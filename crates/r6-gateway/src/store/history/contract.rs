@@ -7,6 +7,10 @@ use crate::core::history::block::{Chunk, Write, chunks};
 use crate::core::history::event::{Event, Observed};
 use crate::core::history::sample::{Interval, Micros, Sample, State};
 use crate::core::name::RobotName;
+use crate::store::contract::on_postgres;
+use crate::store::postgres::Postgres;
+use crate::store::postgres::history::PostgresDays;
+use crate::store::postgres::session::Hand;
 
 const DAY: i64 = 86_400_000_000;
 const MODE: Address = Address::CurMode;
@@ -15,6 +19,10 @@ fn on_each(test: impl Fn(&mut dyn HistoryStore)) {
     test(&mut MemoryDays::default());
     let folder = tempfile::tempdir().unwrap();
     test(&mut Days::to_write(&folder.path().join("history"), 1 << 30));
+    on_postgres(|database| {
+        drop(Postgres::open(database, Hand::Shell).unwrap());
+        test(&mut PostgresDays::new(database, Hand::Shell).unwrap());
+    });
 }
 
 fn press() -> RobotName {

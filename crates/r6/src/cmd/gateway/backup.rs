@@ -39,6 +39,9 @@ pub struct BackupArgs {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
+    /// Always refused: a database has backups of its own, such as `pg_dump`
+    #[arg(long, value_name = "URL", hide = true)]
+    store: Option<String>,
 }
 
 /// Make the folder of a gateway of a backup
@@ -62,10 +65,14 @@ pub struct RestoreArgs {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
+    /// Always refused: a database has backups of its own, such as `pg_dump`
+    #[arg(long, value_name = "URL", hide = true)]
+    store: Option<String>,
 }
 
 /// Makes a backup. Exit code 1 if something is not in it or is wrong in it.
 pub fn backup(args: &BackupArgs) -> Result<Exit, Failure> {
+    refuse_store(args.store.as_deref())?;
     let made = r6_gateway::backup(&args.data, &args.to, !args.without_history, progress("copying"));
     let made = made.map_err(failed)?;
     let text = format!(
@@ -80,11 +87,22 @@ pub fn backup(args: &BackupArgs) -> Result<Exit, Failure> {
 
 /// Makes a folder of a backup. Exit code 1 if something is wrong in it.
 pub fn restore(args: &RestoreArgs) -> Result<Exit, Failure> {
+    refuse_store(args.store.as_deref())?;
     let made = r6_gateway::restore(&args.data, &args.from, progress("checking")).map_err(failed)?;
     let text = format!("{} is as it was at {}", args.data.display(), made.made);
     let exit = tell(&made, text, args.json)?;
     output::note("r6: a stop holds for every robot; tokens that were revoked since are valid again");
     Ok(exit)
+}
+
+/// A database has backups of its own.
+fn refuse_store(store: Option<&str>) -> Result<(), Failure> {
+    match store {
+        None => Ok(()),
+        Some(_) => Err(Failure::usage("this is for the folder of a gateway, not for a database").advise(
+            "copy the database with `pg_dump`; docs/GATEWAY.md says what to do before its copy is used",
+        )),
+    }
 }
 
 fn tell(made: &Backup, text: String, as_json: bool) -> Result<Exit, Failure> {

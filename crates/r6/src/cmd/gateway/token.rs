@@ -1,11 +1,11 @@
 //! `r6 gateway token`: makes, lists and revokes tokens, whether the gateway runs or not.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use r6_api::gateway::Role;
-use r6_gateway::RobotName;
+use r6_gateway::{At, Database, RobotName};
 
 use super::{DEFAULT_DATA, tell_new_folder};
 use crate::exit::{Exit, Failure};
@@ -36,6 +36,9 @@ pub struct TokenArgs {
     /// Folder of the gateway
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
+    /// The database of gateways that share their store, in place of the folder
+    #[arg(long, value_name = "URL", value_parser = Database::parse, conflicts_with = "data")]
+    store: Option<Database>,
     /// What the token allows
     #[arg(long, value_parser = role(), required_unless_present_any = ["list", "revoke"])]
     role: Option<Role>,
@@ -54,6 +57,13 @@ pub struct TokenArgs {
     revoke: Option<i64>,
 }
 
+impl TokenArgs {
+    /// Where the store is.
+    fn at(&self) -> At {
+        self.store.clone().map_or_else(|| At::Folder(self.data.clone()), At::Database)
+    }
+}
+
 /// Reads a role.
 pub(super) fn role() -> impl TypedValueParser<Value = Role> {
     PossibleValuesParser::new(Role::ALL.map(Role::word)).try_map(|word| Role::of_word(&word).ok_or("no role"))
@@ -62,7 +72,7 @@ pub(super) fn role() -> impl TypedValueParser<Value = Role> {
 /// Makes, lists or revokes tokens.
 pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     if let Some(number) = args.revoke {
-        if !r6_gateway::revoke_token(&args.data, number).map_err(Failure::usage)? {
+        if !r6_gateway::revoke_token(args.at(), number).map_err(Failure::usage)? {
             return Err(Failure::usage(format!("there is no valid token {number}"))
                 .advise("`r6 gateway token --list` prints all"));
         }
@@ -70,7 +80,7 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         return Ok(Exit::Done);
     }
     let Some(role) = args.role else {
-        return list(&args.data);
+        return list(args.at());
     };
     let only = only(args.only.as_deref().filter(|_| robot_typed))?;
     if args.name.chars().count() > MAX_NAME || args.name.chars().any(char::is_control) {
@@ -78,16 +88,17 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         return Err(Failure::usage(wanted));
     }
     let what = what(role, only.as_ref());
-    tell_new_folder(&args.data);
-    let (number, token) =
-        r6_gateway::make_token(&args.data, role, only, args.name).map_err(Failure::usage)?;
+    if args.store.is_none() {
+        tell_new_folder(&args.data);
+    }
+    let (number, token) = r6_gateway::make_token(args.at(), role, only, args.name).map_err(Failure::usage)?;
     output::line(token);
     output::note(format_args!("token {number}: {what}. It is shown this once"));
     Ok(Exit::Done)
 }
 
-fn list(data: &Path) -> Result<Exit, Failure> {
-    let tokens = r6_gateway::list_tokens(data).map_err(Failure::usage)?;
+fn list(at: At) -> Result<Exit, Failure> {
+    let tokens = r6_gateway::list_tokens(at).map_err(Failure::usage)?;
     let mut table = Table::with_right_columns(&[0]);
     for token in &tokens {
         let what = what(token.grant.role, token.grant.only.as_ref());

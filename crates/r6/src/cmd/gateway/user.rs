@@ -1,11 +1,11 @@
 //! `r6 gateway user`: makes, lists and disables users, and makes one-time links, whether the gateway runs or
 //! not.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use r6_api::gateway::Role;
-use r6_gateway::{Account, Grant, UserName};
+use r6_gateway::{Account, At, Database, Grant, UserName};
 
 use super::{DEFAULT_DATA, DEFAULT_LISTEN, URL_FILE, tell_new_folder, token};
 use crate::exit::{Exit, Failure};
@@ -37,6 +37,9 @@ pub struct UserArgs {
     /// Folder of the gateway
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
+    /// The database of gateways that share their store, in place of the folder
+    #[arg(long, value_name = "URL", value_parser = Database::parse, conflicts_with = "data")]
+    store: Option<Database>,
     /// Make a user with this name, and print a link for the password
     #[arg(long, value_name = "NAME", requires = "role", required_unless_present_any = ["list", "disable", "link"])]
     add: Option<String>,
@@ -62,10 +65,17 @@ pub struct UserArgs {
     url: Option<String>,
 }
 
+impl UserArgs {
+    /// Where the store is.
+    fn at(&self) -> At {
+        self.store.clone().map_or_else(|| At::Folder(self.data.clone()), At::Database)
+    }
+}
+
 /// Makes, lists or disables users, or makes a link.
 pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
     if let Some(name) = &args.disable {
-        r6_gateway::disable_user(&args.data, user(name)?).map_err(Failure::usage)?;
+        r6_gateway::disable_user(args.at(), user(name)?).map_err(Failure::usage)?;
         output::line(format_args!("user {name} is disabled"));
         return Ok(Exit::Done);
     }
@@ -73,13 +83,15 @@ pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
         return link(&args, user(name)?);
     }
     let (Some(name), Some(role)) = (&args.add, args.role) else {
-        return list(&args.data);
+        return list(args.at());
     };
     let name = user(name)?;
     let only = token::only(args.only.as_deref().filter(|_| robot_typed))?;
     let what = token::what(role, only.as_ref());
-    tell_new_folder(&args.data);
-    r6_gateway::add_user(&args.data, name.clone(), Grant { role, only }).map_err(Failure::usage)?;
+    if args.store.is_none() {
+        tell_new_folder(&args.data);
+    }
+    r6_gateway::add_user(args.at(), name.clone(), Grant { role, only }).map_err(Failure::usage)?;
     output::note(format_args!("user {name}: {what}. The link sets the password, once and within an hour"));
     link(&args, name)
 }
@@ -89,7 +101,7 @@ fn user(name: &str) -> Result<UserName, Failure> {
 }
 
 fn link(args: &UserArgs, name: UserName) -> Result<Exit, Failure> {
-    let link = r6_gateway::make_link(&args.data, name).map_err(|error| {
+    let link = r6_gateway::make_link(args.at(), name).map_err(|error| {
         Failure::usage(error).advise("`r6 gateway user --list` prints the users of this folder")
     })?;
     let url = args.url.clone().unwrap_or_else(|| here(&args.data));
@@ -110,8 +122,8 @@ fn here(data: &Path) -> String {
     })
 }
 
-fn list(data: &Path) -> Result<Exit, Failure> {
-    let users = r6_gateway::list_users(data).map_err(Failure::usage)?;
+fn list(at: At) -> Result<Exit, Failure> {
+    let users = r6_gateway::list_users(at).map_err(Failure::usage)?;
     let mut table = Table::new();
     for Account { name, grant, disabled, password } in &users {
         let state = match (disabled, password) {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use r6_gateway::{PublicKey, Signed, StoreError, Verified, VerifyError};
+use r6_gateway::{At, Database, PublicKey, Signed, StoreError, Verified, VerifyError};
 use serde_json::{Value, json};
 
 use super::DEFAULT_DATA;
@@ -32,6 +32,9 @@ pub struct VerifyArgs {
     /// Folder of the gateway
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
+    /// The database of gateways that share their store, in place of the folder
+    #[arg(long, value_name = "URL", value_parser = Database::parse, conflicts_with = "data")]
+    store: Option<Database>,
     /// A head that was kept elsewhere: the answer of GET /v1/audit/head, or its note
     #[arg(long, value_name = "FILE")]
     head: Option<PathBuf>,
@@ -42,6 +45,13 @@ pub struct VerifyArgs {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
+}
+
+impl VerifyArgs {
+    /// Where the store is.
+    fn at(&self) -> At {
+        self.store.clone().map_or_else(|| At::Folder(self.data.clone()), At::Database)
+    }
 }
 
 fn key(text: &str) -> Result<PublicKey, String> {
@@ -55,7 +65,7 @@ pub fn run(args: &VerifyArgs) -> Result<Exit, Failure> {
         text.map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
     });
     let kept = kept.transpose()?;
-    match r6_gateway::verify(&args.data, &args.keys, kept.as_deref()) {
+    match r6_gateway::verify(args.at(), &args.keys, kept.as_deref()) {
         Ok(verified) if args.json => {
             output::json(&object(&verified));
             Ok(Exit::Done)

@@ -174,7 +174,7 @@ async fn follow(
 
 /// Whether the next look can have an answer.
 fn may_pass(failure: &Failure) -> bool {
-    let busy = [Code::TooManyRequests, Code::Overloaded, Code::StoreUnavailable];
+    let busy = [Code::TooManyRequests, Code::Overloaded, Code::StoreUnavailable, Code::NoOwner];
     failure.exit() == Exit::NoReply || busy.contains(&failure.code())
 }
 

@@ -220,6 +220,7 @@ fn settings(listen: SocketAddr, raw: SocketAddr, data: &Path, cell: Cell) -> Gat
     GatewaySettings {
         listen,
         data: data.to_owned(),
+        store: None,
         robots: cell.robots,
         robot_settings: robot::settings(),
         raw: cell.raw.map(|robot| RawPort { robot, listen: raw }).into_iter().collect(),

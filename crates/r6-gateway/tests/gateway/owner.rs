@@ -1,0 +1,359 @@
+//! Gateways that share a store in PostgreSQL: one of them owns the robots, and another takes over.
+
+use std::io::{BufRead, BufReader, Write as _};
+use std::net::SocketAddr;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use r6_api::gateway::Role;
+use r6_gateway::{At, Database, Gateway, GatewaySettings, RobotConfig};
+use r6_sim::VirtualController;
+use r6_testkit::postgres::{Server, shared, signal};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+
+use crate::support::{PATIENCE, call, commands, name, ready_to_start, settings};
+
+/// How long it takes until another gateway has the robots of one that was killed: 3 s until it is sure, half a
+/// second until it looks, a second to connect. The rest is for a machine that is busy.
+const TAKEN_OVER: Duration = Duration::from_secs(7);
+
+/// Does something that waits beside the tasks.
+async fn beside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    tokio::task::spawn_blocking(work).await.unwrap()
+}
+
+/// A database, and an admin's token in it. `None` without PostgreSQL.
+async fn database(test: &'static str) -> Option<(Server, String, String)> {
+    let (server, url) = beside(move || {
+        let server = shared(test)?;
+        let url = server.database();
+        Some((server, url))
+    })
+    .await?;
+    let token = admin(&url).await;
+    Some((server, url, token))
+}
+
+async fn admin(url: &str) -> String {
+    let at = at(url);
+    beside(move || r6_gateway::make_token(at, Role::Admin, None, String::new()).unwrap().1).await
+}
+
+fn at(url: &str) -> At {
+    At::Database(Database::parse(url).unwrap())
+}
+
+fn settings_of(url: &str, data: &Path, robot: SocketAddr) -> GatewaySettings {
+    let period = Duration::from_millis(20);
+    let press = RobotConfig { period, ..RobotConfig::new(name("press"), robot.to_string()) };
+    GatewaySettings { store: Some(Database::parse(url).unwrap()), ..settings(data, vec![press]) }
+}
+
+/// A gateway of this process.
+struct Here {
+    gateway: Gateway,
+    token: String,
+    _data: TempDir,
+}
+
+impl Here {
+    async fn start(url: &str, token: &str, robot: SocketAddr) -> Self {
+        let data = tempfile::tempdir().unwrap();
+        let gateway = Gateway::start(settings_of(url, data.path(), robot)).await.unwrap();
+        Self { gateway, token: token.to_owned(), _data: data }
+    }
+
+    async fn call(&self, method: &str, path: &str, body: Option<&Value>) -> (u16, Value) {
+        call(self.gateway.address(), &self.token, method, path, body).await
+    }
+
+    /// Waits until it owns the robots, and `press` answers.
+    async fn until_up(&self) -> Value {
+        let begun = Instant::now();
+        loop {
+            let (status, state) = self.call("GET", "/v1/robots/press", None).await;
+            if status == 200 && state["link"] == "up" {
+                return state;
+            }
+            assert!(begun.elapsed() < PATIENCE, "{status} {state}");
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    }
+
+    async fn lease(&self) -> Value {
+        lease(self.gateway.address(), &self.token).await
+    }
+}
+
+async fn lease(gateway: SocketAddr, token: &str) -> Value {
+    let asked = json!({ "duration_ms": 300_000 });
+    let (status, lease) = call(gateway, token, "POST", "/v1/robots/press/lease", Some(&asked)).await;
+    assert_eq!(status, 200, "{lease}");
+    lease["lease"].clone()
+}
+
+async fn command(gateway: SocketAddr, token: &str, lease: &Value) -> (u16, Value) {
+    let body = json!({ "command": "modifyGSPD", "arguments": ["5"], "lease": lease });
+    call(gateway, token, "POST", "/v1/robots/press/commands", Some(&body)).await
+}
+
+/// The same, of a gateway that may hang up.
+async fn attempt(gateway: SocketAddr, token: &str, lease: &Value) -> Option<String> {
+    let body = json!({ "command": "modifyGSPD", "arguments": ["5"], "lease": lease }).to_string();
+    let head = format!(
+        "POST /v1/robots/press/commands HTTP/1.1\r\nHost: {gateway}\r\nConnection: close\r\n\
+         Authorization: Bearer {token}\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n",
+        body.len()
+    );
+    let mut stream = TcpStream::connect(gateway).await.ok()?;
+    stream.write_all((head + &body).as_bytes()).await.ok()?;
+    let mut reply = String::new();
+    stream.read_to_string(&mut reply).await.ok()?;
+    Some(reply)
+}
+
+/// Checks that the chain of the audit log is whole, and returns its entries.
+async fn audit(here: &Here, url: &str) -> Vec<Value> {
+    let at = at(url);
+    beside(move || r6_gateway::verify(at, &[], None)).await.unwrap();
+    let (status, page) = here.call("GET", "/v1/audit?limit=1000", None).await;
+    assert_eq!(status, 200, "{page}");
+    page["entries"].as_array().unwrap().clone()
+}
+
+fn numbers(entries: &[Value], what: &str, field: &str) -> Vec<u64> {
+    let of = entries.iter().filter(|entry| entry["what"] == what);
+    of.map(|entry| entry[field].as_u64().unwrap()).collect()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn one_gateway_owns_the_robots_and_the_others_answer_from_the_store() {
+    let Some((_server, url, token)) = database("the test of two gateways").await else { return };
+    let robot = VirtualController::start().await.unwrap();
+    let one = Here::start(&url, &token, robot.address()).await;
+    one.until_up().await;
+    let key = one.lease().await;
+    assert_eq!(command(one.gateway.address(), &token, &key).await.0, 200);
+    let (status, stopped) = one.call("POST", "/v1/robots/press/stop", None).await;
+    assert_eq!(status, 200, "{stopped}");
+
+    let other = Here::start(&url, &token, robot.address()).await;
+    let owner = format!("http://{}", one.gateway.address());
+    for (method, path) in [
+        ("GET", "/v1/robots"),
+        ("GET", "/v1/robots/press"),
+        ("POST", "/v1/robots/press/stop"),
+        ("GET", "/v1/robots/press/history?signal=axis-0"),
+        ("DELETE", "/v1/tokens/1"),
+    ] {
+        let (status, problem) = other.call(method, path, None).await;
+        assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "{path}: {problem}");
+        assert!(problem["message"].as_str().unwrap().contains(&owner), "it names the owner: {problem}");
+    }
+    let sign_in = json!({ "name": "anna", "password": "correct horse battery" });
+    assert_eq!(other.call("POST", "/v1/session", Some(&sign_in)).await.1["code"], "no_owner");
+    for path in ["/v1/audit", "/v1/tokens", "/v1/users", "/v1/programs", "/v1/settings", "/metrics"] {
+        assert_eq!(other.call("GET", path, None).await.0, 200, "{path}");
+    }
+    assert_eq!(other.call("GET", "/healthz", None).await.0, 204);
+    assert_eq!(
+        (one.call("GET", "/readyz", None).await.0, other.call("GET", "/readyz", None).await.0),
+        (200, 503)
+    );
+    assert_eq!(
+        call(other.gateway.address(), "r6_no", "GET", "/v1/robots", None).await.0,
+        401,
+        "who asks first"
+    );
+    assert!(other.gateway.owner().is_err() && one.gateway.owner().is_ok());
+
+    // The robots go over, with all that holds for them.
+    let begun = Instant::now();
+    one.gateway.shutdown().await.unwrap();
+    let state = other.until_up().await;
+    assert!(begun.elapsed() < Duration::from_secs(5), "nobody waits for a gateway that ended in order");
+    assert_eq!(state["stopped"], true);
+    let next = other.lease().await;
+    assert!(next["number"].as_u64() > key["number"].as_u64(), "{next}");
+    let entries = audit(&other, &url).await;
+    assert_eq!(entries.iter().filter(|entry| entry["what"] == "gateway_started").count(), 2);
+    other.gateway.shutdown().await.unwrap();
+}
+
+/// A gateway in a process of its own.
+struct There {
+    child: Child,
+    address: SocketAddr,
+}
+
+impl There {
+    /// When this returns, it owns the robots, and `press` answers.
+    async fn start(url: &str, robot: SocketAddr) -> Self {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "owner::child", "--nocapture"])
+            .env("R6_OWNER_STORE", url)
+            .env("R6_OWNER_ROBOT", robot.to_string())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let out = child.stdout.take().unwrap();
+        let line = beside(move || {
+            let lines = BufReader::new(out).lines().map(Result::unwrap);
+            lines.filter_map(|line| line.strip_prefix("gateway ").map(str::to_owned)).next()
+        });
+        Self { child, address: line.await.unwrap().parse().unwrap() }
+    }
+
+    fn signal(&self, name: &str) {
+        signal(name, &self.child.id().to_string());
+    }
+}
+
+impl Drop for There {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The process of [`There`]. It does nothing unless the tests start it, and ends when it is killed.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn child() {
+    let of = |name| std::env::var(name).ok();
+    let (Some(url), Some(robot)) = (of("R6_OWNER_STORE"), of("R6_OWNER_ROBOT")) else { return };
+    let token = admin(&url).await;
+    let here = Here::start(&url, &token, robot.parse().unwrap()).await;
+    here.until_up().await;
+    let mut out = std::io::stdout();
+    writeln!(out, "gateway {}", here.gateway.address()).unwrap();
+    // It ends with the test at the latest.
+    tokio::time::sleep(Duration::from_secs(100)).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn another_gateway_takes_the_robots_of_one_that_was_killed_and_nothing_is_lost() {
+    let Some((_server, url, token)) = database("the test of a killed owner").await else { return };
+    let robot = ready_to_start().await;
+    let mut there = There::start(&url, robot.address()).await;
+    let here = Here::start(&url, &token, robot.address()).await;
+    let key = lease(there.address, &token).await;
+    let mut acknowledged = Vec::new();
+    for _ in 0..5 {
+        let (status, done) = command(there.address, &token, &key).await;
+        assert_eq!(status, 200, "{done}");
+        acknowledged.push(done["command_id"].as_u64().unwrap());
+    }
+    let killed = Instant::now();
+    there.child.kill().unwrap();
+    there.child.wait().unwrap();
+    here.until_up().await;
+    let took = killed.elapsed();
+    assert!(took < TAKEN_OVER, "{took:?}");
+    assert!(took > Duration::from_secs(2), "{took:?}: it may have lived");
+    let next = here.lease().await;
+    assert!(next["number"].as_u64() > key["number"].as_u64(), "{next}");
+    assert_eq!(command(here.gateway.address(), &token, &next).await.0, 200);
+    let entries = audit(&here, &url).await;
+    let intents = numbers(&entries, "command_intent", "number");
+    assert!(acknowledged.iter().all(|number| intents.contains(number)), "{acknowledged:?} of {intents:?}");
+    let outcomes = numbers(&entries, "command_outcome", "intent");
+    assert!(intents.iter().all(|number| outcomes.contains(number)), "{intents:?}: {outcomes:?}");
+    here.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_owner_that_was_frozen_changes_nothing_when_it_goes_on() {
+    let Some((_server, url, token)) = database("the test of a frozen owner").await else { return };
+    let robot = ready_to_start().await;
+    let there = There::start(&url, robot.address()).await;
+    let here = Here::start(&url, &token, robot.address()).await;
+    let key = lease(there.address, &token).await;
+    // Commands come again and again, also while it is frozen.
+    let (gateway, caller) = (there.address, token.clone());
+    let asking = tokio::spawn(async move {
+        let mut asked = tokio::task::JoinSet::new();
+        for _ in 0..400 {
+            let (caller, key) = (caller.clone(), key.clone());
+            asked.spawn(async move { attempt(gateway, &caller, &key).await });
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        asked.join_all().await
+    });
+    let mut log = robot.handle().log();
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    there.signal("STOP");
+    here.until_up().await;
+    assert!(!commands(&mut log).is_empty(), "it sent some before");
+    let before = audit(&here, &url).await.len();
+    there.signal("CONT");
+    let answers = asking.await.unwrap();
+    let answers: Vec<_> = answers.into_iter().flatten().collect();
+    let done = answers.iter().filter(|answer| answer.starts_with("HTTP/1.1 200")).count();
+    assert!(done > 0 && done < answers.len(), "{done} of {}", answers.len());
+    assert!(answers.iter().any(|answer| answer.contains("no_owner")), "{:?}", answers.last());
+    assert_eq!(commands(&mut log), Vec::<String>::new(), "no frame under the old fence was accepted");
+    // And the other way round: this gateway has the robots, and the log is its own.
+    assert_eq!(audit(&here, &url).await.len(), before, "the old owner wrote nothing");
+    let next = here.lease().await;
+    assert_eq!(command(here.gateway.address(), &token, &next).await.0, 200);
+    assert_eq!(commands(&mut log), ["modifyGSPD"]);
+    let (_, problem) = call(there.address, &token, "GET", "/v1/robots", None).await;
+    assert!(problem["message"].as_str().unwrap().contains(&here.gateway.address().to_string()), "{problem}");
+    here.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_gateway_lets_go_of_the_robots_while_the_server_is_away_and_loses_nothing() {
+    let made = beside(|| {
+        let server = Server::own("the test of a killed server")?;
+        let url = server.database();
+        Some((server, url))
+    });
+    let Some((mut server, url)) = made.await else { return };
+    let token = admin(&url).await;
+    let robot = ready_to_start().await;
+    let here = Here::start(&url, &token, robot.address()).await;
+    here.until_up().await;
+    let key = here.lease().await;
+    let (status, done) = command(here.gateway.address(), &token, &key).await;
+    assert_eq!(status, 200, "{done}");
+    let server = beside(move || {
+        server.kill();
+        server
+    });
+    let mut server = server.await;
+    let mut log = robot.handle().log();
+    let begun = Instant::now();
+    while here.gateway.owner().is_ok() {
+        assert!(begun.elapsed() < Duration::from_secs(3), "it has to let go");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    loop {
+        let (status, problem) = command(here.gateway.address(), &token, &key).await;
+        assert_eq!(status, 503, "{problem}");
+        if problem["code"] == "no_owner" {
+            break;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(5), "{problem}");
+    }
+    while robot.handle().snapshot().connections > 0 {
+        assert!(begun.elapsed() < Duration::from_secs(5), "the connection has to end");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    let server = beside(move || {
+        server.start();
+        server
+    });
+    let _server = server.await;
+    here.until_up().await;
+    assert_eq!(commands(&mut log), Vec::<String>::new());
+    let next = here.lease().await;
+    assert!(next["number"].as_u64() > key["number"].as_u64(), "{next}");
+    let entries = audit(&here, &url).await;
+    assert!(numbers(&entries, "command_intent", "number").contains(&done["command_id"].as_u64().unwrap()));
+    here.gateway.shutdown().await.unwrap();
+}
