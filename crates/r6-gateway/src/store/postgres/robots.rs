@@ -1,6 +1,6 @@
 //! What is kept of each robot, and the settings of the hall.
 
-use r6_api::gateway::RobotIdentity;
+use r6_api::gateway::{ActedBy, RobotIdentity};
 use tokio_postgres::Client;
 
 use super::{plain, signed, unsigned};
@@ -17,28 +17,34 @@ fn json(value: &impl serde::Serialize) -> Result<String, StoreError> {
 pub async fn seat(client: &Client, robot: &RobotName) -> Result<Saved, StoreError> {
     let row = client
         .query_opt(
-            "SELECT lease_number, stopped, identity FROM seat WHERE robot IN ($1, '')
+            "SELECT lease_number, stopped, identity, stopped_by FROM seat WHERE robot IN ($1, '')
              ORDER BY robot = '' LIMIT 1",
             &[&robot.as_str()],
         )
         .await?;
     let Some(row) = row else { return Ok(Saved::default()) };
+    let unreadable = |error: serde_json::Error| StoreError::Unreadable(format!("{robot}: {error}"));
     let identity = row.try_get::<_, Option<&str>>(2)?.map(serde_json::from_str::<RobotIdentity>);
-    let identity =
-        identity.transpose().map_err(|error| StoreError::Unreadable(format!("{robot}: {error}")))?;
-    Ok(Saved { number: unsigned(row.try_get(0)?), stopped: row.try_get(1)?, identity })
+    let by = row.try_get::<_, Option<&str>>(3)?.map(serde_json::from_str::<ActedBy>);
+    Ok(Saved {
+        number: unsigned(row.try_get(0)?),
+        stopped: row.try_get(1)?,
+        stopped_by: by.transpose().map_err(unreadable)?,
+        identity: identity.transpose().map_err(unreadable)?,
+    })
 }
 
 /// Saves a seat. A number that was given out once is never given out again.
 pub async fn save_seat(client: &Client, robot: &RobotName, saved: &Saved) -> Result<(), StoreError> {
     let identity = saved.identity.as_ref().map(json).transpose()?;
+    let by = saved.stopped_by.as_ref().map(json).transpose()?;
     client
         .execute(
-            "INSERT INTO seat (robot, lease_number, stopped, identity) VALUES ($1, $2, $3, $4)
+            "INSERT INTO seat (robot, lease_number, stopped, identity, stopped_by) VALUES ($1, $2, $3, $4, $5)
              ON CONFLICT (robot) DO UPDATE SET
              lease_number = greatest(seat.lease_number, excluded.lease_number),
-             stopped = excluded.stopped, identity = excluded.identity",
-            &[&robot.as_str(), &signed(saved.number), &saved.stopped, &identity],
+             stopped = excluded.stopped, identity = excluded.identity, stopped_by = excluded.stopped_by",
+            &[&robot.as_str(), &signed(saved.number), &saved.stopped, &identity, &by],
         )
         .await?;
     Ok(())

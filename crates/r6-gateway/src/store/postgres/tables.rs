@@ -66,7 +66,8 @@ CREATE TABLE seat (
     robot        text PRIMARY KEY,
     lease_number bigint NOT NULL,
     stopped      boolean NOT NULL,
-    identity     text
+    identity     text,
+    stopped_by   text
 );
 CREATE TABLE alarm (
     robot text PRIMARY KEY,
