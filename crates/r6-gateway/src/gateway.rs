@@ -352,7 +352,7 @@ impl Gateway {
     /// Makes these rules those of all raw ports, from the next frame of each client on. The audit log tells
     /// of them, as soon as the disk takes it.
     pub fn set_raw_policy(&self, policy: RawPolicy) {
-        if let Some(changed) = self.raw_policy.set(policy) {
+        if let Some(changed) = self.raw_policy.set(policy).filter(|_| self.sharing.is_none()) {
             self.present.state().accounts.ledger.note(&by_itself(), changed.deed());
         }
     }
@@ -372,10 +372,14 @@ impl Gateway {
         self.present.state().settings.set_file(hall);
     }
 
-    /// How many robots it looks after, twins included.
+    /// How many robots it looks after, twins included. A gateway that waits for the robots of a shared store
+    /// knows those of its configuration.
     #[must_use]
     pub fn robots(&self) -> usize {
-        self.present.state().fleet.stations().len()
+        match &self.sharing {
+            Some(sharing) if self.owner().is_err() => sharing.configured_robots(),
+            Some(_) | None => self.present.state().fleet.stations().len(),
+        }
     }
 
     /// Makes the robots of the file and the command line these. Robots that do not change go on. Those that
@@ -497,8 +501,10 @@ pub(crate) fn keep_fresh(state: &State, server: &mut JoinSet<()>) {
     server.spawn(refresh(Arc::clone(&state.tokens)));
     let accounts = Arc::clone(&state.accounts);
     server.spawn(async move { accounts.keep_fresh().await });
-    let accounts = Arc::clone(&state.accounts);
-    server.spawn(async move { accounts.ledger.keep().await });
+    if !state.shared.ownership.is_other() {
+        let accounts = Arc::clone(&state.accounts);
+        server.spawn(async move { accounts.ledger.keep().await });
+    }
 }
 
 /// The robots of the configuration, and those that were added through the API. A robot of the configuration

@@ -28,7 +28,7 @@ use crate::gateway::{self, GatewayError, Present};
 use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, State};
 use crate::ownership::Ownership;
-use crate::store::history::Place;
+use crate::store::history::Place as HistoryPlace;
 use crate::store::postgres::owner::OwnerRow;
 use crate::store::postgres::session::Hand;
 use crate::store::postgres::{Database, Postgres, look_at_server};
@@ -108,6 +108,11 @@ impl Running {
         change(&mut self.sharing.configured());
     }
 
+    /// How many robots the file has.
+    pub fn configured_robots(&self) -> usize {
+        self.sharing.configured().robots.len()
+    }
+
     /// Ends it in order, and gives the robots back.
     ///
     /// # Errors
@@ -179,7 +184,7 @@ async fn owning(sharing: &Sharing, fence: u64, ownership: Ownership) -> Result<S
         auditor::begin(&mut store, &signer)?;
         let begun = gateway::begin(&mut store, robots)?;
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
-        let place = Place::Database { database, hand: Hand::Owner(fence) };
+        let place = HistoryPlace::Database { database, hand: Hand::Owner(fence) };
         let history = history.on.then(|| Recorder::start(place, history)).transpose()?;
         Ok((begun, keeper, history, signer))
     })
@@ -201,12 +206,12 @@ async fn run(
     let mut row = OwnerRow::new(sharing.database.clone());
     let mut watch = Watch::default();
     let mut looked = Some(looked);
-    let mut server = serve(&sharing, &present);
+    let mut served = Served { server: serve(&sharing, &present), is_old: false };
     loop {
         let taken = tokio::select! {
             biased;
             () = ended(&mut end) => None,
-            taken = take(&sharing, &present, &mut row, &mut watch, &mut looked) => Some(taken),
+            taken = take(&sharing, &present, &mut row, &mut watch, &mut served, &mut looked) => Some(taken),
         };
         let Some((fence, asked)) = taken else { return Ok(()) };
         tracing::info!(fence, "this gateway owns the robots from now on");
@@ -220,26 +225,29 @@ async fn run(
             Ok(state) => {
                 present.set(state.clone());
                 // The streams of those who waited end here.
-                drop(server);
-                server = serve(&sharing, &present);
+                served.serve(&sharing, &present);
                 let auditor = Arc::clone(&state.auditor);
-                server.spawn(async move { auditor.keep().await });
+                served.server.spawn(async move { auditor.keep().await });
                 looked.take().map(|looked| looked.send(()));
                 tokio::select! {
                     biased;
                     () = ended(&mut end) => {
-                        drop(server);
+                        served.server.shutdown().await;
                         done = Some(gateway::finish(&state).await);
-                        server = JoinSet::new();
                     }
                     () = ownership.until_lost() => {
                         tracing::error!(fence, "this gateway does not own the robots any more: it lets go of them");
                         let left = ownership.left(clock::now()).filter(|_| ownership.phase() < Phase::Over);
                         state.fleet.end_within(left.unwrap_or_default()).await;
                         ownership.set_other(String::new());
-                        // Streams end, and who comes again is told that there is no owner.
-                        drop(server);
-                        server = serve(&sharing, &present);
+                        // Streams end, and those who come again are told that there is no owner. What it has in
+                        // memory is of its own time: it reads the store anew as soon as that answers.
+                        served.serve(&sharing, &present);
+                        served.is_old = true;
+                        if let Some(history) = state.shared.history.clone() {
+                            // It fails, but the thread ends.
+                            tokio::spawn(async move { history.end().await });
+                        }
                     }
                 }
             }
@@ -266,6 +274,21 @@ async fn run(
     }
 }
 
+/// What a gateway serves now.
+struct Served {
+    server: JoinSet<()>,
+    /// Whether it serves what it knew as an owner.
+    is_old: bool,
+}
+
+impl Served {
+    /// Serves the present state in the place of the one before.
+    fn serve(&mut self, sharing: &Sharing, present: &Present) {
+        self.server = serve(sharing, present);
+        self.is_old = false;
+    }
+}
+
 fn serve(sharing: &Sharing, present: &Present) -> JoinSet<()> {
     sharing.serve(&present.state()).unwrap_or_else(|error| {
         tracing::error!(%error, "the gateway cannot listen any more");
@@ -283,6 +306,7 @@ async fn take(
     present: &Present,
     row: &mut OwnerRow,
     watch: &mut Watch,
+    served: &mut Served,
     looked: &mut Option<oneshot::Sender<()>>,
 ) -> (u64, r6_proto::time::Instant) {
     let mut look = tokio::time::interval(LOOK);
@@ -302,6 +326,12 @@ async fn take(
             }
         };
         has_failed = false;
+        if served.is_old
+            && let Ok(state) = waiting(sharing, String::new()).await
+        {
+            present.set(state);
+            served.serve(sharing, present);
+        }
         match watch.look(clock::now(), seen) {
             Verdict::Wait => {
                 let is_alive = seen.state == crate::core::owner::RowState::Alive;

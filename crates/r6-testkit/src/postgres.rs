@@ -43,13 +43,14 @@ pub struct Server {
     guard: Option<Child>,
 }
 
-/// Runs with the server and ends it: `$1` is how to find out that it is time.
+/// Runs with the server and ends it: at the end of its input, or of the process with the number `$2`. Then it
+/// removes the folder, `$1`, unless the server is to be started again there.
 const GUARD: &str = r#"folder=$1; run=$2; shift 2
 "$@" >>"$folder/log" 2>&1 </dev/null & server=$!
 if [ "$run" = input ]; then read -r _; else while kill -0 "$run" 2>/dev/null; do sleep 0.3; done; fi
 kill -QUIT "$server" 2>/dev/null
 wait "$server"
-rm -rf "$folder""#;
+[ -e "$folder/keep" ] || rm -rf "$folder""#;
 
 /// The server of this run of tests, which is started if it is not there. `None` without PostgreSQL if
 /// [`LEFT_OUT`] is set.
@@ -176,8 +177,9 @@ impl Server {
     pub fn kill(&mut self) {
         let file = fs::read_to_string(self.folder.join("data/postmaster.pid")).expect("the server runs");
         let pid = file.lines().next().expect("the file has the number of the process");
+        File::create(self.folder.join("keep")).expect("the folder is ours");
         signal("KILL", pid);
-        self.guard = None;
+        self.end();
     }
 
     /// Starts the server, after [`Self::kill`] too.
@@ -185,15 +187,27 @@ impl Server {
     /// # Panics
     /// It does not start.
     pub fn start(&mut self) {
-        let begun = Instant::now();
+        let (begun, keep) = (Instant::now(), self.folder.join("keep"));
+        File::create(&keep).expect("the folder is ours");
         loop {
+            self.end();
             // After a crash, the last processes of the server may take a moment to end.
             let guard = self.guarded("input").stdin(Stdio::piped()).spawn().expect("a shell starts");
             self.guard = Some(guard);
             if self.answers_within(Duration::from_secs(5)) {
+                fs::remove_file(&keep).expect("nothing else removes it");
                 return;
             }
             assert!(begun.elapsed() < START, "the server does not start: {}", self.log());
+        }
+    }
+
+    /// Waits for the end of the shell that ends the server.
+    fn end(&mut self) {
+        if let Some(mut guard) = self.guard.take() {
+            // The end of its input.
+            drop(guard.stdin.take());
+            let _ = guard.wait();
         }
     }
 
@@ -274,11 +288,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        if let Some(mut guard) = self.guard.take() {
-            // The end of its input ends the server.
-            drop(guard.stdin.take());
-            let _ = guard.wait();
-        }
+        self.end();
     }
 }
 

@@ -16,6 +16,7 @@ use super::body::Json;
 use super::{State, refusal};
 use crate::accounts::{self, SignedIn};
 use crate::clock;
+use crate::core::owner::Phase;
 use crate::core::role::{Grant, Right};
 use crate::fleet::station::{By, Station};
 use crate::secret;
@@ -267,13 +268,14 @@ fn check_owner(parts: &Parts, state: &State, is_stop: bool) -> Result<(), Refusa
     let path = parts.uri.path();
     let is_read = matches!(parts.method, Method::GET | Method::HEAD);
     let is_computed = matches!(path, "/v1/programs/check" | "/v1/programs/plan");
-    let is_for_all = if ownership.is_other() {
+    // An owner that lets go has no robots any more, and does not say that there are none.
+    let is_for_all = if ownership.phase() >= Phase::StopLists {
         let is_below = |known: &&str| {
             path.strip_prefix(*known).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
         };
         path == "/readyz" || is_computed || (is_read && ANSWERED_BY_ALL.iter().any(|known| is_below(&known)))
     } else {
-        // A stop may leave for as long as there are connections.
+        // A stop may leave for as long as the robots have not been let go of.
         is_read || is_stop || is_computed
     };
     if is_for_all { Ok(()) } else { ownership.check().map_err(refusal::of) }
@@ -447,6 +449,9 @@ impl<R: Needs> FromRequestParts<State> for Robot<R> {
     async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
         let Named { caller, name, right } = Named::<R>::from_request_parts(parts, state).await?;
         let station = state.fleet.station(&name).ok_or_else(|| {
+            if let Err(problem) = state.shared.ownership.check() {
+                return refusal::of(problem);
+            }
             let name: String = name.chars().take(40).collect();
             Refusal::not_found(Code::NoSuchRobot, format!("there is no robot `{name}`"))
         })?;

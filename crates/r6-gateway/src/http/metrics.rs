@@ -29,6 +29,16 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
     let seen: Vec<_> = stations.iter().filter(|station| caller.grant().covers(station.name())).collect();
     let mut text = String::new();
     let flag = u64::from;
+    let owner = "r6_gateway_owns_robots";
+    family(
+        &mut text,
+        owner,
+        "gauge",
+        "Whether this gateway owns the robots, and not another one that shares its store.",
+    );
+    let owns = flag(state.shared.ownership.check().is_ok());
+    // To write to a text cannot fail.
+    let _ = writeln!(text, "{owner} {owns}");
     family(&mut text, "r6_gateway_robot_up", "gauge", "Whether the robot answers.");
     let summaries: Vec<_> = seen.iter().map(|station| station.summary()).collect();
     for robot in &summaries {

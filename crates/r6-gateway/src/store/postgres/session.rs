@@ -231,7 +231,7 @@ async fn start(
 
 /// Connects, and makes the session what it is for.
 ///
-/// A process that freezes within a transaction must not hold its locks: the server ends it after a second,
+/// A process that freezes within a transaction must not hold its locks: the server ends it after 2 s,
 /// before others may take the robots.
 pub async fn connect(database: &Database, hand: Hand, durable: Durable) -> Result<Client, StoreError> {
     let (client, connection) =
@@ -249,7 +249,7 @@ pub async fn connect(database: &Database, hand: Hand, durable: Durable) -> Resul
         }
         Durable::Soon => "SET synchronous_commit = off;",
     };
-    let idle = if hand == Hand::Reader { "60s" } else { "1s" };
+    let idle = if hand == Hand::Reader { "60s" } else { "2s" };
     let settings = format!(
         "SET search_path = {schema}; SET client_min_messages = warning; SET timezone = 'UTC'; {commit}
          SET statement_timeout = '12s'; SET lock_timeout = '5s';
