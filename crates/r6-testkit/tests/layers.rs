@@ -190,8 +190,23 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
     ];
     // An address is a value: the policy of the raw port is about addresses.
     let allowed = [PURE_STD, &["std::net::IpAddr", "std::net::Ipv6Addr"]].concat();
-    let named = sources.names_outside(&["std", "tokio", "rusqlite", "axum", "r6_client"], &allowed, &shell);
+    let named = sources.names_outside(
+        &["std", "tokio", "rusqlite", "tokio_postgres", "axum", "r6_client"],
+        &allowed,
+        &shell,
+    );
     assert!(named.is_empty(), "\n{}", named.join("\n"));
+}
+
+#[test]
+fn only_the_store_of_the_gateway_knows_databases() {
+    let sources = Sources::of_package("r6-gateway");
+    let databases = ["rusqlite", "tokio_postgres"];
+    let named = sources.names_outside(&databases, &[], &["store"]);
+    // Tests break files on purpose.
+    let named: Vec<_> = named.into_iter().filter(|named| !named.contains("::tests")).collect();
+    assert!(named.is_empty(), "\n{}", named.join("\n"));
+    assert!(!sources.names_outside(&databases, &[], &[]).is_empty(), "the store names them");
 }
 
 fn names_outside(brain: &Sources, exempt: &[&str]) -> Vec<String> {

@@ -84,7 +84,7 @@ export interface paths {
         };
         /**
          * Whether the gateway can be used: the store answers. Robots that are down do not count, nor a history that
-         *     pauses.
+         *     pauses. A gateway that shares its store is ready while it owns the robots.
          */
         get: operations["readyz"];
         put?: never;
@@ -293,8 +293,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * The models of arms: lengths, axes and limits. They are in the program, so they are the same until the
-         *     gateway is another one.
+         * The models of arms: lengths, axes and limits. They are in the program, so they are the same until it is another
+         *     one.
          */
         get: operations["models"];
         put?: never;
@@ -777,35 +777,13 @@ export interface paths {
         get: operations["show"];
         put?: never;
         /**
-         * Signs a user in: sets the cookie `r6_session_PORT`, with the port that the gateway listens on; with TLS
-         *     it is `__Host-r6_session_PORT`. The answer has the `csrf` that every later request with the cookie needs
-         *     in `X-CSRF-Token`, unless it is a `GET`. A session ends 15 minutes after its last request, or after 8
-         *     hours. Wrong passwords make the next tries wait.
+         * Signs a user in: sets the cookie `r6_session`; with TLS it is `__Host-r6_session`. The answer has the
+         *     `csrf` that every later request with the cookie needs in `X-CSRF-Token`, unless it is a `GET`. A session
+         *     ends 15 minutes after its last request, or after 8 hours. Wrong passwords make the next tries wait.
          */
         post: operations["sign_in"];
         /** Signs out. Streams of the session end within a second. */
         delete: operations["sign_out"];
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/v1/session/link": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        /**
-         * Gives a browser a session for the token that a link stands for, as [`sign_in_with_token`] does. `r6 up`
-         *     prints such a link. The secret of the link is no token: it opens sessions and nothing else, any number of
-         *     them, until the gateway ends. With `look` it opens none, and the answer says for whom it would be.
-         */
-        post: operations["sign_in_with_link"];
-        delete?: never;
         options?: never;
         head?: never;
         patch?: never;
@@ -998,17 +976,6 @@ export interface components {
             by: string;
             /** @description What they said; `null` if nothing. */
             comment: string | null;
-        };
-        /** @description Who did something, and when. */
-        ActedBy: {
-            /** @description When. */
-            at: string;
-            /**
-             * @description The name of the user; the number and the name of the token; `raw`, the address and the rule of a raw
-             *     client; or `gateway`.
-             * @example token 3 (op-2)
-             */
-            by: string;
         };
         /** @description What a person does at the machine; `do` says what. */
         Action: {
@@ -1348,7 +1315,7 @@ export interface components {
          * @description What kind of problem it is. The words do not change; new ones may come.
          * @enum {string}
          */
-        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_panel" | "no_lease" | "leased" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "needs_if_match" | "not_this_version" | "store_unavailable" | "unknown";
+        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_panel" | "no_lease" | "leased" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "needs_if_match" | "not_this_version" | "store_unavailable" | "no_owner" | "unknown";
         /** @description The controller accepted a command. This does not mean that the arm moves. */
         CommandDone: {
             /**
@@ -1756,19 +1723,6 @@ export interface components {
          * @enum {string}
          */
         Gap: "stale" | "none" | "lost" | "ended" | "clock_stepped" | "no_data";
-        /** @description A global speed that was set. */
-        GlobalSpeed: {
-            /** @description When the controller accepted it. */
-            at: string;
-            /** @description Who set it: as in `stopped_by`. */
-            by: string;
-            /**
-             * Format: double
-             * @description Percent of the programmed speeds.
-             * @example 50
-             */
-            percent: number;
-        };
         /** @description The time zone and the shifts of a hall. */
         HallSettings: {
             /** @description The shifts, 12 at most. No two overlap. */
@@ -1830,8 +1784,6 @@ export interface components {
             by: string;
             /** @enum {string} */
             event: "stop_began";
-            /** @description Whether it holds until it is cleared. A stop by which the gateway ends a run does not. */
-            holds: boolean;
         } | {
             /**
              * @description Whether it is proved that the arm stands; for one command that stops, or an action at the panel,
@@ -1901,11 +1853,6 @@ export interface components {
             run_id: number;
             /** @description How. */
             state: components["schemas"]["RunState"];
-            stopped_by: components["schemas"]["ActedBy"] | null;
-        } | {
-            /** @enum {string} */
-            event: "global_speed";
-            set: components["schemas"]["GlobalSpeed"] | null;
         } | {
             /**
              * Format: int32
@@ -2233,11 +2180,7 @@ export interface components {
              * @description How long it lasts unless it is renewed.
              */
             expires_in_ms: number;
-            /**
-             * @description The name of the user; the token, its number and name; or `raw`, the address and the rule of a raw
-             *     client.
-             * @example token 1 (r6 up)
-             */
+            /** @description The token of the holder, its number and name; or `raw`, the address and the rule of a raw client. */
             holder: string;
             /**
              * Format: int64
@@ -2266,16 +2209,6 @@ export interface components {
             renew?: components["schemas"]["LeaseKey"] | null;
             /** @description Takes the lease from its holder, for this reason: the robot is stopped first. Admins only. */
             take_because?: string | null;
-        };
-        /** @description A browser that signs in with a link. */
-        LinkSignIn: {
-            /** @description Whether only to say for whom the session would be. */
-            look?: boolean;
-            /**
-             * Format: password
-             * @description The secret of the link: 64 hexadecimal digits. Behind the `#` it stands as base64url.
-             */
-            secret: string;
         };
         /** @description A sign of life. */
         LiveAlive: {
@@ -2941,7 +2874,6 @@ export interface components {
              * @example 192.168.1.10:9760
              */
             address: string;
-            global_speed: components["schemas"]["GlobalSpeed"] | null;
             identity: components["schemas"]["RobotIdentity"] | null;
             identity_changed: components["schemas"]["IdentityChange"] | null;
             lease: components["schemas"]["LeaseHolder"] | null;
@@ -2966,7 +2898,6 @@ export interface components {
             panel: boolean;
             /** @description Whether a stop was asked for and not cleared: commands that can move the robot are refused. */
             stopped: boolean;
-            stopped_by: components["schemas"]["ActedBy"] | null;
             /**
              * Format: int32
              * @description How many stops are under way now.
@@ -3060,7 +2991,6 @@ export interface components {
             state: components["schemas"]["RunState"];
             /** @description The steps of all rounds. */
             steps: number;
-            stopped_by: components["schemas"]["ActedBy"] | null;
             /**
              * Format: int64
              * @description The version of the program; `null` if its text was sent.
@@ -3129,8 +3059,6 @@ export interface components {
              * @description The number of the token; `null` for a user.
              */
             token: number | null;
-            /** @description What people call the token; `null` for a user, and for a token without a name. */
-            token_name: string | null;
             /** @description The name of the user; `null` for a token. */
             user: string | null;
         };
@@ -3695,6 +3623,15 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
+            /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
         };
     };
     readyz: {
@@ -3742,7 +3679,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The store does not answer */
+            /** @description The store does not answer, or another gateway owns the robots */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -3995,6 +3932,15 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
+            /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
         };
     };
     page: {
@@ -4056,7 +4002,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -4112,7 +4058,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -4182,6 +4128,15 @@ export interface operations {
             };
             /** @description `too_many_requests` */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -4291,6 +4246,15 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
+            /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
         };
     };
     models: {
@@ -4338,6 +4302,15 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
+            /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
         };
     };
     describe: {
@@ -4376,6 +4349,15 @@ export interface operations {
             };
             /** @description `too_many_requests` */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -4430,7 +4412,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -4535,7 +4517,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `overloaded`: other programs are being checked or planned */
+            /** @description `overloaded`: other programs are being checked or planned; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -4658,7 +4640,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `overloaded`: other programs are being checked or planned */
+            /** @description `overloaded`: other programs are being checked or planned; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -4740,7 +4722,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -4893,7 +4875,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`, `overloaded`: nothing was stored */
+            /** @description `store_unavailable`, `overloaded`: nothing was stored; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -4998,7 +4980,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`: it is still there */
+            /** @description `store_unavailable`: it is still there; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -5075,7 +5057,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -5124,6 +5106,15 @@ export interface operations {
             };
             /** @description `too_many_requests` */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -5183,6 +5174,15 @@ export interface operations {
             };
             /** @description `too_many_requests` */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -5303,7 +5303,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`: nothing was changed */
+            /** @description `store_unavailable`: nothing was changed; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -5387,7 +5387,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`: nothing was changed */
+            /** @description `store_unavailable`: nothing was changed; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -5520,7 +5520,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -5604,6 +5604,15 @@ export interface operations {
             };
             /** @description `too_many_requests` */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -5721,7 +5730,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`: nothing was changed */
+            /** @description `store_unavailable`: nothing was changed; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -5858,7 +5867,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`: nothing was changed */
+            /** @description `store_unavailable`: nothing was changed; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -5937,7 +5946,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`: nothing was changed */
+            /** @description `store_unavailable`: nothing was changed; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -6070,6 +6079,15 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
+            /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
         };
     };
     command: {
@@ -6187,7 +6205,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`, `overloaded`: nothing was sent */
+            /** @description `store_unavailable`, `overloaded`: nothing was sent; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -6300,7 +6318,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`; `overloaded`: other queries are under way */
+            /** @description `store_unavailable`; `overloaded`: other queries are under way; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -6398,7 +6416,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`; `overloaded`: other queries are under way */
+            /** @description `store_unavailable`; `overloaded`: other queries are under way; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -6524,7 +6542,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -6657,6 +6675,15 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
+            /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
             /** @description `not_stopped`: it is NOT proved that the arm stands; `outcome_unknown`: the gateway ends */
             504: {
                 headers: {
@@ -6718,6 +6745,15 @@ export interface operations {
             };
             /** @description `too_many_requests` */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -6851,7 +6887,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`, `overloaded`: nothing was sent */
+            /** @description `store_unavailable`, `overloaded`: nothing was sent; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -6965,7 +7001,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`; `overloaded`: other queries are under way */
+            /** @description `store_unavailable`; `overloaded`: other queries are under way; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7096,7 +7132,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`, `overloaded`: nothing was sent */
+            /** @description `store_unavailable`, `overloaded`: nothing was sent; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7197,7 +7233,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `overloaded`: other queries are under way */
+            /** @description `overloaded`: other queries are under way; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7276,7 +7312,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7335,6 +7371,15 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
+            /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
             /** @description `not_stopped`: it is NOT proved that the arm stands */
             504: {
                 headers: {
@@ -7384,6 +7429,15 @@ export interface operations {
             };
             /** @description `too_many_requests` */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -7487,7 +7541,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `overloaded`, `store_unavailable` */
+            /** @description `overloaded`, `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7550,103 +7604,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-        };
-    };
-    sign_in_with_link: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody: {
-            content: {
-                "application/json": components["schemas"]["LinkSignIn"];
-            };
-        };
-        responses: {
-            /** @description The session, with `Set-Cookie`; without it and `csrf` for `look` */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Session"];
-                };
-            };
-            /** @description `bad_json`, `bad_body` */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description `foreign_host`, `foreign_origin` */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description `too_slow` */
-            408: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description `link_void`: it is of an earlier start, or its token was revoked */
-            410: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description `too_long` */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description `not_json` */
-            415: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description `bad_value` */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description `too_many_requests` */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description `store_unavailable` */
+            /** @description `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7749,7 +7707,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `overloaded`, `store_unavailable` */
+            /** @description `overloaded`, `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7854,7 +7812,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7905,6 +7863,15 @@ export interface operations {
             };
             /** @description `too_many_requests` */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -8040,7 +8007,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`: nothing was changed */
+            /** @description `store_unavailable`: nothing was changed; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -8226,7 +8193,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -8340,7 +8307,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -8415,7 +8382,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable` */
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -8473,6 +8440,15 @@ export interface operations {
             };
             /** @description `too_many_requests` */
             429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -8593,7 +8569,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `overloaded`, `store_unavailable`: nothing was changed */
+            /** @description `overloaded`, `store_unavailable`: nothing was changed; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -8677,7 +8653,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `store_unavailable`: nothing was changed */
+            /** @description `store_unavailable`: nothing was changed; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;

@@ -270,10 +270,10 @@ fn check_owner(parts: &Parts, state: &State, is_stop: bool) -> Result<(), Refusa
     let is_computed = matches!(path, "/v1/programs/check" | "/v1/programs/plan");
     // An owner that lets go has no robots any more, and does not say that there are none.
     let is_for_all = if ownership.phase() >= Phase::StopLists {
-        let is_below = |known: &&str| {
-            path.strip_prefix(*known).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+        let is_below = |known: &str| {
+            path.strip_prefix(known).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
         };
-        path == "/readyz" || is_computed || (is_read && ANSWERED_BY_ALL.iter().any(|known| is_below(&known)))
+        path == "/readyz" || is_computed || (is_read && ANSWERED_BY_ALL.iter().any(|known| is_below(known)))
     } else {
         // A stop may leave for as long as the robots have not been let go of.
         is_read || is_stop || is_computed

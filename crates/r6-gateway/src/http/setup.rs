@@ -67,7 +67,7 @@ fn headers(content_type: &'static str) -> [(HeaderName, &'static str); 5] {
         (status = 410, description = "`link_void`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
         (status = 429, description = "`too_many_requests`", body = Problem),
-        (status = 503, description = "`overloaded`, `store_unavailable`", body = Problem),
+        (status = 503, description = "`overloaded`, `store_unavailable`, `no_owner`", body = Problem),
         (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
         OfBody,
     )

@@ -16,7 +16,7 @@ const UNANSWERED: Duration = Duration::from_secs(3);
 /// A PostgreSQL database that has the store of one gateway or more.
 #[derive(Clone)]
 pub struct Database {
-    config: Config,
+    config: Box<Config>,
 }
 
 impl Database {
@@ -52,7 +52,7 @@ impl Database {
         config.ssl_mode(SslMode::Disable);
         config.connect_timeout(CONNECT).tcp_user_timeout(UNANSWERED);
         config.application_name("r6-gateway");
-        Ok(Self { config })
+        Ok(Self { config: Box::new(config) })
     }
 
     /// How the driver reaches it.
