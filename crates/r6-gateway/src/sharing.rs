@@ -1,9 +1,10 @@
 //! A gateway that shares its store with others: one of them owns the robots, the others wait.
 //!
-//! [`run`] is one loop. While another gateway owns the robots, it looks at the row of the owner twice a second
-//! and answers what the store alone can answer. When it takes the robots, it starts as a gateway does after
-//! the end of the last one: commands without an outcome are `unknown`, lists of runs are stopped, stops hold.
-//! Its beats go on in a task beside it. When they fail, it lets go in time (`core/owner.rs`), and waits again.
+//! [`run`] is one loop. While another gateway owns the robots, it looks at the row of the owner twice a
+//! second and answers what the store alone can answer. When it takes the robots, it starts as a gateway does
+//! after the end of the last one: commands without an outcome are `unknown`, lists of runs are stopped, stops
+//! hold. Its beats go on in a task beside it. When they fail, it lets go in time (`core/owner.rs`), and waits
+//! again.
 
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
@@ -240,8 +241,8 @@ async fn run(
                         let left = ownership.left(clock::now()).filter(|_| ownership.phase() < Phase::Over);
                         state.fleet.end_within(left.unwrap_or_default()).await;
                         ownership.set_other(String::new());
-                        // Streams end, and those who come again are told that there is no owner. What it has in
-                        // memory is of its own time: it reads the store anew as soon as that answers.
+                        // Streams end, and those who come again are told that there is no owner. What it has
+                        // in memory is of its own time: it reads the store anew as soon as that answers.
                         served.serve(&sharing, &present);
                         served.is_old = true;
                         if let Some(history) = state.shared.history.clone() {

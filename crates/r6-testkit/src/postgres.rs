@@ -2,7 +2,7 @@
 //!
 //! [`shared`] is one server for all tests of a run, also if each test is a process of its own, as with
 //! cargo-nextest. It ends with the run. [`Server::own`] is one for a single test, which may kill it. A server
-//! refuses to run as root; then it runs as `postgres` or `nobody`.
+//! refuses to run as root; then it runs as another user.
 
 use std::fs::{self, File};
 use std::io;

@@ -8128,7 +8128,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `overloaded`, `store_unavailable` */
+            /** @description `overloaded`, `store_unavailable`, `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;

@@ -3,9 +3,9 @@
 //! The owner writes a beat each [`BEAT`] into the store, and counts from the *start* of its last good one, on
 //! a clock that goes on while the machine sleeps: no new move after [`NO_MOVES`], our lists are stopped at
 //! [`STOP_LISTS`], the connections are closed at [`CLOSE`]. Another gateway looks each [`LOOK`] and takes the
-//! robots at [`EXPIRES`] by the store's clock, if it has seen the same beat for [`WATCHED`] by its own: then a
-//! clock of the store that is set cannot take robots from an owner that lives. A fence that only grows tells
-//! one owner from the next.
+//! robots at [`EXPIRES`] by the store's clock, if it has seen the same beat for [`WATCHED`] by its own: then
+//! a clock of the store that is set cannot take robots from an owner that lives. A fence that only grows
+//! tells one owner from the next.
 
 use std::time::Duration;
 

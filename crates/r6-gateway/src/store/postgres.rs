@@ -82,7 +82,7 @@ impl Postgres {
 fn make_tables(database: &Database) -> Result<(), StoreError> {
     let mut session = Session::new(database.clone(), Hand::Shell, Durable::Always)?;
     session.bare(async |client| {
-        // A user without the right to make a schema can use one that is there.
+        // A user without the right to make a schema can use the schema that is there.
         if version(client).await? == Some(TABLES.len()) {
             return Ok(());
         }

@@ -17,8 +17,8 @@ use tokio::net::TcpStream;
 
 use crate::support::{PATIENCE, call, call_with, commands, name, ready_to_start, settings};
 
-/// How long it takes until another gateway has the robots of one that was killed: 3 s until it is sure, half a
-/// second until it looks, a second to connect. The rest is for a machine that is busy.
+/// How long it takes until another gateway has the robots of an owner that was killed: 3 s until it is sure,
+/// half a second until it looks, a second to connect. The rest is for a machine that is busy.
 const TAKEN_OVER: Duration = Duration::from_secs(7);
 
 /// Does something that waits beside the tasks.
@@ -184,7 +184,7 @@ async fn one_gateway_owns_the_robots_and_the_others_answer_from_the_store() {
     let begun = Instant::now();
     one.gateway.shutdown().await.unwrap();
     let state = other.until_up().await;
-    assert!(begun.elapsed() < Duration::from_secs(5), "nobody waits for a gateway that ended in order");
+    assert!(begun.elapsed() < Duration::from_secs(5), "no gateway waits for an owner that ended in order");
     assert_eq!(state["stopped"], true);
     let next = other.lease().await;
     assert!(next["number"].as_u64() > key["number"].as_u64(), "{next}");

@@ -20,10 +20,11 @@ pub struct Database {
 }
 
 impl Database {
-    /// The database of a URL, such as `postgres://r6@10.0.0.7/hall` or `postgres:///hall?host=/run/postgresql`.
+    /// The database of a URL, such as `postgres://r6@10.0.0.7/hall` or
+    /// `postgres:///hall?host=/run/postgresql`.
     ///
     /// # Errors
-    /// Why it is none: for people. The password is not in it.
+    /// Why it names no database: for people. The password is not in it.
     pub fn parse(url: &str) -> Result<Self, String> {
         if !url.starts_with("postgres://") && !url.starts_with("postgresql://") {
             return Err("it has to begin with postgres://".to_owned());

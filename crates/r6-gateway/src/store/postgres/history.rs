@@ -1,8 +1,8 @@
 //! The history in the database: a partition of each table for each part of a day.
 //!
 //! What is written comes by binary COPY into tables of the session, and from there into the partitions, so
-//! that a chunk or an event that is there already stays once. A part is removed as a whole: its partitions are
-//! detached and dropped.
+//! that a chunk or an event that is there already stays once. A part is removed as a whole: its partitions
+//! are detached and dropped.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::pin::pin;

@@ -210,7 +210,7 @@ async fn start(
 ) -> Result<Client, (StoreError, Option<Client>)> {
     let Some(begin) = begin else { return Ok(client) };
     let (client, told) = match client.simple_query(&begin.text()).await {
-        Err(error) if error.is_closed() || error.as_db_error().is_none() => {
+        Err(error) if is_gone(&error) => {
             let client = connect(database, hand, durable).await.map_err(|error| (error, None))?;
             let told = client.simple_query(&begin.text()).await;
             (client, told)
@@ -227,6 +227,12 @@ async fn start(
         return Err((StoreError::NotOwner, is_clean.then_some(client)));
     }
     Ok(client)
+}
+
+/// Whether the connection was lost, or the server has ended it: it was told to, it starts again, or it was
+/// killed. What was asked for was not done.
+fn is_gone(error: &tokio_postgres::Error) -> bool {
+    error.code().is_none_or(|code| code.code().starts_with("57P"))
 }
 
 /// Connects, and makes the session what it is for.

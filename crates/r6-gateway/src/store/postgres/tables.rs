@@ -23,7 +23,8 @@ pub const TABLES: [&str; 1] = [FIRST];
 /// - `program`: the text is bytes, because text of PostgreSQL cannot have each character.
 /// - `owner`: which gateway has the robots. Without `beat_at` they are free.
 /// - `event`: `hash` is of the text, which may be too long for an index.
-/// - `chunk`, `tail`, `event`: a partition for each part of a day of the history, which is removed as a whole.
+/// - `chunk`, `tail`, `event`: a partition for each part of a day of the history, which is removed as a
+///   whole.
 const FIRST: &str = "
 CREATE TABLE audit (
     number bigint PRIMARY KEY,
