@@ -153,9 +153,9 @@ impl Fleet {
         futures_util::future::join_all(ends).await;
     }
 
-    /// The same within this time, because another gateway may have the robots then. What is not over by then
-    /// is broken off, and no robot has a connection any more.
-    pub async fn end_within(&self, time: Duration) {
+    /// The same until this is over, because another gateway may have the robots then. What has not ended by
+    /// then is broken off, and no robot has a connection any more.
+    pub async fn end_until(&self, over: impl Future<Output = ()>) {
         // A change of the robots that is under way must not hold this up: its writes fail anyway.
         if let Ok(mut ended) = self.ended.try_lock() {
             *ended = true;
@@ -165,8 +165,11 @@ impl Fleet {
         let works = posts.values().flat_map(|post| post.link.iter().chain([&post.clerk]));
         let aborts: Vec<_> = works.map(|work| work.task.abort_handle()).collect();
         let ends = posts.into_values().map(|post| post.end(LeaseEnd::GatewayEnded));
-        if tokio::time::timeout(time, futures_util::future::join_all(ends)).await.is_err() {
-            tracing::error!("the robots did not come to their end in time: their connections are cut");
+        tokio::select! {
+            _ = futures_util::future::join_all(ends) => {}
+            () = over => {
+                tracing::error!("the robots did not come to their end in time: their connections are cut");
+            }
         }
         aborts.iter().for_each(tokio::task::AbortHandle::abort);
         for station in stations {

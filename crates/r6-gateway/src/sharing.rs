@@ -168,7 +168,8 @@ async fn waiting(sharing: &Sharing, owner: String) -> Result<State, GatewayError
     let begun = (Vec::new(), BTreeSet::new());
     let audit = (signer, sharing.audit);
     let doors = (sharing.address.port(), sharing.certificate.clone());
-    let state = gateway::look_after(begun, shared, doors, sharing.robot_settings.clone(), hall, audit).await?;
+    let state =
+        gateway::look_after(begun, shared, doors, sharing.robot_settings.clone(), hall, audit).await?;
     Ok(state)
 }
 
@@ -190,10 +191,17 @@ async fn owning(sharing: &Sharing, fence: u64, ownership: Ownership) -> Result<S
         Ok((begun, keeper, history, signer))
     })
     .await?;
+    // The store took its time: another gateway may have the robots by now.
+    if !ownership.may_move() {
+        return Err(
+            StoreError::Unavailable("the robots were lost before they were begun with".to_owned()).into()
+        );
+    }
     let shared = Shared::new(keeper, Roads::Tcp, history, gateway::epoch()).owned(ownership);
     let audit = (signer, sharing.audit);
     let doors = (sharing.address.port(), sharing.certificate.clone());
-    let state = gateway::look_after(begun, shared, doors, sharing.robot_settings.clone(), hall, audit).await?;
+    let state =
+        gateway::look_after(begun, shared, doors, sharing.robot_settings.clone(), hall, audit).await?;
     Ok(state)
 }
 
@@ -234,12 +242,13 @@ async fn run(
                     biased;
                     () = ended(&mut end) => {
                         served.server.shutdown().await;
+                        // The store may be lost meanwhile, and another gateway may take the robots.
+                        state.fleet.end_until(over(&ownership)).await;
                         done = Some(gateway::finish(&state).await);
                     }
                     () = ownership.until_lost() => {
                         tracing::error!(fence, "this gateway does not own the robots any more: it lets go of them");
-                        let left = ownership.left(clock::now()).filter(|_| ownership.phase() < Phase::Over);
-                        state.fleet.end_within(left.unwrap_or_default()).await;
+                        state.fleet.end_until(over(&ownership)).await;
                         ownership.set_other(String::new());
                         // Streams end, and those who come again are told that there is no owner. What it has
                         // in memory is of its own time: it reads the store anew as soon as that answers.
@@ -273,6 +282,13 @@ async fn run(
         }
         tokio::time::sleep(pause).await;
     }
+}
+
+/// Waits until the gateway may have no connection to a robot any more.
+async fn over(ownership: &Ownership) {
+    ownership.until_lost().await;
+    let left = ownership.left(clock::now()).filter(|_| ownership.phase() < Phase::Over);
+    tokio::time::sleep(left.unwrap_or_default()).await;
 }
 
 /// What a gateway serves now.

@@ -141,7 +141,8 @@ fn read(path: &str) -> Option<Vec<u8>> {
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("page/built"), PathBuf::from);
     let name = path.strip_prefix("assets/").unwrap_or(path);
     // A name of one file, so that nothing outside the folder can be asked for.
-    let is_plain = !name.starts_with('.') && name.chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c));
+    let is_plain =
+        !name.starts_with('.') && name.chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c));
     if is_plain { std::fs::read(folder.join(path)).ok() } else { None }
 }
 
@@ -178,7 +179,9 @@ mod tests {
             assert!(find(&path).is_some(), "{path} is not found");
             assert_ne!(content_type(&path), "application/octet-stream", "{path} has no type");
         }
-        for path in ["assets/no-such-file.js", "assets/../index.html", "assets//etc/passwd", "../built/index.html"] {
+        for path in
+            ["assets/no-such-file.js", "assets/../index.html", "assets//etc/passwd", "../built/index.html"]
+        {
             assert_eq!(find(path), None, "{path}");
         }
     }

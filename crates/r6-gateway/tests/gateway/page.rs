@@ -12,7 +12,9 @@ fn header<'a>(head: &'a str, name: &str) -> &'a str {
 async fn the_page_needs_no_token_and_may_load_its_own_files_alone() {
     let hall = Hall::start().await;
     let address = hall.gateway.address();
-    for path in ["/", "/robots/press", "/robots/press/teach", "/robots/press/teach/pick", "/alarms", "/gallery"] {
+    for path in
+        ["/", "/robots/press", "/robots/press/teach", "/robots/press/teach/pick", "/alarms", "/gallery"]
+    {
         let page = request(address, "", "GET", path, None).await;
         let text = page.body.as_str().unwrap();
         assert_eq!(header(&page.head, "content-type"), "text/html; charset=utf-8");
@@ -36,7 +38,14 @@ async fn the_page_needs_no_token_and_may_load_its_own_files_alone() {
             assert!(kind.starts_with("text/") || kind.starts_with("image/"), "{path}: {kind}");
         }
     }
-    for path in ["/alarm", "/%FF", "/robots/press/teach/pick/more", "/assets/no-such-file.js", "/assets/..%2findex.html", "/assets/%FF"] {
+    for path in [
+        "/alarm",
+        "/%FF",
+        "/robots/press/teach/pick/more",
+        "/assets/no-such-file.js",
+        "/assets/..%2findex.html",
+        "/assets/%FF",
+    ] {
         let missing = request(address, "", "GET", path, None).await;
         assert!((400..500).contains(&missing.status), "{path}: {}", missing.status);
     }

@@ -2,6 +2,7 @@
 
 mod backup;
 pub mod config;
+mod place;
 mod token;
 pub mod twins;
 mod user;
@@ -18,6 +19,7 @@ use r6_gateway::{
 };
 
 use crate::cmd::gateway::config::Config;
+use crate::cmd::gateway::place::StoreUrl;
 use crate::cmd::gateway::twins::Twins;
 use crate::exit::{Exit, Failure};
 use crate::output;
@@ -120,8 +122,8 @@ struct ServeArgs {
     /// Keep everything but the key of the audit log and certificates in this PostgreSQL database. Gateways
     /// with the same one share users, leases and the audit log; one of them owns the robots, and another
     /// takes over within 5 s
-    #[arg(long, value_name = "URL", value_parser = Database::parse, conflicts_with_all = ["raw", "twins"])]
-    store: Option<Database>,
+    #[arg(long, value_name = "URL", value_parser = StoreUrl::read, conflicts_with_all = ["raw", "twins"])]
+    store: Option<StoreUrl>,
     /// A file with robots, TOML; SIGHUP makes the gateway read it again
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -188,7 +190,11 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
         None => None,
     };
     let (listen, data) = (args.listen, args.data.clone());
-    let at = args.store.clone().map_or_else(|| At::Folder(data.clone()), At::Database);
+    let at = place::at(args.store.as_ref(), &data)?;
+    let store = match &at {
+        At::Database(database) => Some(database.clone()),
+        At::Folder(_) => None,
+    };
     let raw_policy = policy.unwrap_or_default();
     let robot_settings = robot::settings();
     let mut beside = args.twins.then(|| Beside::new(listen, &raw));
@@ -199,7 +205,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let settings = GatewaySettings {
         listen,
         data,
-        store: args.store.clone(),
+        store: store.clone(),
         robots,
         robot_settings,
         raw,
@@ -217,7 +223,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     };
     keep_url(&gateway, &args.data);
     tell_start(&gateway, &args.data, beside.as_ref());
-    if let Some(store) = &args.store {
+    if let Some(store) = &store {
         tell_store(&gateway, store);
     }
     tell_tokens(&args.data, at).await;

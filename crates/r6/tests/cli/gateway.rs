@@ -584,3 +584,25 @@ fn users_are_made_and_sign_in_and_no_secret_is_in_a_file_or_in_the_output() {
     let mut again = again;
     assert_eq!(again.rest(), "");
 }
+
+#[test]
+fn a_wrong_url_of_a_store_is_told_without_its_password() {
+    // The first has no database, the second asks for TLS, the third is of something else.
+    for url in [
+        "postgres://r6:hush@localhost",
+        "postgres://r6:hush@localhost/hall?sslmode=require",
+        "mysql://r6:hush@h/d",
+    ] {
+        for command in [
+            ["gateway", "token", "--list"].as_slice(),
+            &["gateway", "user", "--list"],
+            &["gateway", "verify"],
+            &["gateway"],
+        ] {
+            let outcome = r6(&[command, &["--store", url]].concat());
+            assert_eq!(outcome.code, 2, "{command:?} {url}: {outcome:?}");
+            assert!(outcome.err.contains("the URL of --store is wrong"), "{command:?} {url}: {outcome:?}");
+            assert!(!format!("{outcome:?}").contains("hush"), "{command:?} {url}: {outcome:?}");
+        }
+    }
+}

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use r6_api::gateway::Role;
-use r6_gateway::{At, Database, RobotName};
+use r6_gateway::{At, RobotName};
 
+use super::place::{self, StoreUrl};
 use super::{DEFAULT_DATA, tell_new_folder};
 use crate::exit::{Exit, Failure};
 use crate::output::{self, table::Table};
@@ -37,8 +38,8 @@ pub struct TokenArgs {
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
     /// The database of gateways that share their store, in place of the folder
-    #[arg(long, value_name = "URL", value_parser = Database::parse, conflicts_with = "data")]
-    store: Option<Database>,
+    #[arg(long, value_name = "URL", value_parser = StoreUrl::read, conflicts_with = "data")]
+    store: Option<StoreUrl>,
     /// What the token allows
     #[arg(long, value_parser = role(), required_unless_present_any = ["list", "revoke"])]
     role: Option<Role>,
@@ -59,8 +60,8 @@ pub struct TokenArgs {
 
 impl TokenArgs {
     /// Where the store is.
-    fn at(&self) -> At {
-        self.store.clone().map_or_else(|| At::Folder(self.data.clone()), At::Database)
+    fn at(&self) -> Result<At, Failure> {
+        place::at(self.store.as_ref(), &self.data)
     }
 }
 
@@ -72,7 +73,7 @@ pub(super) fn role() -> impl TypedValueParser<Value = Role> {
 /// Makes, lists or revokes tokens.
 pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     if let Some(number) = args.revoke {
-        if !r6_gateway::revoke_token(args.at(), number).map_err(Failure::usage)? {
+        if !r6_gateway::revoke_token(args.at()?, number).map_err(Failure::usage)? {
             return Err(Failure::usage(format!("there is no valid token {number}"))
                 .advise("`r6 gateway token --list` prints all"));
         }
@@ -80,7 +81,7 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         return Ok(Exit::Done);
     }
     let Some(role) = args.role else {
-        return list(args.at());
+        return list(args.at()?);
     };
     let only = only(args.only.as_deref().filter(|_| robot_typed))?;
     if args.name.chars().count() > MAX_NAME || args.name.chars().any(char::is_control) {
@@ -91,7 +92,8 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     if args.store.is_none() {
         tell_new_folder(&args.data);
     }
-    let (number, token) = r6_gateway::make_token(args.at(), role, only, args.name).map_err(Failure::usage)?;
+    let (number, token) =
+        r6_gateway::make_token(args.at()?, role, only, args.name).map_err(Failure::usage)?;
     output::line(token);
     output::note(format_args!("token {number}: {what}. It is shown this once"));
     Ok(Exit::Done)

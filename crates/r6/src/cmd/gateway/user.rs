@@ -1,12 +1,13 @@
 //! `r6 gateway user`: makes, lists and disables users, and makes one-time links, whether the gateway runs or
 //! not.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use r6_api::gateway::Role;
-use r6_gateway::{Account, At, Database, Grant, UserName};
+use r6_gateway::{Account, At, Grant, UserName};
 
+use super::place::{self, StoreUrl};
 use super::{DEFAULT_DATA, DEFAULT_LISTEN, URL_FILE, tell_new_folder, token};
 use crate::exit::{Exit, Failure};
 use crate::output::{self, table::Table};
@@ -38,8 +39,8 @@ pub struct UserArgs {
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
     /// The database of gateways that share their store, in place of the folder
-    #[arg(long, value_name = "URL", value_parser = Database::parse, conflicts_with = "data")]
-    store: Option<Database>,
+    #[arg(long, value_name = "URL", value_parser = StoreUrl::read, conflicts_with = "data")]
+    store: Option<StoreUrl>,
     /// Make a user with this name, and print a link for the password
     #[arg(long, value_name = "NAME", requires = "role", required_unless_present_any = ["list", "disable", "link"])]
     add: Option<String>,
@@ -67,15 +68,15 @@ pub struct UserArgs {
 
 impl UserArgs {
     /// Where the store is.
-    fn at(&self) -> At {
-        self.store.clone().map_or_else(|| At::Folder(self.data.clone()), At::Database)
+    fn at(&self) -> Result<At, Failure> {
+        place::at(self.store.as_ref(), &self.data)
     }
 }
 
 /// Makes, lists or disables users, or makes a link.
 pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
     if let Some(name) = &args.disable {
-        r6_gateway::disable_user(args.at(), user(name)?).map_err(Failure::usage)?;
+        r6_gateway::disable_user(args.at()?, user(name)?).map_err(Failure::usage)?;
         output::line(format_args!("user {name} is disabled"));
         return Ok(Exit::Done);
     }
@@ -83,7 +84,7 @@ pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
         return link(&args, user(name)?);
     }
     let (Some(name), Some(role)) = (&args.add, args.role) else {
-        return list(args.at());
+        return list(args.at()?);
     };
     let name = user(name)?;
     let only = token::only(args.only.as_deref().filter(|_| robot_typed))?;
@@ -91,7 +92,7 @@ pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
     if args.store.is_none() {
         tell_new_folder(&args.data);
     }
-    r6_gateway::add_user(args.at(), name.clone(), Grant { role, only }).map_err(Failure::usage)?;
+    r6_gateway::add_user(args.at()?, name.clone(), Grant { role, only }).map_err(Failure::usage)?;
     output::note(format_args!("user {name}: {what}. The link sets the password, once and within an hour"));
     link(&args, name)
 }
@@ -101,7 +102,7 @@ fn user(name: &str) -> Result<UserName, Failure> {
 }
 
 fn link(args: &UserArgs, name: UserName) -> Result<Exit, Failure> {
-    let link = r6_gateway::make_link(args.at(), name).map_err(|error| {
+    let link = r6_gateway::make_link(args.at()?, name).map_err(|error| {
         Failure::usage(error).advise("`r6 gateway user --list` prints the users of this folder")
     })?;
     let url = args.url.clone().unwrap_or_else(|| here(&args.data));

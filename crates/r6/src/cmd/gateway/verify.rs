@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use r6_gateway::{At, Database, PublicKey, Signed, StoreError, Verified, VerifyError};
+use r6_gateway::{At, PublicKey, Signed, StoreError, Verified, VerifyError};
 use serde_json::{Value, json};
 
 use super::DEFAULT_DATA;
+use super::place::{self, StoreUrl};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::text_file;
@@ -33,8 +34,8 @@ pub struct VerifyArgs {
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
     /// The database of gateways that share their store, in place of the folder
-    #[arg(long, value_name = "URL", value_parser = Database::parse, conflicts_with = "data")]
-    store: Option<Database>,
+    #[arg(long, value_name = "URL", value_parser = StoreUrl::read, conflicts_with = "data")]
+    store: Option<StoreUrl>,
     /// A head that was kept elsewhere: the answer of GET /v1/audit/head, or its note
     #[arg(long, value_name = "FILE")]
     head: Option<PathBuf>,
@@ -49,8 +50,8 @@ pub struct VerifyArgs {
 
 impl VerifyArgs {
     /// Where the store is.
-    fn at(&self) -> At {
-        self.store.clone().map_or_else(|| At::Folder(self.data.clone()), At::Database)
+    fn at(&self) -> Result<At, Failure> {
+        place::at(self.store.as_ref(), &self.data)
     }
 }
 
@@ -65,7 +66,7 @@ pub fn run(args: &VerifyArgs) -> Result<Exit, Failure> {
         text.map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
     });
     let kept = kept.transpose()?;
-    match r6_gateway::verify(args.at(), &args.keys, kept.as_deref()) {
+    match r6_gateway::verify(args.at()?, &args.keys, kept.as_deref()) {
         Ok(verified) if args.json => {
             output::json(&object(&verified));
             Ok(Exit::Done)
