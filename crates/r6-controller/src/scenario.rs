@@ -179,8 +179,8 @@ impl Scenario {
         file::read(text)
     }
 
-    /// Reads the lists `at`, `react` and `fault` of a table of another file. The caller finishes the table, and
-    /// sets the seed. `label` is the prefix of each mistake, which is noted in `found`.
+    /// Reads the lists `at`, `react` and `fault` of a table of another file. The caller finishes the table,
+    /// and sets the seed. `label` is the prefix of each mistake, which is noted in `found`.
     #[must_use]
     pub fn of_table(table: &Fields<'_>, label: &str, found: &mut Found<'_>) -> Self {
         file::lists(table, label, found)

@@ -34,7 +34,7 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
         &mut text,
         owner,
         "gauge",
-        "Whether this gateway owns the robots, and not another one that shares its store.",
+        "Whether this gateway owns the robots, and no other gateway that shares its store does.",
     );
     let owns = flag(state.shared.ownership.check().is_ok());
     // To write to a text cannot fail.

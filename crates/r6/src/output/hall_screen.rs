@@ -41,7 +41,7 @@ impl HallView {
     }
 }
 
-/// Draws the robots, the log and the hints. Robots come first: on a low screen the log and the hints give way.
+/// Draws the robots, the log and the hints. Robots come first: on a low screen the others give way.
 pub fn draw(frame: &mut Frame<'_>, view: &HallView, robots: &[(&str, ControllerSnapshot)]) {
     let (borders, edge) = if frame.area().height < LOW { (Borders::TOP, 1) } else { (Borders::ALL, 2) };
     let lines = |count: usize| u16::try_from(count).unwrap_or(u16::MAX).saturating_add(edge);

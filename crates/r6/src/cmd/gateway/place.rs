@@ -1,5 +1,5 @@
-//! `--store URL`: the database of gateways that share their store. The URL may have a password in it, so what is
-//! wrong with it is told without it.
+//! `--store URL`: the database of gateways that share their store. The URL may have a password in it, so what
+//! is wrong with it is told without it.
 
 use std::convert::Infallible;
 use std::path::Path;
@@ -8,7 +8,7 @@ use r6_gateway::{At, Database};
 
 use crate::exit::Failure;
 
-/// What was typed behind `--store`. It is read after the command line was, whose errors repeat what they refuse.
+/// What was typed behind `--store`. It is read after the command line, whose errors repeat what they refuse.
 #[derive(Clone, Debug)]
 pub struct StoreUrl(Result<Database, String>);
 

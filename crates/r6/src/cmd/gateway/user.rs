@@ -60,8 +60,8 @@ pub struct UserArgs {
     /// Print a link with which the user with this name sets a new password
     #[arg(long, value_name = "NAME", conflicts_with = "add")]
     link: Option<String>,
-    /// The address of the gateway in links [default: where the gateway of the folder listens on this machine, or
-    /// listened last; before its first start http://127.0.0.1:9780]
+    /// The address of the gateway in links [default: where the gateway of the folder listens on this machine,
+    /// or listened last; before its first start http://127.0.0.1:9780]
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 }
@@ -110,8 +110,8 @@ fn link(args: &UserArgs, name: UserName) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// The URL of the gateway of this folder: where it listens, or listened last. Before its first start, the usual
-/// one.
+/// The URL of the gateway of this folder: where it listens, or listened last. Before its first start, the
+/// usual one.
 fn here(data: &Path) -> String {
     let kept = text_file::read(&data.join(URL_FILE), "a URL", MAX_URL).ok();
     let kept = kept.map(|text| text.trim().to_owned());

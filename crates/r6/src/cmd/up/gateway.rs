@@ -82,8 +82,8 @@ pub struct CellGateway {
 }
 
 impl CellGateway {
-    /// Starts the gateway of these robots. `usual_port`: without `--gateway` it takes its usual port if that is
-    /// free, else any free port.
+    /// Starts the gateway of these robots. `usual_port`: without `--gateway` it takes its usual port if that
+    /// is free, else any free port.
     pub async fn start(place: Option<Place>, cell: Cell, usual_port: bool) -> Result<Option<Self>, Failure> {
         // The gateway, and beside it the raw port.
         let here = |port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
