@@ -293,8 +293,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * The models of arms: lengths, axes and limits. They are in the program, so they are the same until it is another
-         *     one.
+         * The models of arms: lengths, axes and limits. They are in the program, so they are the same until the
+         *     gateway is another one.
          */
         get: operations["models"];
         put?: never;
@@ -777,13 +777,35 @@ export interface paths {
         get: operations["show"];
         put?: never;
         /**
-         * Signs a user in: sets the cookie `r6_session`; with TLS it is `__Host-r6_session`. The answer has the
-         *     `csrf` that every later request with the cookie needs in `X-CSRF-Token`, unless it is a `GET`. A session
-         *     ends 15 minutes after its last request, or after 8 hours. Wrong passwords make the next tries wait.
+         * Signs a user in: sets the cookie `r6_session_PORT`, with the port that the gateway listens on; with TLS
+         *     it is `__Host-r6_session_PORT`. The answer has the `csrf` that every later request with the cookie needs
+         *     in `X-CSRF-Token`, unless it is a `GET`. A session ends 15 minutes after its last request, or after 8
+         *     hours. Wrong passwords make the next tries wait.
          */
         post: operations["sign_in"];
         /** Signs out. Streams of the session end within a second. */
         delete: operations["sign_out"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/session/link": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Gives a browser a session for the token that a link stands for, as [`sign_in_with_token`] does. `r6 up`
+         *     prints such a link. The secret of the link is no token: it opens sessions and nothing else, any number of
+         *     them, until the gateway ends. With `look` it opens none, and the answer says for whom it would be.
+         */
+        post: operations["sign_in_with_link"];
+        delete?: never;
         options?: never;
         head?: never;
         patch?: never;
@@ -976,6 +998,17 @@ export interface components {
             by: string;
             /** @description What they said; `null` if nothing. */
             comment: string | null;
+        };
+        /** @description Who did something, and when. */
+        ActedBy: {
+            /** @description When. */
+            at: string;
+            /**
+             * @description The name of the user; the number and the name of the token; `raw`, the address and the rule of a raw
+             *     client; or `gateway`.
+             * @example token 3 (op-2)
+             */
+            by: string;
         };
         /** @description What a person does at the machine; `do` says what. */
         Action: {
@@ -1723,6 +1756,19 @@ export interface components {
          * @enum {string}
          */
         Gap: "stale" | "none" | "lost" | "ended" | "clock_stepped" | "no_data";
+        /** @description A global speed that was set. */
+        GlobalSpeed: {
+            /** @description When the controller accepted it. */
+            at: string;
+            /** @description Who set it: as in `stopped_by`. */
+            by: string;
+            /**
+             * Format: double
+             * @description Percent of the programmed speeds.
+             * @example 50
+             */
+            percent: number;
+        };
         /** @description The time zone and the shifts of a hall. */
         HallSettings: {
             /** @description The shifts, 12 at most. No two overlap. */
@@ -1784,6 +1830,8 @@ export interface components {
             by: string;
             /** @enum {string} */
             event: "stop_began";
+            /** @description Whether it holds until it is cleared. A stop by which the gateway ends a run does not. */
+            holds: boolean;
         } | {
             /**
              * @description Whether it is proved that the arm stands; for one command that stops, or an action at the panel,
@@ -1853,6 +1901,11 @@ export interface components {
             run_id: number;
             /** @description How. */
             state: components["schemas"]["RunState"];
+            stopped_by: components["schemas"]["ActedBy"] | null;
+        } | {
+            /** @enum {string} */
+            event: "global_speed";
+            set: components["schemas"]["GlobalSpeed"] | null;
         } | {
             /**
              * Format: int32
@@ -2180,7 +2233,11 @@ export interface components {
              * @description How long it lasts unless it is renewed.
              */
             expires_in_ms: number;
-            /** @description The token of the holder, its number and name; or `raw`, the address and the rule of a raw client. */
+            /**
+             * @description The name of the user; the token, its number and name; or `raw`, the address and the rule of a raw
+             *     client.
+             * @example token 1 (r6 up)
+             */
             holder: string;
             /**
              * Format: int64
@@ -2209,6 +2266,16 @@ export interface components {
             renew?: components["schemas"]["LeaseKey"] | null;
             /** @description Takes the lease from its holder, for this reason: the robot is stopped first. Admins only. */
             take_because?: string | null;
+        };
+        /** @description A browser that signs in with a link. */
+        LinkSignIn: {
+            /** @description Whether only to say for whom the session would be. */
+            look?: boolean;
+            /**
+             * Format: password
+             * @description The secret of the link: 64 hexadecimal digits. Behind the `#` it stands as base64url.
+             */
+            secret: string;
         };
         /** @description A sign of life. */
         LiveAlive: {
@@ -2874,6 +2941,7 @@ export interface components {
              * @example 192.168.1.10:9760
              */
             address: string;
+            global_speed: components["schemas"]["GlobalSpeed"] | null;
             identity: components["schemas"]["RobotIdentity"] | null;
             identity_changed: components["schemas"]["IdentityChange"] | null;
             lease: components["schemas"]["LeaseHolder"] | null;
@@ -2898,6 +2966,7 @@ export interface components {
             panel: boolean;
             /** @description Whether a stop was asked for and not cleared: commands that can move the robot are refused. */
             stopped: boolean;
+            stopped_by: components["schemas"]["ActedBy"] | null;
             /**
              * Format: int32
              * @description How many stops are under way now.
@@ -2991,6 +3060,7 @@ export interface components {
             state: components["schemas"]["RunState"];
             /** @description The steps of all rounds. */
             steps: number;
+            stopped_by: components["schemas"]["ActedBy"] | null;
             /**
              * Format: int64
              * @description The version of the program; `null` if its text was sent.
@@ -3059,6 +3129,8 @@ export interface components {
              * @description The number of the token; `null` for a user.
              */
             token: number | null;
+            /** @description What people call the token; `null` for a user, and for a token without a name. */
+            token_name: string | null;
             /** @description The name of the user; `null` for a token. */
             user: string | null;
         };
@@ -7605,6 +7677,111 @@ export interface operations {
                 };
             };
             /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    sign_in_with_link: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LinkSignIn"];
+            };
+        };
+        responses: {
+            /** @description The session, with `Set-Cookie`; without it and `csrf` for `look` */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Session"];
+                };
+            };
+            /** @description `bad_json`, `bad_body` */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_slow` */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `link_void`: it is of an earlier start, or its token was revoked */
+            410: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_long` */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_json` */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value` */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable` */
             503: {
                 headers: {
                     [name: string]: unknown;
