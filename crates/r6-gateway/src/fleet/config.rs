@@ -7,7 +7,7 @@ use r6_client::{Address, AxisIndex, RobotSettings};
 use r6_motion::RobotModel;
 
 use crate::core::name::RobotName;
-use crate::fleet::panel::Panel;
+use crate::fleet::panel::line::Panel;
 use crate::programs;
 
 /// How often the values are read if nothing else is said.

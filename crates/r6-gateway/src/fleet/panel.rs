@@ -9,7 +9,7 @@
 //!    seat is asked again, and only then the action is sent. A stop that begins while it is on its way is
 //!    sent again behind it.
 
-mod line;
+pub mod line;
 
 use r6_api::Code;
 use r6_api::gateway::{CommandOutcome, PanelDone};
