@@ -172,3 +172,8 @@ export function problemOf(text: string, status: number): Problem {
   }
   return { code: "unknown", message: `HTTP ${status}` };
 }
+
+/** A key that no other request has: 128 random bits. Pages without TLS have no `randomUUID`. */
+export function freshKey(): string {
+  return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
+}

@@ -17,7 +17,7 @@ const NARROWEST = 20;
 /** What is missing of a bucket without being a gap, as a part of it: rounding. */
 const ROUNDING = 0.001;
 
-/** The width of a bucket of which each fills a pixel, in whole milliseconds. */
+/** The width of a bucket, in whole milliseconds, so that each bucket fills one pixel. */
 export function widthOf(span: number, pixels: number): number {
   return Math.max(NARROWEST, Math.ceil(span / Math.max(1, Math.floor(pixels))));
 }
@@ -58,7 +58,7 @@ export function columns(times: { at: number; width: number }[], rows: (Bucket | 
   return [x, ...y];
 }
 
-/** Joins buckets to at most so many, for a table. Means are weighted by the time that has a value. */
+/** Joins buckets until at most `most` are left, for a table. Means are weighted by the time that has a value. */
 export function coarse(buckets: Bucket[], most: number): Bucket[] {
   const each = Math.max(1, Math.ceil(buckets.length / Math.max(1, most)));
   const joined: Bucket[] = [];

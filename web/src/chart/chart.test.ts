@@ -25,7 +25,7 @@ test("an answer's last bucket ends with the range, and is seen for its own time"
   ]);
 });
 
-test("no line goes across a gap, also one that is narrower than a bucket", () => {
+test("no line crosses a gap, not even a gap narrower than a bucket", () => {
   const row = [bucket(0, 1), bucket(1_000, 3), bucket(2_000, null), bucket(3_000, 5), bucket(4_000, 7, { seen: 0.4 }), bucket(5_000, 9)];
   expect(row.map((one, at) => joins(one, row[at + 1]))).toEqual([true, false, false, false, false, false]);
   const [x, y] = columns(row, [row]);

@@ -1,5 +1,6 @@
 /** Reads the history of a signal in buckets, page by page. What nothing waits for any more is given up. */
 import { type Failure, failureOf } from "../api/failure.ts";
+import { robotPath } from "../api/paths.ts";
 import { patiently } from "../api/patiently.ts";
 import type { History } from "../api/types.ts";
 import { type Bucket, bucketsOf } from "./buckets.ts";
@@ -61,7 +62,7 @@ export function pathOf({ robot, signal, from, to, width }: Question, limit: numb
     limit: String(limit),
     ...(cursor === null ? {} : { cursor }),
   });
-  return `/v1/robots/${encodeURIComponent(robot)}/history?${query}`;
+  return robotPath(robot, `history?${query}`);
 }
 
 /** Reads all of it. `more` gets what is there so far. */

@@ -13,7 +13,7 @@ test("a time on the wall of the hall is an instant, wherever the browser is", ()
   for (const text of ["", "today", "2026-11-25", "2026-13-25T06:00", "2026-11-25T06:00Z"]) expect(instantOf(text, BERLIN)).toBeNull();
 });
 
-test("where the clock on the wall is set, a time that comes twice is the first one, one that is left out the change", () => {
+test("where the clocks change, a time that comes twice means the first, and a time that is left out means the change", () => {
   const autumn = Date.parse("2026-10-25T00:30:00Z");
   expect([wall(autumn, BERLIN), wall(autumn + HOUR, BERLIN)]).toEqual(["2026-10-25T02:30:00", "2026-10-25T02:30:00"]);
   expect(instantOf("2026-10-25T02:30", BERLIN)).toBe(autumn);

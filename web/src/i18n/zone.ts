@@ -41,7 +41,7 @@ export function beginOf(day: string, zone: string): number | null {
   return instantOf(`${day}T00:00:00`, zone);
 }
 
-/** The day so many days later, or earlier. */
+/** The day that is `days` days later; earlier if `days` is negative. */
 export function dayAfter(day: string, days: number): string {
   const at = new Date(`${day}T00:00:00Z`);
   at.setUTCDate(at.getUTCDate() + days);

@@ -157,7 +157,7 @@ export class Store {
         return lease !== null && lease.number > event.lease ? false : set({ lease: null });
       case "stop_began": {
         if (!event.holds) return set({ stops_under_way: stops + 1 });
-        // The first stop since the last that was cleared is the one that holds.
+        // Of several stops that hold together, the first is named.
         const by = robot.summary.stopped_by ?? { by: event.by, at: event.time };
         return set({ stopped: true, stopped_by: by, stops_under_way: stops + 1 });
       }

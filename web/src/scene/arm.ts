@@ -85,7 +85,7 @@ export class Arm {
     return at;
   }
 
-  /** What is not read now is seen through. */
+  /** An arm that is not read now is half transparent. */
   fade(isOld: boolean): void {
     if (this.isGhost) return;
     for (const material of [this.body, this.joint]) {

@@ -1,5 +1,6 @@
 /** The robots, the alarms and the connection, as the pages see them. */
 import { call } from "../api/client.ts";
+import { robotPath } from "../api/paths.ts";
 import type { GatewayEvent, LiveSent, RobotAlarm, RobotAlarms, RobotState, RobotSummary, Settings } from "../api/types.ts";
 import { touch } from "../live/frame.ts";
 import { Link } from "../live/socket.ts";
@@ -215,7 +216,7 @@ class Hall {
     const link = this.#link;
     for (let tries = 0; tries < TRIES; tries += 1) {
       if (link === null || link !== this.#link || !this.store.isAsked(name, ticket)) return;
-      const answer = await call<RobotState>("GET", `/v1/robots/${encodeURIComponent(name)}`);
+      const answer = await call<RobotState>("GET", robotPath(name));
       if (link !== this.#link) return;
       if (answer.kind === "ok") {
         const isKnown = this.store.known(name, ticket, answer.value);

@@ -3,6 +3,7 @@
  * survive a lost gateway, a hidden page or the page's end.
  */
 import { type Answer, call } from "../api/client.ts";
+import { robotPath } from "../api/paths.ts";
 import type { Lease, LeaseKey } from "../api/types.ts";
 import { hall } from "./hall.svelte.ts";
 import { session } from "./session.svelte.ts";
@@ -10,7 +11,7 @@ import { session } from "./session.svelte.ts";
 /** How long the gateway keeps it without a renewal, and how often it is renewed, in milliseconds. */
 const LASTS = 15_000;
 const RENEW = 5_000;
-/** Taking it over waits until the robot is stopped: so long at most. */
+/** Taking it over waits until the robot is stopped: for this time at most, in milliseconds. */
 const STOPS = 25_000;
 /** A hidden page gives it back after this time. */
 export const HIDDEN = 30_000;
@@ -23,7 +24,7 @@ class LeaseState {
   #key: LeaseKey | null = null;
   #timer: ReturnType<typeof setInterval> | null = null;
   #hidden: ReturnType<typeof setTimeout> | null = null;
-  /** Which take is the last one. One that something else overtook gives back what it gets. */
+  /** The number of the last take. A lease that an earlier take gets is given back. */
   #takes = 0;
 
   /** What commands for this robot send; `null` if this page does not hold its lease. */
@@ -41,7 +42,7 @@ class LeaseState {
     const ticket = (this.#takes += 1);
     this.isAsking = true;
     this.ended = null;
-    const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;
+    const path = robotPath(robot, "lease");
     const body = { duration_ms: LASTS, ...(because === undefined ? {} : { take_because: because }) };
     const patience = because === undefined ? {} : { patience: STOPS };
     const answer = await call<Lease>("POST", path, { body, csrf: session.csrf, ...patience });
@@ -68,7 +69,7 @@ class LeaseState {
     const lease = this.#key;
     this.#forget();
     if (robot === null || lease === null) return;
-    const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;
+    const path = robotPath(robot, "lease");
     await call("DELETE", path, { body: { lease }, csrf: session.csrf, keepalive: true });
   }
 
@@ -103,7 +104,7 @@ class LeaseState {
       this.ended = robot;
       return;
     }
-    const path = `/v1/robots/${encodeURIComponent(robot)}/lease`;
+    const path = robotPath(robot, "lease");
     const body = { renew, duration_ms: LASTS };
     const answer = await call("POST", path, { body, csrf: session.csrf, patience: RENEW });
     if (this.#key !== renew) return;

@@ -5,7 +5,7 @@ import type { Role, Session } from "../api/types.ts";
 
 /** How often a page that somebody uses tells the gateway so: a session ends 15 minutes after its last request. */
 const TELL = 60_000;
-/** From the one that may do least. */
+/** The role with the fewest rights is first. */
 const ROLES: readonly Role[] = ["viewer", "operator", "engineer", "admin"];
 /** For so long after the last touch somebody counts as present. */
 export const PRESENT = 5 * 60_000;

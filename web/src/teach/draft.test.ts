@@ -39,7 +39,7 @@ test("there are few drafts, and the oldest goes first", () => {
   expect(here.getItem("r6-theme")).toBe("dark");
 });
 
-test("what is no draft is none, and a browser that keeps nothing says so", () => {
+test("a text that is not a draft is not read as one, and a browser that cannot keep a draft says so", () => {
   const here = shelf();
   for (const text of ["", "no json", "null", "[]", '{"text":1,"at":1,"base":null}', '{"text":"","at":1,"base":{}}']) {
     here.setItem("r6-draft-x", text);

@@ -14,7 +14,7 @@ export interface Made {
 
 interface Wanted {
   names: string[];
-  /** Names of robots with an older firmware, of which no counter is read. */
+  /** Names of robots with an older firmware, whose counters are not read. */
   old?: string[];
   /** The program that the robots run, in TOML; a usual one if it is missing. */
   program?: string;

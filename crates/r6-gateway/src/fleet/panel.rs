@@ -145,7 +145,7 @@ fn unreachable(why: &str) -> Problem {
     Problem::new(Code::NotReady, format!("its panel cannot be reached, and nothing was sent: {why}"))
 }
 
-/// The outcome and the problem of an action that was not done, or of which that is not known.
+/// The outcome and the problem of an action that was not done, or that may have been done.
 fn problem_of(failed: Failed) -> (CommandOutcome, Problem) {
     match failed {
         Failed::Refused(r6_api::Problem { code, message }) => {

@@ -55,12 +55,9 @@ export const controls = {
   twin: "Twin",
   twinOf: "Twin of",
   speed: "Global speed",
-  speedSet: (percent: number, by: string | null, at: string) =>
-    `${percent} %, set ${by === null ? "" : `by ${by}, `}${at}; not reported by the controller`,
-  speedMaybe: (percent: number, by: string | null, at: string) =>
-    `${percent} % was sent ${by === null ? "" : `by ${by}, `}${at}, and the controller gave no usable answer: whether it holds is not known`,
-  speedUnknown: "Not known: the controller does not report it, and nobody set it over this gateway lately.",
-  speedAsked: "Looking for who set it…",
+  speedSet: (percent: number, by: string, at: string) =>
+    `${percent} %, set by ${by}, ${at}; not reported by the controller`,
+  speedUnknown: "Not known: the controller does not report it, and whether it is as it was last set is not known either.",
   percent: "Percent of full speed",
   setSpeed: (robot: string) => `Set the speed of ${robot}`,
   badPercent: "Above 0 to 100, in steps of 0.1.",

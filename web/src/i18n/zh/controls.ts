@@ -56,11 +56,8 @@ export const controls: typeof english = {
   twin: "孪生",
   twinOf: "所孪生的机器人",
   speed: "全局速度",
-  speedSet: (percent, by, at) => `${percent} %，${by === null ? "" : `由 ${by} `}于 ${at} 设定；控制器不报告此值`,
-  speedMaybe: (percent, by, at) =>
-    `${by === null ? "" : `${by} `}于 ${at} 发送了 ${percent} %，控制器没有给出可用的应答：是否生效未知`,
-  speedUnknown: "未知：控制器不报告此值，近期也没有人通过此网关设定。",
-  speedAsked: "正在查找设定者…",
+  speedSet: (percent, by, at) => `${percent} %，由 ${by} 于 ${at} 设定；控制器不报告此值`,
+  speedUnknown: "未知：控制器不报告此值，也不知道是否仍为上次设定的值。",
   percent: "全速的百分比",
   setSpeed: (robot) => `设定 ${robot} 的速度`,
   badPercent: "大于 0，最大 100，步距 0.1。",

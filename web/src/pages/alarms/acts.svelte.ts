@@ -1,5 +1,6 @@
 /** What a person does to alarms: one request each, which is never sent again. */
 import { type Answer, call } from "../../api/client.ts";
+import { robotPath } from "../../api/paths.ts";
 import type { RobotAlarm } from "../../api/types.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { session } from "../../state/session.svelte.ts";
@@ -41,7 +42,7 @@ class Acts {
   }
 
   async #send(method: "POST" | "DELETE", { robot, id }: RobotAlarm, what: string, body?: object): Promise<Answer<RobotAlarm>> {
-    const path = `/v1/robots/${encodeURIComponent(robot)}/alarms/${id}/${what}`;
+    const path = robotPath(robot, `alarms/${id}/${what}`);
     return call<RobotAlarm>(method, path, { csrf: session.csrf, ...(body === undefined ? {} : { body }) });
   }
 

@@ -30,7 +30,7 @@ test("links that are lost stay the one line that they are", () => {
   expect(linesOf([links], [alarm("a", 9)])).toEqual([{ key: "links", entry: links, robots: links.robots, alarms: [] }]);
 });
 
-test("the last end is one that was seen", () => {
+test("the last end of an alarm is known if the alarm has ended, and not known if it has not", () => {
   const ended = alarm("a", 1, { state: "ended", until: "1970-01-01T00:01:00Z" });
   expect(lastEnd([ended, alarm("b", 1, { state: "ended", until: "1970-01-01T00:00:30Z" }), alarm("c", 1)])).toBe(60_000);
   expect(lastEnd([alarm("c", 1)])).toBeNull();

@@ -4,7 +4,7 @@ import type { Entry } from "../../robots/attention.ts";
 
 /** Alarms of one code that begin within this of the one before, in milliseconds, have one cause. */
 export const TOGETHER = 2_000;
-/** From so many robots on they are one line. */
+/** From this number of robots on they are one line. */
 export const FLOOD = 4;
 
 /** One line of what stops us now. */

@@ -1,5 +1,6 @@
 /** Questions of the page of connections. */
 import { type Answer, call } from "../../api/client.ts";
+import { robotPath } from "../../api/paths.ts";
 import { type Sample, samplesIn } from "./metrics.ts";
 import type { HistoryEvent, HistoryEvents } from "./types.ts";
 
@@ -19,7 +20,7 @@ export async function linkEvents(robot: string, to: number): Promise<Answer<Hist
   for (let pages = 0; pages < 5; pages += 1) {
     const query = new URLSearchParams({ kind: "link_lost,link_back,unseen", from: new Date(from).toISOString() });
     if (cursor !== null) query.set("cursor", cursor);
-    const path = `/v1/robots/${encodeURIComponent(robot)}/history/events?${query}`;
+    const path = robotPath(robot, `history/events?${query}`);
     const answer: Answer<HistoryEvents> = await call("GET", path);
     if (answer.kind !== "ok") return answer;
     events.push(...answer.value.events);

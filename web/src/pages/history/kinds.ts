@@ -1,4 +1,5 @@
 /** Which events are shown, and where they are asked for. Pure. */
+import { robotPath } from "../../api/paths.ts";
 export const KINDS: Record<string, string> = {
   main: "alarm_began,alarm_ended,mode_changed,program_changed,parts_reset,link_lost,link_back,unseen",
   alarms: "alarm_began,alarm_ended",
@@ -18,5 +19,5 @@ export function eventsPath(robot: string, from: number, to: number, kind: string
     limit: "1000",
     ...(of === "" ? {} : { kind: of }),
   });
-  return `/v1/robots/${encodeURIComponent(robot)}/history/events?${query}`;
+  return robotPath(robot, `history/events?${query}`);
 }

@@ -44,7 +44,7 @@ export function daysOf(query: URLSearchParams, now: number, zone: string): [Peri
   return [dayPeriod(first, now, zone), dayPeriod(second, now, zone, until)];
 }
 
-/** The shifts that began in so many days up to now, the latest first. */
+/** The shifts that began in the last `days` days, the latest first. */
 export function shiftsOf(shifts: Shift[], now: number, zone: string, days: number): (Period & { kind: "shift"; from: number })[] {
   const found: (Period & { kind: "shift"; from: number })[] = [];
   const today = dayOf(now, zone);

@@ -1,5 +1,14 @@
-/** What a person does: one request, never sent again. What became of it is said on the page of the robot. */
+/**
+ * What a person does at a robot: one request, never sent again. What became of it is said on its page.
+ *
+ * 1. `Controls.svelte` asks `robots/sentence.ts` what is missing; what moves has its own step first (`ui/Hold.svelte`,
+ *    `robots/consent.ts`).
+ * 2. `command` here adds the lease of this page (`state/lease.svelte.ts`), `api/client.ts` sends it at once.
+ * 3. The gateway reads it in `http/commands.rs`; its walk goes on in `r6-gateway/src/lib.rs`.
+ * 4. `told.svelte.ts` says what the answer means. Whether the arm moves is told by the stream (`live/store.ts`).
+ */
 import { type Answer, call } from "../../api/client.ts";
+import { robotPath } from "../../api/paths.ts";
 import type { CommandDone } from "../../api/types.ts";
 import { type Control, unmet } from "../../robots/sentence.ts";
 import type { View } from "../../robots/view.ts";
@@ -9,14 +18,14 @@ import { session } from "../../state/session.svelte.ts";
 import { settings } from "../../state/settings.svelte.ts";
 import { type Part, told } from "./told.svelte.ts";
 
-export function pathOf(robot: string, part: string): string {
-  return `/v1/robots/${encodeURIComponent(robot)}/${part}`;
+/** What this page has that controls of the robot need. */
+export function hasFor(view: View): { gateway: boolean; right: boolean; lease: boolean } {
+  return { gateway: hall.isThere, right: session.may(view.name), lease: lease.robot === view.name };
 }
 
 /** Why a control cannot be used now, in words; empty if it can. */
 export function reasons(control: Control, view: View): string {
-  const has = { gateway: hall.isThere, right: session.may(view.name), lease: lease.robot === view.name };
-  return unmet(control, view, has)
+  return unmet(control, view, hasFor(view))
     .map((reason) => settings.words.unmet(reason))
     .join(" · ");
 }
@@ -32,7 +41,7 @@ export async function post<T>(
   more: { idempotencyKey?: string; patience?: number } = {},
 ): Promise<Answer<T>> {
   told.say(robot, settings.words.control.sending(what), part);
-  const answer = await call<T>("POST", pathOf(robot, path), { body, csrf: session.csrf, ...more });
+  const answer = await call<T>("POST", robotPath(robot, path), { body, csrf: session.csrf, ...more });
   if (answer.kind === "ok") told.say(robot, done(what), part);
   else told.answer(robot, what, answer, settings.words, part);
   return answer;

@@ -17,7 +17,7 @@ export function motorAddresses(axes: number): string[] {
   return [...all.map((axis) => `curSpeed-${axis}`), ...all.map((axis) => `curTorque-${axis}`)];
 }
 
-/** The motors of which something is told. */
+/** The motors that the controller tells something about. */
 export function motorsOf(queried: Queried, axes: number): Motor[] {
   const values = new Map(queried.signals.map(({ address, value }) => [address, value]));
   const number = (address: string): number | null => {

@@ -1,4 +1,4 @@
-/** Numbers that a person types in: `null` if the text is none that can be sent. */
+/** Numbers that a person types in: `null` if the text cannot be sent as a number. */
 
 /** Percent above 0 to 100, in the steps of 0.1 that the wire has. */
 export function percentOf(text: string): number | null {
@@ -17,9 +17,4 @@ export function wholeOf(text: string, low = -2_147_483_648, high = 2_147_483_647
 /** Whether a speed is to be asked about: it is higher than the last known one, or none is known. */
 export function isRaise(from: number | null, to: number): boolean {
   return from === null || to > from;
-}
-
-/** A key that no other request has: 128 random bits. Pages without TLS have no `randomUUID`. */
-export function freshKey(): string {
-  return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }

@@ -3,7 +3,8 @@ import type { Queried } from "../../api/types.ts";
 import { addresses, nameOf, outputArguments, wordsOf } from "./io.ts";
 import { withModel } from "./models.ts";
 import { motorAddresses, motorsOf } from "./motors.ts";
-import { freshKey, isRaise, percentOf, wholeOf } from "./numbers.ts";
+import { freshKey } from "../../api/client.ts";
+import { isRaise, percentOf, wholeOf } from "./numbers.ts";
 import { type PanelHas, panelUnmet } from "./panel.ts";
 
 test("points have the names of the pendant where these are known, and numbers elsewhere", () => {
@@ -50,7 +51,7 @@ test("numbers that the wire does not carry are not sent", () => {
   expect(freshKey()).not.toBe(freshKey());
 });
 
-test("torques are percent of the rated one, and axes of which nothing is told are left out", () => {
+test("torques are percent of the rated one, and axes that the controller does not tell are left out", () => {
   const signal = (address: string, value: number | null) =>
     ({ address, value, unit: null, quality: value === null ? "none" : "fresh", age_ms: 0 }) as const;
   const signals = [signal("curSpeed-0", 1200), signal("curTorque-0", -1290), signal("curSpeed-1", null), signal("curTorque-2", 2580)];

@@ -1,16 +1,14 @@
-/** What was done to a robot, in words, with times of the hall. */
+/** The speed of a robot in words, with times of the hall. */
 import { clock } from "../../i18n/format.ts";
 import type { en } from "../../i18n/en.ts";
-import type { SpeedSet } from "../../robots/deeds.ts";
+import type { RobotSummary } from "../../api/types.ts";
 import { hall } from "../../state/hall.svelte.ts";
 
 export function timeOf(at: number): string {
   return clock(at, hall.zone, hall.time(hall.now()));
 }
 
-/** The global speed as far as it is known; `null` if nothing is. */
-export function speedText(speed: SpeedSet | null, words: typeof en): string | null {
-  if (speed === null) return null;
-  const say = speed.outcome === "accepted" ? words.controls.speedSet : words.controls.speedMaybe;
-  return say(speed.percent, speed.by, timeOf(speed.at));
+/** The global speed as it was last set; `null` if that is not known. */
+export function speedText({ global_speed: set }: RobotSummary, words: typeof en): string | null {
+  return set === null ? null : words.controls.speedSet(set.percent, set.by, timeOf(Date.parse(set.at)));
 }

@@ -13,7 +13,7 @@ import type { Wrong } from "../../teach/toml.ts";
 import { problemText } from "./say.ts";
 import { shelf } from "./shelf.ts";
 
-/** A text is checked when it has rested for so long, in milliseconds. */
+/** A text is checked when it has not changed for this time, in milliseconds. */
 const REST = 300;
 /** How long a check that had no answer waits to be sent again. */
 const AGAIN = 2_000;

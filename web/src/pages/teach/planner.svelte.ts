@@ -2,6 +2,7 @@
  * The preview: a plan of the gateway from where the arm stands, whether it still holds, and how it is played.
  */
 import { call } from "../../api/client.ts";
+import { robotPath } from "../../api/paths.ts";
 import type { ProgramPlan, Queried } from "../../api/types.ts";
 import { onFrame } from "../../live/frame.ts";
 import type { View } from "../../robots/view.ts";
@@ -70,7 +71,7 @@ function setSpeedOf(view: View): number | null {
  * answer.
  */
 export async function framesOf(robot: string): Promise<string | null | undefined> {
-  const path = `/v1/robots/${encodeURIComponent(robot)}/query?address=toolCoord`;
+  const path = robotPath(robot, `query?address=toolCoord`);
   const answer = await call<Queried>("GET", path);
   if (answer.kind !== "ok") return undefined;
   const signal = answer.value.signals.find(({ address }) => address === "toolCoord");

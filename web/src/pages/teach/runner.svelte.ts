@@ -1,6 +1,7 @@
 /** A program that was sent: what is known of it. It is sent once, and never again by itself. */
 import { SvelteMap } from "svelte/reactivity";
-import { call } from "../../api/client.ts";
+import { call, freshKey } from "../../api/client.ts";
+import { robotPath } from "../../api/paths.ts";
 import type { LeaseKey, Run } from "../../api/types.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { session } from "../../state/session.svelte.ts";
@@ -53,11 +54,11 @@ class Runner {
     this.#sent.set(robot, { kind: "sent" });
     this.#ran.delete(robot);
     this.#texts.set(robot, program);
-    const path = `/v1/robots/${encodeURIComponent(robot)}/programs/run`;
+    const path = robotPath(robot, "programs/run");
     const answer = await call<Run>("POST", path, {
       body: { program, lease },
       csrf: session.csrf,
-      headers: { "Idempotency-Key": draw() },
+      idempotencyKey: freshKey(),
       patience: PATIENCE,
     });
     this.#tell(robot, program, sentBy(answer));
@@ -67,7 +68,7 @@ class Runner {
 
   /** Asks for the run until it has ended. */
   async #follow(robot: string, program: string, run: number): Promise<void> {
-    const path = `/v1/robots/${encodeURIComponent(robot)}/runs/${run}`;
+    const path = robotPath(robot, `runs/${run}`);
     let wake = (): void => {};
     const unread = hall.onEvent((event) => {
       if (event.robot !== robot || (event.event !== "run_progress" && event.event !== "run_ended")) return;
@@ -106,7 +107,7 @@ class Runner {
   async verify(robot: string): Promise<void> {
     const run = this.#under.get(robot);
     if (run === undefined || mayRun(this.of(robot))) return;
-    const answer = await call<Run>("GET", `/v1/robots/${encodeURIComponent(robot)}/runs/${run}`);
+    const answer = await call<Run>("GET", robotPath(robot, `runs/${run}`));
     const isOver = answer.kind === "ok" ? answer.value.state !== "running" : answer.kind === "refused" && answer.status === 404;
     if (isOver && this.#under.get(robot) === run) this.#under.delete(robot);
   }
@@ -118,11 +119,6 @@ class Runner {
       if (event.event === "run_ended" && this.#under.get(event.robot) === event.run_id) this.#under.delete(event.robot);
     });
   }
-}
-
-/** A key that no other request has. `randomUUID` is there only over TLS. */
-function draw(): string {
-  return [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
 export const runner = new Runner();

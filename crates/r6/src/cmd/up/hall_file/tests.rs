@@ -40,7 +40,7 @@ impl Played {
         Self { controller: Controller::new(settings, now), log: Vec::new(), now }
     }
 
-    /// Lets time pass up to so many seconds after the start.
+    /// Lets time pass until this many seconds after the start.
     fn until(&mut self, seconds: f64) -> &mut Self {
         let end = Instant::ORIGIN + Duration::from_secs_f64(seconds);
         while let Some(due) = self.controller.poll_timeout().filter(|due| *due <= end) {
