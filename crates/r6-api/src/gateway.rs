@@ -7,6 +7,7 @@ mod account;
 mod alarm;
 mod audit;
 mod command;
+mod event;
 mod history;
 mod live;
 mod model;
@@ -26,10 +27,9 @@ pub use account::{
 pub use alarm::{
     AcknowledgeRequest, Acknowledged, RobotAlarm, RobotAlarmState, RobotAlarms, ShelveRequest, Shelved,
 };
-pub use audit::{
-    Audit, AuditEntry, AuditHead, AuditRecord, CommandOutcome, Deed, Event, Happened, LeaseEnd, RawPortRule,
-};
+pub use audit::{Audit, AuditEntry, AuditHead, AuditRecord, Deed, RawPortRule};
 pub use command::{CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease};
+pub use event::{CommandOutcome, Event, Happened, LeaseEnd};
 pub use history::{
     Gap, History, HistoryBucket, HistoryEvent, HistoryEvents, HistorySample, HistoryState, UnseenBecause,
 };
