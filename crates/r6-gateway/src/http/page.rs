@@ -131,8 +131,13 @@ fn find(path: &str) -> Option<Cow<'static, [u8]>> {
     if cfg!(debug_assertions) {
         return read(path).map(Cow::Owned);
     }
-    let at = FILES.binary_search_by_key(&path, |(name, _)| name).ok()?;
-    FILES.get(at).map(|(_, bytes)| Cow::Borrowed(*bytes))
+    embedded(FILES, path).map(Cow::Borrowed)
+}
+
+/// The file of this name among those that the build script wrote, which are in the order of their names.
+fn embedded(files: &[(&str, &'static [u8])], path: &str) -> Option<&'static [u8]> {
+    let at = files.binary_search_by_key(&path, |(name, _)| name).ok()?;
+    files.get(at).map(|(_, bytes)| *bytes)
 }
 
 /// The file of this name, in a build for development.
@@ -183,6 +188,18 @@ mod tests {
             ["assets/no-such-file.js", "assets/../index.html", "assets//etc/passwd", "../built/index.html"]
         {
             assert_eq!(find(path), None, "{path}");
+        }
+    }
+
+    #[test]
+    fn a_file_is_found_among_those_that_a_release_has() {
+        let files: [(&str, &[u8]); 3] =
+            [("assets/a-1.js", b"one"), ("assets/b-2.css", b"two"), ("index.html", b"three")];
+        for (name, bytes) in files {
+            assert_eq!(embedded(&files, name), Some(bytes));
+        }
+        for path in ["", "assets", "assets/a-1.j", "assets/a-1.jsx", "index.htm"] {
+            assert_eq!(embedded(&files, path), None, "{path}");
         }
     }
 }
