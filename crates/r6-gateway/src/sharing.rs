@@ -15,7 +15,7 @@ use std::time::Duration;
 use r6_client::RobotSettings;
 use tokio::net::TcpListener;
 use tokio::sync::{oneshot, watch};
-use tokio::task::JoinSet;
+use tokio::task::{AbortHandle, JoinSet};
 
 use crate::auditor::{self, AuditSettings, open_key};
 use crate::certificate::Certificate;
@@ -40,6 +40,10 @@ const AFTER_FAILURE: Duration = Duration::from_millis(100);
 
 /// How long a gateway that could not start its robots leaves them to others.
 const AFTER_BAD_START: Duration = Duration::from_secs(3);
+
+/// How long requests that are under way have to get their answers when another state takes the place of
+/// theirs.
+const HAND_OVER: Duration = Duration::from_millis(500);
 
 /// How long the first look may take.
 const FIRST_LOOK: Duration = Duration::from_secs(10);
@@ -136,14 +140,17 @@ impl Sharing {
     }
 
     /// Serves this state, until what is returned is dropped.
-    fn serve(&self, state: &State) -> Result<JoinSet<()>, std::io::Error> {
+    fn serve(&self, state: &State) -> Result<Served, std::io::Error> {
         let listener = TcpListener::from_std(self.listener.try_clone()?)?;
         let site = gateway::site(self.address, self.names.clone(), state);
         let tls = self.certificate.as_ref().map(Certificate::tls);
-        let mut server = JoinSet::new();
-        server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
-        gateway::keep_fresh(state, &mut server);
-        Ok(server)
+        let (end, ends) = oneshot::channel::<()>();
+        let over = async { drop(ends.await) };
+        let router = http::router(state.clone(), site);
+        let http = tokio::spawn(r6_http::serve_until(listener, router, tls, over, HAND_OVER)).abort_handle();
+        let mut tasks = JoinSet::new();
+        gateway::keep_fresh(state, &mut tasks);
+        Ok(Served { tasks, http: Some((http, end)), is_old: false })
     }
 }
 
@@ -215,7 +222,7 @@ async fn run(
     let mut row = OwnerRow::new(sharing.database.clone());
     let mut watch = Watch::default();
     let mut looked = Some(looked);
-    let mut served = Served { server: serve(&sharing, &present), is_old: false };
+    let mut served = serve(&sharing, &present);
     loop {
         let taken = tokio::select! {
             biased;
@@ -234,14 +241,14 @@ async fn run(
             Ok(state) => {
                 present.set(state.clone());
                 // The streams of those who waited end here.
-                served.serve(&sharing, &present);
+                served = serve(&sharing, &present);
                 let auditor = Arc::clone(&state.auditor);
-                served.server.spawn(async move { auditor.keep().await });
+                served.tasks.spawn(async move { auditor.keep().await });
                 looked.take().map(|looked| looked.send(()));
                 tokio::select! {
                     biased;
                     () = ended(&mut end) => {
-                        served.server.shutdown().await;
+                        served.shutdown().await;
                         // The store may be lost meanwhile, and another gateway may take the robots.
                         state.fleet.end_until(over(&ownership)).await;
                         done = Some(gateway::finish(&state).await);
@@ -252,7 +259,7 @@ async fn run(
                         ownership.set_other(String::new());
                         // Streams end, and those who come again are told that there is no owner. What it has
                         // in memory is of its own time: it reads the store anew as soon as that answers.
-                        served.serve(&sharing, &present);
+                        served = serve(&sharing, &present);
                         served.is_old = true;
                         if let Some(history) = state.shared.history.clone() {
                             // It fails, but the thread ends.
@@ -291,25 +298,30 @@ async fn over(ownership: &Ownership) {
     tokio::time::sleep(left.unwrap_or_default()).await;
 }
 
-/// What a gateway serves now.
+/// What a gateway serves now. Once it is dropped, it accepts no connection any more, and requests that are
+/// under way have [`HAND_OVER`] to get their answers.
 struct Served {
-    server: JoinSet<()>,
+    tasks: JoinSet<()>,
+    /// The server, and what ends it when it is dropped; `None` if it could not be started.
+    http: Option<(AbortHandle, oneshot::Sender<()>)>,
     /// Whether it serves what it knew as an owner.
     is_old: bool,
 }
 
 impl Served {
-    /// Serves the present state in the place of the one before.
-    fn serve(&mut self, sharing: &Sharing, present: &Present) {
-        self.server = serve(sharing, present);
-        self.is_old = false;
+    /// Ends it at once.
+    async fn shutdown(&mut self) {
+        if let Some((http, _)) = self.http.take() {
+            http.abort();
+        }
+        self.tasks.shutdown().await;
     }
 }
 
-fn serve(sharing: &Sharing, present: &Present) -> JoinSet<()> {
+fn serve(sharing: &Sharing, present: &Present) -> Served {
     sharing.serve(&present.state()).unwrap_or_else(|error| {
         tracing::error!(%error, "the gateway cannot listen any more");
-        JoinSet::new()
+        Served { tasks: JoinSet::new(), http: None, is_old: false }
     })
 }
 
@@ -347,7 +359,7 @@ async fn take(
             && let Ok(state) = waiting(sharing, String::new()).await
         {
             present.set(state);
-            served.serve(sharing, present);
+            *served = serve(sharing, present);
         }
         match watch.look(clock::now(), seen) {
             Verdict::Wait => {

@@ -28,5 +28,5 @@ mod work;
 pub use afterwards::Afterwards;
 pub use ends_with::EndsWith;
 pub use refusal::Refusal;
-pub use server::{Guest, Listener, Peer, serve, serve_plain};
+pub use server::{Guest, Listener, Peer, serve, serve_plain, serve_until};
 pub use tls::{BadCertificate, Tls, first_der, is_for};

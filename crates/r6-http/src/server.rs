@@ -95,6 +95,18 @@ impl Listener for TcpListener {
 
 /// Accepts and serves connections over TCP for as long as it is polled, with TLS if there is a certificate.
 pub async fn serve(listener: TcpListener, router: Router, tls: Option<Tls>) {
+    serve_until(listener, router, tls, std::future::pending(), Duration::ZERO).await;
+}
+
+/// The same until it is over: then no connection is accepted any more, and those that are open have this time
+/// to come to their end.
+pub async fn serve_until(
+    listener: TcpListener,
+    router: Router,
+    tls: Option<Tls>,
+    over: impl Future<Output = ()>,
+    grace: Duration,
+) {
     let greet = |stream, peer: SocketAddr, state| {
         let (tls, router) = (tls.clone(), router.clone());
         async move {
@@ -107,24 +119,35 @@ pub async fn serve(listener: TcpListener, router: Router, tls: Option<Tls>) {
             }
         }
     };
-    attend(listener, greet).await;
+    attend(listener, greet, over, grace).await;
 }
 
 /// Accepts and serves connections without TLS for as long as it is polled.
 pub async fn serve_plain(listener: impl Listener, router: Router) {
     let greet = |stream, peer, state| converse(Slowed::new(stream), Peer(peer), router.clone(), state);
-    attend(listener, greet).await;
+    attend(listener, greet, std::future::pending(), Duration::ZERO).await;
 }
 
-/// Accepts connections, and lets `greet` serve each.
-async fn attend<L, F>(mut listener: L, greet: impl Fn(L::Stream, SocketAddr, Arc<GuestState>) -> F)
-where
+/// Accepts connections, and lets `greet` serve each, until it is over. Then it waits for those that are open,
+/// for the time of `grace`.
+async fn attend<L, F>(
+    mut listener: L,
+    greet: impl Fn(L::Stream, SocketAddr, Arc<GuestState>) -> F,
+    over: impl Future<Output = ()>,
+    grace: Duration,
+) where
     L: Listener,
     F: Future<Output = ()> + Send + 'static,
 {
     let mut guests = Guests::default();
+    let mut over = std::pin::pin!(over);
     loop {
-        match listener.accept().await {
+        let accepted = tokio::select! {
+            biased;
+            () = &mut over => break,
+            accepted = listener.accept() => accepted,
+        };
+        match accepted {
             Ok((stream, peer)) => {
                 guests.admit(peer, |state| greet(stream, peer, state));
                 // A request that has arrived is read before the next connection can push this one out.
@@ -137,6 +160,11 @@ where
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
         }
+    }
+    drop(listener);
+    let ended = async { while guests.tasks.join_next().await.is_some() {} };
+    if tokio::time::timeout(grace, ended).await.is_err() {
+        debug!("connections of an HTTP server that ends are cut");
     }
 }
 
@@ -298,7 +326,65 @@ where
 
 #[cfg(test)]
 mod tests {
+    use axum::routing::get;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::net::TcpStream;
+    use tokio::sync::{Notify, oneshot};
+    use tokio::task::JoinHandle;
+
     use super::*;
+
+    /// A server with a route that says that it was asked, and answers when it may. What ends it, too.
+    async fn ending(grace: Duration) -> (SocketAddr, [Arc<Notify>; 2], oneshot::Sender<()>, JoinHandle<()>) {
+        let [asked, may] = [Arc::new(Notify::new()), Arc::new(Notify::new())];
+        let route = {
+            let [asked, may] = [Arc::clone(&asked), Arc::clone(&may)];
+            get(async move || {
+                asked.notify_one();
+                may.notified().await;
+                "done"
+            })
+        };
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let (end, ends) = oneshot::channel::<()>();
+        let over = async { drop(ends.await) };
+        let server = serve_until(listener, Router::new().route("/", route), None, over, grace);
+        (address, [asked, may], end, tokio::spawn(server))
+    }
+
+    async fn ask(address: SocketAddr) -> TcpStream {
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        stream.write_all(b"GET / HTTP/1.1\r\nHost: here\r\nConnection: close\r\n\r\n").await.unwrap();
+        stream
+    }
+
+    #[tokio::test]
+    async fn a_request_that_is_under_way_at_the_end_gets_its_answer_and_no_other_is_accepted() {
+        let (address, [asked, may], end, server) = ending(Duration::from_secs(10)).await;
+        let mut stream = ask(address).await;
+        asked.notified().await;
+        end.send(()).unwrap();
+        while TcpStream::connect(address).await.is_ok() {
+            tokio::task::yield_now().await;
+        }
+        may.notify_one();
+        let mut reply = String::new();
+        stream.read_to_string(&mut reply).await.unwrap();
+        assert!(reply.starts_with("HTTP/1.1 200") && reply.ends_with("done"), "{reply}");
+        server.await.unwrap();
+    }
+
+    #[tokio::test]
+    async fn a_request_that_does_not_come_to_its_end_in_time_is_cut() {
+        let (address, [asked, _may], end, server) = ending(Duration::from_millis(20)).await;
+        let mut stream = ask(address).await;
+        asked.notified().await;
+        end.send(()).unwrap();
+        server.await.unwrap();
+        let mut reply = Vec::new();
+        assert!(stream.read_to_end(&mut reply).await.is_err() || reply.is_empty(), "{reply:?}");
+    }
 
     /// Connections, oldest first: the last number of the address, whether a request is kept, whether one was
     /// served.
