@@ -27,6 +27,8 @@ test("a lost gateway is said at once, controls go off, and the page comes back b
   await page.click("[data-robot=virtual]");
   await page.click("text=Take control");
   await page.waitForSelector("[data-lease=mine]");
+  await page.locator("[aria-labelledby=charts]").scrollIntoViewIfNeeded();
+  await page.waitForSelector("[data-chart][data-reading=false]");
 
   await network.cut();
   await says(page, "[role=alert]", "No connection to the gateway");
@@ -40,6 +42,9 @@ test("a lost gateway is said at once, controls go off, and the page comes back b
   await picture(page, "lost");
   await page.click(STOP);
   await says(page, TOLD, "virtual: NOT SENT. Use the emergency stop at the robot.");
+  // Questions of a chart have no answer now. They are asked again when the gateway is back.
+  await page.click("[data-span='8h']");
+  await page.waitForSelector("[data-problem=no_answer]");
 
   await network.open();
   await page.waitForSelector("[role=alert]", GONE);

@@ -178,7 +178,7 @@ export async function openPage(
   page.on("pageerror", (error) => faults.push(error.message));
   page.on("console", (message) => {
     // A lost gateway and a refused sign-in are told by the browser too, and that pictures of WebGL are slow.
-    const isExpected = /Failed to load resource|WebSocket connection to|GL Driver Message/.test(message.text());
+    const isExpected = /Failed to load resource|WebSocket connection to|GL Driver Message|^Couldn't load preload assets/.test(message.text());
     if ((message.type() === "error" || message.type() === "warning") && !isExpected) faults.push(message.text());
   });
   page.on("request", (request) => {
