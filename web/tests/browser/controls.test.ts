@@ -109,7 +109,7 @@ test("speed, outputs, counters and registers are set under the lease, and a stop
   await page.click("[data-control=clear_stop]");
   await says(page, "[data-told-command=control]", "Clear stop: done.");
   await until("what became of the stop goes", async () => (await page.textContent("[data-told]"))?.trim() === "");
-  expect(await page.locator("[data-stopped-by]").count()).toBe(0);
+  await page.waitForSelector("[data-stopped-by]", { state: "detached" });
 
   // Who comes later sees who set the speed. The twin is a link away.
   await page.reload();
