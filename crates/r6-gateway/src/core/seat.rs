@@ -299,7 +299,8 @@ impl Seat {
             return Err(Denied::RunEnding);
         }
         if let Some(lease) = self.lease(now) {
-            return Err(Denied::Leased { holder: lease.holder, left: lease.left });
+            let same_name = lease.holder == ask.holder;
+            return Err(Denied::Leased { holder: lease.holder, left: lease.left, same_name });
         }
         if self.taking {
             return Err(Denied::BeingTaken);

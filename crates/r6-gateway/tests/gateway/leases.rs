@@ -12,13 +12,12 @@ async fn one_holds_the_lease_and_the_other_is_told_who() {
     let hall = Hall::start().await;
     let first = hall.lease(&hall.operator, "press").await;
     // The same token in another script is another holder.
-    for token in [&hall.admin, &hall.operator] {
+    for (token, is_own) in [(&hall.admin, false), (&hall.operator, true)] {
         let (status, problem) = hall.post(token, LEASE, &json!({})).await;
         assert_eq!((status, &problem["code"]), (409, &json!("leased")));
-        assert!(
-            problem["message"].as_str().unwrap().starts_with("token 2 (operator) holds the lease"),
-            "{problem}"
-        );
+        let message = problem["message"].as_str().unwrap();
+        assert!(message.starts_with("token 2 (operator) holds the lease"), "{problem}");
+        assert_eq!(message.contains("that is your own name"), is_own, "{problem}");
     }
     let seen = hall.get(&hall.viewer, "/v1/robots/press").await["lease"].clone();
     assert_eq!((&seen["number"], &seen["holder"]), (&first["number"], &json!("token 2 (operator)")));

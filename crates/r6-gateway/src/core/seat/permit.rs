@@ -91,6 +91,9 @@ pub enum Denied {
         holder: String,
         /// For how long, unless it is renewed.
         left: Duration,
+        /// Whether the holder has the name of the caller: another program or window of the same person, token
+        /// or address.
+        same_name: bool,
     },
     /// An admin is taking the lease.
     BeingTaken,
@@ -131,9 +134,13 @@ impl fmt::Display for Denied {
                 "you do not hold the lease of this robot, or it has ended: acquire one, and send its number and \
                  secret with each command",
             ),
-            Self::Leased { holder, left } => {
+            Self::Leased { holder, left, same_name } => {
                 let left = left.as_millis();
-                write!(f, "{holder} holds the lease for {left} ms more, unless it is renewed")
+                write!(f, "{holder} holds the lease for {left} ms more, unless it is renewed")?;
+                if *same_name {
+                    f.write_str("; that is your own name: another program or window of yours took it")?;
+                }
+                Ok(())
             }
             Self::BeingTaken => f.write_str("an admin is taking the lease, and the robot is being stopped"),
             Self::Stopped => f.write_str(
