@@ -26,12 +26,13 @@ use crate::slowed::Slowed;
 use crate::stalled::Stalled;
 use crate::tls::Tls;
 
-/// How many connections are open at once. A person and a few scripts need one each.
-const MAX_CONNECTIONS: usize = 64;
+/// How many connections are open at once. A script needs one, a window of a browser up to seven: six for its
+/// requests and one for its stream. So this is room for some thirty windows; each connection may hold 100 KB.
+const MAX_CONNECTIONS: usize = 256;
 
 /// How many of them one address may have, so that others have room beside a machine that opens connections
-/// without end.
-const MAX_OF_ONE_PEER: usize = 32;
+/// without end. A proxy is one address, and so are all windows of one office behind a router.
+const MAX_OF_ONE_PEER: usize = 128;
 
 /// How long the head of a request may take, from the opening of the connection, with TLS from the end of the
 /// handshake, or from the answer to the request before. Clients send it in one piece.
@@ -386,41 +387,46 @@ mod tests {
         assert!(stream.read_to_end(&mut reply).await.is_err() || reply.is_empty(), "{reply:?}");
     }
 
-    /// Connections, oldest first: the last number of the address, whether a request is kept, whether one was
+    /// A machine without a connection so far.
+    const LAST: u16 = u16::MAX;
+
+    /// Connections, oldest first: the number of the machine, whether a request is kept, whether one was
     /// served.
-    async fn guests(open: &[(u8, bool, bool)]) -> Guests {
+    async fn guests(open: &[(u16, bool, bool)]) -> Guests {
         let mut guests = Guests::default();
         for (peer, is_kept, was_served) in open {
             let state = GuestState { is_kept: (*is_kept).into(), was_served: (*was_served).into() };
             let task = guests.tasks.spawn(std::future::pending());
-            let peer = IpAddr::from([10, 0, 0, *peer]);
-            guests.open.push(Open { peer, state: Arc::new(state), task });
+            guests.open.push(Open { peer: new(*peer), state: Arc::new(state), task });
         }
         guests
     }
 
-    fn new(peer: u8) -> IpAddr {
-        IpAddr::from([10, 0, 0, peer])
+    fn new(peer: u16) -> IpAddr {
+        let [high, low] = peer.to_be_bytes();
+        IpAddr::from([10, 0, high, low])
     }
 
     #[tokio::test]
     async fn a_request_that_is_being_answered_goes_last() {
-        // A stop of one machine, and silent connections of 63 others.
+        // A stop of one machine, and silent connections of all others.
+        let others = MAX_CONNECTIONS - 1;
         let mut open = vec![(1, true, false)];
-        open.extend((2..65).map(|peer| (peer, false, false)));
-        assert_eq!(guests(&open).await.who_goes(new(99)), Some(1));
-        // Two streams of one machine, and silent connections of 62 others.
+        open.extend((2..).take(others).map(|peer| (peer, false, false)));
+        assert_eq!(guests(&open).await.who_goes(new(LAST)), Some(1));
+        // Two streams of one machine, and silent connections of all others.
         let mut open = vec![(1, false, true), (1, false, true)];
-        open.extend((2..64).map(|peer| (peer, false, false)));
-        assert_eq!(guests(&open).await.who_goes(new(99)), Some(2));
+        open.extend((2..).take(others - 1).map(|peer| (peer, false, false)));
+        assert_eq!(guests(&open).await.who_goes(new(LAST)), Some(2));
         // Only streams and answers: the machine with the most streams makes room.
         let mut open: Vec<_> = (0..40).map(|peer| (peer, true, true)).collect();
         open.extend([(50, false, true), (51, false, true), (51, false, true)]);
-        open.extend((60..81).map(|peer| (peer, true, false)));
-        assert_eq!(guests(&open).await.who_goes(new(99)), Some(41));
+        open.extend((60..).take(MAX_CONNECTIONS - open.len()).map(|peer| (peer, true, false)));
+        assert_eq!(guests(&open).await.who_goes(new(LAST)), Some(41));
         // Only answers.
-        let open: Vec<_> = (0..64).map(|peer| (peer, true, true)).collect();
-        assert_eq!(guests(&open).await.who_goes(new(99)), Some(0));
+        let open: Vec<_> = (0..).take(MAX_CONNECTIONS).map(|peer| (peer, true, true)).collect();
+        assert_eq!(guests(&open).await.who_goes(new(LAST)), Some(0));
+        assert_eq!(guests(&open[1..]).await.who_goes(new(LAST)), None);
     }
 
     #[tokio::test]

@@ -373,7 +373,7 @@ async fn strangers_who_hold_their_places_push_no_stop_out() {
     let healthy = format!("GET /healthz HTTP/1.1\r\nHost: {address}\r\n\r\n");
     for held in [slow, healthy] {
         let mut crowd = Vec::new();
-        for _ in 0..31 {
+        for _ in 0..127 {
             crowd.push(silent(address, &held).await);
         }
         // The server handles connections in turn: it has read those of before by now.

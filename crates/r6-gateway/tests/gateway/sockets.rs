@@ -416,12 +416,12 @@ async fn a_revoked_token_ends_its_socket_within_a_second() {
 async fn sockets_count_as_connections() {
     let hall = Hall::start().await;
     let mut sockets = Vec::new();
-    for _ in 0..32 {
+    for _ in 0..128 {
         let mut socket = Socket::open(&hall, &hall.viewer, "?signal=curMode").await;
         socket.next().await;
         sockets.push(socket);
     }
-    // One address has 32 connections at most: this call closes the oldest stream.
+    // One address has 128 connections at most: this call closes the oldest stream.
     hall.get(&hall.viewer, "/v1/robots").await;
     assert_eq!(sockets[0].end().await, None);
     let mode = turned(&hall, Key::Manual).await;
