@@ -133,6 +133,8 @@ export const en = {
           return robots === 1 ? "link lost" : `link lost: ${robots} robots`;
         case "stop_holds":
           return "a stop holds until a person takes control and clears it";
+        case "runs_although_stopped":
+          return "runs although a stop holds: it holds back what comes through the gateway, not the machine's own buttons";
       }
     },
     acknowledged: (by: string) => `seen by ${by}`,

@@ -128,6 +128,8 @@ export const zh: typeof en = {
           return robots === 1 ? "连接丢失" : `连接丢失：${robots} 台机器人`;
         case "stop_holds":
           return "停止仍然有效，须由控制权持有者解除";
+        case "runs_although_stopped":
+          return "停止有效，但机器人仍在运行：停止只拦截经网关的命令，拦不住设备上的按钮";
       }
     },
     acknowledged: (by) => `${by} 已确认`,

@@ -1,6 +1,6 @@
 /** Which robots need a person, and why. */
 import type { RobotAlarm } from "../api/types.ts";
-import { type View, isSeen } from "./view.ts";
+import { type View, isRunning, isSeen } from "./view.ts";
 
 export type Entry = {
   /** Stays the same for as long as the cause stays: lists are keyed by it. */
@@ -15,7 +15,9 @@ export type Cause =
   | { kind: "alarm"; code: number; text: string | null; acknowledged: string | null }
   | { kind: "other_robot" }
   | { kind: "no_link" }
-  | { kind: "stop_holds" };
+  | { kind: "stop_holds" }
+  /** A stop holds, and the values say that the robot runs or moves: a stop of the gateway holds no pendant. */
+  | { kind: "runs_although_stopped" };
 
 /** From so many robots on, lost links are one line. */
 const FLOOD = 4;
@@ -57,7 +59,13 @@ export function attention(
     }
     if (summary.link === "down") lost.push(view);
     else if (summary.stopped) {
-      entries.push({ key: `${name} stop`, priority: 2, robots: [name], since: null, kind: "stop_holds" });
+      const runs = isSeen(view) && (isRunning(view) || view.moving === true);
+      if (runs) {
+        const key = `${name} runs`;
+        entries.push({ key, priority: 1, robots: [name], since: null, kind: "runs_although_stopped" });
+      } else {
+        entries.push({ key: `${name} stop`, priority: 2, robots: [name], since: null, kind: "stop_holds" });
+      }
     }
   }
   const since = (view: View): number | null => (view.downSince === null ? null : time(view.downSince));

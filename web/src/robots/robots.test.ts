@@ -173,6 +173,9 @@ test("the list has what needs a person, the most urgent and longest first", () =
       view("d", { alarm: 9 }),
       view("e", { alarm: 3 }),
       view("f", {}, { stopped: true }),
+      view("i", { mode: 7 }, { stopped: true }),
+      view("j", { moving: true }, { stopped: true }),
+      view("k", { mode: 7, quality: "stale" }, { stopped: true }),
       view("g", {}, { identity_changed: OTHER }),
       view("h"),
     ],
@@ -189,9 +192,12 @@ test("the list has what needs a person, the most urgent and longest first", () =
     [1, "c", "alarm", 10_000],
     [1, "b", "alarm", 20_000],
     [1, "g", "other_robot", null],
+    [1, "i", "runs_although_stopped", null],
+    [1, "j", "runs_although_stopped", null],
     [2, "a", "no_link", 6_000],
     [2, "d", "alarm", 10_000],
     [2, "f", "stop_holds", null],
+    [2, "k", "stop_holds", null],
   ]);
   expect(shelved).toBe(1);
 });
