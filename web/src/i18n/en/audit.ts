@@ -73,7 +73,7 @@ export const audit = {
       case "restored":
         return "The folder was restored from a backup. A stop holds for each robot.";
       case "audit_key":
-        return "The heads of the log are signed with another key from now on.";
+        return "The heads of the log are signed with the present key of this gateway from now on.";
       case "token_made":
         return `Made token ${entry.token}${entry.name === "" ? "" : ` “${entry.name}”`}: ${rights(entry.role, entry.only)}.`;
       case "token_revoked":

@@ -72,7 +72,7 @@ export const audit: typeof english = {
       case "restored":
         return "数据目录由备份恢复。每台机器人的停止均有效。";
       case "audit_key":
-        return "此后日志链头用另一把密钥签名。";
+        return "此后日志链头用本网关现在的密钥签名。";
       case "token_made":
         return `生成令牌 ${entry.token}${entry.name === "" ? "" : `“${entry.name}”`}：${rights(entry.role, entry.only)}。`;
       case "token_revoked":

@@ -74,7 +74,7 @@ export const ui: typeof english = {
       case "outcome_unknown":
         return "再次操作之前，请先查看当前状态。";
       case "managed_by_file":
-        return "请修改配置文件，然后让网关重新读取（SIGHUP）。";
+        return "请修改配置文件。作为服务运行的网关收到 SIGHUP 后重新读取；`r6 up` 须重新启动。";
       case "not_this_version":
         return "请先查看当前值，再重新更改。";
       case "last_admin":
