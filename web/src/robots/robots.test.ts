@@ -191,9 +191,9 @@ test("the list has what needs a person, the most urgent and longest first", () =
   expect(told).toEqual([
     [1, "c", "alarm", 10_000],
     [1, "b", "alarm", 20_000],
-    [1, "g", "other_robot", null],
     [1, "i", "runs_although_stopped", null],
     [1, "j", "runs_although_stopped", null],
+    [1, "g", "other_robot", null],
     [2, "a", "no_link", 6_000],
     [2, "d", "alarm", 10_000],
     [2, "f", "stop_holds", null],
