@@ -3,6 +3,7 @@ import { join } from "node:path";
 import { gzipSync } from "node:zlib";
 import { svelte } from "@sveltejs/vite-plugin-svelte";
 import { defineConfig, type Plugin } from "vite";
+import { licences } from "./licences.ts";
 
 /** The most that all files of the page may be, in bytes with gzip: what a browser loads that opens every page. */
 const ALL = 600_000;
@@ -44,7 +45,7 @@ function budget(): Plugin {
 }
 
 export default defineConfig({
-  plugins: [svelte(), budget()],
+  plugins: [svelte(), licences(), budget()],
   build: {
     outDir: "../crates/r6-gateway/page/built",
     emptyOutDir: true,

@@ -127,6 +127,9 @@ test("settings of the hall: a change of somebody else is not overwritten, and al
   expect(await page.isDisabled("button:has-text('Save')")).toBe(true);
   await page.getByLabel("Begin", { exact: true }).fill("06:00");
   await looks(page, "settings");
+  // What the page is made of, with its licences.
+  const licences = await page.evaluate(async () => (await fetch(document.querySelector<HTMLAnchorElement>("[data-licences]")!.href)).text());
+  for (const name of ["svelte", "three", "uplot"]) expect(licences).toMatch(new RegExp(`^${name} [0-9.]+$[^]*Permission is hereby granted`, "m"));
   const before = (await (await hall.ask(admin, "GET", "/v1/settings")).json()) as { etag: string };
   const changed = await fetch(`${hall.url}/v1/settings`, {
     method: "PUT",

@@ -37,4 +37,5 @@ export const hallSettings = {
   gateway: "The gateway",
   address: "Address",
   version: "Version",
+  licences: "Licences of the software in this page",
 };

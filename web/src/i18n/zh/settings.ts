@@ -46,4 +46,5 @@ export const hallSettings: typeof english = {
   gateway: "网关",
   address: "地址",
   version: "版本",
+  licences: "本页面所含软件的许可证",
 };
