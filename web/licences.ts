@@ -3,7 +3,7 @@
  * the bundle, with the text of its licence. A build with a package of another licence, or without a text, fails.
  */
 import { readFileSync, readdirSync } from "node:fs";
-import { dirname, join } from "node:path";
+import { join } from "node:path";
 import type { Plugin } from "vite";
 
 /** The file in the built page. `src/pages/settings/licences.ts` links to it. */
