@@ -30,7 +30,8 @@ function budget(): Plugin {
         }
       };
       for (const file of Object.values(bundle)) {
-        if (file.type === "chunk" && file.isEntry) add(file.fileName);
+        // The worker is loaded with the first page, and is no part of it.
+        if ((file.type === "chunk" && file.isEntry) || /^assets\/worker-/.test(file.fileName)) add(file.fileName);
       }
       const later = Object.keys(bundle).filter((name) => !first.has(name) && /\.(js|css)$/.test(name));
       const chunks = later.map((name) => [name, size(name)] as const).sort(([, one], [, other]) => other - one);

@@ -5,6 +5,7 @@
  */
 import type { LiveSent } from "../api/types.ts";
 import { decode } from "./decode.ts";
+import type { Many } from "./pack.ts";
 
 /** After so long without a message the gateway is lost, in milliseconds. It sends one every 2 s. */
 export const SILENCE = 10_000;
@@ -14,7 +15,7 @@ const FIRST_WAIT = 500;
 const LONGEST_WAIT = 5_000;
 const LOOK = 250;
 
-/** What the page uses of a WebSocket. */
+/** What the page uses of a WebSocket. A message is a text, or several that were read already. */
 export interface Socket {
   addEventListener(kind: "message", act: (event: { data: unknown }) => void): void;
   addEventListener(kind: "close", act: (event: { code: number }) => void): void;
@@ -31,7 +32,7 @@ export interface World {
 }
 
 export interface Reader {
-  message(sent: LiveSent, now: number): void;
+  message(sent: LiveSent | Many, now: number): void;
   /** `heard`: when the gateway was last heard, if it is lost; `null` if it is there. */
   state(heard: number | null): void;
   /** `heard`: when the gateway was last heard, if that is over 4 s ago; `null` once it is heard again. */
@@ -103,8 +104,7 @@ export class Link {
         this.isLive = true;
         this.reader.state(null);
       }
-      const sent = typeof event.data === "string" ? decode(event.data) : null;
-      if (sent !== null) this.reader.message(sent, this.heard);
+      for (const sent of read(event.data)) this.reader.message(sent, this.heard);
     });
     socket.addEventListener("close", ({ code }) => {
       if (this.socket !== socket) return;
@@ -169,4 +169,11 @@ export class Link {
       this.look();
     });
   }
+}
+
+/** The messages of an event. */
+function read(data: unknown): (LiveSent | Many)[] {
+  if (Array.isArray(data)) return data;
+  const sent = typeof data === "string" ? decode(data) : null;
+  return sent === null ? [] : [sent];
 }

@@ -3,6 +3,7 @@
  * the caller, in milliseconds that only grow.
  */
 import type { AddressValue, GatewayEvent, LiveSent, RobotSummary, Signal, SignalQuality } from "../api/types.ts";
+import type { Changed, Many } from "./pack.ts";
 
 /** A value as it was received. */
 export interface Value {
@@ -48,8 +49,8 @@ export class Store {
   private isPass = true;
 
   /** Takes in a message. What changed is returned in order. */
-  apply(sent: LiveSent, now: number): Change[] {
-    const changes = this.take(sent, now);
+  apply(sent: LiveSent | Many, now: number): Change[] {
+    const changes = sent.type === "many" ? this.takeMany(sent.each(), now) : this.take(sent, now);
     if (typeof sent.resume === "string") {
       this.resume = sent.resume;
       this.isPass = false;
@@ -91,10 +92,7 @@ export class Store {
         if (robot === undefined) return [];
         let slow = false;
         for (const signal of sent.signals) {
-          const before = robot.values.get(signal.address);
-          robot.values.set(signal.address, valueOf(signal, now));
-          slow ||= SLOW.has(signal.address) || before?.quality !== signal.quality;
-          slow ||= signal.address.startsWith("counter-");
+          slow = put(robot, signal.address, valueOf(signal, now)) || slow;
         }
         return [{ kind: "robot", name: sent.robot, slow }];
       }
@@ -121,6 +119,17 @@ export class Store {
       case "problem":
         return [];
     }
+  }
+
+  private takeMany(changed: Iterable<Changed>, now: number): Change[] {
+    const slow = new Map<string, boolean>();
+    for (const { robot: name, address, value, unit, quality, age } of changed) {
+      const robot = this.robots.get(name);
+      if (robot === undefined) continue;
+      const isSlow = put(robot, address, { value, unit, quality, asked: age === null ? null : now - age });
+      if (isSlow || !slow.has(name)) slow.set(name, isSlow);
+    }
+    return Array.from(slow, ([name, isSlow]) => ({ kind: "robot", name, slow: isSlow }));
   }
 
   /** Parts of a summary that have no numbers are told by events alone. Returns whether one changed. */
@@ -206,6 +215,13 @@ export class Store {
     }
     return changes;
   }
+}
+
+/** Takes in a value. Returns whether tiles and sentences are made of it. */
+function put(robot: Robot, address: string, value: Value): boolean {
+  const before = robot.values.get(address);
+  robot.values.set(address, value);
+  return SLOW.has(address) || before?.quality !== value.quality || address.startsWith("counter-");
 }
 
 function valueOf(signal: Signal, now: number): Value {

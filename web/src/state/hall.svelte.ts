@@ -3,6 +3,8 @@ import { call } from "../api/client.ts";
 import { robotPath } from "../api/paths.ts";
 import type { GatewayEvent, LiveSent, RobotAlarm, RobotAlarms, RobotState, RobotSummary, Settings } from "../api/types.ts";
 import { touch } from "../live/frame.ts";
+import type { Many } from "../live/pack.ts";
+import { connect } from "../live/remote.ts";
 import { Link } from "../live/socket.ts";
 import { Store } from "../live/store.ts";
 import { type View, viewOf } from "../robots/view.ts";
@@ -81,7 +83,7 @@ class Hall {
   begin(): void {
     this.end();
     const world = {
-      open: (path: string) => new WebSocket(location.origin.replace(/^http/, "ws") + path),
+      open: (path: string) => connect(location.origin.replace(/^http/, "ws") + path),
       now: () => performance.now(),
       after: (ms: number, act: () => void) => {
         const timer = setTimeout(act, ms);
@@ -155,7 +157,7 @@ class Hall {
     }, TOGETHER);
   }
 
-  #take(sent: LiveSent, now: number): void {
+  #take(sent: LiveSent | Many, now: number): void {
     if (sent.type === "alive") {
       this.#ahead = Date.parse(sent.time) - now;
       // A gateway without robots sends nothing else.
