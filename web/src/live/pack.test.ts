@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { LiveSent, Signal } from "../api/types.ts";
-import { MOST, Packer, Unpacker } from "./pack.ts";
+import { MOST, Packer, SNAPSHOTS, Unpacker } from "./pack.ts";
 import { type Change, Store } from "./store.ts";
 
 function signal(address: string, value: Signal["value"], part: Partial<Signal> = {}): Signal {
@@ -82,6 +82,23 @@ test("of a value that changes often the last one waits, as old as it is when it 
   // A message that this page does not know is a sign of life.
   packer.add('{"type":"newer"}', 0);
   expect([packer.isEmpty, packer.take(0).items]).toEqual([false, []]);
+});
+
+test("the snapshots of a hall come in several packs, and what comes behind them waits for its turn", () => {
+  const [packer, unpacker] = [new Packer(), new Unpacker()];
+  const names = Array.from({ length: 2 * SNAPSHOTS + 1 }, (_, at) => `robot-${at}`);
+  for (const name of names) packer.add(JSON.stringify(snapshot(name)), 0);
+  packer.add(JSON.stringify(change("robot-0", [signal("axis-0", 9)])), 0);
+  const sizes: number[] = [];
+  const store = new Store();
+  while (!packer.isEmpty) {
+    const items = unpacker.take(packer.take(0));
+    sizes.push(items.length);
+    for (const item of items) store.apply(item, 0);
+  }
+  expect(sizes).toEqual([SNAPSHOTS, SNAPSHOTS, 2]);
+  expect([...store.robots.keys()]).toEqual(names);
+  expect(store.robots.get("robot-0")?.values.get("axis-0")?.value).toBe(9);
 });
 
 test("a page that takes nothing lets no more wait than it may", () => {

@@ -8,6 +8,8 @@ import { decode } from "./decode.ts";
 
 /** So many messages that are no changes of values wait for the page at most: some minutes of a hall in trouble. */
 export const MOST = 5_000;
+/** So many snapshots the page gets at once at most: it makes the tiles of a hall in several tasks, none of them long. */
+export const SNAPSHOTS = 64;
 
 const QUALITIES: readonly SignalQuality[] = ["fresh", "stale", "none"];
 /** What a row of `numbers` has: place of the robot, place of the signal, value, quality, age in milliseconds. */
@@ -111,7 +113,7 @@ export class Packer {
 
   /** Whether something came since `take`. */
   get isEmpty(): boolean {
-    return !this.heard;
+    return !this.heard && this.items.length === 0;
   }
 
   /** Whether too much waits: the page does not take it. */
@@ -119,10 +121,13 @@ export class Packer {
     return this.items.length > MOST;
   }
 
-  /** What waits, as it leaves at `now`. */
+  /** What waits, as it leaves at `now`. Of many snapshots some wait on. */
   take(now: number): Pack {
-    const items = this.items.map((item) => ("rows" in item ? flat(item.rows, item.resume, now) : older(item.sent, now - item.at)));
-    this.items = [];
+    let snapshots = 0;
+    const isOver = (item: Waiting): boolean => "sent" in item && item.sent.type === "snapshot" && (snapshots += 1) > SNAPSHOTS;
+    const end = this.items.findIndex(isOver);
+    const leaving = this.items.splice(0, end < 0 ? Infinity : end);
+    const items = leaving.map((item) => ("rows" in item ? flat(item.rows, item.resume, now) : older(item.sent, now - item.at)));
     this.heard = false;
     return { robots: this.robots.takeFresh(), columns: this.columns.takeFresh(), items };
   }

@@ -55,8 +55,7 @@ function open(number: number, url: string): void {
   };
   socket.onclose = ({ code }) => {
     // What came before the end counts.
-    isTaken = true;
-    hand();
+    for (isTaken = true; !packer.isEmpty; isTaken = true) hand();
     over(code);
   };
 }
