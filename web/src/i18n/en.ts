@@ -249,6 +249,8 @@ export const en = {
     becameUnready: "It cannot be started now:",
     sending: (what: string) => `${what}: sending…`,
     accepted: (what: string) => `${what}: accepted. The values show whether it moves.`,
+    alarmTaken: (what: string) =>
+      `${what}: the controller accepted it. An alarm whose cause is still there stays or comes back: look at the alarms.`,
     done: (what: string) => `${what}: done.`,
     refused: (what: string, message: string) => `${what}: refused. ${message}`,
     unknown: (what: string) =>

@@ -237,6 +237,7 @@ export const zh: typeof en = {
     becameUnready: "现在不能启动：",
     sending: (what) => `${what}：正在发送…`,
     accepted: (what) => `${what}：已接受。是否运动请看数值。`,
+    alarmTaken: (what) => `${what}：控制器已接受。原因仍在的报警会保留或再次出现：请看报警。`,
     done: (what) => `${what}：完成。`,
     refused: (what, message) => `${what}：被拒绝。${message}`,
     unknown: (what) => `${what}：结果未知。机器人可能已动作，请查看，如有疑问请停止。不会重新发送。`,

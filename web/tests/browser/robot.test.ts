@@ -113,6 +113,7 @@ test("an alarm stands first in the hall, is explained, acknowledged and cleared"
   await r6("panel", "--panel", cell.panel, "release");
   await page.click("text=Take control");
   await page.click("[data-control=clear_alarm]");
+  await says(page, "[data-told-command=control]", "Clear alarm: the controller accepted it.");
   await says(page, "[data-alarm='7']", "until");
   await page.click("text=Give back");
   await page.click("text=Hall");
