@@ -262,7 +262,7 @@ export const teach = {
     more: (n: number) => `and ${count(n, "more mistake", "more mistakes")}`,
     whole: "Of the whole program",
     remarks: "Hints",
-    nothing: "Nothing to check yet",
+    nothing: "No step yet: nothing to check",
     loose: (name: string, n: number) => `Step ${n} names ${name}, and has other numbers.`,
   },
   preview: {

@@ -258,7 +258,7 @@ export const teach: typeof english = {
     more: (n) => `还有 ${n} 个错误`,
     whole: "整个程序",
     remarks: "提示",
-    nothing: "还没有可检查的内容",
+    nothing: "还没有步骤，无需检查",
     loose: (name, n) => `步骤 ${n} 注明 ${name}，但数值不同。`,
   },
   preview: {

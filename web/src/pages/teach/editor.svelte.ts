@@ -242,8 +242,10 @@ export class Editor {
   async #ask(): Promise<void> {
     const { text } = this;
     if (this.#isChecking || this.check?.text === text) return;
-    if (text.trim() === "") {
+    // Without a step there is nothing to check: the page says so in its own words.
+    if (text.trim() === "" || (this.raw === null && this.document.steps.length === 0)) {
       this.check = null;
+      this.checkProblem = null;
       return;
     }
     this.#isChecking = true;
