@@ -15,7 +15,6 @@ export const arm = {
   old: (seconds: number) => `${duration(seconds)} old`,
   graphics: "This browser draws no 3D here: WebGL is missing or switched off. The numbers say the same.",
   lost: "The picture was lost: the graphics card was reset or is too busy. The numbers say the same.",
-  part: "The picture could not be loaded. The numbers say the same.",
   again: "Show it again",
   modelsFailed: "The models of arms cannot be read.",
   unknownModel: (model: string) => `This gateway does not know the model ${model}: there are numbers only.`,

@@ -1,11 +1,21 @@
 /** Words of the parts that pages share: see src/ui/. */
 import type { Failure } from "../../api/failure.ts";
 import type { Role } from "../../api/types.ts";
+import type { Found } from "../../state/build.svelte.ts";
 
 const ROLES: Record<Role, string> = { viewer: "viewer", operator: "operator", engineer: "engineer", admin: "admin" };
 
 export const ui = {
   newBuild: "The gateway has another version of this page. What you typed and did not save is lost when it is loaded.",
+  part: {
+    failed: "This part of the page could not be loaded.",
+    why: (found: Found) =>
+      ({
+        away: "The gateway does not answer. It is asked again when it is heard.",
+        same: "The gateway answers now.",
+        other: "The gateway has another version of this page, and not the parts of this one any more.",
+      })[found],
+  },
   loading: "Loading…",
   again: "Try again",
   asOf: (at: string) => `As of ${at}. It may have changed since.`,

@@ -16,7 +16,6 @@ export const arm: typeof english = {
   old: (seconds) => `${duration(seconds)}前`,
   graphics: "此浏览器无法显示三维图形：没有 WebGL 或已停用。请看数值，内容一致。",
   lost: "图形已丢失：显卡被重置或过于繁忙。请看数值，内容一致。",
-  part: "无法加载图形。请看数值，内容一致。",
   again: "重新显示",
   modelsFailed: "无法读取机械臂型号。",
   unknownModel: (model) => `此网关不认识型号 ${model}，只显示数值。`,

@@ -6,6 +6,15 @@ const ROLES: Record<Role, string> = { viewer: "观察员", operator: "操作员"
 
 export const ui: typeof english = {
   newBuild: "网关上有此页面的其他版本。重新加载时，尚未保存的输入将丢失。",
+  part: {
+    failed: "无法加载页面的这一部分。",
+    why: (found) =>
+      ({
+        away: "网关没有应答。收到网关的消息后会再次询问。",
+        same: "网关现在有应答。",
+        other: "网关上是此页面的其他版本，当前版本的各部分已不在。",
+      })[found],
+  },
   loading: "正在加载…",
   again: "重试",
   asOf: (at) => `数据截至 ${at}，之后可能已变化。`,
