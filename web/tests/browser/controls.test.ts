@@ -82,6 +82,14 @@ test("speed, outputs, counters and registers are set under the lease, and a stop
   await page.keyboard.press("Escape");
   await says(page, "[data-speed]", "20 %");
   expect(await page.isDisabled("[data-control=speed]")).toBe(false);
+  // The question closes when control ends.
+  await page.click("[data-control=speed]");
+  await says(page, "[role=dialog]", "It was 20 %");
+  await page.evaluate(() => document.querySelector<HTMLElement>("[data-lease=mine] button")?.click());
+  await page.waitForSelector("[role=dialog]", { state: "detached" });
+  await says(page, "[data-told-command=control]", "The speed was not set: take control first. Give it again.");
+  await page.locator("[data-lease=free] button").click();
+  await page.waitForSelector("[data-lease=mine]");
 
   await page.selectOption("[data-output]", { label: "Y012" });
   await page.click("[data-set-output=on]");
@@ -243,12 +251,23 @@ test("an exchanged robot is shown beside the one before, and an engineer accepts
   await page.click("[data-robot=swapped]");
   await says(page, "[data-doing]", "The program runs.");
   await first.kill();
-  const second = new Running("sim", "--listen", address, "--model", "GENERIC-SCARA");
+  let second = new Running("sim", "--listen", address, "--model", "GENERIC-SCARA");
   try {
-    await says(page, "[data-exchange]", /r6 virtual BRTIRUS0707A[^]*r6 virtual GENERIC-SCARA/);
+    await says(page, "[data-changed=swapped]", /r6 virtual BRTIRUS0707A[^]*r6 virtual GENERIC-SCARA/);
     await isAccessible(page);
+    // Two steps, for the robot that is shown: when the first one answers again, nothing is accepted.
     await page.click("[data-accept]");
-    await says(page, "[data-told-command=top]", "Accept the robot: done.");
+    await says(page, "[role=dialog]", /GENERIC-SCARA/);
+    await second.kill();
+    second = new Running("sim", "--listen", address, "--model", "BRTIRUS1510A");
+    await page.waitForSelector("[role=dialog]", { state: "detached" });
+    await says(page, "[data-not-accepted]", "Nothing was accepted: what was shown is not what answers now");
+    await says(page, "[data-changed=swapped]", "BRTIRUS1510A");
+    await page.click("[data-accept]");
+    await says(page, "[role=dialog]", /BRTIRUS1510A/);
+    const [request] = await Promise.all([page.waitForRequest("**/accept-identity"), page.click("[data-accept-now]")]);
+    expect(request.postDataJSON()).toMatchObject({ machine_name: "r6 virtual BRTIRUS1510A" });
+    await says(page, "[data-act=done]", "Accept the robot that answers as swapped: Done.");
     await says(page, "[data-doing]", "The program runs.");
     expect(faults).toEqual([]);
   } finally {

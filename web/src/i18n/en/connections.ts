@@ -82,6 +82,7 @@ export const connections = {
   acceptTitle: (robot: string) => `Is this ${robot} from now on?`,
   acceptWhat:
     "Stand at the machine, and compare its name and firmware with what is shown here. Commands and programs for this name go to this machine from then on.",
+  acceptVoid: "Nothing was accepted: what was shown is not what answers now, or the gateway is not heard. Look again.",
   acceptNow: "Accept it",
   didAccept: (robot: string) => `Accept the robot that answers as ${robot}`,
   add: "Add a robot",

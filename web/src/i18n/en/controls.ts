@@ -66,6 +66,8 @@ export const controls = {
     from === null
       ? `What the speed is now is not known. ${to} % may be faster.`
       : `It was ${from} %. What moves then moves faster, also a move that is under way.`,
+  speedNotSet: (why: string) =>
+    `The speed was not set: ${why === "" ? "the speed or the robot is another one now" : why}. Give it again.`,
   raiseDo: (robot: string, percent: number) => `Set ${robot} to ${percent} %`,
   motors: "Motors",
   motorSpeed: "Speed, RPM",
@@ -100,14 +102,7 @@ export const controls = {
   takeWhat: "The gateway stops the robot first, and the stop holds. A program that it runs ends.",
   takeReason: "Reason, for the audit log",
   takeDo: (robot: string) => `Stop ${robot} and take control`,
-  exchanged: "Another robot answers",
-  expected: "Known until now",
-  found: "Answers now",
-  axes: "Axes",
-  accept: (robot: string) => `Accept it as ${robot}`,
-  acceptHint: "Accept it only after you have looked at the machine: commands go to this one then.",
   needsEngineer: "this needs the role engineer",
-  accepting: "Accept the robot",
   run: "Run a program",
   runNone: "The gateway keeps no program yet. An engineer stores one on the page “Teach”, or with PUT /v1/programs/NAME.",
   lookAgain: "Look again",

@@ -81,6 +81,7 @@ export const connections: typeof english = {
   accept: "确认现在应答的机器人…",
   acceptTitle: (robot) => `此后它就是 ${robot} 吗？`,
   acceptWhat: "请站到机器旁，将其名称和固件与此处显示的内容核对。此后发给该名称的命令和程序都会发给这台机器。",
+  acceptVoid: "未确认：显示的内容与现在应答的机器人不符，或收不到网关的消息。请重新查看。",
   acceptNow: "确认",
   didAccept: (robot) => `确认应答的机器人为 ${robot}`,
   add: "添加机器人",
