@@ -17,6 +17,7 @@ import { production } from "./en/production.ts";
 import { count, duration } from "./en/say.ts";
 import { hallSettings } from "./en/settings.ts";
 import { ui } from "./en/ui.ts";
+import { run } from "./en/run.ts";
 import { teach } from "./en/teach.ts";
 
 const MODES: Record<number, string> = {
@@ -49,6 +50,7 @@ export const en = {
   hallSettings,
   arm,
   controls,
+  run,
   teach,
   alarms,
   chart,
@@ -205,9 +207,6 @@ export const en = {
       no_stop: "no stop holds",
       running: "it runs already",
       not_running: "it does not run",
-      no_program: "the controller's program does not run: start it first",
-      list_left: "instructions are left in its list",
-      not_homed: "it is not homed",
     })[reason],
   lease: {
     take: "Take control",

@@ -10,6 +10,7 @@ import { chart } from "./zh/chart.ts";
 import { choice, history } from "./zh/history.ts";
 import { gallery } from "./zh/gallery.ts";
 import { menu } from "./zh/menu.ts";
+import { run } from "./zh/run.ts";
 import { teach } from "./zh/teach.ts";
 import { production } from "./zh/production.ts";
 import { duration } from "./zh/say.ts";
@@ -46,6 +47,7 @@ export const zh: typeof en = {
   hallSettings,
   arm,
   controls,
+  run,
   teach,
   alarms,
   chart,
@@ -194,9 +196,6 @@ export const zh: typeof en = {
       no_stop: "没有生效的停止",
       running: "已在运行",
       not_running: "未在运行",
-      no_program: "控制器的程序未运行：请先启动",
-      list_left: "指令列表中还有剩余指令",
-      not_homed: "尚未回原点",
     })[reason],
   lease: {
     take: "获取控制权",

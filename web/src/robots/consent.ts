@@ -12,12 +12,15 @@ export interface Consent {
   machine: string;
 }
 
+/** The machine that answers behind a name, as one text: another one for another machine of the same name. */
+export function machineOf({ summary: { identity, identity_changed, virtual }, who }: View): string {
+  return JSON.stringify([who, identity, identity_changed, virtual]);
+}
+
 export type Changed = "robot" | "program" | "left";
 
 export function consentOf(view: View): Consent {
-  const { virtual, identity, identity_changed } = view.summary;
-  const machine = JSON.stringify([identity, identity_changed]);
-  return { name: view.name, program: view.program, left: view.left, virtual, machine };
+  return { name: view.name, program: view.program, left: view.left, virtual: view.summary.virtual, machine: machineOf(view) };
 }
 
 /** What is not any more as the person was told. */

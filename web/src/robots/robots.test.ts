@@ -1,32 +1,13 @@
 import { expect, test } from "vitest";
 import type { RobotAlarm, RobotSummary } from "../api/types.ts";
+import { viewLike } from "../../tests/view.ts";
 import { attention, frozen } from "./attention.ts";
 import { changed, consentOf, mayRunLeftover } from "./consent.ts";
 import { doing, unmet } from "./sentence.ts";
 import { type View, mayMove } from "./view.ts";
 
 function view(name: string, part: Partial<View> = {}, summary: Partial<RobotSummary> = {}): View {
-  const whole: RobotSummary = {
-    name,
-    address: "",
-    managed_by: "file",
-    model: null,
-    link: "up",
-    identity: null,
-    identity_changed: null,
-    virtual: null,
-    panel: false,
-    twin: null,
-    twin_of: null,
-    lease: null,
-    stopped: false,
-    stopped_by: null,
-    stops_under_way: 0,
-    global_speed: null,
-    ...summary,
-  };
-  const rest = { mode: 2, alarm: 0, moving: false, homed: true, left: 0, program: null, parts: null, downSince: null };
-  return { name, summary: whole, quality: "fresh", ...rest, ...part };
+  return viewLike(name, part, summary);
 }
 
 function alarm(robot: string, code: number, part: Partial<RobotAlarm> = {}): RobotAlarm {
@@ -96,6 +77,7 @@ test("a consent holds for what was said, and for nothing else", () => {
   const now = (part: Partial<View>, summary: Partial<RobotSummary> = {}) =>
     changed(told, view("saw", { program: "pick", left: 3, ...part }, { virtual: true, ...summary }));
   expect(now({})).toBeNull();
+  expect(now({ who: 2 }), "another machine of the same name and kind").toBe("robot");
   expect(now({ left: 4 })).toBe("left");
   expect(now({ left: null })).toBe("left");
   expect(now({ program: "place" })).toBe("program");
@@ -142,19 +124,11 @@ test("a start needs everything, a pause no lease", () => {
   expect(unmet("clear_stop", view("saw", {}, { stopped: true }), HAS)).toEqual([]);
 });
 
-test("what may start a motion needs that no stop holds; a run needs a program that waits for its list", () => {
+test("what may start a motion needs that no stop holds", () => {
   expect(unmet("change", view("saw", {}, { stopped: true }), HAS)).toEqual([]);
   expect(unmet("change", view("saw", { mode: 1 }), HAS)).toEqual(["manual"]);
   expect(unmet("may_move", view("saw", { mode: 1 }, { stopped: true }), HAS)).toEqual(["stop_holds", "manual"]);
   expect(unmet("may_move", view("saw"), { ...HAS, lease: false })).toEqual(["no_lease"]);
-  expect(unmet("run", view("saw", { mode: 7, left: 0 }), HAS)).toEqual([]);
-  expect(unmet("run", view("saw", { mode: 2, left: 3, homed: false, alarm: 7 }), HAS)).toEqual([
-    "alarm",
-    "not_homed",
-    "no_program",
-    "list_left",
-  ]);
-  expect(unmet("run", view("saw", { mode: 7, left: null }), HAS), "the gateway looks").toEqual([]);
 });
 
 test("whose turn it is to clear a stop is said", () => {

@@ -58,16 +58,13 @@ export type Unmet =
   | "stop_holds"
   | "no_stop"
   | "running"
-  | "not_running"
-  | "no_program"
-  | "list_left"
-  | "not_homed";
+  | "not_running";
 
 /**
  * `change`: what sets a number and moves nothing. `may_move`: outputs and registers, which a cell may start
- * its motion by. `run`: a program of the gateway.
+ * its motion by.
  */
-export type Control = "start" | "pause" | "clear_alarm" | "clear_stop" | "change" | "may_move" | "run";
+export type Control = "start" | "pause" | "clear_alarm" | "clear_stop" | "change" | "may_move";
 
 /** What keeps a control from being used, the first to mend first. The gateway checks all this again. */
 export function unmet(
@@ -112,15 +109,6 @@ export function unmet(
       break;
     case "change":
       check(!isManual, "manual");
-      break;
-    case "run":
-      check(view.quality === "fresh", "stale");
-      check(!view.summary.stopped, "stop_holds");
-      check(!isAlarmed, "alarm");
-      check(!isManual, "manual");
-      check(view.homed !== false, "not_homed");
-      check(isManual || view.mode === MODES.running, "no_program");
-      check(view.left === null || view.left === 0, "list_left");
       break;
   }
   return reasons;

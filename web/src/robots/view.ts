@@ -21,6 +21,8 @@ export interface View {
   parts: number | null;
   /** When the link was lost, on the page's clock; `null` if it is up or that is not known. */
   downSince: number | null;
+  /** Another number for each time from which on another machine may answer behind the name. */
+  who: number;
 }
 
 export function viewOf(robot: Robot): View {
@@ -48,6 +50,7 @@ export function viewOf(robot: Robot): View {
     program: typeof program === "string" && program !== "" ? program : null,
     parts: isUp ? partsOf(robot) : null,
     downSince: robot.downSince,
+    who: robot.ticket,
   };
 }
 

@@ -1,8 +1,7 @@
 import { expect, test } from "vitest";
-import type { ProgramPlan, Run } from "../api/types.ts";
-import type { View } from "../robots/view.ts";
-import { hasStayed, type Basis, armAt, framesInUse, marksOf, nearLimits, stepAt, stepMarks, voidBy, voidByCommand } from "./preview.ts";
-import { type Ready, mayRun, notSent, range, sentBy } from "./send.ts";
+import type { ProgramPlan } from "../api/types.ts";
+import { armAt, marksOf, nearLimits, stepAt, stepMarks } from "./preview.ts";
+import { range } from "./scope.ts";
 
 function sample(time_ms: number, axes: number[]): ProgramPlan["samples"][number] {
   return { time_ms, axes, axis_speeds: axes.map(() => 0), pose: [time_ms, 0, 0, 0, 0, 0], tool_speed: 0 };
@@ -71,137 +70,6 @@ test("the arm is found at each instant, and is not told beyond the plan", () => 
   expect([stepAt(plan(), 99), stepAt(plan(), 100), stepAt(plan({ steps: [] }), 0)]).toEqual([1, 3, null]);
 });
 
-test("a preview is void when arm, robot, tool, frame, speed or text change", () => {
-  const made: Basis = { text: "a", robot: "saw", machine: "m", model: "M", speed: 50, setSpeed: 50, axes: [1, 2], frames: "0 0" };
-  const by = (part: Partial<Basis>) => voidBy(made, { ...made, ...part });
-  expect(by({})).toBeNull();
-  expect(by({ axes: [1.04, 2] })).toBeNull();
-  expect([
-    by({ text: "b" }),
-    by({ robot: "saw-twin" }),
-    by({ machine: "n" }),
-    by({ model: null }),
-    by({ speed: 60 }),
-    by({ setSpeed: 30 }),
-    by({ setSpeed: null }),
-    by({ axes: [1.06, 2] }),
-    by({ axes: [1] }),
-    by({ axes: null }),
-    by({ frames: "1 0" }),
-    by({ frames: null }),
-  ]).toEqual(["text", "robot", "robot", "model", "speed", "speed", "speed", "arm", "arm", "arm_unknown", "frames", "frames"]);
-  expect(['modifyGSPD "300"', "switchTool \"1\"", "switchCoordinate", "modifyOutput"].map(voidByCommand)).toEqual([
-    "speed",
-    "frames",
-    "frames",
-    null,
-  ]);
-});
-
-test("a plan is made without tool and work frame", () => {
-  expect(['["0","0","0"]', '["0","0","3"]', '["2","0","0"]', '["0","1","0"]', '"0"', null].map(framesInUse)).toEqual([
-    false,
-    false,
-    true,
-    true,
-    true,
-    false,
-  ]);
-});
-
-function view(part: Partial<View> = {}, summary: Partial<View["summary"]> = {}): View {
-  return {
-    name: "saw",
-    quality: "fresh",
-    mode: 7,
-    alarm: 0,
-    moving: false,
-    homed: true,
-    left: 0,
-    program: null,
-    parts: null,
-    downSince: null,
-    ...part,
-    summary: { link: "up", stopped: false, identity_changed: null, ...summary } as View["summary"],
-  };
-}
-
-const READY: Ready = {
-  gateway: true,
-  right: true,
-  lease: true,
-  hasTwin: true,
-  tried: true,
-  steps: 3,
-  unread: false,
-  checked: { ok: true, kind: "instructions" },
-  repeats: false,
-  appends: false,
-  plan: { ended: "done", problems: [] },
-  isVoid: null,
-  runs: false,
-  isUnknown: false,
-};
-
-test("a program is sent only if everything is known to be ready", () => {
-  const by = (part: Partial<Ready>, seen: View = view()) => notSent(seen, { ...READY, ...part });
-  expect(by({})).toEqual([]);
-  expect(notSent(undefined, READY)).toEqual(["no_target"]);
-  expect(by({ isUnknown: true }), "nothing is sent behind what may still run").toEqual(["look_first"]);
-  expect([
-    by({ gateway: false }),
-    by({ right: false }),
-    by({ lease: false }),
-    by({ tried: false }),
-    by({ tried: false, hasTwin: false }),
-    by({ steps: 0 }),
-    by({ unread: true }),
-    by({ checked: null }),
-    by({ checked: { ok: false, kind: "instructions" } }),
-    by({ checked: { ok: true, kind: "taught" }, plan: null }),
-    by({ repeats: true }),
-    by({ appends: true }),
-    by({ plan: null }),
-    by({ isVoid: "arm" }),
-    by({ plan: { ended: "alarm", problems: [limit] } }),
-    by({ plan: { ended: "done", problems: [{ ...limit, kind: "passed_over" }] } }),
-    by({ runs: true }),
-  ]).toEqual([
-    ["gateway_lost"],
-    ["no_right"],
-    ["no_lease"],
-    ["twin_first"],
-    ["no_twin"],
-    ["no_steps"],
-    ["unread_field"],
-    ["checking"],
-    ["mistakes"],
-    ["taught"],
-    ["repeats"],
-    ["appends"],
-    ["no_preview"],
-    ["void"],
-    ["plan_fails"],
-    ["plan_fails"],
-    ["run_under_way"],
-  ]);
-  const robots: [View, string[]][] = [
-    [view({ mode: 2 }), ["not_started"]],
-    [view({ mode: 9 }), ["not_started"]],
-    [view({ mode: 1 }), ["manual"]],
-    [view({ alarm: 7 }), ["alarm"]],
-    [view({ moving: true }), ["moves"]],
-    [view({ moving: null }), ["moves_unknown"]],
-    [view({ left: 2 }), ["list"]],
-    [view({ left: null }), ["list_unknown"]],
-    [view({ homed: false }), ["not_homed"]],
-    [view({ quality: "stale" }), ["stale"]],
-    [view({}, { link: "down" }), ["no_link"]],
-    [view({}, { stopped: true }), ["stop_holds"]],
-  ];
-  for (const [seen, reasons] of robots) expect(by({}, seen)).toEqual(reasons);
-});
-
 test("a scope names the steps that run", () => {
   expect([
     range({ kind: "all" }, 5),
@@ -214,38 +82,4 @@ test("a scope names the steps that run", () => {
     [4, 5],
     [5, 5],
   ]);
-});
-
-test("without a clear answer the outcome is unknown", () => {
-  const run = { state: "running" } as Run;
-  const refused = (status: number, code: string) =>
-    sentBy({ kind: "refused", status, problem: { code: code as "refused", message: "no" } }).kind;
-  expect(sentBy({ kind: "ok", value: run })).toEqual({ kind: "accepted", run });
-  expect(sentBy({ kind: "ok", value: { ...run, state: "done" } }).kind).toBe("ended");
-  expect(sentBy({ kind: "unknown" }).kind).toBe("unknown");
-  expect([refused(504, "outcome_unknown"), refused(502, "unknown"), refused(500, "unknown")]).toEqual([
-    "unknown",
-    "unknown",
-    "unknown",
-  ]);
-  expect([refused(409, "stopped"), refused(422, "bad_program"), refused(503, "overloaded")]).toEqual([
-    "refused",
-    "refused",
-    "refused",
-  ]);
-  expect([mayRun(null), mayRun({ kind: "sent" }), mayRun({ kind: "ended", run }), mayRun({ kind: "unknown" })]).toEqual([
-    false,
-    true,
-    false,
-    false,
-  ]);
-});
-
-test("the arm has stayed only if each axis is seen where it was", () => {
-  expect(hasStayed([1, 2], [1, 2])).toBe(true);
-  expect(hasStayed([1, 2], [1, 5]), "it moved").toBe(false);
-  expect(hasStayed([1, 2], [1, null]), "it is not known any more").toBe(false);
-  expect(hasStayed([1, null], [1, 3]), "it became known").toBe(false);
-  // A four-axis arm has no others.
-  expect(hasStayed([1, null], [1, null])).toBe(true);
 });

@@ -1,15 +1,12 @@
 /**
- * What a plan of the gateway shows: where it is near or beyond a limit, where the arm is at an instant, and
- * whether it still holds. The gateway alone computes with arms.
+ * What a plan of the gateway shows: where it is near or beyond a limit, and where the arm is at an instant. The
+ * gateway alone computes with arms. Whether it still holds: `run/guard.ts`.
  */
 import type { PlanSample, ProgramPlan } from "../api/types.ts";
 import { nearness } from "../scene/model.ts";
 
 /** A part of a path. `beyond` and `singular` are where the plan ends for that reason. */
 export type Mark = "ok" | "near" | "beyond" | "singular";
-
-/** How far an axis may stand from where the plan begins, in degrees or mm: encoders tremble. */
-export const TREMBLE = 0.05;
 
 type Axis = ProgramPlan["axes"][number];
 
@@ -108,58 +105,4 @@ export function armAt(plan: ProgramPlan, time: number): { sample: PlanSample; ax
   if (next === undefined || next.time_ms <= sample.time_ms || time <= sample.time_ms) return { sample, axes: sample.axes };
   const part = (time - sample.time_ms) / (next.time_ms - sample.time_ms);
   return { sample, axes: sample.axes.map((value, at) => value + ((next.axes[at] ?? value) - value) * part) };
-}
-
-/** What a preview was made of. */
-export interface Basis {
-  /** The text that was planned: that of the whole program, or of the steps that are to run. */
-  text: string;
-  /** The robot that it was planned for, the machine behind its name, and its model. */
-  robot: string;
-  machine: string;
-  model: string | null;
-  /** The global speed that was assumed, in percent. */
-  speed: number;
-  /** The global speed that was set last, in percent; `null` if the gateway does not know it. */
-  setSpeed: number | null;
-  /** Where its axes stand; `null` if that is not known now. */
-  axes: readonly number[] | null;
-  /** Tool and work frame in use, as the robot tells them; `null` if it does not. */
-  frames: string | null;
-}
-
-export type Void = "text" | "robot" | "model" | "speed" | "arm" | "arm_unknown" | "frames" | "frames_in_use";
-
-/** Whether the axes stand where they stood. What is not known has not stayed, unless it was not known before. */
-export function hasStayed(before: readonly (number | null)[], now: readonly (number | null)[]): boolean {
-  return before.every((value, at) =>
-    value === null ? (now[at] ?? null) === null : Math.abs(value - (now[at] ?? Infinity)) <= TREMBLE,
-  );
-}
-
-/** Why a preview does not hold any more; `null` if it holds. */
-export function voidBy(made: Basis, now: Basis): Void | null {
-  if (now.robot !== made.robot || now.machine !== made.machine) return "robot";
-  if (now.model !== made.model) return "model";
-  if (now.text !== made.text) return "text";
-  if (now.speed !== made.speed || now.setSpeed !== made.setSpeed) return "speed";
-  if (now.frames !== made.frames) return "frames";
-  if (now.axes === null || made.axes === null) return "arm_unknown";
-  return hasStayed(made.axes, now.axes) ? null : "arm";
-}
-
-/**
- * Whether a tool or a work frame is in use: a plan is made without, and linear moves go elsewhere with them.
- */
-export function framesInUse(frames: string | null): boolean {
-  if (frames === null) return false;
-  const read: unknown = JSON.parse(frames);
-  return !Array.isArray(read) || read.slice(0, 2).some((number) => Number(number) !== 0);
-}
-
-/** Commands that make a preview void, as events tell them: `modifyGSPD "300"`. */
-export function voidByCommand(command: string): Void | null {
-  if (/^modify(?:GSPD|AccDec)\b/.test(command)) return "speed";
-  if (/^(?:switchTool|modifyTool|switchCoordinate|modifyCoordinate)\b/.test(command)) return "frames";
-  return null;
 }

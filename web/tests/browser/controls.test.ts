@@ -55,6 +55,15 @@ async function hold(page: Page, text: string): Promise<void> {
   await page.mouse.up();
 }
 
+/** Stores another version of a program. */
+async function again(name: string, program: string): Promise<void> {
+  const path = `/v1/programs/${name}`;
+  const { etag } = (await (await ask("GET", path, engineer)).json()) as { etag: string };
+  const headers = { Authorization: `Bearer ${engineer}`, "Content-Type": "application/json", "If-Match": etag };
+  const stored = await fetch(url + path, { method: "PUT", headers, body: JSON.stringify({ program }) });
+  expect(stored.status).toBe(200);
+}
+
 async function control(page: Page, robot: string): Promise<void> {
   await page.goto(`${url}/robots/${robot}`);
   await page.locator("[data-lease=free] button").click();
@@ -177,14 +186,30 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await control(page, "saw-twin");
   await page.selectOption("[data-program]", "sweep");
   expect(await page.locator("[data-program] option", { hasText: "broken" }).isDisabled()).toBe(true);
-  await page.click("[data-control=prepare-run]");
-  await says(page, "[data-prepared]", /From where the arm stands now: \d+\.\d s at 100 %, \d+ mm/);
-  await says(page, "[data-prepared]", "Stay at this page");
+  await page.click("[data-prepare]");
+  await says(page, "[data-prepared]", /sweep, version 1: 1 step, 1 time\./);
+  await says(page, "[data-prepared]", /The tool goes \d+ mm in \d+\.\d\d s, if the global speed is 100 %\./);
+  await says(page, "[data-prepared]", "Planned at 100 %: the speed that is set is not known.");
+  await says(page, "[data-prepared]", "Stay here");
+  // Another version that is stored meanwhile makes it void.
+  await again("sweep", `${SWEEP}# again\n`);
+  await says(page, "[data-refused]", "Not run: another version of the program was stored. Prepare it again.");
+  expect(await page.locator("[data-prepared]").count()).toBe(0);
+  await page.click("[data-prepare]");
+  await says(page, "[data-prepared]", "sweep, version 2");
+  // So does the end of control.
+  await page.locator("[data-lease=mine] button").click();
+  await says(page, "[data-refused]", "Not run: the control has ended. Prepare it again.");
+  await page.locator("[data-lease=free] button").click();
+  await page.waitForSelector("[data-lease=mine]");
+  await page.click("[data-prepare]");
+  await says(page, "[data-prepared]", "sweep, version 2");
   await isAccessible(page);
   await picture(page, "robot-run-1920-light");
-  await hold(page, "Hold to run sweep on saw-twin");
-  await says(page, "[data-run=done]", /sweep: DONE[^]*Steps seen to be done: 1 of 1\./);
-  await says(page, "[data-proof]", "the arm stands where the last move ends");
+  await hold(page, "Hold to run on saw-twin");
+  await says(page, "[data-run=done]", /Done on saw-twin[^]*sweep, run by token \d+[^]*Steps seen to be done: 1 of 1\./);
+  await says(page, "[data-proof=reached]", "the arm stands where the last move ends");
+  expect(await page.locator("[data-refused]").count(), "a run that succeeded leaves no fault").toBe(0);
   await says(page, "[data-value=axis-0]", /^30\.000$/);
 
   // A stop ends a run, and the page says why it ended.
@@ -192,12 +217,20 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await page.focus("[data-program]");
   await until("the new program is listed", async () => (await page.locator("[data-program] option[value=back]").count()) === 1);
   await page.selectOption("[data-program]", "back");
-  await page.click("[data-control=prepare-run]");
+  await page.click("[data-prepare]");
   await page.waitForSelector("[data-prepared]");
-  await hold(page, "Hold to run back on saw-twin");
+  await hold(page, "Hold to run on saw-twin");
   await page.waitForSelector("[data-run=running]");
+  // A second page of another person tells of it too.
+  const other = await openPage(browser);
+  await other.page.goto(`${url}/#${admin}`);
+  await other.page.waitForSelector("[data-robot=saw-twin]");
+  await other.page.goto(`${url}/robots/saw-twin`);
+  await says(other.page, "[data-run=running]", /back, run by token \d+/);
   await page.keyboard.press("F9");
-  await says(page, "[data-run=stopped]", "somebody stopped or paused the robot");
+  await says(page, "[data-run=stopped]", /Stopped before its end by token \d+/);
+  await says(other.page, "[data-run=stopped]", /Stopped before its end by token \d+/);
+  await other.page.context().close();
   await page.click("[data-control=clear_stop]");
   expect(faults).toEqual([]);
   await page.context().close();

@@ -1,46 +1,5 @@
 /** The page of a robot: what a person does there. */
-import type { RunEnd, RunProof, RunState } from "../../api/types.ts";
-import { count, duration } from "./say.ts";
-
-const STATES: Record<RunState, string> = {
-  running: "runs",
-  done: "DONE: it is proved that the arm carried it out, and stands",
-  stopped: "stopped before its end: it is proved that the arm stands, and the list is cleared",
-  refused: "refused: nothing was carried out",
-  failed: "ended early: it is proved that the arm stands",
-  unknown: "UNKNOWN: it is not known what was carried out, or not proved that the arm stands. Look at the arm",
-};
-
-const ENDS: Record<RunEnd, string> = {
-  finished: "it came to its end",
-  lease_expired: "the lease was not renewed",
-  lease_released: "the lease was given back",
-  lease_taken: "an admin took the lease",
-  stop: "somebody stopped or paused the robot",
-  identity_changed: "another robot answers",
-  link_lost: "the link to the robot was lost",
-  robot_changed: "the robot was changed or removed",
-  gateway_ended: "the gateway ended",
-  gateway_killed: "the gateway was killed",
-  not_ready: "the robot was not ready",
-  refused: "the controller refused it",
-  outcome_unknown: "no usable answer came",
-  alarm: "an alarm",
-  mode_changed: "the mode changed",
-  restarted: "the controller's program was started again",
-  stalled: "it made no progress",
-  not_at_target: "the arm stands elsewhere than it should",
-  not_proved: "it could not be proved",
-  another_list: "another program filled the list",
-  not_sent: "it was not sent",
-};
-
-const PROOFS: Record<RunProof, string> = {
-  reached: "the arm stands where the last move ends",
-  consumed: "the list is used up, and the arm stands",
-  cut_short: "an input that the program watches cut it short",
-  at_rest: "the arm stands and the list is empty; whether outputs were set is not read back",
-};
+import { duration } from "./say.ts";
 
 export const controls = {
   parts: "Parts of this page",
@@ -109,31 +68,11 @@ export const controls = {
   teach: "Teach",
   program: "Program",
   choose: "Choose…",
-  version: (version: number, steps: number) => `version ${version}, ${count(steps, "step", "steps")}`,
   cannotRun: "has mistakes",
   taught: "runs on a controller only",
   repeat: "Times",
   badRepeat: "1 to 1000.",
-  prepare: "Prepare run…",
-  preparing: "Checking and planning…",
-  runTitle: (program: string, robot: string) => `Run ${program} on ${robot}?`,
-  planned: (seconds: string, mm: string) => `From where the arm stands now: ${seconds} s at 100 %, ${mm} mm of the tool's path.`,
-  planShown: "The path is drawn in the picture of the arm.",
   planEnds: "The plan does not come to its end:",
-  noPlan: (why: string) => `There is no plan: ${why}`,
-  noModel: "the model of the arm is not configured.",
-  times: (repeat: number) => `It runs ${count(repeat, "time", "times")}.`,
-  runStays: "Stay at this page: the gateway stops the arm if the page is closed, left, hidden for 30 s, or not used for 5 min.",
-  runHold: (program: string, robot: string) => `Hold to run ${program} on ${robot}`,
-  runWhat: (program: string) => `Run ${program}`,
-  runBegan: (program: string) => `${program}: the controller accepted the first steps.`,
-  runChanged: "Not run: the arm moved, or another robot answers. Prepare it again.",
-  nameless: "a program that was sent as text",
-  progress: (program: string, done: number, steps: number) => `${program}: ${done} of ${steps} steps are seen to be done`,
-  runState: (program: string, state: RunState, because: RunEnd) =>
-    state === "done" ? `${program}: ${STATES[state]}` : `${program}: ${STATES[state]} (${ENDS[because]})`,
-  proof: (proof: RunProof) => `Proof: ${PROOFS[proof]}.`,
-  runDone: (done: number, steps: number) => `Steps seen to be done: ${done} of ${steps}.`,
   problems: {
     limit: "a soft limit",
     out_of_reach: "out of reach",

@@ -1,39 +1,7 @@
 /** The words of the teach page. */
-import type { Run } from "../../api/types.ts";
-import type { Void } from "../../teach/preview.ts";
 import type { NoPoint } from "../../teach/take.ts";
-import type { NotSent } from "../../teach/send.ts";
 import type { Refused } from "../../teach/toml.ts";
-import { count, duration } from "./say.ts";
-
-/** Seconds with a decimal: a program of 5.28 s is not one of 5 s. */
-function seconds(ms: number): string {
-  return ms < 60_000 ? `${(ms / 1000).toFixed(2)} s` : duration(ms / 1000);
-}
-
-const BECAUSE: Record<NonNullable<Run["because"]>, string> = {
-  finished: "it came to its end",
-  lease_expired: "the control was not renewed",
-  lease_released: "the control was given back",
-  lease_taken: "an admin took the control",
-  stop: "it was stopped or paused",
-  identity_changed: "another robot answers",
-  link_lost: "the link to the robot was lost",
-  robot_changed: "the robot was changed or removed at the gateway",
-  gateway_ended: "the gateway ended",
-  gateway_killed: "the gateway was killed",
-  not_ready: "the robot was not ready",
-  refused: "the controller refused it",
-  outcome_unknown: "a part of it was sent, and no usable answer came",
-  alarm: "an alarm",
-  mode_changed: "the mode changed",
-  restarted: "the controller was started again",
-  stalled: "nothing went on",
-  not_at_target: "the arm stands somewhere else than at the last target",
-  not_proved: "it is not proved that it was carried out",
-  another_list: "another program is in the list",
-  not_sent: "it could not be sent",
-};
+import { count, seconds } from "./say.ts";
 
 export const teach = {
   back: (robot: string) => `Back to ${robot}`,
@@ -277,18 +245,8 @@ export const teach = {
     from: (n: number) => `from step ${n}`,
     one: (n: number) => `step ${n} alone`,
     speed: "Global speed, %",
-    speedHint: "The controller does not report its global speed. Give the one that is set.",
-    void: (why: Void) =>
-      `VOID: ${{
-        text: "the program is another one now",
-        robot: "it is of another robot, or another one may answer now",
-        model: "the model of the arm is another one now",
-        speed: "the global speed may be another one now",
-        arm: "the arm does not stand where the preview begins",
-        arm_unknown: "where the arm stands is not known now",
-        frames: "tool or work frame changed, or cannot be read",
-        frames_in_use: "a tool or work frame is in use, and the preview is made without",
-      }[why]}. Preview again.`,
+    speedHint: (speed: number) => `Planned at ${speed} %: the speed that is set is not known. Give it if you know it.`,
+    void: (why: string) => `VOID: ${why}. Preview again.`,
     isVoid: "VOID",
     waits: (steps: number[]) =>
       `${steps.length === 1 ? "Step" : "Steps"} ${steps.join(", ")}: the signal is taken to come at once.`,
@@ -318,85 +276,5 @@ export const teach = {
     marks: { near: "near a limit", beyond: "beyond a limit", singular: "singular" },
     assumes: "Made for the numbers of the model, without loads. All inputs are off. A real controller may plan otherwise.",
     picture: "The arm and its path. The table beside it says the same.",
-  },
-  send: {
-    title: (robot: string) => `Run on ${robot}`,
-    prepare: (robot: string) => `Prepare run on ${robot}…`,
-    hold: (robot: string) => `Hold to run on ${robot}`,
-    ask: (robot: string) => `Run on ${robot}?`,
-    isTwin: "This is the twin, a virtual controller. No real arm moves.",
-    isVirtual: "This is a virtual robot. No real arm moves.",
-    isReal: "This is the real arm.",
-    isUnknown: "Whether this is a real arm is not known. Treat it as one.",
-    what: (program: string, from: number, to: number, total: number) =>
-      from === 1 && to === total
-        ? `${program}: all ${count(total, "step", "steps")}.`
-        : `${program}: step${from === to ? ` ${from}` : `s ${from} to ${to}`} of ${total}. Steps before do not run: outputs, workbench and path speed that they set are not set.`,
-    path: (mm: string, ms: number, speed: number) =>
-      `The tool goes ${mm} in ${seconds(ms)}, if the global speed is ${speed} %.`,
-    speedSet: (percent: number, by: string, at: string) =>
-      `Set to ${percent} % by ${by}, ${at}. The controller does not report it: somebody at the pendant may have changed it.`,
-    speedUnknown: "Which global speed is set is not known: expect full speed.",
-    list: "No instruction is left in its list.",
-    frames: "It runs with the tool and the work frame that are in use.",
-    waits: (steps: number[]) =>
-      `${steps.length === 1 ? "Step" : "Steps"} ${steps.join(", ")}: the arm waits for a signal there, and goes on when it comes.`,
-    stay: "Stay here: the gateway stops the arm if this page is left, hidden for 30 s, or not used for 5 minutes.",
-    noFrames: "Not prepared: tool and work frame cannot be read. Try again.",
-    person: "Look at the arm: nobody may be near it.",
-    changed: "Not run: something changed since it was prepared. Prepare it again.",
-    looking: "Looking at tool and work frame…",
-    to: (reason: NotSent) =>
-      ({
-        gateway_lost: "the gateway is not heard",
-        no_right: "this needs the role operator",
-        no_link: "no link to the robot",
-        other_robot: "another robot answers: an engineer has to accept it",
-        no_lease: "take control first",
-        stale: "its state is old",
-        manual: "manual mode: the pendant leads",
-        alarm: "clear the alarm first, on the page of the robot",
-        stop_holds: "clear the stop first, on the page of the robot",
-        no_target: "this robot is not there",
-        no_twin: "there is no twin here: preview only",
-        twin_first: "run it on the twin first",
-        no_steps: "there is no step to run",
-        unread_field: "a field has a text that is no value",
-        checking: "it is not checked yet",
-        mistakes: "correct the mistakes first",
-        taught: "a taught program runs on a controller only: load it there",
-        repeats: "it repeats without an end (repeat = true)",
-        appends: "it appends to what is left in the list (append = true)",
-        no_preview: "preview it first",
-        void: "the preview is void",
-        plan_fails: "the preview does not run to its end without a problem",
-        not_homed: "the robot is not homed",
-        not_started: "the program of the controller does not run: start it on the page of the robot",
-        moves: "the arm moves",
-        moves_unknown: "whether the arm moves is not known",
-        list: "instructions are left in its list",
-        list_unknown: "what is left in its list is not known",
-        run_under_way: "a program runs on it",
-        look_first: "what became of the last program is not known: look at the arm, and say so below",
-      })[reason],
-    sent: (robot: string) => `Sent to ${robot}. No answer yet.`,
-    accepted: (robot: string, accepted: number, done: number, steps: number) =>
-      `Accepted by ${robot}: ${accepted} of ${steps} steps. Seen done: ${done}.`,
-    unheard: (robot: string, done: number, steps: number) =>
-      `The gateway is not heard. Last seen on ${robot}: ${done} of ${steps} steps done. Without this page the gateway stops the arm.`,
-    unknown: (robot: string) =>
-      `OUTCOME UNKNOWN. ${robot} may have carried it out, a part of it, or nothing. Look at the arm, and stop it if in doubt. It is not sent again.`,
-    refused: (message: string) => `Refused, nothing was sent: ${message}`,
-    done: (robot: string, proof: string) => `Done on ${robot}, seen: ${proof}.`,
-    proof: { reached: "the arm stands where the last move ends", consumed: "the list was worked through, and the arm stands", cut_short: "an input cut the last move short, and the arm stands", at_rest: "the list is empty, and the arm stands" } as Record<string, string>,
-    stopped: (why: string) => `Stopped before its end: ${why}. It is proved that the arm stands.`,
-    stoppedBy: (who: string, at: string) => `Stopped before its end by ${who}, ${at}. It is proved that the arm stands.`,
-    failed: (why: string) => `Failed: ${why}. It is proved that the arm stands.`,
-    notCarried: (why: string) => `Nothing was carried out: ${why}.`,
-    unknownEnd: (why: string) => `OUTCOME UNKNOWN: ${why}. It is not known what was carried out, or not proved that the arm stands. Look at the arm.`,
-    because: (why: Run["because"]) => (why === null ? "for no reason that was told" : BECAUSE[why]),
-    look: (robot: string) => `Look at ${robot}`,
-    tried: "It ran on the twin to its end. Now it can run on the arm.",
-    seen: "Seen",
   },
 };

@@ -1,47 +1,6 @@
 /** The page of a robot: what a person does there. */
-import type { RunEnd, RunProof, RunState } from "../../api/types.ts";
 import type { controls as english } from "../en/controls.ts";
 import { duration } from "./say.ts";
-
-const STATES: Record<RunState, string> = {
-  running: "正在运行",
-  done: "已完成：已证明机械臂执行完毕并静止",
-  stopped: "中途停止：已证明机械臂静止，指令列表已清空",
-  refused: "被拒绝：没有执行任何步骤",
-  failed: "提前结束：已证明机械臂静止",
-  unknown: "结果未知：执行了哪些步骤未知，或未能证明机械臂静止。请查看机械臂",
-};
-
-const ENDS: Record<RunEnd, string> = {
-  finished: "运行到末尾",
-  lease_expired: "控制权未续期",
-  lease_released: "控制权已交还",
-  lease_taken: "管理员接管了控制权",
-  stop: "有人停止或暂停了机器人",
-  identity_changed: "应答的是另一台机器人",
-  link_lost: "与机器人的连接丢失",
-  robot_changed: "机器人的配置被修改或删除",
-  gateway_ended: "网关已退出",
-  gateway_killed: "网关被强制结束",
-  not_ready: "机器人未就绪",
-  refused: "控制器拒绝",
-  outcome_unknown: "没有收到可用的应答",
-  alarm: "报警",
-  mode_changed: "模式已改变",
-  restarted: "控制器的程序被重新启动",
-  stalled: "没有进展",
-  not_at_target: "机械臂停在其他位置",
-  not_proved: "无法证明",
-  another_list: "列表被其他程序填写",
-  not_sent: "未发送",
-};
-
-const PROOFS: Record<RunProof, string> = {
-  reached: "机械臂停在最后一个动作的终点",
-  consumed: "列表已执行完，机械臂静止",
-  cut_short: "程序监视的输入使其提前结束",
-  at_rest: "机械臂静止，列表为空；输出是否已设置未回读",
-};
 
 export const controls: typeof english = {
   parts: "本页各部分",
@@ -105,31 +64,11 @@ export const controls: typeof english = {
   teach: "示教",
   program: "程序",
   choose: "请选择…",
-  version: (version, steps) => `版本 ${version}，${steps} 步`,
   cannotRun: "有错误",
   taught: "只能在控制器上运行",
   repeat: "次数",
   badRepeat: "1 至 1000。",
-  prepare: "准备运行…",
-  preparing: "正在检查和规划…",
-  runTitle: (program, robot) => `在 ${robot} 上运行 ${program}？`,
-  planned: (seconds, mm) => `从机械臂当前位置开始：100 % 速度下 ${seconds} 秒，工具路径 ${mm} mm。`,
-  planShown: "路径已画在机械臂图形中。",
   planEnds: "规划未能到达末尾：",
-  noPlan: (why) => `没有规划：${why}`,
-  noModel: "尚未配置机械臂型号。",
-  times: (repeat) => `共运行 ${repeat} 次。`,
-  runStays: "请停留在本页：关闭或离开本页、隐藏 30 秒或 5 分钟不操作，网关都会停止机械臂。",
-  runHold: (program, robot) => `按住以在 ${robot} 上运行 ${program}`,
-  runWhat: (program) => `运行 ${program}`,
-  runBegan: (program) => `${program}：控制器已接受前几步。`,
-  runChanged: "未运行：机械臂已移动，或应答的是另一台机器人。请重新准备。",
-  nameless: "以文本发送的程序",
-  progress: (program, done, steps) => `${program}：已确认完成 ${done} / ${steps} 步`,
-  runState: (program, state, because) =>
-    state === "done" ? `${program}：${STATES[state]}` : `${program}：${STATES[state]}（${ENDS[because]}）`,
-  proof: (proof) => `证明：${PROOFS[proof]}。`,
-  runDone: (done, steps) => `已确认完成的步数：${done} / ${steps}。`,
   problems: {
     limit: "软限位",
     out_of_reach: "超出可达范围",

@@ -1,35 +1,6 @@
 /** The words of the teach page. */
-import type { Run } from "../../api/types.ts";
 import type { teach as english } from "../en/teach.ts";
-import { duration } from "./say.ts";
-
-function seconds(ms: number): string {
-  return ms < 60_000 ? `${(ms / 1000).toFixed(2)} 秒` : duration(ms / 1000);
-}
-
-const BECAUSE: Record<NonNullable<Run["because"]>, string> = {
-  finished: "已运行到末尾",
-  lease_expired: "控制权未续期",
-  lease_released: "控制权已交还",
-  lease_taken: "管理员接管了控制权",
-  stop: "被停止或暂停",
-  identity_changed: "应答的是另一台机器人",
-  link_lost: "与机器人的连接丢失",
-  robot_changed: "网关中的机器人被修改或删除",
-  gateway_ended: "网关已退出",
-  gateway_killed: "网关被强制结束",
-  not_ready: "机器人未就绪",
-  refused: "控制器拒绝",
-  outcome_unknown: "部分已发送，但没有收到可用的应答",
-  alarm: "发生报警",
-  mode_changed: "模式改变",
-  restarted: "控制器重新启动",
-  stalled: "没有任何进展",
-  not_at_target: "机械臂没有停在最后的目标位置",
-  not_proved: "无法证明程序已执行",
-  another_list: "列表中是另一个程序",
-  not_sent: "无法发送",
-};
+import { seconds } from "./say.ts";
 
 export const teach: typeof english = {
   back: (robot) => `返回 ${robot}`,
@@ -273,18 +244,8 @@ export const teach: typeof english = {
     from: (n) => `从步骤 ${n} 开始`,
     one: (n) => `仅步骤 ${n}`,
     speed: "全局速度 %",
-    speedHint: "控制器不报告全局速度，请填写已设定的值。",
-    void: (why) =>
-      `已失效：${{
-        text: "程序已改变",
-        robot: "属于另一台机器人，或应答的可能是另一台",
-        model: "机械臂型号已改变",
-        speed: "全局速度可能已改变",
-        arm: "机械臂不在预览的起点",
-        arm_unknown: "机械臂当前位置未知",
-        frames: "工具或工作坐标系已改变，或无法读取",
-        frames_in_use: "正在使用工具或工作坐标系，而预览不含它们",
-      }[why]}。请重新预览。`,
+    speedHint: (speed) => `按 ${speed} % 规划：已设定的速度未知。如果知道，请填写。`,
+    void: (why) => `已失效：${why}。请重新预览。`,
     isVoid: "已失效",
     waits: (steps) => `步骤 ${steps.join("、")}：假定信号立即到来。`,
     framesUnknown: "此机器人不报告工具和工作坐标系。预览按工具 0、无工作坐标系计算。",
@@ -313,86 +274,5 @@ export const teach: typeof english = {
     marks: { near: "接近限位", beyond: "超出限位", singular: "奇异点" },
     assumes: "按型号数据计算，不含负载，所有输入为断。真实控制器的规划可能不同。",
     picture: "机械臂及其路径。旁边的表格内容相同。",
-  },
-  send: {
-    title: (robot) => `在 ${robot} 上运行`,
-    prepare: (robot) => `准备在 ${robot} 上运行…`,
-    hold: (robot) => `按住以在 ${robot} 上运行`,
-    ask: (robot) => `在 ${robot} 上运行？`,
-    isTwin: "这是孪生，即虚拟控制器。真实机械臂不会运动。",
-    isVirtual: "这是虚拟机器人。真实机械臂不会运动。",
-    isReal: "这是真实机械臂。",
-    isUnknown: "是否为真实机械臂未知，请按真实机械臂对待。",
-    what: (program, from, to, total) =>
-      from === 1 && to === total
-        ? `${program}：全部 ${total} 个步骤。`
-        : `${program}：共 ${total} 个步骤中的${from === to ? `步骤 ${from}` : `步骤 ${from} 至 ${to}`}。之前的步骤不运行：它们设置的输出、工作台和路径速度不会生效。`,
-    path: (mm, ms, speed) => `工具行程 ${mm}，用时 ${seconds(ms)}（全局速度为 ${speed} % 时）。`,
-    speedSet: (percent, by, at) => `由 ${by} 于 ${at} 设为 ${percent} %。控制器不报告此值：示教器旁的人员可能已更改。`,
-    speedUnknown: "已设定的全局速度未知：请按全速对待。",
-    list: "列表中没有剩余指令。",
-    frames: "使用当前的工具和工作坐标系运行。",
-    waits: (steps) => `步骤 ${steps.join("、")}：机械臂在此等待信号，信号到来后继续。`,
-    stay: "请停留在本页：离开本页、隐藏 30 秒或 5 分钟不使用，网关会停止机械臂。",
-    noFrames: "未准备：无法读取工具和工作坐标系。请重试。",
-    person: "请看机械臂：附近不得有人。",
-    changed: "未运行：准备之后情况有变，请重新准备。",
-    looking: "正在查看工具和工作坐标系…",
-    to: (reason) =>
-      ({
-        gateway_lost: "收不到网关的消息",
-        no_right: "需要操作员权限",
-        no_link: "与机器人没有连接",
-        other_robot: "应答的是另一台机器人，须由工程师确认",
-        no_lease: "请先获取控制权",
-        stale: "其状态已过时",
-        manual: "手动模式：由示教器操作",
-        alarm: "请先在机器人页面清除报警",
-        stop_holds: "请先在机器人页面解除停止",
-        no_target: "没有该机器人",
-        no_twin: "此处没有孪生：仅可预览",
-        twin_first: "请先在孪生上运行",
-        no_steps: "没有可运行的步骤",
-        unread_field: "有字段的文本不是有效的值",
-        checking: "尚未检查",
-        mistakes: "请先改正错误",
-        taught: "示教程序只能在控制器上运行：请加载到控制器",
-        repeats: "程序无限重复（repeat = true）",
-        appends: "程序追加到列表的剩余指令之后（append = true）",
-        no_preview: "请先预览",
-        void: "预览已失效",
-        plan_fails: "预览不能无误地运行到末尾",
-        not_homed: "机器人未回原点",
-        not_started: "控制器的程序没有运行：请在机器人页面启动",
-        moves: "机械臂正在运动",
-        moves_unknown: "机械臂是否运动未知",
-        list: "列表中还有指令",
-        list_unknown: "列表中是否还有指令未知",
-        run_under_way: "正在运行一个程序",
-        look_first: "上一个程序的结果未知：请先查看机械臂，并在下方确认",
-      })[reason],
-    sent: (robot) => `已发送到 ${robot}，尚无应答。`,
-    accepted: (robot, accepted, done, steps) => `${robot} 已接受 ${accepted} / ${steps} 个步骤，确认完成 ${done} 个。`,
-    unheard: (robot, done, steps) =>
-      `收不到网关的消息。${robot} 最后确认完成 ${done} / ${steps} 个步骤。没有本页，网关会停止机械臂。`,
-    unknown: (robot) =>
-      `结果未知。${robot} 可能已全部执行、部分执行或未执行。请查看机械臂，如有疑问请停止。不会重新发送。`,
-    refused: (message) => `被拒绝，没有发送任何内容：${message}`,
-    done: (robot, proof) => `${robot} 已完成并确认：${proof}。`,
-    proof: {
-      reached: "机械臂停在最后移动的终点",
-      consumed: "列表已执行完毕，机械臂静止",
-      cut_short: "输入信号提前结束了最后的移动，机械臂静止",
-      at_rest: "列表为空，机械臂静止",
-    },
-    stopped: (why) => `中途停止：${why}。已证明机械臂静止。`,
-    stoppedBy: (who, at) => `${who} 于 ${at} 中途停止。已证明机械臂静止。`,
-    failed: (why) => `失败：${why}。已证明机械臂静止。`,
-    notCarried: (why) => `没有执行任何内容：${why}。`,
-    unknownEnd: (why) => `结果未知：${why}。执行了哪些内容未知，或无法证明机械臂静止。请查看机械臂。`,
-    because: (why) => (why === null ? "未说明原因" : BECAUSE[why]),
-    look: (robot) => `查看 ${robot}`,
-    tried: "已在孪生上运行到末尾，现在可以在机械臂上运行。",
-    seen: "已阅",
   },
 };

@@ -4,7 +4,7 @@ import type { Answer } from "../../api/client.ts";
 import type { en } from "../../i18n/en.ts";
 
 /** The part of the page where a person acted: the outcome is said there, and nowhere else. */
-export type Part = "top" | "control" | "alarms" | "arm" | "io" | "numbers" | "panel" | "run";
+export type Part = "top" | "control" | "alarms" | "arm" | "io" | "numbers" | "panel";
 
 export interface Said {
   text: string;

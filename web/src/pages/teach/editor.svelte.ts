@@ -10,7 +10,7 @@ import { type Document, EMPTY, read, write } from "../../teach/document.ts";
 import { dropDraft, keepDraft, readDraft } from "../../teach/draft.ts";
 import { type History, type Selection, change, choose, historyOf, redo, undo } from "../../teach/history.ts";
 import type { Wrong } from "../../teach/toml.ts";
-import { problemText } from "./say.ts";
+import { problemText } from "../../api/failure.ts";
 import { shelf } from "./shelf.ts";
 
 /** A text is checked when it has not changed for this time, in milliseconds. */

@@ -1,5 +1,4 @@
 /** Steps in a line. */
-import type { Answer } from "../../api/client.ts";
 import { type Document, type Step, doOf, linked, valueAt, wants } from "../../teach/document.ts";
 import { isTarget, unitOf } from "../../teach/kinds.ts";
 import type { Value } from "../../teach/toml.ts";
@@ -14,11 +13,6 @@ export function valueText(value: Value, words: typeof en): string {
   if (typeof value === "number") return numberText(value);
   if (Array.isArray(value)) return value.map((one) => valueText(one, words)).join(", ");
   return value;
-}
-
-/** A problem for people, with its code for those who look it up; empty without an answer. */
-export function problemText(answer: Exclude<Answer<unknown>, { kind: "ok" }>): string {
-  return answer.kind === "refused" ? `${answer.problem.message} (${answer.problem.code})` : "";
 }
 
 /** What a step does: `Axis move P1, 50 %`. */

@@ -2,15 +2,16 @@
  * The preview: a plan of the gateway from where the arm stands, whether it still holds, and how it is played.
  */
 import { call } from "../../api/client.ts";
-import { robotPath } from "../../api/paths.ts";
-import type { ProgramPlan, Queried } from "../../api/types.ts";
+import { problemText } from "../../api/failure.ts";
+import type { ProgramPlan } from "../../api/types.ts";
 import { onFrame } from "../../live/frame.ts";
+import { machineOf } from "../../robots/consent.ts";
 import type { View } from "../../robots/view.ts";
+import { type Basis, PLAN_VOIDS, type PlanVoid, voidBy, voidByCommand } from "../../run/guard.ts";
 import { hall } from "../../state/hall.svelte.ts";
+import type { Planning } from "../../teach/assume.ts";
 import { session } from "../../state/session.svelte.ts";
-import { type Basis, type Void, framesInUse, voidBy, voidByCommand } from "../../teach/preview.ts";
-import { stateOf } from "../robot/live.ts";
-import { problemText } from "./say.ts";
+import { axesOf, framesOf, setSpeedOf } from "./seen.ts";
 
 /** A long program takes the gateway a while. */
 const PATIENCE = 30_000;
@@ -18,7 +19,8 @@ const PATIENCE = 30_000;
 const FRAMES = 5_000;
 
 export interface Planned {
-  plan: ProgramPlan;
+  /** `null`: the model of the arm is not known, so there is no path. All else has to stay as it is all the same. */
+  plan: ProgramPlan | null;
   basis: Basis;
   /** How many steps stand before the first one of the plan. */
   skipped: number;
@@ -29,58 +31,34 @@ export interface Planned {
 /** What the planner needs to know of the page now. */
 export interface Now {
   view: View | undefined;
-  /** What would be sent. */
+  /** What would be sent: a text, or a kept program with its rounds. */
   text: string;
+  /** The latest version of the kept program; `null` for a text. */
+  version: number | null;
+  /** The global speed to plan with, in percent. */
   speed: number;
 }
 
-/** What is planned in place of the text: see `assumed`. */
-export interface Planning {
-  program: string;
-  skipped: number;
-  waits: number[];
-}
-
-/** Where the axes of a robot stand; `null` if that is not known now. */
-export function axesOf(view: View | undefined): number[] | null {
-  const robot = view === undefined ? undefined : hall.store.robots.get(view.name);
-  if (view === undefined || robot === undefined || !hall.isThere || view.summary.link !== "up") return null;
-  const axes: number[] = [];
-  for (let at = 0; at < 8; at += 1) {
-    const address = `axis-${at}`;
-    const read = robot.values.get(address);
-    if (read === undefined || read.value === null) break;
-    if (typeof read.value !== "number" || stateOf(view.name, address).kind !== "fresh") return null;
-    axes.push(read.value);
-  }
-  return axes.length > 0 ? axes : null;
-}
-
-export function machineOf(view: View): string {
-  const { virtual, identity, identity_changed } = view.summary;
-  return JSON.stringify([identity, identity_changed, virtual]);
-}
-
-/** The global speed that was set last over the gateway, in percent; `null` if it is not known. */
-function setSpeedOf(view: View): number | null {
-  return view.summary.global_speed?.percent ?? null;
-}
-
-/**
- * Tool and work frame in use, as one text; `null` if the robot does not tell them; `undefined` without an
- * answer.
- */
-export async function framesOf(robot: string): Promise<string | null | undefined> {
-  const path = robotPath(robot, `query?address=toolCoord`);
-  const answer = await call<Queried>("GET", path);
-  if (answer.kind !== "ok") return undefined;
-  const signal = answer.value.signals.find(({ address }) => address === "toolCoord");
-  return signal === undefined || signal.value === null || signal.quality !== "fresh" ? null : JSON.stringify(signal.value);
+function basisOf({ text, version, speed }: Now, view: View, frames: string | null): Basis {
+  return {
+    isHeard: hall.isThere,
+    text,
+    version,
+    robot: view.name,
+    machine: machineOf(view),
+    model: view.summary.model,
+    speed,
+    setSpeed: setSpeedOf(view),
+    axes: axesOf(view),
+    frames,
+  };
 }
 
 export class Planner {
   planned = $state.raw<Planned | null>(null);
-  isVoid = $state<Void | null>(null);
+  isVoid = $state<PlanVoid | null>(null);
+  /** Whether it was run: the arm goes elsewhere then, and the next run needs another plan. */
+  isTaken = $state(false);
   isPlanning = $state(false);
   /** Why there is no plan: the words of the gateway, or empty if it did not answer. */
   problem = $state<string | null>(null);
@@ -96,14 +74,16 @@ export class Planner {
   constructor(now: () => Now) {
     this.#now = now;
     this.#ends.push(
-      onFrame(() => this.#look()),
+      onFrame(() => this.look()),
       hall.onEvent((event) => {
-        if (event.robot !== this.planned?.basis.robot || event.event !== "command_began") return;
+        if (this.isTaken || event.robot !== this.planned?.basis.robot || event.event !== "command_began") return;
         const reason = voidByCommand(event.command);
         if (reason !== null) this.isVoid ??= reason;
       }),
     );
-    const timer = setInterval(() => void this.lookAtFrames(), FRAMES);
+    const timer = setInterval(() => {
+      if (!this.isTaken) void this.lookAtFrames();
+    }, FRAMES);
     this.#ends.push(() => clearInterval(timer));
   }
 
@@ -118,6 +98,7 @@ export class Planner {
     this.#ticket += 1;
     this.planned = null;
     this.isVoid = null;
+    this.isTaken = false;
     this.isPlanning = false;
     this.problem = null;
     this.isPlaying = false;
@@ -126,36 +107,30 @@ export class Planner {
 
   /** Asks the gateway what the arm would do, from where it stands now. */
   async plan({ program, skipped, waits }: Planning): Promise<void> {
-    const { view, text, speed } = this.#now();
+    const now = this.#now();
+    const { view } = now;
     if (view === undefined) return;
     this.clear();
     const ticket = this.#ticket;
-    const machine = machineOf(view);
+    const before = basisOf(now, view, null);
     this.isPlanning = true;
-    const frames = await framesOf(view.name);
+    const frames = (await framesOf(view.name)) ?? null;
     // Without `from` the gateway asks the robot where it stands.
-    const body = { program, robot: view.name, global_speed_percent: speed };
-    const answer = await call<ProgramPlan>("POST", "/v1/programs/plan", { body, csrf: session.csrf, patience: PATIENCE });
+    const body = { program, robot: view.name, global_speed_percent: now.speed };
+    const answer =
+      view.summary.model === null
+        ? null
+        : await call<ProgramPlan>("POST", "/v1/programs/plan", { body, csrf: session.csrf, patience: PATIENCE });
     if (ticket !== this.#ticket) return;
     this.isPlanning = false;
-    if (answer.kind !== "ok") {
+    if (answer !== null && answer.kind !== "ok") {
       this.problem = problemText(answer);
       return;
     }
-    const first = answer.value.samples[0]?.axes ?? null;
-    const basis: Basis = {
-      text,
-      robot: view.name,
-      machine,
-      model: view.summary.model,
-      speed,
-      setSpeed: setSpeedOf(view),
-      axes: first,
-      frames: frames ?? null,
-    };
-    this.planned = { plan: answer.value, basis, skipped, waits };
-    if (framesInUse(basis.frames)) this.isVoid = "frames_in_use";
-    this.#look();
+    const plan = answer?.value ?? null;
+    const axes = plan === null ? before.axes : (plan.samples[0]?.axes ?? null);
+    this.planned = { plan, basis: { ...before, axes, frames }, skipped, waits };
+    this.look();
   }
 
   /**
@@ -171,30 +146,33 @@ export class Planner {
     return this.isVoid !== null ? "void" : frames === undefined ? "no_answer" : "holds";
   }
 
-  /** A preview that was void stays so: the arm may have been somewhere else meanwhile. */
-  #look(): void {
+  /** The plan is run now. A run that succeeds leaves the arm elsewhere, and that is no fault of the plan. */
+  take(): void {
+    this.isTaken = true;
+  }
+
+  /** Nothing of it was carried out: the plan holds if all is as it was. */
+  giveBack(): void {
+    this.isTaken = false;
+    this.look();
+  }
+
+  /**
+   * Looks whether the plan still holds. One that was void stays so: the arm may have been somewhere else
+   * meanwhile.
+   */
+  look(): void {
     const { planned } = this;
     if (planned === null || this.isVoid !== null) return;
-    const { view, text, speed } = this.#now();
+    const now = this.#now();
     const { basis } = planned;
-    if (view === undefined) {
-      this.isVoid = "robot";
-      return;
-    }
-    this.isVoid = voidBy(basis, {
-      text,
-      robot: view.name,
-      machine: machineOf(view),
-      model: view.summary.model,
-      speed,
-      setSpeed: setSpeedOf(view),
-      axes: axesOf(view),
-      frames: basis.frames,
-    });
+    if (this.isTaken && now.text === basis.text) return;
+    this.isTaken = false;
+    this.isVoid = now.view === undefined ? "robot" : voidBy(PLAN_VOIDS, basis, basisOf(now, now.view, basis.frames));
   }
 
   get duration(): number {
-    return this.planned?.plan.duration_ms ?? 0;
+    return this.planned?.plan?.duration_ms ?? 0;
   }
 
   toggle(): void {

@@ -1,0 +1,167 @@
+/** Programs that run on robots: what is known of them. One that was sent is never sent again by itself. */
+import { SvelteMap } from "svelte/reactivity";
+import { call, freshKey } from "../../api/client.ts";
+import { robotPath } from "../../api/paths.ts";
+import type { LeaseKey, Run } from "../../api/types.ts";
+import { type Sent, isOpen, mayRun, ofRun, runOf, sentBy } from "../../run/sent.ts";
+import { hall } from "../../state/hall.svelte.ts";
+import { session } from "../../state/session.svelte.ts";
+
+/** How often a run that is under way is asked for, in milliseconds; events tell it sooner. */
+const ASK = 1_000;
+/** A run of somebody else: events tell of it, and one that is lost is made up for. */
+const ASK_OTHERS = 5_000;
+/** The gateway answers once the controller has accepted the first steps. */
+const PATIENCE = 20_000;
+
+/** What is sent, with the text that it runs. */
+export interface Order {
+  text: string;
+  body: { program: string } | { name: string; version: number; repeat: number };
+}
+
+class Runner {
+  /** The last program that this page sent or followed, by robot. */
+  #sent = new SvelteMap<string, Sent>();
+  #texts = new SvelteMap<string, string>();
+  /** Robots for which an event told that a run is under way, this page's or another's. */
+  #under = new SvelteMap<string, number>();
+  /** The texts that ran on a robot to their end, and the machine that ran them: see `View.who`. */
+  #ran = new SvelteMap<string, { text: string; who: number }>();
+  /** The last run that was followed, by robot: it is not followed again once it was seen. */
+  #followed = new Map<string, number>();
+
+  of(robot: string): Sent | null {
+    return this.#sent.get(robot) ?? null;
+  }
+
+  /** Whether a program may be under way on the robot, as far as is known. */
+  runs(robot: string): boolean {
+    return this.#under.has(robot) || mayRun(this.of(robot));
+  }
+
+  /** The text that was sent last. */
+  textOf(robot: string): string | null {
+    return this.#texts.get(robot) ?? null;
+  }
+
+  /**
+   * Whether this very text ran on the robot to its end, while this page was open. What another machine of the same
+   * name ran does not count: a twin that was started anew has run nothing yet.
+   */
+  hasRun(robot: string, text: string): boolean {
+    const ran = this.#ran.get(robot);
+    return ran !== undefined && ran.text === text && ran.who === whoOf(robot);
+  }
+
+  /** Whether it is not known what became of the last program, and the person has not said yet that it was looked at. */
+  isUnknown(robot: string): boolean {
+    return isOpen(this.of(robot));
+  }
+
+  forget(robot: string): void {
+    if (!mayRun(this.of(robot))) this.#sent.delete(robot);
+  }
+
+  async send(robot: string, { text, body }: Order, lease: LeaseKey): Promise<void> {
+    if (this.runs(robot)) return;
+    const who = whoOf(robot);
+    this.#sent.set(robot, { kind: "sent" });
+    this.#ran.delete(robot);
+    this.#texts.set(robot, text);
+    const path = robotPath(robot, "programs/run");
+    const answer = await call<Run>("POST", path, {
+      body: { ...body, lease },
+      csrf: session.csrf,
+      idempotencyKey: freshKey(),
+      patience: PATIENCE,
+    });
+    this.#sent.set(robot, sentBy(answer));
+    const run = answer.kind === "ok" ? answer.value.run_id : null;
+    if (run !== null) await this.#follow(robot, run, ASK);
+    const end = this.of(robot);
+    const isDone = end?.kind === "ended" && end.run.run_id === run && end.run.state === "done";
+    if (isDone && who !== null && whoOf(robot) === who) this.#ran.set(robot, { text, who });
+  }
+
+  /** Follows a run that this page did not send, as events told of it. */
+  async adopt(robot: string, run: number): Promise<void> {
+    if (mayRun(this.of(robot)) || this.isUnknown(robot) || (this.#followed.get(robot) ?? -1) >= run) return;
+    this.#followed.set(robot, run);
+    const answer = await call<Run>("GET", robotPath(robot, `runs/${run}`));
+    if (answer.kind !== "ok") {
+      // It is asked for again with the next event.
+      if (this.#followed.get(robot) === run) this.#followed.delete(robot);
+      return;
+    }
+    if (mayRun(this.of(robot))) return;
+    this.#texts.delete(robot);
+    this.#sent.set(robot, ofRun(answer.value));
+    await this.#follow(robot, run, ASK_OTHERS);
+  }
+
+  /** Asks for the run until it has ended. */
+  async #follow(robot: string, run: number, every: number): Promise<void> {
+    this.#followed.set(robot, run);
+    const path = robotPath(robot, `runs/${run}`);
+    const isIt = (): boolean => runOf(this.of(robot))?.run_id === run;
+    let wake = (): void => {};
+    let isOver = false;
+    const unread = hall.onEvent((event) => {
+      if (event.robot !== robot || (event.event !== "run_progress" && event.event !== "run_ended")) return;
+      if (event.run_id !== run) return;
+      const now = this.of(robot);
+      if (event.event === "run_progress" && now?.kind === "accepted" && isIt()) {
+        this.#sent.set(robot, { kind: "accepted", run: { ...now.run, accepted: event.accepted, done: event.done } });
+      }
+      if (event.event === "run_ended") {
+        isOver = true;
+        wake();
+      }
+    });
+    while (isIt() && mayRun(this.of(robot))) {
+      await new Promise<void>((next) => {
+        wake = next;
+        setTimeout(next, every);
+      });
+      // Each question keeps the session open: of a run of somebody else events tell, if nobody uses the page.
+      if (every === ASK_OTHERS && !isOver && !session.isUsed) continue;
+      const answer = await call<Run>("GET", path);
+      if (!isIt()) break;
+      const before = runOf(this.of(robot));
+      if (answer.kind === "ok") this.#sent.set(robot, ofRun(answer.value));
+      else if (answer.kind === "refused" && answer.status === 404) this.#sent.set(robot, { kind: "unknown" });
+      else if (before !== null) this.#sent.set(robot, { kind: "unheard", run: before });
+      if (session.phase !== "in") {
+        // Another session does not follow it.
+        if (mayRun(this.of(robot))) this.#sent.set(robot, { kind: "unknown" });
+        break;
+      }
+    }
+    unread();
+  }
+
+  /** Looks whether a run that an event told of is still under way: events can be lost. */
+  async verify(robot: string): Promise<void> {
+    const run = this.#under.get(robot);
+    if (run === undefined || mayRun(this.of(robot))) return;
+    const answer = await call<Run>("GET", robotPath(robot, `runs/${run}`));
+    const isOver = answer.kind === "ok" ? answer.value.state !== "running" : answer.kind === "refused" && answer.status === 404;
+    if (isOver && this.#under.get(robot) === run) this.#under.delete(robot);
+  }
+
+  /** Follows what the gateway tells of runs of others too. */
+  watch(): () => void {
+    return hall.onEvent((event) => {
+      if (event.event === "run_began") this.#under.set(event.robot, event.run_id);
+      if (event.event === "run_ended" && this.#under.get(event.robot) === event.run_id) this.#under.delete(event.robot);
+    });
+  }
+}
+
+/** The machine behind a name; `null` if it is not there. */
+function whoOf(robot: string): number | null {
+  return hall.view(robot)?.who ?? null;
+}
+
+export const runner = new Runner();

@@ -1,0 +1,87 @@
+import { beforeEach, expect, test, vi } from "vitest";
+import { viewLike } from "../../../tests/view.ts";
+import type { Answer } from "../../api/client.ts";
+import type { Run } from "../../api/types.ts";
+
+const TEXT = "[[instruction]]";
+const LEASE = { number: 1, secret: "" };
+
+/** A runner whose gateway answers as the test says. */
+async function start() {
+  vi.stubGlobal("location", { hash: "", pathname: "/", search: "", origin: "" });
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener: () => {} }));
+  vi.resetModules();
+  const asked: { method: string; path: string; body: unknown }[] = [];
+  let answer = (_path: string): Answer<Run> => ({ kind: "unknown" });
+  vi.doMock("../../api/client.ts", () => ({
+    call: async (method: string, path: string, more: { body?: unknown } = {}) => {
+      asked.push({ method, path, body: more.body });
+      return answer(path);
+    },
+    freshKey: () => "key",
+    whenSignedOut: () => {},
+  }));
+  const { runner } = await import("./runner.svelte.ts");
+  const { hall } = await import("../../state/hall.svelte.ts");
+  return { runner, hall, asked, answers: (next: typeof answer) => void (answer = next) };
+}
+
+function run(part: Partial<Run>): Answer<Run> {
+  return { kind: "ok", value: { run_id: 4, robot: "saw-twin", state: "done", ...part } as Run };
+}
+
+beforeEach(() => vi.unstubAllGlobals());
+
+test("a text that ran on a twin counts for that twin, and not for another one of its name", async () => {
+  const { runner, hall, answers } = await start();
+  const there = (who: number): void => void (hall.views = [viewLike("saw-twin", { who })]);
+  there(1);
+  answers(() => run({}));
+  await runner.send("saw-twin", { text: TEXT, body: { program: TEXT } }, LEASE);
+  expect([runner.hasRun("saw-twin", TEXT), runner.hasRun("saw-twin", `${TEXT} `), runner.hasRun("saw", TEXT)]).toEqual([
+    true,
+    false,
+    false,
+  ]);
+  // The twin was started anew: a controller of the same name that has run nothing.
+  there(2);
+  expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
+  hall.views = [];
+  expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
+});
+
+test("a twin that was started anew while the text ran has not run it", async () => {
+  const { runner, hall, answers } = await start();
+  hall.views = [viewLike("saw-twin", { who: 1 })];
+  answers(() => {
+    hall.views = [viewLike("saw-twin", { who: 2 })];
+    return run({});
+  });
+  await runner.send("saw-twin", { text: TEXT, body: { program: TEXT } }, LEASE);
+  expect(runner.of("saw-twin")?.kind).toBe("ended");
+  expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
+});
+
+test("a text that was stopped has not run, and nothing is sent a second time while that is not known", async () => {
+  const { runner, hall, asked, answers } = await start();
+  hall.views = [viewLike("saw-twin", { who: 1 })];
+  answers(() => run({ state: "stopped" }));
+  const order = { text: TEXT, body: { name: "pick", version: 2, repeat: 3 } };
+  await runner.send("saw-twin", order, LEASE);
+  expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
+  expect(asked).toEqual([{ method: "POST", path: "/v1/robots/saw-twin/programs/run", body: { ...order.body, lease: LEASE } }]);
+  answers(() => ({ kind: "unknown" }));
+  await runner.send("saw-twin", order, LEASE);
+  expect([asked.length, runner.isUnknown("saw-twin"), runner.runs("saw-twin")]).toEqual([2, true, false]);
+});
+
+test("a run of somebody else is shown, and not again once it was seen", async () => {
+  const { runner, hall, asked, answers } = await start();
+  hall.views = [viewLike("saw", { who: 1 })];
+  answers(() => run({ robot: "saw", state: "failed", by: "token 2" }));
+  await runner.adopt("saw", 4);
+  expect(runner.of("saw")).toMatchObject({ kind: "ended", run: { by: "token 2" } });
+  runner.forget("saw");
+  await runner.adopt("saw", 4);
+  expect([runner.of("saw"), asked.length]).toEqual([null, 1]);
+});

@@ -1,0 +1,68 @@
+/** What is seen now of a robot that a program is to run on. */
+import { call } from "../../api/client.ts";
+import { robotPath } from "../../api/paths.ts";
+import type { Queried } from "../../api/types.ts";
+import { consentOf } from "../../robots/consent.ts";
+import { type View, isSeen } from "../../robots/view.ts";
+import type { Agreed, Ready } from "../../run/guard.ts";
+import { hall } from "../../state/hall.svelte.ts";
+import { lease } from "../../state/lease.svelte.ts";
+import { session } from "../../state/session.svelte.ts";
+import { stateOf } from "../robot/live.ts";
+
+/** Where the axes of a robot stand; `null` if that is not known now. */
+export function axesOf(view: View | undefined): number[] | null {
+  const robot = view === undefined ? undefined : hall.store.robots.get(view.name);
+  if (view === undefined || robot === undefined || !hall.isThere || view.summary.link !== "up") return null;
+  const axes: number[] = [];
+  for (let at = 0; at < 8; at += 1) {
+    const address = `axis-${at}`;
+    const read = robot.values.get(address);
+    if (read === undefined || read.value === null) break;
+    if (typeof read.value !== "number" || stateOf(view.name, address).kind !== "fresh") return null;
+    axes.push(read.value);
+  }
+  return axes.length > 0 ? axes : null;
+}
+
+/** The global speed that was set last over the gateway, in percent; `null` if it is not known. */
+export function setSpeedOf(view: View): number | null {
+  return view.summary.global_speed?.percent ?? null;
+}
+
+/**
+ * Tool and work frame in use, as one text; `null` if the robot does not tell them; `undefined` without an
+ * answer.
+ */
+export async function framesOf(robot: string): Promise<string | null | undefined> {
+  const path = robotPath(robot, `query?address=toolCoord`);
+  const answer = await call<Queried>("GET", path);
+  if (answer.kind !== "ok") return undefined;
+  const signal = answer.value.signals.find(({ address }) => address === "toolCoord");
+  return signal === undefined || signal.value === null || signal.quality !== "fresh" ? null : JSON.stringify(signal.value);
+}
+
+/** What a person agrees to with the robot as it is now. */
+export function agreedOf(view: View): Agreed {
+  const { stopped, stops_under_way } = view.summary;
+  return {
+    lease: lease.robot === view.name ? lease.number : null,
+    isStopped: stopped || stops_under_way > 0,
+    isFresh: isSeen(view),
+    view,
+    consent: consentOf(view),
+  };
+}
+
+/** What the guard asks of the robot and of this page, and what its controller tells at all. */
+export function accessTo(view: View): Pick<Ready, "view" | "gateway" | "right" | "lease" | "tells"> {
+  const values = hall.store.robots.get(view.name)?.values;
+  const tells = (address: string): boolean => (values?.get(address)?.quality ?? "none") !== "none";
+  return {
+    view,
+    gateway: hall.isThere,
+    right: session.may(view.name),
+    lease: lease.robot === view.name,
+    tells: { moving: tells("isMoving"), list: tells("RemoteCmdLen") },
+  };
+}
