@@ -18,6 +18,7 @@ export const alarms = {
   said: (comment: string) => `“${comment}”`,
   unseen: "It was the last reading. The robot is not read now.",
   beginUnseen: (at: string) => `since ${at} or before`,
+  ended: (at: string) => `until ${at}`,
   since: (at: string) => `since ${at}`,
   waits: (seconds: number) => `waits ${duration(seconds)}`,
   acknowledge: "Acknowledge",

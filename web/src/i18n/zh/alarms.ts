@@ -19,6 +19,7 @@ export const alarms: typeof english = {
   said: (comment) => `“${comment}”`,
   unseen: "这是最后一次读数，目前读不到该机器人。",
   beginUnseen: (at) => `自 ${at} 或更早`,
+  ended: (at) => `至 ${at}`,
   since: (at) => `自 ${at}`,
   waits: (seconds) => `已等待 ${duration(seconds)}`,
   acknowledge: "确认",

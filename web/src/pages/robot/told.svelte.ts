@@ -2,29 +2,26 @@
 import { SvelteMap } from "svelte/reactivity";
 import type { Answer } from "../../api/client.ts";
 import type { en } from "../../i18n/en.ts";
+import type { Told } from "../../state/act.svelte.ts";
 
 /** The part of the page where a person acted: the outcome is said there, and nowhere else. */
 export type Part = "top" | "control" | "alarms" | "arm" | "io" | "numbers" | "panel";
 
-export interface Said {
-  text: string;
-  isBad: boolean;
-  part: Part;
-}
+class ToldOfRobots {
+  #told = new SvelteMap<string, Told & { part: Part }>();
 
-class Told {
-  #said = new SvelteMap<string, Said>();
-
-  of(robot: string): Said | null {
-    return this.#said.get(robot) ?? null;
+  /** What is to be said in a part of the page of a robot. */
+  at(robot: string, part: Part): Told | null {
+    const told = this.#told.get(robot);
+    return told?.part === part ? told : null;
   }
 
   clear(robot: string): void {
-    this.#said.delete(robot);
+    this.#told.delete(robot);
   }
 
   say(robot: string, text: string, part: Part, isBad = false): void {
-    this.#said.set(robot, { text, isBad, part });
+    this.#told.set(robot, { text, part, state: isBad ? "bad" : "done" });
   }
 
   /** Says why a request was not carried out, or that the outcome is not known. */
@@ -41,4 +38,4 @@ class Told {
   }
 }
 
-export const told = new Told();
+export const told = new ToldOfRobots();

@@ -1,14 +1,15 @@
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import { en } from "../../i18n/en.ts";
-import { told } from "./told.svelte.ts";
 
-test("what became of a request is told on the page of its robot alone", () => {
+test("what became of a request is told on the page of its robot alone, where the person acted", async () => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener: () => {} }));
+  const { told } = await import("./told.svelte.ts");
   told.say("saw", "Start: accepted.", "control");
   told.answer("press", en.control.start, { kind: "unknown" }, en, "io");
-  expect(told.of("saw")).toEqual({ text: "Start: accepted.", isBad: false, part: "control" });
-  expect(told.of("press")?.part).toBe("io");
-  expect(told.of("press")?.text).toContain("OUTCOME UNKNOWN");
-  expect(told.of("pack")).toBeNull();
+  expect(told.at("saw", "control")).toMatchObject({ text: "Start: accepted.", state: "done" });
+  expect(told.at("saw", "io")).toBeNull();
+  expect(told.at("press", "io")?.text).toContain("OUTCOME UNKNOWN");
+  expect(told.at("pack", "io")).toBeNull();
   told.clear("saw");
-  expect([told.of("saw"), told.of("press")?.isBad]).toEqual([null, true]);
+  expect([told.at("saw", "control"), told.at("press", "io")?.state]).toEqual([null, "bad"]);
 });

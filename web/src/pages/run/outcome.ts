@@ -1,24 +1,20 @@
 /** What became of a run, in words. */
 import type { en } from "../../i18n/en.ts";
 import type { Sent } from "../../run/sent.ts";
-
-export interface Outcome {
-  text: string;
-  isBad: boolean;
-}
+import type { Told } from "../../state/act.svelte.ts";
 
 /** `time`: a time of the gateway as a time of day of the hall. */
-export function outcomeOf(sent: Sent | null, robot: string, words: typeof en, time: (at: string) => string): Outcome {
+export function outcomeOf(sent: Sent | null, robot: string, words: typeof en, time: (at: string) => string): Told | null {
   const own = words.run;
-  const good = (text: string): Outcome => ({ text, isBad: false });
-  const bad = (text: string): Outcome => ({ text, isBad: true });
+  const good = (text: string): Told => ({ text, state: "done" });
+  const bad = (text: string): Told => ({ text, state: "bad" });
   switch (sent?.kind) {
     case undefined:
-      return good("");
+      return null;
     case "sent":
-      return good(own.sent(robot));
+      return { text: own.sent(robot), state: "under_way" };
     case "accepted":
-      return good(own.accepted(robot, sent.run.accepted, sent.run.done, sent.run.steps));
+      return { text: own.accepted(robot, sent.run.accepted, sent.run.done, sent.run.steps), state: "under_way" };
     case "unheard":
       return bad(own.unheard(robot, sent.run.done, sent.run.steps));
     case "refused":

@@ -1,13 +1,14 @@
 /** What a person does to alarms: one request each, which is never sent again. */
-import { type Answer, call } from "../../api/client.ts";
-import { robotPath } from "../../api/paths.ts";
-import type { RobotAlarm } from "../../api/types.ts";
-import { hall } from "../../state/hall.svelte.ts";
-import { session } from "../../state/session.svelte.ts";
-import { settings } from "../../state/settings.svelte.ts";
+import { type Answer, call } from "../api/client.ts";
+import { robotPath } from "../api/paths.ts";
+import type { RobotAlarm } from "../api/types.ts";
+import type { Told } from "./act.svelte.ts";
+import { hall } from "./hall.svelte.ts";
+import { session } from "./session.svelte.ts";
+import { settings } from "./settings.svelte.ts";
 
 class Acts {
-  told = $state.raw<{ text: string; isBad: boolean } | null>(null);
+  told = $state.raw<Told | null>(null);
   isBusy = $state(false);
 
   /** Acknowledges these, one after the other, up to the first that fails. */
@@ -19,7 +20,7 @@ class Acts {
       const what = words.acknowledgeOf(words.what(alarm.robot, alarm.code));
       const isDone = this.#say(what, await this.#send("POST", alarm, "acknowledge", {}));
       if (!isDone) break;
-      if (open.length > 1) this.told = { text: words.acknowledging(at + 1, open.length), isBad: false };
+      if (open.length > 1) this.told = { text: words.acknowledging(at + 1, open.length), state: "done" };
     }
     this.#end();
   }
@@ -48,9 +49,9 @@ class Acts {
 
   #say(what: string, answer: Answer<unknown>): boolean {
     const words = settings.words.alarms;
-    if (answer.kind === "ok") this.told = { text: words.done(what), isBad: false };
-    else if (answer.kind === "unknown" || answer.status === 504) this.told = { text: words.outcomeUnknown(what), isBad: true };
-    else this.told = { text: words.refused(what, answer.problem.message), isBad: true };
+    if (answer.kind === "ok") this.told = { text: words.done(what), state: "done" };
+    else if (answer.kind === "unknown" || answer.status === 504) this.told = { text: words.outcomeUnknown(what), state: "bad" };
+    else this.told = { text: words.refused(what, answer.problem.message), state: "bad" };
     return answer.kind === "ok";
   }
 
