@@ -109,7 +109,7 @@ test("an alarm stands first in the hall, is explained, acknowledged and cleared"
   await page.click("text=Open");
   await says(page, "[data-alarm='7']", /emergency stop[^]*What to do/);
   await page.click("text=Acknowledge");
-  await says(page, "[data-alarm='7']", "seen by token 1 (r6 up)");
+  await says(page, "[data-alarm='7']", "Seen by token 1 (r6 up)");
   await r6("panel", "--panel", cell.panel, "release");
   await page.click("text=Take control");
   await page.click("[data-control=clear_alarm]");
