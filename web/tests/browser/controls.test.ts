@@ -191,6 +191,13 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await says(page, "[data-prepared]", /The tool goes \d+ mm in \d+\.\d\d s, if the global speed is 100 %\./);
   await says(page, "[data-prepared]", "Planned at 100 %: the speed that is set is not known.");
   await says(page, "[data-prepared]", "Stay here");
+  await isAccessible(page);
+  await picture(page, "robot-run-1920-light");
+  // On a slow machine that took longer than a lease lasts.
+  await control(page, "saw-twin");
+  await page.selectOption("[data-program]", "sweep");
+  await page.click("[data-prepare]");
+  await page.waitForSelector("[data-prepared]");
   // Another version that is stored meanwhile makes it void.
   await again("sweep", `${SWEEP}# again\n`);
   await says(page, "[data-refused]", "Not run: another version of the program was stored. Prepare it again.");
@@ -203,9 +210,6 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await page.locator("[data-lease=free] button").click();
   await page.waitForSelector("[data-lease=mine]");
   await page.click("[data-prepare]");
-  await says(page, "[data-prepared]", "sweep, version 2");
-  await isAccessible(page);
-  await picture(page, "robot-run-1920-light");
   await hold(page, "Hold to run on saw-twin");
   await says(page, "[data-run=done]", /Done on saw-twin[^]*sweep, run by token \d+[^]*Steps seen to be done: 1 of 1\./);
   await says(page, "[data-proof=reached]", "the arm stands where the last move ends");
