@@ -467,7 +467,7 @@ mod tests {
         let control = to.join("control.db");
         let old = rusqlite::Connection::open(&control).unwrap();
         old.execute_batch(
-            "DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program; DROP TABLE alarm; DROP TABLE hall;
+            "DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program; DROP TABLE alarm; DROP TABLE hall;
              ALTER TABLE robot DROP COLUMN model;
              PRAGMA user_version = 1; PRAGMA journal_mode = WAL;",
         )

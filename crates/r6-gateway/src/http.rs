@@ -15,6 +15,7 @@ mod described;
 mod etag;
 mod health;
 mod history;
+mod idempotency;
 mod leases;
 mod metrics;
 mod models;

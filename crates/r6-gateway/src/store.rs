@@ -1,10 +1,11 @@
-//! What the gateway keeps: tokens, users, the audit log, the state of the seats, alarms, robots, programs and
-//! runs.
+//! What the gateway keeps: tokens, users, the audit log, the state of the seats, alarms, robots, programs,
+//! runs and the keys of commands.
 //!
 //! [`Store`] is the contract; every implementation passes the same tests (`contract.rs`). Nothing outside
 //! this folder knows SQL. The gateway talks to its store through a [`Keeper`], a thread of its own, so that
 //! no request waits for the disk in a task.
 
+pub mod commands;
 #[cfg(test)]
 mod contract;
 mod heads;
@@ -29,6 +30,7 @@ use crate::core::name::RobotName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 
+use commands::{KeptCommand, NewCommand, Noted};
 pub use heads::{Ends, Heads};
 pub use keeper::Keeper;
 pub use library::{Kept, LibraryError, NewVersion};
@@ -303,6 +305,30 @@ pub trait Store: Send {
     /// # Errors
     /// [`StoreError`].
     fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError>;
+
+    /// Appends the intent of a command, if its caller has not used its key. The oldest keys go.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn begin_command(&mut self, new: &NewCommand) -> Result<Noted, StoreError>;
+
+    /// The command that this caller asked for with this key at this time or later, in seconds since 1970.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn command_of_key(
+        &mut self,
+        caller: &str,
+        key: &str,
+        since: u64,
+    ) -> Result<Option<KeptCommand>, StoreError>;
+
+    /// Keeps the answer to the request for the command with this intent, and appends its outcome to the audit
+    /// log, both or neither.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn end_command(&mut self, intent: u64, answer: &str, outcome: &AuditRecord) -> Result<(), StoreError>;
 }
 
 /// The settings of the hall in the store.

@@ -407,15 +407,81 @@ LEASE = {"lease": {"number": 1, "secret": "00"}, "expires_in_ms": 10_000, "stopp
         (answer("504 Gateway Timeout", b'{"code": "outcome_unknown", "message": "m"}'), "outcome_unknown"),
     ],
 )
-def test_a_command_without_a_clear_answer_is_unknown_and_sent_once(said: bytes, reason: str) -> None:
+def test_a_command_without_a_clear_answer_is_unknown_and_has_one_key(said: bytes, reason: str) -> None:
     peer = Peer(said)
-    arm = r6.Gateway(peer.url, token="x", timeout=5).robot("arm")
+    arm = r6.Gateway(peer.url, token="x", timeout=1).robot("arm")
     lease = _lease_of(arm)
     with pytest.raises(r6.OutcomeUnknown) as unknown:
         lease.command("modifyGSPD", 5)
     assert (unknown.value.reason, unknown.value.may_send_again) == (reason, False)
-    assert len(peer.requests) == 1
+    # Only without an answer it is asked again, with the same key.
+    assert (len(peer.requests) > 1) == (reason == "connection_lost")
+    keys = {line for request in peer.requests for line in request.split(b"\r\n") if b"Idempotency-Key" in line}
+    assert len(keys) == 1
     peer.close()
+
+
+class Lossy:
+    """A way to a gateway that passes requests on and swallows the first answer to a command."""
+
+    def __init__(self, url: str) -> None:
+        self._to = ("127.0.0.1", int(url.rsplit(":", 1)[1]))
+        self.commands: list[bytes] = []
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.url = f"http://127.0.0.1:{self._listener.getsockname()[1]}"
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._listener.accept()
+                with near, socket.create_connection(self._to) as far, suppress(OSError):
+                    request = self._whole(near)
+                    far.sendall(request)
+                    answer = b"".join(iter(lambda: far.recv(65536), b""))
+                    if b"/commands " in request:
+                        self.commands.append(request)
+                        if len(self.commands) == 1:
+                            continue
+                    near.sendall(answer)
+
+    @staticmethod
+    def _whole(near: socket.socket) -> bytes:
+        request = near.recv(65536)
+        head, _, body = request.partition(b"\r\n\r\n")
+        lengths = [int(line[15:]) for line in head.split(b"\r\n") if line.lower().startswith(b"content-length:")]
+        while len(body) < sum(lengths):
+            body += near.recv(65536)
+        return head + b"\r\n\r\n" + body
+
+    def close(self) -> None:
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+
+def test_a_command_whose_answer_is_lost_reaches_the_robot_once(hall: Hall, operator: r6.Gateway) -> None:
+    way = Lossy(hall.url)
+    lossy = r6.Gateway(way.url, token=hall.token("--role", "operator"))
+    engineer = r6.Gateway(hall.url, token=hall.token("--role", "engineer"))
+
+    def intents() -> int:
+        return sum(entry["what"] == "command_intent" for entry in engineer.audit(limit=1000))
+
+    before = intents()
+    with lossy.robot("arm").lease() as lease:
+        assert lease.command("modifyOutput", 0, 3, True) >= 0
+        assert len(way.commands) == 2 and intents() == before + 1
+        # With a key of its own, a second call gets the answer of the first one.
+        took = lease.command("modifyOutput", 0, 4, True, key="mine")
+        assert lease.command("modifyOutput", 0, 4, True, key="mine") == took
+        with pytest.raises(r6.InvalidRequest) as taken:
+            lease.command("modifyOutput", 0, 4, False, key="mine")
+        assert taken.value.reason == "key_taken"
+        with pytest.raises(ValueError, match="Idempotency-Key"):
+            lease.command("modifyOutput", 0, 4, False, key="two words")
+    assert intents() == before + 2
+    way.close()
 
 
 def test_pages_of_events_are_read_to_the_end() -> None:

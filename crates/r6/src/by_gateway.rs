@@ -30,6 +30,10 @@ use crate::text_file;
 /// How long an answer may take. A stop is answered within 20 s, and a query within 10 s.
 const PATIENCE: Duration = Duration::from_secs(30);
 
+/// How long to wait before a command is asked for again that got no answer: at first, doubled each time, and
+/// at most. A gateway starts again within seconds.
+const WAITS: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(2));
+
 /// The longest answer: a thousand robots without their values have 800 bytes each.
 const MAX_REPLY_BYTES: usize = 4 * 1024 * 1024;
 
@@ -248,6 +252,55 @@ impl Gateway {
         body: &impl Serialize,
         lost: Exit,
     ) -> Result<Bytes, Failure> {
+        let answer = self.send(method, path, key, body).await?;
+        self.read_answer(path, answer, lost)
+    }
+
+    /// Posts a request that the gateway carries out once. While no answer comes, it is asked again with the
+    /// same key, within [`PATIENCE`] after the first one.
+    ///
+    /// After a lost answer, a refusal is no proof that nothing was sent: the first request may still be on
+    /// its way. The outcome is unknown then.
+    async fn ask_once(&self, path: &str, body: &impl Serialize) -> Result<Bytes, Failure> {
+        let (key, end) = (new_key()?, tokio::time::Instant::now() + PATIENCE);
+        let (mut lost, mut wait) = (None, WAITS.0);
+        loop {
+            let send = tokio::time::timeout_at(end, self.send(Method::POST, path, Some(&key), body));
+            let answer = match send.await {
+                Ok(answer) => answer?,
+                Err(_) => Err(Lost::NoReply("there was no answer in time".to_owned())),
+            };
+            let code = match &answer {
+                Ok((_, body)) => serde_json::from_slice::<Problem>(body).ok().map(|problem| problem.code),
+                Err(_) => None,
+            };
+            let is_good = matches!(&answer, Ok((status, _)) if status.is_success());
+            // Then the gateway knows the key.
+            let settles = is_good || matches!(code, Some(Code::Refused | Code::OutcomeUnknown));
+            let can_pass =
+                answer.is_err() || matches!(code, Some(Code::InProgress | Code::Overloaded | Code::NoOwner));
+            let failure = match (lost.take(), answer) {
+                (None, Err(Lost::NoReply(why))) => self.unclear(path, &why, Exit::Unknown),
+                (Some(failure), _) if !settles => failure,
+                (_, answer) => return self.read_answer(path, answer, Exit::Unknown),
+            };
+            if !can_pass || tokio::time::Instant::now() + wait >= end {
+                return Err(failure);
+            }
+            lost = Some(failure);
+            tokio::time::sleep(wait).await;
+            wait = WAITS.1.min(2 * wait);
+        }
+    }
+
+    /// Sends one request: its status and its body.
+    async fn send(
+        &self,
+        method: Method,
+        path: &str,
+        key: Option<&str>,
+        body: &impl Serialize,
+    ) -> Result<Result<(StatusCode, Bytes), Lost>, Failure> {
         let is_read = method == Method::GET;
         let body = if is_read { Vec::new() } else { serde_json::to_vec(body).unwrap_or_default() };
         let request = Request::builder()
@@ -263,7 +316,17 @@ impl Gateway {
         let request = request
             .body(Full::new(Bytes::from(body)))
             .map_err(|error| Failure::usage(format!("no such request: {error}")))?;
-        match self.http.ask(request).await {
+        Ok(self.http.ask(request).await)
+    }
+
+    /// The body of a good answer. `lost`: how the run ends without an answer.
+    fn read_answer(
+        &self,
+        path: &str,
+        answer: Result<(StatusCode, Bytes), Lost>,
+        lost: Exit,
+    ) -> Result<Bytes, Failure> {
+        match answer {
             Ok((status, body)) if status.is_success() => Ok(body),
             Ok((status, body)) => Err(match serde_json::from_slice::<Problem>(&body) {
                 Ok(_) if status == StatusCode::UNAUTHORIZED => self.unknown_token(),
@@ -299,6 +362,14 @@ impl Gateway {
             lost => Failure::no_reply(what).with_exit(lost),
         }
     }
+}
+
+/// An `Idempotency-Key` that nothing else has.
+fn new_key() -> Result<String, Failure> {
+    let mut key = [0; 16];
+    getrandom::fill(&mut key)
+        .map_err(|error| Failure::usage(format!("the system gives no random numbers: {error}")))?;
+    Ok(key.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// What a problem of the gateway means for the run. `lost`: how the run ends if the gateway failed itself.
@@ -358,9 +429,13 @@ impl GatewayRobot {
         Ok(Readings::of_gateway(rows, begun.elapsed()))
     }
 
-    /// Sends a command that needs no lease, or with the lease of the caller. It is sent once.
+    /// Sends a command that needs no lease, or with the lease of the caller. It reaches the robot once, also
+    /// if no answer comes and the gateway is asked again.
     pub async fn command(&self, request: &CommandRequest) -> Result<CommandDone, Failure> {
-        self.post("/commands", request).await
+        let path = self.path("/commands");
+        let answer = self.gateway.ask_once(&path, request).await?;
+        serde_json::from_slice(&answer)
+            .map_err(|error| self.gateway.unclear(&path, &error.to_string(), Exit::Unknown))
     }
 
     /// What a person sees at the panel of a virtual robot.
@@ -405,10 +480,7 @@ impl GatewayRobot {
     /// Runs a program. The answer comes once the controller accepted the first list. The request is sent
     /// once.
     pub async fn run(&self, request: &RunRequest) -> Result<Run, Failure> {
-        let mut key = [0; 16];
-        getrandom::fill(&mut key)
-            .map_err(|error| Failure::usage(format!("the system gives no random numbers: {error}")))?;
-        let key: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+        let key = new_key()?;
         let path = self.path("/programs/run");
         let answer = self.gateway.ask(Method::POST, &path, Some(&key), request, Exit::Unknown).await?;
         serde_json::from_slice(&answer)

@@ -566,7 +566,9 @@ export interface paths {
         put?: never;
         /**
          * Sends one command. What changes or moves needs the lease. What stops needs none, and holds until it is
-         *     cleared. The audit log has the intent before the command leaves, and the outcome after.
+         *     cleared. The audit log has the intent before the command leaves, and the outcome after. A request with the
+         *     same `Idempotency-Key` that asks for the same gets the same answer within 24 h, and nothing is sent again;
+         *     commands that stop are sent each time.
          */
         post: operations["command"];
         delete?: never;
@@ -6165,7 +6167,10 @@ export interface operations {
     command: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description 1 to 128 visible characters, drawn anew for each command, such as a UUID */
+                "Idempotency-Key"?: string | null;
+            };
             path: {
                 /** @description The name of the robot */
                 name: string;
@@ -6187,7 +6192,7 @@ export interface operations {
                     "application/json": components["schemas"]["CommandDone"];
                 };
             };
-            /** @description `bad_json`, `bad_body` */
+            /** @description `needs_idempotency_key`: the header is there and is no key; `bad_json`, `bad_body` */
             400: {
                 headers: {
                     [name: string]: unknown;
@@ -6232,7 +6237,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the controller) */
+            /** @description `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the controller), `in_progress` */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6259,7 +6264,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `bad_command`, `bad_value` */
+            /** @description `bad_command`, `bad_value`, `key_taken` */
             422: {
                 headers: {
                     [name: string]: unknown;

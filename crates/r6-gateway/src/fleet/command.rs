@@ -1,6 +1,9 @@
 //! Leases, commands, stops, and the acceptance of another robot.
 //!
 //! Everything here runs to its end even if its caller goes away: the callers of this module spawn it.
+//! `command/recorded.rs` writes intent and outcome, and lets a request that comes twice act once.
+
+mod recorded;
 
 use std::time::Duration;
 
@@ -13,6 +16,8 @@ use r6_client::{Address, NotSent, OutcomeUnknown, RequestError, Robot};
 use r6_proto::{Command, Effect};
 use tokio::sync::Semaphore;
 
+pub use self::recorded::Once;
+pub(super) use self::recorded::Told;
 use super::link::to_client;
 use super::station::{By, MAX_COMMANDS, MAX_STOPS, Station, millis};
 use crate::clock;
@@ -143,20 +148,21 @@ impl Station {
     }
 
     /// Sends a command or a list that changes or moves. Its intent is on the disk before it leaves, its
-    /// outcome after.
+    /// outcome after. With `once`, a request that came before gets the answer of then, and nothing is sent.
     ///
     /// # Errors
     /// `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused`, `overloaded`,
-    /// `store_unavailable`, `outcome_unknown`.
+    /// `store_unavailable`, `outcome_unknown`; those of [`Self::commanded_before`].
     pub async fn command(
         &self,
         by: &By,
         key: Key,
         order: Order,
         run_leftover: bool,
+        once: Option<&Once>,
     ) -> Result<CommandDone, Problem> {
         let sent = order.to_string();
-        let done = self.try_command(by, key, order, run_leftover).await;
+        let done = self.try_command(by, key, order, run_leftover, once).await;
         if let Err((problem, Told::No)) = &done {
             self.note_refused(by, &sent, problem.code);
         }
@@ -169,6 +175,7 @@ impl Station {
         key: Key,
         order: Order,
         run_leftover: bool,
+        once: Option<&Once>,
     ) -> Result<CommandDone, (Problem, Told)> {
         let untold = |problem: Problem| (problem, Told::No);
         let _slot = self.commands.try_acquire().map_err(|_| {
@@ -196,9 +203,14 @@ impl Station {
             answer.map_err(|error| (outcome(&error), self.problem_of(&error, key, effect)))
         };
         let send = self.noting_speed(by, percent, send);
-        let (command_id, accepted) = self.recorded(by, &sent, key.number, send).await?;
-        let after_ms = clock::milliseconds(accepted.after);
-        Ok(CommandDone { command_id: Some(command_id), sent, after_ms })
+        match once {
+            Some(once) => self.recorded_once(by, sent, key.number, once, send).await,
+            None => {
+                let (command_id, accepted) = self.recorded(by, &sent, key.number, send).await?;
+                let after_ms = clock::milliseconds(accepted.after);
+                Ok(CommandDone { command_id: Some(command_id), sent, after_ms })
+            }
+        }
     }
 
     /// Sends a command, and notes the global speed in percent that it sets, if it does.
@@ -214,36 +226,6 @@ impl Station {
         let failed = answer.as_ref().err().map(|(outcome, _)| *outcome);
         self.seat(|seat, _| seat.speed_answered(speed_answer(by, percent, failed)));
         answer
-    }
-
-    /// Sends something to the robot. Its intent is on the disk before `send` begins, its outcome after.
-    /// Returns the number of the intent.
-    pub(super) async fn recorded<T>(
-        &self,
-        by: &By,
-        command: &str,
-        lease: u64,
-        send: impl Future<Output = Result<T, (CommandOutcome, Problem)>>,
-    ) -> Result<(u64, T), (Problem, Told)> {
-        let intent = Deed::CommandIntent { command: command.to_owned(), lease };
-        let intent = self.append(self.record(by, intent)).await;
-        let command_id = intent.map_err(|error| (error.into(), Told::No))?;
-        self.publish(Happened::CommandBegan { command_id, command: command.to_owned() });
-        let answer = send.await;
-        let (outcome, detail) = match &answer {
-            Ok(_) => (CommandOutcome::Accepted, String::new()),
-            Err((outcome, problem)) => (*outcome, problem.message.clone()),
-        };
-        tracing::info!(robot = self.name(), command_id, %command, ?outcome, by = %by.actor, "a command");
-        self.counts.count_command(outcome);
-        self.publish(Happened::CommandEnded { command_id, outcome });
-        let deed = Deed::CommandOutcome { intent: command_id, outcome, detail };
-        if self.append(self.record(by, deed.clone())).await.is_err() {
-            // The robot has answered: the caller is told, and the log as soon as it can be written.
-            self.note(by, deed);
-        }
-        let accepted = answer.map_err(|(_, problem)| (problem, Told::Yes))?;
-        Ok((command_id, accepted))
     }
 
     /// The problem of a command that failed. If it was taken back, the seat knows why.
@@ -455,12 +437,6 @@ async fn finish(places: &Semaphore, all: u32, within: Duration) {
     if tokio::time::timeout(within, free).await.is_err() {
         tracing::warn!("a command or a stop did not end in time");
     }
-}
-
-/// Whether a command stands in the audit log.
-pub(super) enum Told {
-    Yes,
-    No,
 }
 
 fn ask(by: &By, lasts: Duration) -> Result<Ask, Problem> {

@@ -1,46 +1,64 @@
 //! Commands, stops, and what lets a robot be used again.
 
 use axum::extract::State as Of;
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode};
 use r6_api::gateway::{CommandDone, CommandRequest, RobotIdentity, Stopped, WithLease};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
 use r6_proto::{Command, CommandName, Effect};
 
 use super::body::{Json, key};
-use super::caller::{self, AcceptIdentity, Robot, Stop};
+use super::caller::{self, AcceptIdentity, Caller, Robot, Stop};
 use super::described::{OfBody, OfChange};
-use super::{State, refusal};
+use super::{State, idempotency, refusal};
 use crate::core::role::Right;
 use crate::core::seat::Denied;
+use crate::fleet::command::Once;
 use crate::problem;
 
 /// Sends one command. What changes or moves needs the lease. What stops needs none, and holds until it is
-/// cleared. The audit log has the intent before the command leaves, and the outcome after.
+/// cleared. The audit log has the intent before the command leaves, and the outcome after. A request with the
+/// same `Idempotency-Key` that asks for the same gets the same answer within 24 h, and nothing is sent again;
+/// commands that stop are sent each time.
 #[utoipa::path(
     post,
     path = "/v1/robots/{name}/commands",
-    params(("name" = String, Path, description = "The name of the robot")),
+    params(
+        ("name" = String, Path, description = "The name of the robot"),
+        (
+            "Idempotency-Key" = Option<String>,
+            Header,
+            description = "1 to 128 visible characters, drawn anew for each command, such as a UUID"
+        )
+    ),
     request_body = CommandRequest,
     responses(
         (status = 200, description = "The controller accepted it", body = CommandDone),
+        (
+            status = 400,
+            description = "`needs_idempotency_key`: the header is there and is no key; `bad_json`, `bad_body`",
+            body = Problem
+        ),
         (status = 404, description = "`no_such_robot`", body = Problem),
         (
             status = 409,
             description = "`no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the \
-                           controller)",
+                           controller), `in_progress`",
             body = Problem
         ),
-        (status = 422, description = "`bad_command`, `bad_value`", body = Problem),
+        (status = 422, description = "`bad_command`, `bad_value`, `key_taken`", body = Problem),
         (status = 503, description = "`store_unavailable`, `overloaded`: nothing was sent", body = Problem),
         (status = 504, description = "`outcome_unknown`: it may have acted", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
+        (status = 413, description = "`too_long`", body = Problem),
+        (status = 415, description = "`not_json`", body = Problem),
         OfChange,
-        OfBody,
     )
 )]
 pub async fn command(
     robot: Robot<Stop>,
     Of(state): Of<State>,
+    headers: HeaderMap,
     body: Result<Json<CommandRequest>, Refusal>,
 ) -> Result<axum::Json<CommandDone>, Refusal> {
     let Robot { caller, station, .. } = robot;
@@ -62,16 +80,37 @@ pub async fn command(
             done
         }),
         Effect::Reads | Effect::Changes | Effect::Moves => {
+            let once = once(&caller, station.name(), &headers, &request)?;
+            if let Some(once) = &once
+                && let Some(done) = station.commanded_before(once).await.map_err(refusal::of)?
+            {
+                return Ok(axum::Json(done));
+            }
             let held = request.lease.as_ref().ok_or_else(|| Denied::NoLease.into()).and_then(key);
             let key = held.map_err(|problem: problem::Problem| {
                 station.note_refused(&by, &command.to_string(), problem.code);
                 refusal::of(problem)
             })?;
             let run_leftover = request.run_leftover;
-            tokio::spawn(async move { station.command(&by, key, command.into(), run_leftover).await })
+            tokio::spawn(async move {
+                station.command(&by, key, command.into(), run_leftover, once.as_ref()).await
+            })
         }
     };
     work.await.map_err(refusal::of_lost_work)?.map(axum::Json).map_err(refusal::of)
+}
+
+/// What makes a request one that must not be carried out twice; `None` without an `Idempotency-Key`.
+fn once(
+    caller: &Caller,
+    robot: &str,
+    headers: &HeaderMap,
+    request: &CommandRequest,
+) -> Result<Option<Once>, Refusal> {
+    let CommandRequest { command, arguments, lease: _, run_leftover } = request;
+    let Some(key) = idempotency::key(headers)? else { return Ok(None) };
+    let hash = idempotency::hash(&(robot, command, arguments, run_leftover))?;
+    Ok(Some(Once { caller: idempotency::owner(caller), key, hash }))
 }
 
 /// Stops the robot, and answers when it is proved that the arm stands, within 20 s. It needs no lease. After

@@ -12,20 +12,14 @@ use r6_http::Refusal;
 use sha2::{Digest, Sha256};
 
 use super::body::{WithProgram, key};
-use super::caller::{Caller, Command, Read, Robot};
+use super::caller::{Command, Read, Robot};
 use super::described::{OfChange, OfRight};
-use super::{State, refusal};
+use super::{State, idempotency, refusal};
 use crate::core::library::ProgramName;
 use crate::fleet::run::Wish;
 use crate::problem;
 use crate::programs::check::check_length;
 use crate::programs::run::{MAX_REPEAT, steps};
-
-/// The header that makes a request recognisable.
-const KEY_HEADER: &str = "idempotency-key";
-
-/// The longest key, in characters: a UUID has 36.
-const MAX_KEY: usize = 128;
 
 /// Runs a program on a robot, with the lease. The gateway feeds its steps, at most 10 ahead of the arm, and
 /// stops the arm if the lease ends. The answer comes once the controller accepted the first list:
@@ -78,9 +72,10 @@ pub async fn run(
     WithProgram(request): WithProgram<RunRequest>,
 ) -> Result<Response, Refusal> {
     let Robot { caller, station, .. } = robot;
-    let idempotency_key = idempotency_key(&headers)?;
-    let hash = hash(station.name(), &request)?;
-    let owner = owner(&caller);
+    let idempotency_key = idempotency::required(&headers)?;
+    let RunRequest { program, name, version, lease: _, repeat } = &request;
+    let hash = idempotency::hash(&(station.name(), program, name, version, repeat))?;
+    let owner = idempotency::owner(&caller);
     let before = station.answered_before(&owner, &idempotency_key, hash).await.map_err(refusal::of)?;
     let run = match before {
         Some(run) => run,
@@ -160,39 +155,6 @@ async fn text(state: &State, request: RunRequest) -> Result<(Option<(ProgramName
             Ok((Some((name, kept.tag.version)), text))
         }
         _ => Err(bad_value("either program, or name with or without version".to_owned())),
-    }
-}
-
-/// The key of a request.
-fn idempotency_key(headers: &HeaderMap) -> Result<String, Refusal> {
-    let mut sent = headers.get_all(KEY_HEADER).iter();
-    let wrong = |message: String| Refusal::new(StatusCode::BAD_REQUEST, Code::NeedsIdempotencyKey, message);
-    let (Some(key), None) = (sent.next(), sent.next()) else {
-        let message = "send one `Idempotency-Key`, drawn anew for each run, such as a UUID: so a request that comes \
-                       twice moves the arm once";
-        return Err(wrong(message.to_owned()));
-    };
-    let is_visible = |key: &&str| key.bytes().all(|byte| byte.is_ascii_graphic());
-    match key.to_str().ok().filter(is_visible).filter(|key| (1..=MAX_KEY).contains(&key.len())) {
-        Some(key) => Ok(key.to_owned()),
-        None => Err(wrong(format!("an `Idempotency-Key` has 1 to {MAX_KEY} visible characters of ASCII"))),
-    }
-}
-
-/// SHA-256 of what a request asks for. How its JSON is written does not matter, nor which lease it names: who
-/// asks again after a while may have another one.
-fn hash(robot: &str, request: &RunRequest) -> Result<[u8; 32], Refusal> {
-    let RunRequest { program, name, version, lease: _, repeat } = request;
-    let text = serde_json::to_string(&(robot, program, name, version, repeat));
-    let text = text.map_err(|error| bad_value(error.to_string()))?;
-    Ok(Sha256::digest(text).into())
-}
-
-/// Whose keys these are: names of users are never numbers.
-fn owner(caller: &Caller) -> String {
-    match caller.token() {
-        Some(number) => format!("token {number}"),
-        None => format!("user {}", caller.by().actor),
     }
 }
 

@@ -109,7 +109,7 @@ pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Or
         let reason = "the rules have changed".to_owned();
         return refuse(door, station, source, word, (Code::NotAllowed, reason));
     }
-    let done = station.command(&by(&rule, source), key, order, is_list && has_list).await;
+    let done = station.command(&by(&rule, source), key, order, is_list && has_list, None).await;
     if is_list && done.is_ok() {
         door.lease().has_list(key);
     }

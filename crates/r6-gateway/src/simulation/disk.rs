@@ -13,6 +13,7 @@ use crate::core::name::RobotName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 use crate::secret;
+use crate::store::commands::{KeptCommand, NewCommand, Noted};
 use crate::store::runs::{Begun, KeptRun, NewRun};
 use crate::store::{
     Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, NewToken, NewVersion, Sqlite, Store,
@@ -363,6 +364,23 @@ impl Store for Mounted {
 
     fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
         self.write(|store| store.forget_owed_stop(robot))
+    }
+
+    fn begin_command(&mut self, new: &NewCommand) -> Result<Noted, StoreError> {
+        self.write(|store| store.begin_command(new))
+    }
+
+    fn command_of_key(
+        &mut self,
+        caller: &str,
+        key: &str,
+        since: u64,
+    ) -> Result<Option<KeptCommand>, StoreError> {
+        self.read(|store| store.command_of_key(caller, key, since))
+    }
+
+    fn end_command(&mut self, intent: u64, answer: &str, outcome: &AuditRecord) -> Result<(), StoreError> {
+        self.write(|store| store.end_command(intent, answer, outcome))
     }
 }
 

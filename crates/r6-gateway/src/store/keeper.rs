@@ -7,6 +7,7 @@ use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 use tokio::sync::oneshot;
 
+use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
     Author, Ends, Entry, Heads, Kept, LibraryError, Link, NewToken, NewVersion, Store, StoreError,
@@ -60,6 +61,9 @@ enum Job {
     EndRun(Box<Run>, bool, Vec<AuditRecord>, Answer<()>),
     OwedStops(Answer<Vec<RobotName>>),
     ForgetOwedStop(RobotName, Answer<()>),
+    BeginCommand(Box<NewCommand>, Answer<Noted>),
+    CommandOfKey(String, String, u64, Answer<Option<KeptCommand>>),
+    EndCommand(u64, String, Box<AuditRecord>, Answer<()>),
     End(Answer<()>),
 }
 
@@ -398,6 +402,40 @@ impl Keeper {
         self.ask(|answer| Job::ForgetOwedStop(robot, answer)).await
     }
 
+    /// As [`Store::begin_command`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn begin_command(&self, new: NewCommand) -> Result<Noted, StoreError> {
+        self.ask(|answer| Job::BeginCommand(Box::new(new), answer)).await
+    }
+
+    /// As [`Store::command_of_key`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn command_of_key(
+        &self,
+        caller: String,
+        key: String,
+        since: u64,
+    ) -> Result<Option<KeptCommand>, StoreError> {
+        self.ask(|answer| Job::CommandOfKey(caller, key, since, answer)).await
+    }
+
+    /// As [`Store::end_command`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn end_command(
+        &self,
+        intent: u64,
+        answer: String,
+        outcome: AuditRecord,
+    ) -> Result<(), StoreError> {
+        self.ask(|to| Job::EndCommand(intent, answer, Box::new(outcome), to)).await
+    }
+
     /// Ends the thread after all that was asked for, and closes the store: what its log has is in its file
     /// then. Nothing can be asked for any more.
     ///
@@ -486,6 +524,13 @@ fn carry_out(store: &mut impl Store, job: Job, waiting: &mut Receiver<Job>) -> O
         }
         Job::OwedStops(answer) => drop(answer.send(store.owed_stops())),
         Job::ForgetOwedStop(robot, answer) => drop(answer.send(store.forget_owed_stop(&robot))),
+        Job::BeginCommand(new, answer) => drop(answer.send(store.begin_command(&new))),
+        Job::CommandOfKey(caller, key, since, answer) => {
+            drop(answer.send(store.command_of_key(&caller, &key, since)));
+        }
+        Job::EndCommand(intent, text, record, answer) => {
+            drop(answer.send(store.end_command(intent, &text, &record)));
+        }
         // The callers of this function end with this job.
         Job::End(answer) => drop(answer.send(Err(StoreError::Closed))),
     }

@@ -1,9 +1,10 @@
 //! A store that keeps nothing beyond the process, for tests.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use r6_api::gateway::{AuditRecord, Deed, Run};
 
+use super::commands::{KEPT as KEYS_KEPT, KEPT_AT_LEAST, KeptCommand, MAX_KEYS, NewCommand, Noted};
 use super::library::removed;
 use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS, MAX_RUNS_OF_ONE, NewRun};
 use super::{
@@ -36,6 +37,15 @@ pub struct Memory {
     links: Vec<Link>,
     runs: BTreeMap<u64, MemoryRun>,
     last_run: u64,
+    /// The commands with a key, the oldest first.
+    commands: VecDeque<MemoryCommand>,
+}
+
+#[derive(Debug)]
+struct MemoryCommand {
+    of: (String, String),
+    made: u64,
+    kept: KeptCommand,
 }
 
 #[derive(Debug)]
@@ -337,6 +347,50 @@ impl Store for Memory {
     fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
         let ended = |run: &&mut MemoryRun| run.robot == *robot && run.kept.ended;
         self.runs.values_mut().filter(ended).for_each(|run| run.owed = false);
+        Ok(())
+    }
+
+    fn begin_command(&mut self, new: &NewCommand) -> Result<Noted, StoreError> {
+        let oldest = new.now.saturating_sub(KEYS_KEPT);
+        self.commands.retain(|command| command.made >= oldest);
+        if let Some(known) = self.command_of_key(&new.caller, &new.key, 0)? {
+            return Ok(Noted::Known(known));
+        }
+        if self.commands.len() as u64 >= MAX_KEYS {
+            let certain = new.now.saturating_sub(KEPT_AT_LEAST);
+            if self.commands.front().is_some_and(|oldest| oldest.made > certain) {
+                return Ok(Noted::Full);
+            }
+            self.commands.pop_front();
+        }
+        let intent = self.append(std::slice::from_ref(&new.intent))?;
+        let kept = KeptCommand { intent, hash: new.hash, answer: None, ended: false };
+        let of = (new.caller.clone(), new.key.clone());
+        self.commands.push_back(MemoryCommand { of, made: new.now, kept });
+        Ok(Noted::New(intent))
+    }
+
+    fn command_of_key(
+        &mut self,
+        caller: &str,
+        key: &str,
+        since: u64,
+    ) -> Result<Option<KeptCommand>, StoreError> {
+        let open = self.open_intents()?;
+        let mut known = self.commands.iter().filter(|known| known.made >= since);
+        let known = known.find(|known| known.of.0 == caller && known.of.1 == key);
+        Ok(known.map(|MemoryCommand { kept, .. }| {
+            let ended = open.iter().all(|(number, _)| *number != kept.intent);
+            KeptCommand { ended, ..kept.clone() }
+        }))
+    }
+
+    fn end_command(&mut self, intent: u64, answer: &str, outcome: &AuditRecord) -> Result<(), StoreError> {
+        self.append(std::slice::from_ref(outcome))?;
+        let mut commands = self.commands.iter_mut();
+        if let Some(known) = commands.find(|known| known.kept.intent == intent) {
+            known.kept.answer = Some(answer.to_owned());
+        }
         Ok(())
     }
 }

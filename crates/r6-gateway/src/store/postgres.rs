@@ -6,6 +6,7 @@
 //! [`session`]: the connection. `tables`: the tables. The other files have what their tables are about.
 
 mod audit;
+mod commands;
 mod database;
 pub mod history;
 pub mod owner;
@@ -22,6 +23,7 @@ use r6_api::gateway::{AuditRecord, Run};
 
 use self::session::{Durable, Hand, Session};
 use self::tables::{FOUNDATION, TABLES};
+use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
     Author, Ends, Entry, Heads, Kept, LibraryError, Link, NewToken, NewVersion, Store, StoreError,
@@ -371,5 +373,22 @@ impl Store for Postgres {
 
     fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
         self.session.write(async |client| runs::forget_owed_stop(client, robot).await)
+    }
+
+    fn begin_command(&mut self, new: &NewCommand) -> Result<Noted, StoreError> {
+        self.session.write(async |client| commands::begin(client, new).await)
+    }
+
+    fn command_of_key(
+        &mut self,
+        caller: &str,
+        key: &str,
+        since: u64,
+    ) -> Result<Option<KeptCommand>, StoreError> {
+        self.session.read(async |client| commands::by_key(client, caller, key, since).await)
+    }
+
+    fn end_command(&mut self, intent: u64, answer: &str, outcome: &AuditRecord) -> Result<(), StoreError> {
+        self.session.write(async |client| commands::end(client, intent, answer, outcome).await)
     }
 }

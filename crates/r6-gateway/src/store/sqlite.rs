@@ -1,5 +1,6 @@
 //! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit.
 
+mod commands;
 mod heads;
 mod programs;
 mod runs;
@@ -13,6 +14,7 @@ use r6_api::gateway::{ActedBy, AuditRecord, RobotIdentity, Run};
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Transaction, TransactionBehavior, params};
 
 use self::tables::TABLES;
+use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
     Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store,
@@ -595,6 +597,23 @@ impl Store for Sqlite {
 
     fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
         runs::forget_owed_stop(&self.connection, robot)
+    }
+
+    fn begin_command(&mut self, new: &NewCommand) -> Result<Noted, StoreError> {
+        commands::begin(self.write()?, new)
+    }
+
+    fn command_of_key(
+        &mut self,
+        caller: &str,
+        key: &str,
+        since: u64,
+    ) -> Result<Option<KeptCommand>, StoreError> {
+        commands::by_key(&self.connection, caller, key, since)
+    }
+
+    fn end_command(&mut self, intent: u64, answer: &str, outcome: &AuditRecord) -> Result<(), StoreError> {
+        commands::end(self.write()?, intent, answer, outcome)
     }
 }
 

@@ -8,6 +8,7 @@ mod fleet;
 mod happenings;
 mod heads;
 mod history;
+mod idempotency;
 mod leases;
 mod openapi;
 #[cfg(unix)]

@@ -76,7 +76,8 @@ impl Hall {
         Self::of(gateway, data, robots)
     }
 
-    fn of(gateway: Gateway, data: TempDir, robots: Vec<VirtualController>) -> Self {
+    /// This gateway with this folder, its robots, and a new token of each role.
+    pub fn of(gateway: Gateway, data: TempDir, robots: Vec<VirtualController>) -> Self {
         let make = |role: Role| {
             let name = role.word().to_owned();
             r6_gateway::make_token(data.path(), role, None, name).unwrap().1

@@ -17,7 +17,8 @@ class Gateway:
     """A gateway. It holds no connection: each call makes its own, so it can be used from several threads.
 
     Errors are those of ``Robot``; ``reason`` is the code of the gateway's problem (``"leased"``,
-    ``"not_allowed"``, …). No request is sent twice.
+    ``"not_allowed"``, …). No request is sent twice, except a command of which no answer came: the gateway
+    knows it by its ``Idempotency-Key``, and sends it to the robot once.
 
     >>> press = r6.Gateway("http://127.0.0.1:9780", token_file="token").robot("press-4")    # doctest: +SKIP
     >>> press.state().fresh("axis-0")    # doctest: +SKIP

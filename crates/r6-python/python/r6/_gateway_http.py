@@ -1,4 +1,5 @@
-"""HTTP with a gateway: one request a connection, none sent twice, and what an answer means."""
+"""HTTP with a gateway: one request a connection, and what an answer means. Only what the gateway knows by its
+``Idempotency-Key`` is asked again."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any, Literal, TypeVar
 from urllib.parse import urlencode, urlsplit
 
@@ -42,6 +43,10 @@ _AGAIN = frozenset(
     }
 )
 """Reasons of what was not sent that can pass by themselves."""
+
+_WAITS = (0.25, 2.0)
+"""Seconds before a request is asked again: the first wait, doubled each time, and the longest one. A gateway
+starts again within seconds."""
 
 UNREADABLE = (KeyError, TypeError, ValueError, AttributeError)
 """What reading an answer raises if it has another shape than a gateway's."""
@@ -140,12 +145,15 @@ class HttpClient:
         body: Mapping[str, Any] | None = None,
         effect: Effect = "reads",
         headers: Mapping[str, str] | None = None,
+        timeout: float | None = None,
     ) -> T:
-        """Sends a request, and reads the JSON of its answer: ``None`` for an answer without any."""
+        """Sends a request, and reads the JSON of its answer: ``None`` for an answer without any. ``timeout``: in
+        place of that of the client."""
         data = None if body is None else json.dumps(body, allow_nan=False)
-        connection, end = self._connect(self._timeout), monotonic() + self._timeout
+        timeout = self._timeout if timeout is None else timeout
+        connection, end = self._connect(timeout), monotonic() + timeout
         # The time-out of a socket begins anew with each byte.
-        cut = threading.Timer(self._timeout, _cut, (connection.sock,))
+        cut = threading.Timer(timeout, _cut, (connection.sock,))
         cut.daemon = True
         cut.start()
         try:
@@ -154,7 +162,7 @@ class HttpClient:
                 if response.length and len(text) <= _MOST_BYTES:
                     raise EOFError("the answer breaks off")
         except (OSError, EOFError, http.client.HTTPException) as error:
-            late = TimeoutError(f"not within {self._timeout:g} s") if monotonic() >= end else error
+            late = TimeoutError(f"not within {timeout:g} s") if monotonic() >= end else error
             raise self._lost(method, path, effect, late) from error
         finally:
             cut.cancel()
@@ -167,6 +175,33 @@ class HttpClient:
         except UNREADABLE as error:
             what = f"status {response.status}, and something that cannot be read"
             raise self.unclear(method, path, effect, what) from error
+
+    def ask_once(self, path: str, read: Callable[[Any], T], body: Mapping[str, Any], effect: Effect, key: str) -> T:
+        """Posts a request that the gateway carries out once. While no answer comes, it is asked again with the
+        same key, within the time-out of the first one.
+
+        After a lost answer, "not sent" is no proof: the first request may still be on its way. It counts as unknown.
+        """
+        headers, end = {"Idempotency-Key": header(key, "Idempotency-Key")}, monotonic() + self._timeout
+        lost: OutcomeUnknown | None = None
+        wait = _WAITS[0]
+        while True:
+            left = max(0.001, end - monotonic())
+            try:
+                return self.ask("POST", path, read, body, effect, headers, left)
+            except OutcomeUnknown as unknown:
+                if unknown.reason not in ("timed_out", "connection_lost"):
+                    raise
+                lost = lost or unknown
+            except (NotSent, InvalidRequest) as refused:
+                if lost is None:
+                    raise
+                if refused.reason not in ("in_progress", "unreachable", "overloaded", "no_owner"):
+                    raise lost from refused
+            if monotonic() + wait >= end:
+                raise lost
+            sleep(wait)
+            wait = min(2 * wait, _WAITS[1])
 
     def _problem(self, status: int, answer: Any, method: str, path: str, effect: Effect) -> RequestError:
         """The error that a problem stands for. What is not a gateway's answer proves nothing."""

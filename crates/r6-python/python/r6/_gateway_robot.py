@@ -174,8 +174,10 @@ class GatewayRobot:
         effect: Effect = "reads",
         headers: Mapping[str, str] | None = None,
     ) -> T:
-        path = f"/v1/robots/{quote(self.name, safe='')}{path}"
-        return self._http.ask(method, path, read, body, effect, headers)
+        return self._http.ask(method, self._path(path), read, body, effect, headers)
+
+    def _path(self, path: str) -> str:
+        return f"/v1/robots/{quote(self.name, safe='')}{path}"
 
 
 class GatewayLease:
@@ -239,18 +241,23 @@ class GatewayLease:
         """Gives it back."""
         self._robot._ask("DELETE", "/lease", read_nothing, {"lease": self._key}, "changes")
 
-    def command(self, word: str, *arguments: object, run_leftover: bool = False) -> float:
+    def command(self, word: str, *arguments: object, run_leftover: bool = False, key: str | None = None) -> float:
         """Sends a command, in the words and units of ``r6 command``: ``lease.command("modifyGSPD", 20)``. Returns the
         seconds until the controller accepted it. That does not mean that the arm moves.
 
         ``run_leftover``: send a command that starts the machine even if instructions are left in its list.
+        ``key``: the ``Idempotency-Key``. The gateway sends a command with it once: a second call with the same key
+        and arguments within 24 h gets the answer of the first one. Without it, each call has a new one. If no answer
+        comes, the gateway is asked again with the same key, within the ``timeout`` of ``Gateway``.
+
         ``ValueError`` says which word or argument is wrong; nothing is sent then. ``OutcomeUnknown``: look at
-        the robot before anything is sent again.
+        the robot before anything is sent again, or call again with the same ``key``.
         """
         Command.typed(word, *arguments)
         texts = [str(int(argument)) if isinstance(argument, bool) else str(argument) for argument in arguments]
         body = {"command": word, "arguments": texts, "lease": self._key, "run_leftover": run_leftover}
-        return self._robot._ask("POST", "/commands", read_after, body, "moves")
+        key = str(uuid.uuid4()) if key is None else key
+        return self._robot._http.ask_once(self._robot._path("/commands"), read_after, body, "moves", key)
 
     def run(
         self,

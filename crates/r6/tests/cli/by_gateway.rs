@@ -2,6 +2,11 @@
 
 use r6_testkit::hostile::{Character, Delays};
 use serde_json::Value;
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 use std::time::Duration;
 
 use crate::gateway::{gateway, get, token, until};
@@ -198,6 +203,69 @@ fn an_outcome_that_the_gateway_does_not_know_is_exit_code_4() {
     let outcome = hall.r6(&["command", "rewriteData", "800", "1", "0", "--json"]);
     assert_eq!((outcome.code, code(&outcome)), (4, "outcome_unknown".into()), "{outcome:?}");
     drop(controller);
+}
+
+/// A way to a gateway that swallows the first answer to a command. Returns its URL, and how many requests
+/// for commands came.
+fn lossy(gateway: &str) -> (String, Arc<AtomicUsize>) {
+    let to = gateway.trim_start_matches("http://").to_owned();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}", listener.local_addr().unwrap());
+    let commands = Arc::new(AtomicUsize::new(0));
+    let count = Arc::clone(&commands);
+    thread::spawn(move || {
+        for near in listener.incoming() {
+            let (Ok(mut near), Ok(mut far)) = (near, TcpStream::connect(&to)) else { return };
+            let count = Arc::clone(&count);
+            thread::spawn(move || {
+                // Requests of these commands are short, and come in one or two pieces.
+                let mut request = [0; 8192];
+                let mut is_first = false;
+                let mut back = far.try_clone().unwrap();
+                let mut out = near.try_clone().unwrap();
+                let mut pump = None;
+                while let Ok(read @ 1..) = near.read(&mut request) {
+                    if request[..read].windows(10).any(|part| part == b"/commands ") {
+                        is_first = count.fetch_add(1, Ordering::SeqCst) == 0;
+                    }
+                    far.write_all(&request[..read]).unwrap();
+                    let swallows = is_first;
+                    pump.get_or_insert_with(|| {
+                        let (mut back, mut out) = (back.try_clone().unwrap(), out.try_clone().unwrap());
+                        thread::spawn(move || {
+                            let mut answer = [0; 8192];
+                            while let Ok(read @ 1..) = back.read(&mut answer) {
+                                if swallows || out.write_all(&answer[..read]).is_err() {
+                                    break;
+                                }
+                            }
+                            let _ = out.shutdown(Shutdown::Both);
+                        })
+                    });
+                }
+                let _ = (back.flush(), out.flush());
+                let _ = far.shutdown(Shutdown::Both);
+            });
+        }
+    });
+    (url, commands)
+}
+
+#[test]
+fn a_command_whose_answer_is_lost_is_asked_for_again_and_reaches_the_robot_once() {
+    let robot = Robot::start(&[]);
+    let hall = Hall::start("hall-once", &[&format!("press={}", robot.address())], "operator", &[]);
+    let (url, commands) = lossy(&hall.url);
+    let args =
+        ["-g", &url, "--token-file", hall.token.path(), "command", "modifyCounter", "0", "5", "20", "--json"];
+    let outcome = r6(&args);
+    assert_eq!((outcome.code, &outcome.json()["accepted"]), (0, &Value::Bool(true)), "{outcome:?}");
+    assert_eq!(commands.load(Ordering::SeqCst), 2, "the gateway was asked twice");
+    let (status, audit) = get(&hall.url, &token(&hall.data, "engineer"), "/v1/audit?limit=1000");
+    assert_eq!(status, 200);
+    let entries = audit["entries"].as_array().unwrap();
+    let intents = entries.iter().filter(|entry| entry["what"] == "command_intent").count();
+    assert_eq!(intents, 1, "{audit:#}");
 }
 
 #[test]

@@ -15,7 +15,7 @@ CREATE TABLE IF NOT EXISTS r6_gateway.version (
 ";
 
 /// What makes the tables of each version out of those before, from version 1 on.
-pub const TABLES: [&str; 1] = [FIRST];
+pub const TABLES: [&str; 2] = [FIRST, COMMANDS];
 
 /// - `audit`: `what`, `robot` and `intent` are read from the text when it is written.
 /// - `seat`: the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -172,4 +172,19 @@ CREATE TABLE event (
     UNIQUE (day, part, robot, time, hash)
 ) PARTITION BY RANGE (day, part);
 CREATE INDEX ON event (robot, time, id);
+";
+
+/// Commands with an `Idempotency-Key`. `intent`: the number of the entry of the audit log.
+const COMMANDS: &str = "
+CREATE TABLE command (
+    id     bigint GENERATED ALWAYS AS IDENTITY PRIMARY KEY,
+    intent bigint NOT NULL UNIQUE,
+    caller text NOT NULL,
+    key    text NOT NULL,
+    hash   bytea NOT NULL,
+    made   bigint NOT NULL,
+    answer text,
+    UNIQUE (caller, key)
+);
+CREATE INDEX command_made ON command (made);
 ";

@@ -2,7 +2,7 @@
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-pub const TABLES: [&str; 7] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY];
+pub const TABLES: [&str; 8] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS];
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
 /// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -124,4 +124,19 @@ CREATE TABLE audit_head (
 /// Who made the stop that holds, and when, as JSON.
 const STOPPED_BY: &str = "
 ALTER TABLE seat ADD COLUMN stopped_by TEXT;
+";
+
+/// Commands with an `Idempotency-Key`. `intent`: the number of the entry of the audit log.
+const COMMANDS: &str = "
+CREATE TABLE command (
+    id     INTEGER PRIMARY KEY AUTOINCREMENT,
+    intent INTEGER NOT NULL UNIQUE,
+    caller TEXT NOT NULL,
+    key    TEXT NOT NULL,
+    hash   BLOB NOT NULL,
+    made   INTEGER NOT NULL,
+    answer TEXT,
+    UNIQUE (caller, key)
+) STRICT;
+CREATE INDEX command_made ON command (made);
 ";
