@@ -1,6 +1,8 @@
 //! The types of the HTTP panel of virtual controllers. Field names contain units; points and axes have their
 //! names on the pendant.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::position::{Pose, Unit};
@@ -56,6 +58,58 @@ pub enum Action {
         #[cfg_attr(feature = "openapi", schema(default = 10.0, maximum = 100.0))]
         speed_percent: f64,
     },
+    /// In manual: moves one axis by hand as long as its button is held. It ends with `end_jog`, when
+    /// `keep_jog` did not come for 200 ms, and at a soft limit, with the alarm of that limit.
+    HoldJog {
+        /// `J1` to `J8`.
+        #[cfg_attr(feature = "openapi", schema(example = "J1"))]
+        axis: String,
+        /// Whether its position grows.
+        up: bool,
+        /// How fast, in percent of the axis's full speed, times the global speed: above 0, at most 100; 10 if
+        /// it is missing.
+        #[serde(default = "usual_speed")]
+        #[cfg_attr(feature = "openapi", schema(default = 10.0, maximum = 100.0))]
+        speed_percent: f64,
+    },
+    /// The button of `hold_jog` is still held. This never begins a move.
+    KeepJog {},
+    /// The button of `hold_jog` is let go: the axis comes to rest.
+    EndJog {},
+    /// Gives the controller a fault, from now on.
+    BeginFault {
+        /// Its word: `GET …/faults` has all.
+        #[cfg_attr(feature = "openapi", schema(example = "silence"))]
+        fault: String,
+        /// Its kind, for a fault that has kinds.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        kind: Option<String>,
+        /// How likely it strikes each time it can, 0 to 1; 1 if it is missing.
+        #[serde(default = "certain")]
+        #[cfg_attr(feature = "openapi", schema(default = 1.0, minimum = 0.0, maximum = 1.0))]
+        chance: f64,
+        /// After how many seconds it ends by itself; until `end_fault` if it is missing.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        seconds: Option<f64>,
+        /// Its numbers, by name, as in a scenario; the usual ones if they are missing.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        #[cfg_attr(feature = "openapi", schema(example = json!({"delay": 3.0})))]
+        numbers: BTreeMap<String, f64>,
+    },
+    /// Ends a fault. If it has ended before, nothing changes.
+    EndFault {
+        /// Its number: `faults` of the state has those that are in force.
+        number: usize,
+    },
+    /// Ends all faults that are in force.
+    EndFaults {},
+    /// The mains fail, and are back after this time.
+    CutPower {
+        /// After how many seconds, 0 to 3600; 10 if it is missing.
+        #[serde(default = "usual_cut")]
+        #[cfg_attr(feature = "openapi", schema(default = 10.0, minimum = 0.0, maximum = 3600.0))]
+        seconds: f64,
+    },
     /// Removes the points of cameras that no program has used yet.
     ClearPoints {},
     /// Chooses another program.
@@ -69,6 +123,59 @@ pub enum Action {
 /// The default speed of a move by hand, in percent.
 fn usual_speed() -> f64 {
     10.0
+}
+
+/// A fault strikes each time unless its chance is given.
+fn certain() -> f64 {
+    1.0
+}
+
+/// How long a power cut lasts by default, in seconds: as in a scenario.
+fn usual_cut() -> f64 {
+    10.0
+}
+
+/// The faults that a virtual controller can be given.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Faults {
+    /// In the order of their classes.
+    pub faults: Vec<FaultKind>,
+}
+
+/// A fault that a virtual controller can be given.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct FaultKind {
+    /// Its word, as in a scenario.
+    #[cfg_attr(feature = "openapi", schema(example = "silence"))]
+    pub fault: String,
+    /// Its class in the catalogue of faults.
+    #[cfg_attr(feature = "openapi", schema(example = "T3"))]
+    pub class: String,
+    /// Its kinds, one of which has to be chosen; empty if it has none.
+    pub kinds: Vec<String>,
+    /// The names of its numbers, which may be left out.
+    pub numbers: Vec<String>,
+}
+
+/// A fault that is in force.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct FaultInForce {
+    /// Its number, for `end_fault`. No other fault of this controller has or gets it.
+    pub number: usize,
+    /// Its word.
+    #[cfg_attr(feature = "openapi", schema(example = "silence"))]
+    pub fault: String,
+    /// Its kind; absent if it has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
+    /// How likely it strikes each time it can, 0 to 1.
+    pub chance: f64,
+    /// After how many seconds it ends by itself; absent if it does not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds_left: Option<f64>,
 }
 
 /// A button of the pendant.
@@ -168,6 +275,10 @@ pub struct Snapshot {
     pub ready: bool,
     /// What keeps it from taking instructions, in the order in which to deal with it.
     pub not_ready: Vec<String>,
+    /// The faults that are in force, of a scenario too.
+    pub faults: Vec<FaultInForce>,
+    /// Whether the mains have failed.
+    pub power_off: bool,
     /// The points of cameras that no program has used yet.
     pub camera_points: Vec<CameraPoints>,
     /// How many instructions are left in the list.

@@ -162,13 +162,15 @@ codes! {
     NotManual "not_manual",
     /// The machine moves.
     Moving "moving",
+    /// No axis moves as long as a button is held.
+    NotHeld "not_held",
     /// The global speed is 0.
     NoGlobalSpeed "no_global_speed",
     /// The program cannot be used.
     Program "program",
     /// The program runs.
     ProgramRunning "program_running",
-    /// There is no room for another program.
+    /// There is no room for another one: a program, a run, a fault.
     NoRoom "no_room",
     /// There is no path for the arm to its target.
     NoPath "no_path",
@@ -182,6 +184,8 @@ codes! {
     BadSpeed "bad_speed",
     /// There is no such alarm.
     NoSuchAlarm "no_such_alarm",
+    /// There is no such fault, or its kind or a number of it is wrong.
+    BadFault "bad_fault",
     /// The text is not a program.
     BadProgram "bad_program",
 

@@ -26,6 +26,7 @@ use r6_proto::{Address, Reading};
 use cameras::{Cameras, Route};
 use dispatch::Dispatcher;
 use scenario::Breakage;
+pub use scenario::FaultInForce;
 
 use crate::event::{AlarmCause, Detail, Event, ShellEvent};
 use crate::fault::{Fault, LinkFault, LinkFaultNow};
@@ -98,8 +99,10 @@ pub struct Controller {
     woken: VecDeque<ConnectionId>,
     /// How many unrequested frames were sent.
     pushes: u64,
-    /// The scenario and the faults in force, if there is a scenario.
+    /// The scenario and the faults in force, if there is a scenario or a fault was given.
     breakage: Option<Box<Breakage>>,
+    /// How it was switched on: at a power cut the machine is made from this again.
+    settings: Box<ControllerSettings>,
     /// The link faults in force.
     link_faults: Vec<LinkFaultNow>,
     /// How often the link faults have changed.
@@ -112,7 +115,8 @@ impl Controller {
     #[must_use]
     pub fn new(settings: ControllerSettings, now: Instant) -> Self {
         let breakage = Self::breakage(&settings, now);
-        Self { breakage, ..Self::of(Machine::new(settings, now)) }.begun(now)
+        let machine = Machine::new(settings.clone(), now);
+        Self { breakage, ..Self::of(machine, settings) }.begun(now)
     }
 
     /// A controller that was just switched on, with the state that a power cut left. The saved state takes
@@ -120,12 +124,13 @@ impl Controller {
     #[must_use]
     pub fn restored(settings: ControllerSettings, saved: &SavedState, now: Instant) -> Self {
         let breakage = Self::breakage(&settings, now);
-        Self { breakage, ..Self::of(Machine::restored(settings, saved, now)) }.begun(now)
+        let machine = Machine::restored(settings.clone(), saved, now);
+        Self { breakage, ..Self::of(machine, settings) }.begun(now)
     }
 
     fn breakage(settings: &ControllerSettings, now: Instant) -> Option<Box<Breakage>> {
         let scenario = settings.scenario.clone()?;
-        Some(Box::new(Breakage::new(scenario, settings, now)))
+        Some(Box::new(Breakage::new(scenario, settings.seed, now)))
     }
 
     /// Carries out what the scenario does at once.
@@ -134,9 +139,10 @@ impl Controller {
         self
     }
 
-    fn of(machine: Machine) -> Self {
+    fn of(machine: Machine, settings: ControllerSettings) -> Self {
         Self {
             machine,
+            settings: Box::new(settings),
             connections: BTreeMap::new(),
             next_connection: 0,
             cameras: Cameras::default(),
@@ -476,7 +482,8 @@ impl Controller {
     pub fn snapshot(&mut self, now: Instant) -> ControllerSnapshot {
         self.advance(now);
         self.collect_machine_events();
-        ControllerSnapshot::of(&self.machine, self.served())
+        let seen = ControllerSnapshot::of(&self.machine, self.served());
+        ControllerSnapshot { power_off: self.is_off(), ..seen }
     }
 
     /// The value that a client would read now; `None` if this firmware lacks the address. It can differ from

@@ -308,6 +308,18 @@ pub enum Event {
         /// How fast, in percent.
         percent: f64,
     },
+    /// An axis is moved by hand as long as a button is held.
+    HeldByHand {
+        /// The axis.
+        #[serde(serialize_with = "as_text")]
+        axis: AxisIndex,
+        /// Whether its position grows.
+        up: bool,
+        /// How fast, in percent.
+        percent: f64,
+    },
+    /// The button was not seen pressed any more, so the move by hand ends.
+    NotHeldAnyMore,
     /// The machine is being homed.
     Homing,
     /// The machine is homed.
@@ -506,6 +518,8 @@ impl Event {
             | Self::AlarmCleared { .. }
             | Self::EmergencyStopReleased
             | Self::MovedByHand { .. }
+            | Self::HeldByHand { .. }
+            | Self::NotHeldAnyMore
             | Self::Homing
             | Self::Homed
             | Self::ProgramLoaded { .. }

@@ -27,7 +27,7 @@ pub mod scenario;
 pub mod settings;
 pub mod snapshot;
 
-pub use controller::{ConnectionId, Controller};
+pub use controller::{ConnectionId, Controller, FaultInForce};
 pub use event::{Event, Level};
 pub use fast_clock::FastClock;
 pub use log::LogEntry;

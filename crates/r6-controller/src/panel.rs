@@ -49,6 +49,21 @@ pub enum PanelAction {
         /// The speed, in percent of the axis's full speed, times the global speed: above 0, at most 100.
         percent: f64,
     },
+    /// Moves one axis by hand, in manual, as long as a button is held: until [`Self::EndJog`], or until
+    /// [`Self::KeepJog`] did not come for 200 ms. The move ends at a soft limit, with the alarm of that
+    /// limit.
+    HoldJog {
+        /// The axis.
+        axis: AxisIndex,
+        /// Whether its position grows.
+        up: bool,
+        /// The speed, in percent of the axis's full speed, times the global speed: above 0, at most 100.
+        percent: f64,
+    },
+    /// The button of [`Self::HoldJog`] is still held. This never begins a move.
+    KeepJog,
+    /// The button of [`Self::HoldJog`] is let go. Without such a move this does nothing.
+    EndJog,
     /// Removes the points of cameras that no program has used yet.
     ClearPoints,
     /// Chooses another program (mold).
@@ -77,6 +92,9 @@ impl PanelAction {
             | Self::RaiseAlarm(_)
             | Self::Home
             | Self::Jog { .. }
+            | Self::HoldJog { .. }
+            | Self::KeepJog
+            | Self::EndJog
             | Self::ClearPoints
             | Self::SwitchProgram(_)
             | Self::LoadProgram { .. } => false,
@@ -144,6 +162,8 @@ pub enum Refused {
     NoDistance,
     /// The speed of a move by hand is not above 0 and at most 100 percent.
     BadSpeed,
+    /// No axis moves by hand whose button could still be held.
+    NotHeld,
     /// The global speed is 0.
     NoGlobalSpeed,
     /// There is no such alarm.
@@ -166,7 +186,7 @@ pub enum Refused {
         /// Its name.
         name: String,
     },
-    /// There is no room for the program.
+    /// There is no room for the program, or for another fault.
     NoRoom {
         /// Why.
         reason: String,
@@ -199,6 +219,7 @@ impl Refused {
             Self::NoSuchAxis { .. } => "the arm has no such axis",
             Self::NoDistance => "the distance is a number of degrees or mm other than 0",
             Self::BadSpeed => "the speed is above 0 and at most 100 percent",
+            Self::NotHeld => "no axis moves as long as a button is held: the move has ended",
             Self::NoGlobalSpeed => "the global speed is 0: raise it first (modifyGSPD)",
             Self::NoSuchAlarm { .. } => "there are alarms 1 to 10000",
             Self::Program { .. } => "the program could not be chosen",
@@ -206,7 +227,7 @@ impl Refused {
             Self::ProgramRuns { .. } => {
                 "the program runs: stop it first, or load the text under another name"
             }
-            Self::NoRoom { .. } => "there is no room for the program",
+            Self::NoRoom { .. } => "there is no room",
             Self::NoPath { .. } => "the move could not be planned",
         }
     }
@@ -244,6 +265,7 @@ impl fmt::Display for Refused {
             | Self::Moving
             | Self::NoDistance
             | Self::BadSpeed
+            | Self::NotHeld
             | Self::NoGlobalSpeed => f.write_str(self.reason()),
         }
     }

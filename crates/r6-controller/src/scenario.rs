@@ -26,7 +26,7 @@ use crate::io::OutputPoint;
 use crate::panel::PanelAction;
 
 pub use file::HAPPENINGS;
-pub(crate) use run::{LateList, ScenarioRun, Turn};
+pub(crate) use run::{LateList, MAX_GIVEN, ScenarioRun, Turn};
 
 /// The most entries of each list of a scenario.
 pub const MAX_ENTRIES: usize = 1000;

@@ -28,6 +28,8 @@ pub struct ControllerSnapshot {
     pub alarm: AlarmCode,
     /// Whether the emergency stop is pressed.
     pub emergency_stop: bool,
+    /// Whether the mains have failed.
+    pub power_off: bool,
     /// Whether it is homed.
     pub homed: bool,
     /// Whether a move is under way.
@@ -106,6 +108,7 @@ impl ControllerSnapshot {
             mode: machine.mode,
             alarm: machine.alarm,
             emergency_stop: machine.emergency_stop,
+            power_off: false,
             homed: machine.homed,
             moving: machine.tells_moving(),
             program: machine.programs.mold.clone(),

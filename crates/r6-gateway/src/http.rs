@@ -147,6 +147,7 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(commands::clear_stopped))
         .routes(routes!(commands::accept_identity))
         .routes(routes!(panel::show, panel::act))
+        .routes(routes!(panel::faults))
         .routes(routes!(streams::events))
         .routes(routes!(streams::live))
         .routes(routes!(alarms::all))

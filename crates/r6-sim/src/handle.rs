@@ -8,9 +8,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_controller::event::{Detail, ShellEvent};
-use r6_controller::fault::LinkFaultNow;
+use r6_controller::fault::{Fault, LinkFaultNow};
 use r6_controller::{
-    ConnectionId, Controller, ControllerSnapshot, Level, LogEntry, PanelAction, Refused, SavedState,
+    ConnectionId, Controller, ControllerSnapshot, FaultInForce, Level, LogEntry, PanelAction, Refused,
+    SavedState,
 };
 use r6_proto::time::Instant;
 use r6_traffic::link::{Door, Link};
@@ -228,7 +229,31 @@ impl ControllerHandle {
         self.with(|controller, now| controller.operate(now, action))
     }
 
-    /// The same, but waits until the change survives a power cut.
+    /// Gives the controller a fault: see [`Controller::begin_fault`]. Returns its number.
+    ///
+    /// # Errors
+    /// Too many faults are in force.
+    pub fn begin_fault(&self, fault: Fault, chance: f64, lasts: Option<Duration>) -> Result<usize, Refused> {
+        self.with(|controller, now| controller.begin_fault(now, fault, chance, lasts))
+    }
+
+    /// Ends a fault that is in force: see [`Controller::end_fault`].
+    pub fn end_fault(&self, number: usize) {
+        self.with(|controller, now| controller.end_fault(now, number));
+    }
+
+    /// The faults in force, now.
+    #[must_use]
+    pub fn faults(&self) -> Vec<FaultInForce> {
+        self.look(Controller::faults)
+    }
+
+    /// The mains fail now, for this long.
+    pub fn cut_power(&self, off: Duration) {
+        self.with(|controller, now| controller.cut_power(now, off));
+    }
+
+    /// The same as [`Self::operate`], but waits until the change survives a power cut.
     pub(crate) async fn operate_and_keep(&self, action: &PanelAction) -> Result<(), Refused> {
         self.operate(action)?;
         if let Some(keeper) = &self.shared.keeper {

@@ -6,6 +6,7 @@
 //! | `GET /v1/controllers/{n}` | the state of the machine that an operator can see |
 //! | `GET /v1/controllers/{n}/status` | the state as read over its port, as in `r6 status --json` |
 //! | `POST /v1/controllers/{n}/actions` | carries out an [`r6_api::panel::Action`] |
+//! | `GET /v1/controllers/{n}/faults` | the faults that the controller can be given |
 //! | `PUT /v1/controllers/{n}/programs/{name}` | loads a program; the body is its text |
 //! | `GET /v1/openapi.json` | this API in OpenAPI; committed as `openapi/panel.json` |
 //!

@@ -145,7 +145,7 @@ fn is_ready(handle: &ControllerHandle) -> bool {
 fn operate(shared: &Shared, robot: usize, handle: &ControllerHandle, action: &PanelAction) {
     let starts = match action {
         PanelAction::Press(button) => !matches!(button, Button::Stop | Button::Pause),
-        PanelAction::Home | PanelAction::Jog { .. } => true,
+        PanelAction::Home | PanelAction::Jog { .. } | PanelAction::HoldJog { .. } => true,
         _ => false,
     };
     shared.tell(format_args!("robot-{robot}: somebody does {action:?}"));

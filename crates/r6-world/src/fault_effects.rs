@@ -126,6 +126,9 @@ pub fn class_of_deed(action: &PanelAction) -> Option<Class> {
         | PanelAction::ClearAlarm
         | PanelAction::ClearPoints
         | PanelAction::Jog { .. }
+        | PanelAction::HoldJog { .. }
+        | PanelAction::KeepJog
+        | PanelAction::EndJog
         | PanelAction::SwitchProgram(_)
         | PanelAction::SetInput { .. }
         | PanelAction::SetEuInput { .. }

@@ -657,11 +657,32 @@ export interface paths {
         put?: never;
         /**
          * Does what a person does at the machine. The buttons stop and pause and the emergency stop need no lease,
-         *     and hold as a stop does. Everything else needs the lease; the mode key, inputs, alarms and points need the
-         *     role engineer. A start and moves by hand are refused while a stop holds. The audit log has the intent
-         *     before, and the outcome after.
+         *     and hold as a stop does. Everything else needs the lease, except the end of faults; the mode key, inputs,
+         *     alarms, faults and points need the role engineer. A start and moves by hand are refused while a stop
+         *     holds. The audit log has the intent before, and the outcome after. A move whose button is held
+         *     (`hold_jog`) ends 200 ms after the last `keep_jog`; `keep_jog` and `end_jog` are not in the audit log.
          */
         post: operations["act"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/robots/{name}/panel/faults": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * The faults that the robot can be given at its panel: those of the scenarios of virtual controllers. Those
+         *     that are in force are in the state of the panel.
+         */
+        get: operations["faults"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -1076,6 +1097,76 @@ export interface components {
              */
             speed_percent: number;
         } | {
+            /**
+             * @description `J1` to `J8`.
+             * @example J1
+             */
+            axis: string;
+            /** @enum {string} */
+            do: "hold_jog";
+            /**
+             * Format: double
+             * @description How fast, in percent of the axis's full speed, times the global speed: above 0, at most 100; 10 if
+             *     it is missing.
+             * @default 10
+             */
+            speed_percent: number;
+            /** @description Whether its position grows. */
+            up: boolean;
+        } | {
+            /** @enum {string} */
+            do: "keep_jog";
+        } | {
+            /** @enum {string} */
+            do: "end_jog";
+        } | {
+            /**
+             * Format: double
+             * @description How likely it strikes each time it can, 0 to 1; 1 if it is missing.
+             * @default 1
+             */
+            chance: number;
+            /** @enum {string} */
+            do: "begin_fault";
+            /**
+             * @description Its word: `GET …/faults` has all.
+             * @example silence
+             */
+            fault: string;
+            /** @description Its kind, for a fault that has kinds. */
+            kind?: string | null;
+            /**
+             * @description Its numbers, by name, as in a scenario; the usual ones if they are missing.
+             * @example {
+             *       "delay": 3
+             *     }
+             */
+            numbers?: {
+                [key: string]: number;
+            };
+            /**
+             * Format: double
+             * @description After how many seconds it ends by itself; until `end_fault` if it is missing.
+             */
+            seconds?: number | null;
+        } | {
+            /** @enum {string} */
+            do: "end_fault";
+            /** @description Its number: `faults` of the state has those that are in force. */
+            number: number;
+        } | {
+            /** @enum {string} */
+            do: "end_faults";
+        } | {
+            /** @enum {string} */
+            do: "cut_power";
+            /**
+             * Format: double
+             * @description After how many seconds, 0 to 3600; 10 if it is missing.
+             * @default 10
+             */
+            seconds: number;
+        } | {
             /** @enum {string} */
             do: "clear_points";
         } | {
@@ -1350,7 +1441,7 @@ export interface components {
          * @description What kind of problem it is. The words do not change; new ones may come.
          * @enum {string}
          */
-        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_panel" | "no_lease" | "leased" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "needs_if_match" | "not_this_version" | "store_unavailable" | "no_owner" | "unknown";
+        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "not_held" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_fault" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_panel" | "no_lease" | "leased" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "needs_if_match" | "not_this_version" | "store_unavailable" | "no_owner" | "unknown";
         /** @description The controller accepted a command. This does not mean that the arm moves. */
         CommandDone: {
             /**
@@ -1548,7 +1639,7 @@ export interface components {
             command: string;
             /**
              * Format: int64
-             * @description The lease.
+             * @description The lease; 0 for the end of a fault, which needs none.
              */
             lease: number;
             /** @enum {string} */
@@ -1752,6 +1843,50 @@ export interface components {
             robot: string;
             /** @description When. */
             time: string;
+        };
+        /** @description A fault that is in force. */
+        FaultInForce: {
+            /**
+             * Format: double
+             * @description How likely it strikes each time it can, 0 to 1.
+             */
+            chance: number;
+            /**
+             * @description Its word.
+             * @example silence
+             */
+            fault: string;
+            /** @description Its kind; absent if it has none. */
+            kind?: string | null;
+            /** @description Its number, for `end_fault`. No other fault of this controller has or gets it. */
+            number: number;
+            /**
+             * Format: double
+             * @description After how many seconds it ends by itself; absent if it does not.
+             */
+            seconds_left?: number | null;
+        };
+        /** @description A fault that a virtual controller can be given. */
+        FaultKind: {
+            /**
+             * @description Its class in the catalogue of faults.
+             * @example T3
+             */
+            class: string;
+            /**
+             * @description Its word, as in a scenario.
+             * @example silence
+             */
+            fault: string;
+            /** @description Its kinds, one of which has to be chosen; empty if it has none. */
+            kinds: string[];
+            /** @description The names of its numbers, which may be left out. */
+            numbers: string[];
+        };
+        /** @description The faults that a virtual controller can be given. */
+        Faults: {
+            /** @description In the order of their classes. */
+            faults: components["schemas"]["FaultKind"][];
         };
         /**
          * @description Why there is no value.
@@ -3296,6 +3431,8 @@ export interface components {
             cycle_seconds: number;
             /** @description Whether the emergency stop is pressed. */
             emergency_stop: boolean;
+            /** @description The faults that are in force, of a scenario too. */
+            faults: components["schemas"]["FaultInForce"][];
             /** @description What `version` answers. */
             firmware: string;
             /**
@@ -3357,6 +3494,8 @@ export interface components {
             outputs_on: string[];
             /** @description The pose of the tool in use, in the work frame in use. */
             pose: components["schemas"]["Pose"];
+            /** @description Whether the mains have failed. */
+            power_off: boolean;
             /** @description The profile's name. */
             profile: string;
             /** @description The program in use. */
@@ -6919,7 +7058,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_lease`, `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `leftover_list`; the machine refuses it now: `power_off`, `emergency_stop`, `alarm`, `not_homed`, `not_auto`, `not_manual`, `moving`, `no_global_speed`, `program`, `no_path` */
+            /** @description `no_lease`, `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `leftover_list`; the machine refuses it now: `power_off`, `emergency_stop`, `alarm`, `not_homed`, `not_auto`, `not_manual`, `moving`, `not_held`, `no_global_speed`, `program`, `no_path`, `no_room` */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6946,7 +7085,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `bad_value`, or an action that is never possible: `bad_action`, `no_such_input`, `no_such_axis`, `no_distance`, `bad_speed` */
+            /** @description `bad_value`, or an action that is never possible: `bad_action`, `no_such_input`, `no_such_axis`, `no_distance`, `bad_speed`, `bad_fault` */
             422: {
                 headers: {
                     [name: string]: unknown;
@@ -6974,6 +7113,83 @@ export interface operations {
                 };
             };
             /** @description `outcome_unknown`: it may have acted */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    faults: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description All of them */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Faults"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot`; `no_panel`: it is not such a virtual robot */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_reply`: the panel does not answer */
             504: {
                 headers: {
                     [name: string]: unknown;

@@ -46,6 +46,7 @@ export type ProgramChecked = Schemas["ProgramChecked"];
 export type ProgramPlan = Schemas["ProgramPlan"];
 export type StoredProgram = Schemas["StoredProgram"];
 export type PanelState = Schemas["Snapshot"];
+export type PanelFaults = Schemas["Faults"];
 export type PanelAction = Schemas["Action"];
 export type PanelDone = Schemas["PanelDone"];
 export type ArmModel = Schemas["ArmModel"];

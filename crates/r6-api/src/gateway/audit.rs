@@ -199,7 +199,7 @@ pub enum Deed {
     CommandIntent {
         /// The command as it will be sent; or `panel` and an action at the panel of a virtual robot.
         command: String,
-        /// The lease.
+        /// The lease; 0 for the end of a fault, which needs none.
         lease: u64,
     },
     /// The outcome of a command.

@@ -1,6 +1,7 @@
 //! What a scenario does to a controller, and the faults that are in force.
 
 mod broken;
+mod given;
 mod power;
 
 use std::sync::Arc;
@@ -14,16 +15,14 @@ use crate::machine::{CounterState, Machine, NotTaken};
 use crate::panel::{PanelAction, Refused};
 use crate::saved::MAX_COUNTERS;
 use crate::scenario::{Happening, LateList, Scenario, ScenarioRun, Turn};
-use crate::settings::ControllerSettings;
 
 pub(super) use broken::{Asked, RequestFaults};
+pub use given::FaultInForce;
 
 /// The scenario of a controller, and the faults in force.
 #[derive(Debug)]
 pub(super) struct Breakage {
     pub run: ScenarioRun,
-    /// The settings from which the machine is rebuilt at a power cut.
-    settings: ControllerSettings,
     /// The numbers of the faults in force.
     in_force: Vec<usize>,
     replies: Vec<(ReplyFault, f64)>,
@@ -38,10 +37,9 @@ pub(super) struct Breakage {
 }
 
 impl Breakage {
-    pub fn new(scenario: Arc<Scenario>, settings: &ControllerSettings, now: Instant) -> Self {
+    pub fn new(scenario: Arc<Scenario>, seed: u64, now: Instant) -> Self {
         Self {
-            run: ScenarioRun::new(scenario, settings.seed, now),
-            settings: settings.clone(),
+            run: ScenarioRun::new(scenario, seed, now),
             in_force: Vec::new(),
             replies: Vec::new(),
             tasks: Vec::new(),
@@ -237,6 +235,7 @@ impl Controller {
                 .collect()
         };
         let (ends, begins) = (faults(&ended), faults(&begun));
+        breakage.run.forget_given(now);
         ends.into_iter().for_each(|fault| self.tell(now, Event::FaultEnds { fault }));
         begins.into_iter().for_each(|fault| self.tell(now, Event::FaultBegins { fault }));
         begun

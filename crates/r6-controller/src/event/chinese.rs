@@ -132,6 +132,11 @@ impl fmt::Display for In<'_> {
             Event::MovedByHand { axis, by, percent } => {
                 write!(f, "手动：{axis} 移动 {by}，速度 {percent} %")
             }
+            Event::HeldByHand { axis, up, percent } => {
+                let sign = if *up { '+' } else { '-' };
+                write!(f, "手动：{axis}{sign}，速度 {percent} %，按住期间移动")
+            }
+            Event::NotHeldAnyMore => f.write_str("手动：未再收到按住信号，该轴停止"),
             Event::Homing => f.write_str("正在回原点"),
             Event::Homed => f.write_str("已回原点"),
             Event::ProgramLoaded { name, steps } => write!(f, "程序 `{name}` 已装入：{steps} 个步骤"),
@@ -422,6 +427,9 @@ fn panel(f: &mut fmt::Formatter<'_>, action: &PanelAction) -> fmt::Result {
         PanelAction::RaiseAlarm(number) => write!(f, "报警 {number}"),
         PanelAction::Home => f.write_str("回原点"),
         PanelAction::Jog { axis, by, .. } => write!(f, "点动 {axis} {by}"),
+        PanelAction::HoldJog { axis, up, .. } => write!(f, "按住点动 {axis}{}", if *up { '+' } else { '-' }),
+        PanelAction::KeepJog => f.write_str("继续按住点动"),
+        PanelAction::EndJog => f.write_str("松开点动"),
         PanelAction::ClearPoints => f.write_str("清除视觉点位"),
         PanelAction::SwitchProgram(name) => write!(f, "选择程序 `{name}`"),
         PanelAction::LoadProgram { name, .. } => write!(f, "装入程序 `{name}`"),
@@ -449,6 +457,7 @@ fn refused(why: &Refused) -> String {
         Refused::NoSuchAxis { axis, axes } => format!("没有 {axis}：只有 J1 至 J{axes}"),
         Refused::NoDistance => "距离必须是不为 0 的角度或毫米数".to_owned(),
         Refused::BadSpeed => "速度必须大于 0，最大 100 %".to_owned(),
+        Refused::NotHeld => "没有按住的点动：移动已结束".to_owned(),
         Refused::NoGlobalSpeed => "全局速度为 0：请先提高（modifyGSPD）".to_owned(),
         Refused::NoSuchAlarm { alarm } => format!("没有报警 {alarm}：只有 1 至 10000"),
         Refused::ProgramRuns { name } => {

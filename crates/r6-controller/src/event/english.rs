@@ -123,6 +123,13 @@ impl fmt::Display for In<'_> {
             Event::MovedByHand { axis, by, percent } => {
                 write!(f, "by hand: {axis} by {by} at {percent} %")
             }
+            Event::HeldByHand { axis, up, percent } => {
+                let sign = if *up { '+' } else { '-' };
+                write!(f, "by hand: {axis}{sign} at {percent} %, as long as the button is held")
+            }
+            Event::NotHeldAnyMore => {
+                f.write_str("by hand: the button was not seen pressed any more, so the axis stops")
+            }
             Event::Homing => f.write_str("homing"),
             Event::Homed => f.write_str("homed"),
             Event::ProgramLoaded { name, steps } => write!(f, "program `{name}` was loaded: {steps} steps"),

@@ -72,6 +72,37 @@ const LIST_KINDS: [(&str, BadList); 3] =
 const IGNORED_KINDS: [(&str, IgnoredStop); 3] =
     [("ok", IgnoredStop::Ok), ("err", IgnoredStop::Err), ("every", IgnoredStop::Every)];
 
+/// The kinds of the fault with this word, one of which it has to have; none if it has no kinds.
+#[must_use]
+pub fn kinds(word: &str) -> Vec<&'static str> {
+    fn words<T>(kinds: &[(&'static str, T)]) -> Vec<&'static str> {
+        kinds.iter().map(|(word, _)| *word).collect()
+    }
+    match word {
+        "bad-json" => words(&JSON_KINDS),
+        "bad-field" => words(&FIELD_KINDS),
+        "bad-pack-id" => words(&PACK_ID_KINDS),
+        "bad-list" => words(&LIST_KINDS),
+        "stop-ignored" => words(&IGNORED_KINDS),
+        _ => Vec::new(),
+    }
+}
+
+/// The numbers that the fault with this word may have besides.
+#[must_use]
+pub fn numbers(word: &str) -> &'static [&'static str] {
+    match word {
+        "reset-mid-frame" => &["after"],
+        "pieces" => &["bytes"],
+        "coalesce" => &["frames", "within"],
+        "latency" => &["to_controller", "to_client", "spread"],
+        "slow" => &["bytes_per_second"],
+        "stall" | "late-reply" | "late-list" => &["delay"],
+        "dwell" => &["rest"],
+        _ => &[],
+    }
+}
+
 /// The longest delay of a fault, in seconds: far longer than every timeout of a client.
 const LONGEST_DELAY: f64 = 3600.0;
 
@@ -181,7 +212,8 @@ impl Fault {
     }
 
     /// The word of its kind, if it has kinds.
-    fn kind(&self) -> Option<&'static str> {
+    #[must_use]
+    pub fn kind(&self) -> Option<&'static str> {
         fn word<T: PartialEq>(words: &[(&'static str, T)], kind: &T) -> Option<&'static str> {
             words.iter().find(|(_, other)| other == kind).map(|(word, _)| *word)
         }

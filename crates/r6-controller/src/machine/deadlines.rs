@@ -14,7 +14,13 @@ impl Machine {
     /// When the next event of the machine is due.
     #[must_use]
     pub fn next_event(&self) -> Option<Instant> {
-        let all = [self.activity.next_event(), self.by_hand(), self.next_pulse(), self.watchdog.due()];
+        let all = [
+            self.activity.next_event(),
+            self.by_hand(),
+            self.held_until(),
+            self.next_pulse(),
+            self.watchdog.due(),
+        ];
         all.into_iter().flatten().min()
     }
 
@@ -23,21 +29,23 @@ impl Machine {
     #[must_use]
     pub fn next_own_event(&self) -> Option<Instant> {
         match self.signal_limit() {
-            Some(limit) => {
-                [self.next_pulse(), self.by_hand()].into_iter().flatten().min().filter(|due| *due <= limit)
-            }
+            Some(limit) => [self.next_pulse(), self.by_hand_alone()]
+                .into_iter()
+                .flatten()
+                .min()
+                .filter(|due| *due <= limit),
             None => {
                 let activity = if self.awaits_signal() { None } else { self.activity.next_event() };
-                [activity, self.by_hand(), self.next_pulse()].into_iter().flatten().min()
+                [activity, self.by_hand_alone(), self.next_pulse()].into_iter().flatten().min()
             }
         }
     }
 
-    /// When a peer has been silent for too long: a heartbreak is missed, or a signal that a step waits for
-    /// does not come.
+    /// When a peer has been silent for too long: a heartbreak is missed, a signal that a step waits for does
+    /// not come, or a button that is held is not seen pressed any more.
     #[must_use]
     pub fn next_silence(&self) -> Option<Instant> {
-        [self.signal_limit(), self.watchdog.due()].into_iter().flatten().min()
+        [self.signal_limit(), self.watchdog.due(), self.held_until()].into_iter().flatten().min()
     }
 
     /// How many cycles have ended since the machine was switched on.
@@ -53,6 +61,11 @@ impl Machine {
     /// When a move by hand ends.
     fn by_hand(&self) -> Option<Instant> {
         self.hand.as_ref().map(|hand| hand.run.ends_at())
+    }
+
+    /// The same, unless the move lasts as long as a person holds a button.
+    fn by_hand_alone(&self) -> Option<Instant> {
+        self.by_hand().filter(|_| self.held_until().is_none())
     }
 
     /// Whether it waits for others: a signal, a photo, points, registers.

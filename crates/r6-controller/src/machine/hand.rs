@@ -2,8 +2,10 @@
 
 use std::time::Duration;
 
+use r6_motion::robot_model::Limits;
 use r6_motion::{Axes, Conditions, Move, MoveMask, MoveSpeed, MoveTarget, Movement};
 use r6_proto::alarm::AlarmCode;
+use r6_proto::time::Instant;
 use r6_proto::{AXES, AxisIndex, OperationMode};
 
 use super::Machine;
@@ -15,11 +17,19 @@ use crate::panel::Refused;
 /// The homing speed, in percent of the axes' full speed. Chosen: slow enough to be stopped by hand.
 const HOMING_PERCENT: f64 = 20.0;
 
+/// How long an axis moves after its button was last seen pressed. A page that stalls, or a link that is lost,
+/// lets it run no longer: at full speed an axis turns some 40 degrees in this time, at the usual 10 % some
+/// 4. A page asks three times within it, so one late request does not stop the arm.
+pub const HELD_FOR: Duration = Duration::from_millis(200);
+
 /// A move by hand that is under way.
 #[derive(Clone, Debug)]
 pub(super) struct HandMove {
     pub run: Run,
     arrival: Arrival,
+    /// For a move that lasts as long as a button is held: when it ends if the button is not seen pressed
+    /// again.
+    pub held_until: Option<Instant>,
 }
 
 /// What follows after a move by hand reaches its end.
@@ -45,6 +55,52 @@ impl Machine {
             return Err(Refused::BadSpeed);
         }
         self.ready_for_hand()?;
+        self.note(Event::MovedByHand { axis, by, percent });
+        self.begin_jog(axis, limits, by, percent)
+    }
+
+    /// Moves one axis up or down as long as its button is held: until [`Self::let_go`], or until
+    /// [`Self::still_held`] was not called for [`HELD_FOR`]. It ends at the soft limit.
+    pub(super) fn hold(&mut self, axis: AxisIndex, up: bool, percent: f64) -> Result<(), Refused> {
+        let no_axis = Refused::NoSuchAxis { axis, axes: self.model.axis_count() };
+        let limits = self.model.drives().nth(axis.index()).map(|drive| drive.soft).ok_or(no_axis)?;
+        if !(percent > 0.0 && percent <= 100.0) {
+            return Err(Refused::BadSpeed);
+        }
+        self.ready_for_hand()?;
+        self.note(Event::HeldByHand { axis, up, percent });
+        // Beyond the limit, from wherever it is.
+        let by = (limits.max - limits.min).abs()
+            + self.axes.degrees().get(axis.index()).map_or(0.0, |at| at.abs());
+        self.begin_jog(axis, limits, if up { by + 1.0 } else { -by - 1.0 }, percent)?;
+        if let Some(hand) = &mut self.hand {
+            hand.held_until = Some(self.now + HELD_FOR);
+        }
+        Ok(())
+    }
+
+    /// The button is still held. This begins no move.
+    pub(super) fn still_held(&mut self) -> Result<(), Refused> {
+        let until = self.now + HELD_FOR;
+        let held = self.hand.as_mut().and_then(|hand| hand.held_until.as_mut());
+        *held.ok_or(Refused::NotHeld)? = until;
+        Ok(())
+    }
+
+    /// The button is let go: a move that lasts as long as it is held comes to rest. Other moves go on.
+    pub(super) fn let_go(&mut self) {
+        if self.held_until().is_some() {
+            self.halt_hand(self.profile.action_stop_time);
+        }
+    }
+
+    /// When a move ends whose button is not seen pressed any more.
+    pub(super) fn held_until(&self) -> Option<Instant> {
+        self.hand.as_ref()?.held_until
+    }
+
+    /// Moves one axis, as far as its soft limits allow.
+    fn begin_jog(&mut self, axis: AxisIndex, limits: Limits, by: f64, percent: f64) -> Result<(), Refused> {
         let mut degrees: [f64; AXES] = *self.axes.degrees();
         let Some(slot) = degrees.get_mut(axis.index()) else { return Err(Refused::NoDistance) };
         // An axis outside its limits may come back, but not go farther out.
@@ -56,7 +112,6 @@ impl Machine {
             _ => Arrival::Rest,
         };
         let target = Axes::new(degrees).map_err(|_| Refused::NoDistance)?;
-        self.note(Event::MovedByHand { axis, by, percent });
         self.begin_hand(target, MoveMask(1 << axis.number()), percent, arrival)
     }
 
@@ -110,7 +165,7 @@ impl Machine {
         // Drop the unfinished step of a program, because the arm leaves the place where that step began.
         self.halt(Duration::ZERO, AfterHalt::Drop);
         let run = Run::new(movement, self.now, r6_motion::Blend::new(0));
-        self.hand = Some(HandMove { run, arrival });
+        self.hand = Some(HandMove { run, arrival, held_until: None });
         self.finish_hand();
         Ok(())
     }
@@ -119,6 +174,7 @@ impl Machine {
     pub(super) fn halt_hand(&mut self, time: Duration) {
         if let Some(hand) = &mut self.hand {
             hand.run = hand.run.clone().sooner(time, self.now);
+            hand.held_until = None;
         }
     }
 
@@ -132,8 +188,12 @@ impl Machine {
         }
     }
 
-    /// Ends a move by hand once the arm rests.
+    /// Ends a move by hand once the arm rests, and one whose button was not seen pressed for too long.
     pub(super) fn finish_hand(&mut self) {
+        if self.held_until().is_some_and(|until| until <= self.now) {
+            self.note(Event::NotHeldAnyMore);
+            self.let_go();
+        }
         let Some(hand) = self.hand.take_if(|hand| hand.run.ends_at() <= self.now) else { return };
         let movement = &hand.run.movement;
         self.axes = movement.state_at(movement.duration()).axes;

@@ -55,6 +55,9 @@ impl Machine {
             PanelAction::RaiseAlarm(alarm) => self.raise(*alarm, AlarmCause::Panel),
             PanelAction::Home => self.home_by_hand()?,
             PanelAction::Jog { axis, by, percent } => self.jog(*axis, *by, *percent)?,
+            PanelAction::HoldJog { axis, up, percent } => self.hold(*axis, *up, *percent)?,
+            PanelAction::KeepJog => self.still_held()?,
+            PanelAction::EndJog => self.let_go(),
             PanelAction::ClearPoints => self.clear_points(),
             PanelAction::SwitchProgram(name) => {
                 self.switch_mold(name).map_err(|reason| Refused::Program { reason: reason.to_string() })?;

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Duration;
 
 use r6_proto::message::Instruction;
 use r6_proto::time::Instant;
@@ -14,6 +15,9 @@ use r6_traffic::random::Random;
 /// How many reactions may be pending at once. The bound keeps an output that changes fast, with a slow input,
 /// from filling the memory. Beyond it, changes are not followed.
 const MAX_UNDER_WAY: usize = 10_000;
+
+/// How many faults can be given at once while it runs: each of the words once, and some to spare.
+pub(crate) const MAX_GIVEN: usize = 40;
 
 /// Separates a scenario's random numbers from the machine's.
 const OWN_NUMBERS: u64 = 0x5ce7_a210;
@@ -30,6 +34,9 @@ pub(crate) struct ScenarioRun {
     /// The state of each reaction: the last seen level of the output, and the latest time planned for the
     /// input.
     seen: Vec<(bool, Instant)>,
+    /// The faults that were given while it runs, by their numbers, which go on behind those of the scenario.
+    given: BTreeMap<usize, Window>,
+    next_given: usize,
 }
 
 #[derive(Clone, Debug)]
@@ -83,6 +90,8 @@ impl ScenarioRun {
             queue: BTreeMap::new(),
             planned: 0,
             seen: vec![(false, now); scenario.reactions.len()],
+            given: BTreeMap::new(),
+            next_given: scenario.faults.len(),
             scenario: Arc::clone(&scenario),
         };
         for (number, entry) in scenario.timeline.iter().enumerate() {
@@ -235,12 +244,61 @@ impl ScenarioRun {
     pub fn in_force(&self, now: Instant) -> Vec<usize> {
         let since = now.since(self.started);
         let windows = self.scenario.faults.iter().enumerate();
+        let windows = windows.chain(self.given.iter().map(|(number, window)| (*number, window)));
         windows.filter(|(_, window)| window.is_in_force(since)).map(|(number, _)| number).collect()
     }
 
-    /// A fault of the scenario and its chance.
+    /// A fault and its chance.
     pub fn fault(&self, number: usize) -> Option<(&Fault, f64)> {
-        self.scenario.faults.get(number).map(|window| (&window.fault, window.chance))
+        self.window(number).map(|window| (&window.fault, window.chance))
+    }
+
+    fn window(&self, number: usize) -> Option<&Window> {
+        self.scenario.faults.get(number).or_else(|| self.given.get(&number))
+    }
+
+    /// Gives it a fault from now on. Returns its number, or `None` if there are [`MAX_GIVEN`].
+    pub fn give(
+        &mut self,
+        now: Instant,
+        fault: Fault,
+        chance: f64,
+        lasts: Option<Duration>,
+    ) -> Option<usize> {
+        if self.given.len() >= MAX_GIVEN {
+            return None;
+        }
+        let number = self.next_given;
+        self.next_given += 1;
+        let window = Window { fault, from: now.since(self.started), lasts, chance };
+        self.given.insert(number, window);
+        if let Some(lasts) = lasts {
+            self.plan(now + lasts, Due::Edge);
+        }
+        Some(number)
+    }
+
+    /// Ends a fault now.
+    pub fn end_fault(&mut self, now: Instant, number: usize) {
+        let since = now.since(self.started);
+        let end = |window: &mut Window| window.lasts = Some(since.saturating_sub(window.from));
+        if let Some(window) = self.given.get_mut(&number) {
+            end(window);
+        } else if let Some(window) = Arc::make_mut(&mut self.scenario).faults.get_mut(number) {
+            end(window);
+        }
+    }
+
+    /// Forgets the given faults that are over. Numbers are not used again.
+    pub fn forget_given(&mut self, now: Instant) {
+        let since = now.since(self.started);
+        self.given.retain(|_, window| window.is_in_force(since));
+    }
+
+    /// For how long a fault is in force from now on; `None` if its end is not planned.
+    pub fn left(&self, now: Instant, number: usize) -> Option<Duration> {
+        let window = self.window(number)?;
+        Some(window.from.saturating_add(window.lasts?).saturating_sub(now.since(self.started)))
     }
 
     /// The random numbers of the scenario.

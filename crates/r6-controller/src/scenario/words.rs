@@ -87,6 +87,11 @@ fn panel(f: &mut fmt::Formatter<'_>, action: &PanelAction) -> fmt::Result {
         PanelAction::RaiseAlarm(number) => write!(f, "alarm {number}"),
         PanelAction::Home => f.write_str("home"),
         PanelAction::Jog { axis, by, .. } => write!(f, "jog {axis} by {by}"),
+        PanelAction::HoldJog { axis, up, .. } => {
+            write!(f, "jog {axis}{} is held", if *up { '+' } else { '-' })
+        }
+        PanelAction::KeepJog => f.write_str("jog is still held"),
+        PanelAction::EndJog => f.write_str("jog is let go"),
         PanelAction::ClearPoints => f.write_str("points of cameras are removed"),
         PanelAction::SwitchProgram(name) => write!(f, "program `{name}` is chosen"),
         PanelAction::LoadProgram { name, .. } => write!(f, "program `{name}` is loaded"),

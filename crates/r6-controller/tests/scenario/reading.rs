@@ -1,9 +1,10 @@
 //! Reads a scenario from a text, and the errors for a wrong text.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use proptest::prelude::*;
-use r6_controller::fault::file::FAULTS;
+use r6_controller::fault::file::{FAULTS, kinds, numbers};
 use r6_controller::scenario::{HAPPENINGS, MAX_ENTRIES, MAX_TEXT_BYTES, Scenario};
 
 use crate::read;
@@ -43,19 +44,31 @@ fn every_happening_is_read_and_named() {
 #[test]
 fn every_fault_is_read_and_says_its_word() {
     for (word, _) in FAULTS {
-        let kind = match word {
-            "bad-json" => "kind = \"nul\"",
-            "bad-field" => "kind = \"missing\"",
-            "bad-pack-id" => "kind = \"wrong\"",
-            "bad-list" => "kind = \"short\"",
-            "stop-ignored" => "kind = \"every\"",
-            _ => "",
-        };
+        let kind = kinds(word).last().map(|kind| format!("kind = \"{kind}\"")).unwrap_or_default();
         let scenario = read(&format!("[[fault]]\nfault = \"{word}\"\n{kind}"));
         assert_eq!(scenario.faults[0].fault.word(), word);
         let shown = scenario.faults[0].fault.to_string();
         assert_eq!(shown.contains('('), !kind.is_empty(), "{shown}");
         assert!(shown.starts_with(word));
+    }
+}
+
+#[test]
+fn a_fault_has_the_kinds_and_the_numbers_that_are_told_of_it() {
+    let names: BTreeSet<_> = FAULTS.iter().flat_map(|(word, _)| numbers(word)).collect();
+    assert!(names.contains(&"bytes_per_second"), "{names:?}");
+    for (word, _) in FAULTS {
+        let first = kinds(word).first().map(|kind| format!("kind = \"{kind}\"\n")).unwrap_or_default();
+        for kind in kinds(word) {
+            let text = format!("[[fault]]\nfault = \"{word}\"\nkind = \"{kind}\"");
+            assert_eq!(read(&text).faults[0].fault.kind(), Some(kind));
+        }
+        for name in &names {
+            let text = format!("[[fault]]\nfault = \"{word}\"\n{first}{name} = 2");
+            assert_eq!(Scenario::read(&text).is_ok(), numbers(word).contains(name), "{word} {name}");
+        }
+        let missing = Scenario::read(&format!("[[fault]]\nfault = \"{word}\"")).is_err();
+        assert_eq!(missing, !kinds(word).is_empty(), "{word}");
     }
 }
 

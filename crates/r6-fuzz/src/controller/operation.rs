@@ -156,6 +156,7 @@ impl<'b> Operation<'b> {
                 PanelAction::Press(Button::Start | Button::SingleCycle | Button::SingleStep)
                     | PanelAction::Home
                     | PanelAction::Jog { .. }
+                    | PanelAction::HoldJog { .. }
             ),
             Self::Frame(_)
             | Self::Pass(_)
@@ -203,7 +204,13 @@ fn panel(input: &mut Input<'_>) -> PanelAction {
         10 => PanelAction::Home,
         11 => {
             let axis = input.pick(&AxisIndex::ALL);
-            PanelAction::Jog { axis, by: input.decimal(400.0), percent: input.decimal(110.0) }
+            let (by, percent) = (input.decimal(400.0), input.decimal(110.0));
+            match by {
+                380.0.. => PanelAction::KeepJog,
+                360.0..380.0 => PanelAction::EndJog,
+                300.0..360.0 => PanelAction::HoldJog { axis, up: percent < 20.0, percent },
+                by => PanelAction::Jog { axis, by, percent },
+            }
         }
         12 => {
             PanelAction::SwitchProgram(input.pick(&["remote", "default", "register-move", "x"]).to_string())

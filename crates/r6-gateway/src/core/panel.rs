@@ -11,6 +11,9 @@ use crate::core::role::Right;
 /// program: 64 bytes.
 const MAX_NAME: usize = 64;
 
+/// How many numbers of a fault are told. No fault has more than three.
+const MAX_NUMBERS: usize = 4;
+
 /// An action, with what the gateway has to know about it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Press {
@@ -25,6 +28,20 @@ pub struct Press {
     pub disturbs_run: bool,
     /// Whether the arm also runs what is left in the instruction list.
     pub runs_leftover: bool,
+    /// What it needs besides the right.
+    pub needs: Needs,
+}
+
+/// What an action needs besides the right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    /// Nothing. A stop is done at once; the end of a fault is the way back from a robot that does not answer,
+    /// whose lease nobody may be able to acquire.
+    Nothing,
+    /// The lease. Whether the robot answers does not matter.
+    Lease,
+    /// The lease, and a robot that answers.
+    Link,
 }
 
 impl Press {
@@ -32,6 +49,14 @@ impl Press {
     #[must_use]
     pub fn new(action: Action) -> Self {
         use Effect::{Changes, Moves, Stops};
+        let needs = match &action {
+            Action::Press { button: Button::Stop | Button::Pause }
+            | Action::EmergencyStop {}
+            | Action::EndFault { .. }
+            | Action::EndFaults {} => Needs::Nothing,
+            Action::BeginFault { .. } | Action::CutPower { .. } | Action::EndJog {} => Needs::Lease,
+            _ => Needs::Link,
+        };
         let (effect, right, disturbs_run, runs_leftover) = match &action {
             Action::Press { button: Button::Stop | Button::Pause } | Action::EmergencyStop {} => {
                 (Stops, Right::Stop, false, false)
@@ -39,18 +64,32 @@ impl Press {
             Action::Press { button: Button::Start | Button::SingleCycle | Button::SingleStep } => {
                 (Moves, Right::Command, true, true)
             }
-            Action::Home {} | Action::Jog { .. } => (Moves, Right::Command, true, false),
+            Action::Home {} | Action::Jog { .. } | Action::HoldJog { .. } | Action::KeepJog {} => {
+                (Moves, Right::Command, true, false)
+            }
+            Action::EndJog {} => (Changes, Right::Command, false, false),
             Action::SwitchProgram { .. } => (Changes, Right::Command, true, false),
             Action::ReleaseEmergencyStop {} | Action::ClearAlarm {} => {
                 (Changes, Right::Command, false, false)
             }
             // A program may wait for it, and moves the arm then.
             Action::SetInput { .. } => (Moves, Right::SetUpPanel, false, false),
-            Action::TurnKey { .. } | Action::RaiseAlarm { .. } | Action::ClearPoints {} => {
-                (Changes, Right::SetUpPanel, false, false)
-            }
+            Action::TurnKey { .. }
+            | Action::RaiseAlarm { .. }
+            | Action::BeginFault { .. }
+            | Action::EndFault { .. }
+            | Action::EndFaults {}
+            | Action::CutPower { .. }
+            | Action::ClearPoints {} => (Changes, Right::SetUpPanel, false, false),
         };
-        Self { action, effect, right, disturbs_run, runs_leftover }
+        Self { action, effect, right, disturbs_run, runs_leftover, needs }
+    }
+
+    /// Whether the audit log has it. What a page sends several times a second while a button is held is not
+    /// written, and does not wait for the disk: the log has `hold_jog`.
+    #[must_use]
+    pub fn is_written(&self) -> bool {
+        !matches!(self.action, Action::KeepJog {} | Action::EndJog {})
     }
 }
 
@@ -90,6 +129,29 @@ impl fmt::Display for Press {
                 let sign = if *by < 0.0 { "" } else { "+" };
                 write!(f, "panel jog {} {sign}{} --speed {}", name(axis), number(*by), number(*speed_percent))
             }
+            Action::HoldJog { axis, up, speed_percent } => {
+                let sign = if *up { '+' } else { '-' };
+                write!(f, "panel jog {}{sign} held --speed {}", name(axis), number(*speed_percent))
+            }
+            Action::KeepJog {} => f.write_str("panel jog still held"),
+            Action::EndJog {} => f.write_str("panel jog let go"),
+            Action::BeginFault { fault, kind, chance, seconds, numbers } => {
+                write!(f, "panel fault {}", name(fault))?;
+                if let Some(kind) = kind {
+                    write!(f, " --kind {}", name(kind))?;
+                }
+                // The numbers of a fault are few: more than these are refused by the panel.
+                for (of, value) in numbers.iter().take(MAX_NUMBERS) {
+                    write!(f, " --set {}={}", name(of), number(*value))?;
+                }
+                if *chance < 1.0 {
+                    write!(f, " --chance {}", number(*chance))?;
+                }
+                seconds.map_or(Ok(()), |seconds| write!(f, " --seconds {}", number(seconds)))
+            }
+            Action::EndFault { number } => write!(f, "panel end-fault {number}"),
+            Action::EndFaults {} => f.write_str("panel end-faults"),
+            Action::CutPower { seconds } => write!(f, "panel power-cut {}", number(*seconds)),
             Action::ClearPoints {} => f.write_str("panel clear-points"),
             Action::SwitchProgram { program } => write!(f, "panel program {}", name(program)),
         }
@@ -137,6 +199,33 @@ mod tests {
             (r#"{"do":"turn_key","key":"manual"}"#, Changes, SetUpPanel, false, "panel key manual"),
             (r#"{"do":"raise_alarm","alarm":850}"#, Changes, SetUpPanel, false, "panel alarm 850"),
             (r#"{"do":"clear_points"}"#, Changes, SetUpPanel, false, "panel clear-points"),
+            (
+                r#"{"do":"hold_jog","axis":"J2","up":false}"#,
+                Moves,
+                Command,
+                true,
+                "panel jog J2- held --speed 10",
+            ),
+            (r#"{"do":"keep_jog"}"#, Moves, Command, true, "panel jog still held"),
+            (r#"{"do":"end_jog"}"#, Changes, Command, false, "panel jog let go"),
+            (r#"{"do":"begin_fault","fault":"silence"}"#, Changes, SetUpPanel, false, "panel fault silence"),
+            (
+                r#"{"do":"begin_fault","fault":"bad-json","kind":"nul","chance":0.5,"seconds":2.5}"#,
+                Changes,
+                SetUpPanel,
+                false,
+                "panel fault bad-json --kind nul --chance 0.5 --seconds 2.5",
+            ),
+            (
+                r#"{"do":"begin_fault","fault":"slow","numbers":{"bytes_per_second":5}}"#,
+                Changes,
+                SetUpPanel,
+                false,
+                "panel fault slow --set bytes_per_second=5",
+            ),
+            (r#"{"do":"end_fault","number":3}"#, Changes, SetUpPanel, false, "panel end-fault 3"),
+            (r#"{"do":"end_faults"}"#, Changes, SetUpPanel, false, "panel end-faults"),
+            (r#"{"do":"cut_power"}"#, Changes, SetUpPanel, false, "panel power-cut 10"),
         ] {
             let press = press(json);
             let told = (press.effect, press.right, press.disturbs_run);
@@ -144,6 +233,9 @@ mod tests {
             assert_eq!(press.to_string(), shown);
             let is_button = matches!(press.action, Action::Press { .. });
             assert_eq!(press.runs_leftover, is_button && effect == Moves, "{json}");
+            let is_free = effect == Stops || shown.starts_with("panel end-");
+            assert_eq!(press.needs == Needs::Nothing, is_free, "{json}");
+            assert_eq!(press.is_written(), !["panel jog still held", "panel jog let go"].contains(&shown));
         }
     }
 

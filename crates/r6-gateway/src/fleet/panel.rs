@@ -13,14 +13,14 @@ pub mod line;
 
 use r6_api::Code;
 use r6_api::gateway::{CommandOutcome, PanelDone};
-use r6_api::panel::Snapshot;
+use r6_api::panel::{Faults, Snapshot};
 use r6_proto::Effect;
 
 use self::line::Failed;
 pub use self::line::Panel;
 use super::command::{Told, check_list};
 use super::station::{By, MAX_STOPS, Station, by_itself};
-use crate::core::panel::Press;
+use crate::core::panel::{Needs, Press};
 use crate::core::seat::{Denied, Key};
 use crate::problem::Problem;
 
@@ -30,12 +30,17 @@ impl Station {
     /// # Errors
     /// `no_panel`, `no_reply`.
     pub async fn panel_state(&self) -> Result<Snapshot, Problem> {
-        let no_reply = |why: &str| Problem::new(Code::NoReply, format!("its panel did not answer: {why}"));
         let line = self.panel()?.connect().await.map_err(|why| no_reply(&why))?;
-        line.look().await.map_err(|failed| match failed {
-            Failed::Refused(problem) => no_reply(&problem.message),
-            Failed::NoAnswer(why) => no_reply(&why),
-        })
+        line.look().await.map_err(unread)
+    }
+
+    /// The faults that the robot can be given at its panel.
+    ///
+    /// # Errors
+    /// `no_panel`, `no_reply`.
+    pub async fn panel_faults(&self) -> Result<Faults, Problem> {
+        let line = self.panel()?.connect().await.map_err(|why| no_reply(&why))?;
+        line.faults().await.map_err(unread)
     }
 
     /// Does something at the panel that stops the robot. It needs no lease, and holds as a stop does.
@@ -73,12 +78,14 @@ impl Station {
     pub async fn panel_action(
         &self,
         by: &By,
-        key: Key,
+        key: Option<Key>,
         press: &Press,
         run_leftover: bool,
     ) -> Result<PanelDone, Problem> {
         let done = self.try_panel_action(by, key, press, run_leftover).await;
-        if let Err((problem, Told::No)) = &done {
+        if let Err((problem, Told::No)) = &done
+            && press.is_written()
+        {
             self.note_refused(by, &press.to_string(), problem.code);
         }
         done.map_err(|(problem, _)| problem)
@@ -87,7 +94,7 @@ impl Station {
     async fn try_panel_action(
         &self,
         by: &By,
-        key: Key,
+        key: Option<Key>,
         press: &Press,
         run_leftover: bool,
     ) -> Result<PanelDone, (Problem, Told)> {
@@ -109,7 +116,11 @@ impl Station {
             let line = panel.connect().await.map_err(|why| (CommandOutcome::NotSent, unreachable(&why)))?;
             // What was true before the disk and the connection had their turn may not be true any more.
             let checked = self.seat(|seat, now| {
-                seat.check_press(now, key, press).and_then(|()| seat.check_asked(now, asked))?;
+                seat.check_press(now, key, press)?;
+                // Whether the robot answers does not matter to a fault, nor what came in between.
+                if press.needs == Needs::Link {
+                    seat.check_asked(now, asked)?;
+                }
                 Ok::<_, Denied>(seat.stops_begun())
             });
             stops_before = Some(checked.map_err(|denied| (CommandOutcome::NotSent, denied.into()))?);
@@ -117,7 +128,13 @@ impl Station {
             let _sending = self.sending();
             line.act(&press.action).await.map_err(problem_of)
         };
-        let done = self.recorded(by, &press.to_string(), key.number, act).await;
+        if !press.is_written() {
+            // It begins no move, so a stop that began since needs nothing to be sent behind it.
+            let panel = act.await.map_err(|(_, problem)| (problem, Told::Yes))?;
+            return Ok(PanelDone { command_id: None, panel });
+        }
+        let lease = key.map_or(NO_LEASE, |key| key.number);
+        let done = self.recorded(by, &press.to_string(), lease, act).await;
         let begun = self.seat(|seat, _| seat.stops_begun());
         if press.effect == Effect::Moves && stops_before.is_some_and(|before| before != begun) {
             // A stop that began since may have come to the machine before it, also if it was confirmed and
@@ -138,6 +155,21 @@ impl Station {
                            one. POST …/stop stops every robot";
             Problem::new(Code::NoPanel, message)
         })
+    }
+}
+
+/// The number of a lease in the audit log, for what needs none: leases count from 1.
+const NO_LEASE: u64 = 0;
+
+fn no_reply(why: &str) -> Problem {
+    Problem::new(Code::NoReply, format!("its panel did not answer: {why}"))
+}
+
+/// The problem of something that could not be read.
+fn unread(failed: Failed) -> Problem {
+    match failed {
+        Failed::Refused(problem) => no_reply(&problem.message),
+        Failed::NoAnswer(why) => no_reply(&why),
     }
 }
 

@@ -53,6 +53,7 @@ fn status(code: Code) -> StatusCode {
         | Code::NoSuchInput
         | Code::NoSuchAxis
         | Code::NoDistance
+        | Code::BadFault
         | Code::BadSpeed => StatusCode::UNPROCESSABLE_ENTITY,
         Code::StoreUnavailable | Code::Overloaded | Code::NoOwner => StatusCode::SERVICE_UNAVAILABLE,
         Code::OutcomeUnknown | Code::NotStopped | Code::NoReply => StatusCode::GATEWAY_TIMEOUT,

@@ -23,7 +23,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 62] = [
+const ROUTES: [(&str, &str, Needs); 63] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -45,6 +45,7 @@ const ROUTES: [(&str, &str, Needs); 62] = [
     ("POST", "/v1/robots/{name}/stop", Needs::Role(Role::Operator)),
     ("GET", "/v1/robots/{name}/panel", Needs::Role(Role::Viewer)),
     ("POST", "/v1/robots/{name}/panel", Needs::Role(Role::Operator)),
+    ("GET", "/v1/robots/{name}/panel/faults", Needs::Role(Role::Viewer)),
     ("GET", "/", Needs::Nothing),
     ("GET", "/robots/{name}", Needs::Nothing),
     ("GET", "/robots/{name}/teach", Needs::Nothing),

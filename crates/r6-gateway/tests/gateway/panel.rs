@@ -254,7 +254,19 @@ async fn a_real_robot_has_no_panel_and_is_not_stopped_by_one() {
     let (status, problem) = hall.call(&hall.viewer, "GET", PANEL, None).await;
     assert_eq!((status, &problem["code"]), (404, &json!("no_panel")), "{problem}");
     let lease = hall.lease(&hall.operator, "press").await;
-    for action in [json!({ "do": "emergency_stop" }), button("start"), jog()] {
+    let (status, problem) = hall.call(&hall.viewer, "GET", "/v1/robots/press/panel/faults", None).await;
+    assert_eq!((status, &problem["code"]), (404, &json!("no_panel")), "{problem}");
+    for action in [
+        json!({ "do": "emergency_stop" }),
+        button("start"),
+        jog(),
+        held(true),
+        json!({ "do": "keep_jog" }),
+        json!({ "do": "end_jog" }),
+        json!({ "do": "begin_fault", "fault": "silence" }),
+        json!({ "do": "end_faults" }),
+        json!({ "do": "cut_power" }),
+    ] {
         for body in [json!({ "action": action }), json!({ "action": action, "lease": lease })] {
             let (status, problem) = hall.post(&hall.engineer, PANEL, &body).await;
             assert_eq!((status, &problem["code"]), (404, &json!("no_panel")), "{problem}");
@@ -356,4 +368,158 @@ async fn overtake(is_cleared: bool) {
     let is_second = |entry: &Value| entry["what"] == "stop" && entry["actor"] == "gateway";
     assert_eq!(cell.hall.until_audited(is_second).await["confirmed"], true);
     way.abort();
+}
+
+fn held(up: bool) -> Value {
+    json!({ "do": "hold_jog", "axis": "J1", "up": up, "speed_percent": 5.0 })
+}
+
+impl Cell {
+    fn j1(&self) -> f64 {
+        self.simulation.controllers()[0].snapshot().axes[0]
+    }
+
+    /// Waits until the arm stands, and returns how long that took.
+    async fn until_at_rest(&self) -> Duration {
+        let begun = Instant::now();
+        while self.is_moving() {
+            assert!(begun.elapsed() < PATIENCE);
+            tokio::time::sleep(Duration::from_millis(2)).await;
+        }
+        begun.elapsed()
+    }
+
+    /// Holds a button for this long. `false` if the machine did not hear of it in time, and ended the move.
+    async fn holds_on(&self, lease: &Value, lasts: Duration) -> bool {
+        let operator = &self.hall.operator;
+        let begun = self.done(operator, lease, held(true)).await;
+        assert!(begun["command_id"].is_u64(), "{begun}");
+        let until = Instant::now() + lasts;
+        while Instant::now() < until {
+            let (status, kept) = self.act(operator, lease, json!({ "do": "keep_jog" })).await;
+            if status != 200 {
+                assert_eq!((status, &kept["code"]), (409, &json!("not_held")), "{kept}");
+                return false;
+            }
+            assert_eq!((&kept["command_id"], &kept["panel"]["moving"]), (&json!(null), &json!(true)));
+        }
+        true
+    }
+
+    /// In manual, with a lease.
+    async fn by_hand(&self) -> Value {
+        let lease = self.lease().await;
+        self.done(&self.hall.engineer, &lease, json!({ "do": "turn_key", "key": "manual" })).await;
+        lease
+    }
+}
+
+#[tokio::test]
+async fn an_axis_moves_while_its_button_is_held_and_stops_when_nothing_is_said_of_it() {
+    let cell = Cell::start(SimSettings::default()).await;
+    let operator = &cell.hall.operator;
+    let lease = cell.by_hand().await;
+    let (keep, end) = (json!({ "do": "keep_jog" }), json!({ "do": "end_jog" }));
+    assert_eq!(cell.refused(operator, &lease, keep.clone()).await, refusal(409, "not_held"));
+    assert_eq!(cell.refused(operator, &Value::Null, held(true)).await, refusal(409, "no_lease"));
+    let begun = Instant::now();
+    // On a machine that is busy with other tests, one word may be late: then it begins anew.
+    while !cell.holds_on(&lease, Duration::from_millis(600)).await {
+        assert!(begun.elapsed() < PATIENCE);
+        cell.until_at_rest().await;
+    }
+    // A page that stalls says nothing any more.
+    cell.until_at_rest().await;
+    let rests = cell.j1();
+    assert!(rests > 0.5, "{rests}");
+    assert_eq!(cell.refused(operator, &lease, keep.clone()).await, refusal(409, "not_held"));
+
+    cell.done(operator, &lease, held(false)).await;
+    cell.done(operator, &lease, end.clone()).await;
+    cell.until_at_rest().await;
+    assert!(cell.j1() < rests);
+
+    // The log has each begin, and nothing of what is said while a button is held.
+    let entries = cell.hall.audit().await;
+    let begins: Vec<_> = entries.iter().filter(|entry| entry["what"] == "command_intent").collect();
+    let told: Vec<_> = begins.iter().map(|entry| entry["command"].as_str().unwrap()).collect();
+    let (first, last) = (["panel key manual", "panel jog J1+ held --speed 5"], "panel jog J1- held --speed 5");
+    assert!(told.starts_with(&first) && told.last() == Some(&last), "{told:?}");
+    assert!(told[1..told.len() - 1].iter().all(|one| *one == first[1]), "{told:?}");
+    let said =
+        |entry: &Value| entry["request"].as_str().is_some_and(|request| request.contains("still held"));
+    assert!(!entries.iter().any(said), "{entries:#?}");
+}
+
+#[tokio::test]
+async fn a_stop_ends_a_held_move_and_nothing_keeps_it_any_more() {
+    let cell = Cell::start(SimSettings::default()).await;
+    let operator = &cell.hall.operator;
+    let lease = cell.by_hand().await;
+    cell.done(operator, &lease, held(true)).await;
+    let stopped = cell.hall.stop(&cell.hall.engineer, "press").await;
+    assert_eq!(stopped.0, 200, "{stopped:?}");
+    assert!(!cell.is_moving());
+    for action in [json!({ "do": "keep_jog" }), held(true)] {
+        assert_eq!(cell.refused(operator, &lease, action).await, refusal(409, "stopped"));
+    }
+    cell.clear_stop(&lease).await;
+    assert_eq!(cell.refused(operator, &lease, json!({ "do": "keep_jog" })).await, refusal(409, "not_held"));
+    // Who gives the lease back holds no button any more.
+    cell.done(operator, &lease, held(true)).await;
+    let key = json!({ "lease": lease });
+    assert_eq!(cell.hall.call(operator, "DELETE", "/v1/robots/press/lease", Some(&key)).await.0, 204);
+    assert_eq!(cell.refused(operator, &lease, json!({ "do": "keep_jog" })).await, refusal(409, "no_lease"));
+    cell.until_at_rest().await;
+}
+
+#[tokio::test]
+async fn a_fault_cuts_the_robot_off_and_its_end_needs_no_lease() {
+    let cell = Cell::start(SimSettings::default()).await;
+    let Hall { viewer, operator, engineer, .. } = &cell.hall;
+    let known = cell.hall.get(viewer, "/v1/robots/press/panel/faults").await;
+    let known = known["faults"].as_array().unwrap();
+    let word = |word: &str| known.iter().find(|fault| fault["fault"] == word).unwrap();
+    assert_eq!((&word("silence")["class"], &word("silence")["kinds"]), (&json!("T3"), &json!([])));
+    assert!(word("bad-json")["kinds"].as_array().unwrap().contains(&json!("nul")));
+    assert_eq!(word("slow")["numbers"], json!(["bytes_per_second"]));
+
+    let lease = cell.lease().await;
+    let begin = |fault: &str| json!({ "do": "begin_fault", "fault": fault });
+    let none = Value::Null;
+    assert_eq!(cell.refused(operator, &lease, begin("task-dead")).await, refusal(403, "not_allowed"));
+    assert_eq!(cell.refused(engineer, &none, begin("task-dead")).await, refusal(409, "no_lease"));
+    assert_eq!(cell.refused(engineer, &lease, begin("task-deaf")).await, refusal(422, "bad_fault"));
+    let cut = json!({ "do": "cut_power", "seconds": 3601 });
+    assert_eq!(cell.refused(engineer, &lease, cut).await, refusal(422, "bad_fault"));
+    let done = cell.done(engineer, &lease, begin("task-dead")).await;
+    let fault = &done["panel"]["faults"][0];
+    assert_eq!((&fault["fault"], &fault["chance"]), (&json!("task-dead"), &json!(1.0)), "{done}");
+    cell.hall.until("press", |state| signal(state, "curMode")["quality"] == "stale").await;
+    // A second one begins all the same.
+    let late = json!({ "do": "begin_fault", "fault": "latency", "chance": 0.5, "seconds": 3600,
+                       "numbers": { "to_client": 0.25 } });
+    let done = cell.done(engineer, &lease, late).await;
+    assert_eq!(done["panel"]["faults"].as_array().unwrap().len(), 2, "{done}");
+    assert!(done["panel"]["faults"][1]["seconds_left"].as_f64().unwrap() > 3500.0);
+
+    assert_eq!(
+        cell.refused(operator, &none, json!({ "do": "end_faults" })).await,
+        refusal(403, "not_allowed")
+    );
+    let first = json!({ "do": "end_fault", "number": fault["number"] });
+    let done = cell.done(engineer, &none, first.clone()).await;
+    assert_eq!(done["panel"]["faults"][0]["fault"], "latency", "{done}");
+    cell.done(engineer, &none, first).await;
+    let done = cell.done(engineer, &none, json!({ "do": "end_faults" })).await;
+    assert_eq!(done["panel"]["faults"], json!([]));
+    cell.hall.until("press", |state| signal(state, "curMode")["quality"] == "fresh").await;
+
+    let entries = cell.hall.audit().await;
+    let of = |command: &str| {
+        entries.iter().find(|entry| entry["what"] == "command_intent" && entry["command"] == command).unwrap()
+    };
+    assert_eq!(of("panel fault task-dead")["lease"], lease["number"]);
+    of("panel fault latency --set to_client=0.25 --chance 0.5 --seconds 3600");
+    assert_eq!(of("panel end-faults")["lease"], 0);
 }

@@ -11,7 +11,7 @@ use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::middleware;
 use axum::response::IntoResponse;
 use axum::{Json, Router};
-use r6_api::panel::{Action, Controllers, Snapshot};
+use r6_api::panel::{Action, Controllers, Faults, Snapshot};
 use r6_api::{Code, Problem, Status};
 use r6_controller::program::MAX_TEXT_BYTES;
 use r6_controller::{PanelAction, Refused};
@@ -48,6 +48,7 @@ pub(super) fn routes() -> OpenApiRouter<Handles> {
         .routes(routes!(show))
         .routes(routes!(status))
         .routes(routes!(act))
+        .routes(routes!(faults))
         .routes(routes!(load).layer(DefaultBodyLimit::max(MAX_TEXT_BYTES)))
         .routes(routes!(describe))
 }
@@ -132,7 +133,7 @@ async fn status(
         (
             status = 409,
             description = "The machine refuses it now: `power_off`, `emergency_stop`, `alarm`, `not_homed`, `not_auto`, \
-                           `not_manual`, `moving`, `no_global_speed`, `program`, `no_path`",
+                           `not_manual`, `moving`, `not_held`, `no_global_speed`, `program`, `no_path`, `no_room`",
             body = Problem
         ),
         (status = 413, description = "`too_long`", body = Problem),
@@ -140,7 +141,7 @@ async fn status(
         (
             status = 422,
             description = "No such action, or an action that is never possible: `bad_action`, `no_such_input`, \
-                           `no_such_axis`, `no_distance`, `bad_speed`, `no_such_alarm`",
+                           `no_such_axis`, `no_distance`, `bad_speed`, `no_such_alarm`, `bad_fault`",
             body = Problem
         ),
     )
@@ -156,10 +157,28 @@ async fn act(
     let body = whole(body, MAX_BODY_BYTES)?;
     let action: Action =
         serde_json::from_slice(&body).map_err(|error| Refusal::of_json(&error, Code::BadAction))?;
-    let action = convert::action(action)
-        .map_err(|wrong| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, Code::BadAction, wrong))?;
-    controller.operate(&action).map_err(convert::refused)?;
+    convert::deed(action)?.to(controller).map_err(convert::refused)?;
     Ok(Json(convert::snapshot(number, controller)))
+}
+
+/// The faults that the controller can be given. Those that are in force are in its state.
+#[utoipa::path(
+    get,
+    path = "/v1/controllers/{n}/faults",
+    params(("n" = usize, Path, description = "The number of the controller, from 1")),
+    responses(
+        (status = 200, description = "All of them", body = Faults),
+        (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 404, description = "`no_such_controller`, `no_such_path`", body = Problem),
+        (status = 408, description = "`too_slow`", body = Problem),
+    )
+)]
+async fn faults(
+    State(controllers): State<Handles>,
+    number: Result<Path<String>, PathRejection>,
+) -> Result<Json<Faults>, Refusal> {
+    find(&controllers, &named(number)?)?;
+    Ok(Json(convert::faults()))
 }
 
 /// Loads a program, and replaces one with the same name; `switch_program` chooses it.
@@ -223,6 +242,7 @@ async fn no_such_path(uri: Uri) -> Refusal {
         "/v1/controllers/1",
         "/v1/controllers/1/status",
         "/v1/controllers/1/actions",
+        "/v1/controllers/1/faults",
         "/v1/controllers/1/programs/cell",
         "/v1/openapi.json",
     ];

@@ -43,6 +43,7 @@ Examples:
   r6 panel clear
   r6 panel program register-move
   r6 panel clear-points                         what cameras sent and no program took
+  r6 panel fault silence --seconds 30           then: end-faults
   r6 panel load cell.toml                       then: program cell, button start
   r6 panel --panel 127.0.0.1:9771 --controller 2 status --json
   r6 -g http://127.0.0.1:9780 -r press-4-twin panel button start"
@@ -123,6 +124,43 @@ Examples:
     Home,
     /// Remove the points of cameras that no program has used yet
     ClearPoints,
+    /// Give the controller a fault, as a scenario has it (docs/SCENARIOS.md)
+    #[command(after_help = "\
+`r6 panel status` shows the faults that are in force, each with its number.
+
+Examples:
+  r6 panel fault silence --seconds 30           connections that are made are never answered
+  r6 panel fault bad-json --kind nul --chance 0.2
+  r6 panel fault latency --set to_client=0.25")]
+    Fault {
+        /// Its word in a scenario, such as silence
+        fault: String,
+        /// Its kind, for a fault that has kinds
+        #[arg(long)]
+        kind: Option<String>,
+        /// How likely it strikes each time it can, 0 to 1
+        #[arg(long, default_value = "1", value_parser = chance)]
+        chance: f64,
+        /// After how many seconds it ends; without it, until it is ended
+        #[arg(long)]
+        seconds: Option<f64>,
+        /// One of its numbers, several times
+        #[arg(long, value_name = "NAME=NUMBER", value_parser = setting)]
+        set: Vec<(String, f64)>,
+    },
+    /// End a fault that is in force
+    EndFault {
+        /// Its number
+        number: usize,
+    },
+    /// End all faults that are in force
+    EndFaults,
+    /// Cut the power, which is back after a time
+    PowerCut {
+        /// After how many seconds, 0 to 3600
+        #[arg(default_value = "10")]
+        seconds: f64,
+    },
     /// Choose another program
     Program {
         /// Its name
@@ -214,10 +252,16 @@ pub async fn run_by_gateway(args: PanelArgs, gateway: ByGateway) -> Result<Exit,
                 .advise("`run` has the gateway run a program of motions"));
         }
     };
-    let stops =
-        matches!(action, Action::EmergencyStop {} | Action::Press { button: Button::Stop | Button::Pause });
+    // Stops, and the end of faults.
+    let needs_no_lease = matches!(
+        action,
+        Action::EmergencyStop {}
+            | Action::Press { button: Button::Stop | Button::Pause }
+            | Action::EndFault { .. }
+            | Action::EndFaults {}
+    );
     let request = PanelRequest { action, lease: None, run_leftover: false };
-    let done = if stops {
+    let done = if needs_no_lease {
         robot.panel_action(&request).await
     } else {
         let with = async |lease: &Lease| {
@@ -354,6 +398,12 @@ impl What {
             Self::Jog { axis, by, speed } => Action::Jog { axis, by, speed_percent: speed },
             Self::Home => Action::Home {},
             Self::ClearPoints => Action::ClearPoints {},
+            Self::Fault { fault, kind, chance, seconds, set } => {
+                Action::BeginFault { fault, kind, chance, seconds, numbers: set.into_iter().collect() }
+            }
+            Self::EndFault { number } => Action::EndFault { number },
+            Self::EndFaults => Action::EndFaults {},
+            Self::PowerCut { seconds } => Action::CutPower { seconds },
             Self::Program { name } => Action::SwitchProgram { program: name },
         }))
     }
@@ -368,6 +418,20 @@ fn input_name(text: &str) -> Result<String, String> {
             Err("this is no input: inputs are X and EUX; `r6 command modifyOutput` sets Y and M".to_owned())
         }
     }
+}
+
+/// Reads a chance.
+fn chance(text: &str) -> Result<f64, String> {
+    let chance = text.parse::<f64>().ok().filter(|chance| (0.0..=1.0).contains(chance));
+    chance.ok_or_else(|| "a chance is a number from 0 to 1".to_owned())
+}
+
+/// Reads a number of a fault with its name.
+fn setting(text: &str) -> Result<(String, f64), String> {
+    let wrong = || "write it as NAME=NUMBER, such as delay=0.5".to_owned();
+    let (name, number) = text.split_once('=').ok_or_else(wrong)?;
+    let number = number.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or_else(wrong)?;
+    Ok((name.to_owned(), number))
 }
 
 /// Reads the name of an axis, and returns it as it is sent.
@@ -395,5 +459,8 @@ mod tests {
         assert!(input_name("X10").unwrap_err().contains("X010"));
         assert_eq!(axis_name("j6"), Ok("J6".to_owned()));
         assert!(axis_name("J9").is_err());
+        assert_eq!(setting("to_client=0.25"), Ok(("to_client".to_owned(), 0.25)));
+        assert!(["delay", "delay=", "delay=x", "delay=inf"].iter().all(|text| setting(text).is_err()));
+        assert_eq!((chance("0.5"), chance("1.5").is_err(), chance("NaN").is_err()), (Ok(0.5), true, true));
     }
 }

@@ -27,6 +27,7 @@ pub fn text(state: &Snapshot) -> String {
     table.row([&"outputs on", &points(&state.outputs_on)]);
     table.row([&"M on", &points(&state.m_on)]);
     table.row([&"camera points", &camera_points(state)]);
+    table.row([&"faults", &faults(state)]);
     table.row([&"connections", &state.connections]);
     format!(
         "{}, firmware {}, controller {} at {}, a virtual controller\n\n{table}\n\n{}",
@@ -72,6 +73,18 @@ fn camera_points(state: &Snapshot) -> String {
         .map(|waiting| format!("camera {}: {}", waiting.camera, waiting.points))
         .collect();
     if counts.is_empty() { "none waiting".to_owned() } else { counts.join(", ") }
+}
+
+/// The faults in force, each with the number by which it is ended.
+fn faults(state: &Snapshot) -> String {
+    let power = state.power_off.then(|| "the power is cut".to_owned());
+    let faults = state.faults.iter().map(|fault| {
+        let kind = fault.kind.as_ref().map(|kind| format!(" ({kind})")).unwrap_or_default();
+        let left = fault.seconds_left.map(|left| format!(", ends in {left:.1} s")).unwrap_or_default();
+        format!("{} {}{kind}{left}", fault.number, fault.fault)
+    });
+    let told: Vec<_> = power.into_iter().chain(faults).collect();
+    if told.is_empty() { "none".to_owned() } else { told.join("; ") }
 }
 
 fn points(names: &[String]) -> String {

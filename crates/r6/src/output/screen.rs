@@ -254,6 +254,7 @@ mod tests {
             mode: r6_controller::OperationMode::Running,
             alarm: AlarmCode(135),
             emergency_stop: true,
+            power_off: false,
             homed: true,
             moving: true,
             program: "remote".to_owned(),

@@ -16,7 +16,7 @@ impl Controller {
         self.collect_machine_events();
         let Some(breakage) = &mut self.breakage else { return };
         breakage.run.power_is_back(now + off);
-        let mut machine = Machine::restored(breakage.settings.clone(), &self.machine.saved(), now);
+        let mut machine = Machine::restored((*self.settings).clone(), &self.machine.saved(), now);
         machine.stands_as(&self.machine);
         let chosen = program
             .map_or(Ok(()), |program| machine.operate(&PanelAction::SwitchProgram(program.to_owned())));

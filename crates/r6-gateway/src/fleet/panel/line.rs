@@ -9,7 +9,8 @@ use axum::http::{Method, Request, StatusCode};
 use http_body_util::{BodyExt, Full, Limited};
 use hyper::client::conn::http1::{self, Connection, SendRequest};
 use hyper_util::rt::TokioIo;
-use r6_api::panel::{Action, Snapshot};
+use r6_api::panel::{Action, Faults, Snapshot};
+use serde::de::DeserializeOwned;
 use tokio::net::TcpStream;
 
 /// How long a connection to a panel may take. It is on this machine.
@@ -90,7 +91,13 @@ impl Line {
         self.ask(Method::POST, &path, body.into()).await
     }
 
-    async fn ask(self, method: Method, path: &str, body: Bytes) -> Result<Snapshot, Failed> {
+    /// The faults that the controller can be given.
+    pub(super) async fn faults(self) -> Result<Faults, Failed> {
+        let path = format!("/v1/controllers/{}/faults", self.panel.controller);
+        self.ask(Method::GET, &path, Bytes::new()).await
+    }
+
+    async fn ask<T: DeserializeOwned>(self, method: Method, path: &str, body: Bytes) -> Result<T, Failed> {
         let Self { panel, mut sender, connection } = self;
         let request = Request::builder()
             .method(method)
@@ -122,7 +129,7 @@ impl Line {
 }
 
 /// An answer of a panel.
-fn read(status: StatusCode, body: &[u8]) -> Result<Snapshot, Failed> {
+fn read<T: DeserializeOwned>(status: StatusCode, body: &[u8]) -> Result<T, Failed> {
     if status.is_success() {
         return serde_json::from_slice(body)
             .map_err(|error| Failed::NoAnswer(format!("it is not that of a panel: {error}")));
@@ -153,10 +160,10 @@ mod tests {
 
     #[test]
     fn an_answer_that_is_no_panels_tells_nothing() {
-        let refused = read(StatusCode::CONFLICT, br#"{"code":"moving","message":"it moves"}"#);
+        let refused = read::<Snapshot>(StatusCode::CONFLICT, br#"{"code":"moving","message":"it moves"}"#);
         assert!(matches!(refused, Err(Failed::Refused(problem)) if problem.code == r6_api::Code::Moving));
         for (status, body) in [(200, "{}"), (200, ""), (409, "no"), (502, "<html>")] {
-            let told = read(StatusCode::from_u16(status).unwrap(), body.as_bytes());
+            let told = read::<Snapshot>(StatusCode::from_u16(status).unwrap(), body.as_bytes());
             assert!(matches!(told, Err(Failed::NoAnswer(_))), "{status} {body}");
         }
     }
