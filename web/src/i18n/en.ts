@@ -8,6 +8,7 @@ import { audit } from "./en/audit.ts";
 import { connections } from "./en/connections.ts";
 import { arm } from "./en/arm.ts";
 import { controls } from "./en/controls.ts";
+import { faults } from "./en/faults.ts";
 import { alarms } from "./en/alarms.ts";
 import { chart } from "./en/chart.ts";
 import { choice, history } from "./en/history.ts";
@@ -51,6 +52,7 @@ export const en = {
   arm,
   controls,
   run,
+  faults,
   teach,
   alarms,
   chart,

@@ -5,6 +5,7 @@ import { audit } from "./zh/audit.ts";
 import { connections } from "./zh/connections.ts";
 import { arm } from "./zh/arm.ts";
 import { controls } from "./zh/controls.ts";
+import { faults } from "./zh/faults.ts";
 import { alarms } from "./zh/alarms.ts";
 import { chart } from "./zh/chart.ts";
 import { choice, history } from "./zh/history.ts";
@@ -48,6 +49,7 @@ export const zh: typeof en = {
   arm,
   controls,
   run,
+  faults,
   teach,
   alarms,
   chart,

@@ -2,6 +2,7 @@ import { writeFileSync } from "node:fs";
 import { join } from "node:path";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
+import type { PanelState } from "../../src/api/types.ts";
 import { Running, fits, folder, hasThisPage, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
 
 const data = folder();
@@ -169,6 +170,57 @@ test("the panel of a twin: key, moves by hand, inputs, emergency stop, in Chines
   await page.waitForSelector("[data-panel-state='2']");
   await hold(page, "按住：启动");
   await page.waitForSelector("[data-panel-state='7']");
+  await page.locator("[data-lease=mine] button").click();
+  await page.waitForSelector("[data-lease=free]");
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+test("an axis of a twin moves as long as its button is held, and its faults begin and end", async () => {
+  const { page, faults } = await openPage(browser);
+  await page.goto(`${url}/#${engineer}`);
+  await page.waitForSelector("[data-robot=saw-twin]");
+  await control(page, "saw-twin");
+  await page.click("[data-panel=key-manual]");
+  await says(page, "[data-panel-state='1']", "manual");
+  const j1 = async (): Promise<{ moving: boolean; at: number }> => {
+    const seen = (await (await ask("GET", "/v1/robots/saw-twin/panel", engineer)).json()) as PanelState;
+    return { moving: seen.moving, at: seen.axes[0]?.position ?? 0 };
+  };
+  const button = page.locator("[data-jog='J1-']");
+  await button.scrollIntoViewIfNeeded();
+  const box = await button.boundingBox();
+  if (box === null) throw new Error("the button has no place");
+  await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+  for (const letGo of [
+    () => page.mouse.up(),
+    // The page loses the focus while the button of the mouse is still down.
+    () => page.evaluate(() => void window.dispatchEvent(new Event("blur"))),
+  ]) {
+    const from = await j1();
+    await page.mouse.down();
+    // More than 200 ms move it at 10 % of its speed.
+    await until("the axis moves on", async () => (await j1()).at < from.at - 8);
+    await letGo();
+    await until("the axis stands", async () => !(await j1()).moving);
+    const rests = await j1();
+    await page.mouse.up();
+    expect((await j1()).at).toBe(rests.at);
+  }
+  await page.click("[data-panel=key-auto]");
+
+  await page.waitForSelector("[data-faults='0']");
+  await page.selectOption("[data-fault]", "bad-json");
+  await page.selectOption("[data-fault-kind]", "nul");
+  await page.selectOption("[data-fault]", "task-dead");
+  expect(await page.locator("[data-fault-kind]").count()).toBe(0);
+  await page.click("[data-begin-fault]");
+  await says(page, "[data-told-command=panel]", "Begin: Only heartbeats are answered: the panel took it.");
+  await says(page, "[data-faults='1']", "Only heartbeats are answered, ends in");
+  await isAccessible(page);
+  await picture(page, "robot-faults-light");
+  await page.click("[data-end-faults]");
+  await page.waitForSelector("[data-faults='0']");
   await page.locator("[data-lease=mine] button").click();
   await page.waitForSelector("[data-lease=free]");
   expect(faults).toEqual([]);

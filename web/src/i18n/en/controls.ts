@@ -108,6 +108,8 @@ export const controls = {
   badAlarm: "1 to 10000.",
   jog: "Move by hand",
   jogNeeds: "turn the mode key to Manual first",
+  jogHold: "Hold a button: the axis moves until it is let go. It also stops when this page is hidden or loses the gateway.",
+  jogSteps: "Or move by steps:",
   jogStep: "Step",
   jogBy: (axis: string, by: string) => `${axis} ${by}`,
   jogSpeed: "Speed, percent",

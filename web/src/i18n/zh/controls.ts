@@ -104,6 +104,8 @@ export const controls: typeof english = {
   badAlarm: "1 至 10000。",
   jog: "手动移动",
   jogNeeds: "请先将模式钥匙转到手动",
+  jogHold: "按住按钮：该轴移动，松开即停。本页被隐藏或与网关断开时也会停止。",
+  jogSteps: "或按步距移动：",
   jogStep: "步距",
   jogBy: (axis, by) => `${axis} ${by}`,
   jogSpeed: "速度，百分比",

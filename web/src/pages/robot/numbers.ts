@@ -7,6 +7,13 @@ export function percentOf(text: string): number | null {
   return percent > 0 && percent <= 100 ? percent : null;
 }
 
+/** A number with at most three decimals, within these ends. */
+export function numberOf(text: string, low: number, high: number): number | null {
+  if (!/^\d{1,6}([.,]\d{1,3})?$/.test(text.trim())) return null;
+  const number = Number(text.trim().replace(",", "."));
+  return number >= low && number <= high ? number : null;
+}
+
 /** A whole number of 32 bits, within these ends. */
 export function wholeOf(text: string, low = -2_147_483_648, high = 2_147_483_647): number | null {
   if (!/^-?\d{1,10}$/.test(text.trim())) return null;

@@ -7,9 +7,9 @@ import { MODES } from "../../robots/view.ts";
 /**
  * `stop`: buttons stop and pause, the emergency stop. `move`: the buttons that start. `by_hand`: moves by
  * hand. `move_nothing`: release, clear, another program. `input`: an input, for which a program may wait.
- * `set_up`: the key, alarms.
+ * `set_up`: the key, alarms, faults. `end_fault`: the end of a fault, also while no lease can be had.
  */
-export type PanelNeeds = "stop" | "move" | "by_hand" | "move_nothing" | "input" | "set_up";
+export type PanelNeeds = "stop" | "move" | "by_hand" | "move_nothing" | "input" | "set_up" | "end_fault";
 
 export type PanelUnmet = "gateway_lost" | "no_right" | "needs_engineer" | "no_lease" | "stop_holds" | "manual" | "not_manual";
 
@@ -30,7 +30,9 @@ export function panelUnmet(needs: PanelNeeds, has: PanelHas): PanelUnmet[] {
   check(has.gateway, "gateway_lost");
   check(has.role !== "viewer", "no_right");
   if (needs === "stop" || found.length > 0) return found;
-  if (needs === "input" || needs === "set_up") check(has.role !== "operator", "needs_engineer");
+  const isSetUp = needs === "input" || needs === "set_up" || needs === "end_fault";
+  if (isSetUp) check(has.role !== "operator", "needs_engineer");
+  if (needs === "end_fault") return found;
   check(has.lease, "no_lease");
   if (needs === "move" || needs === "by_hand" || needs === "input") check(!has.stopped, "stop_holds");
   if (needs === "by_hand") check(has.mode === MODES.manual, "not_manual");

@@ -4,7 +4,7 @@ import { addresses, nameOf, outputArguments, wordsOf } from "./io.ts";
 import { withModel } from "./models.ts";
 import { motorAddresses, motorsOf } from "./motors.ts";
 import { freshKey } from "../../api/client.ts";
-import { isRaise, percentOf, wholeOf } from "./numbers.ts";
+import { isRaise, numberOf, percentOf, wholeOf } from "./numbers.ts";
 import { type PanelHas, panelUnmet } from "./panel.ts";
 
 test("points have the names of the pendant where these are known, and numbers elsewhere", () => {
@@ -72,14 +72,21 @@ test("a model is added to what the robot is configured with", () => {
   });
 });
 
+test("a number that is typed has three decimals at most and lies within its ends", () => {
+  expect(["30", " 0,5 ", "1.25", "86400"].map((text) => numberOf(text, 0.5, 86_400))).toEqual([30, 0.5, 1.25, 86_400]);
+  expect(["", "-1", "1e3", "0.4", "86401", "1.2345", "x"].map((text) => numberOf(text, 0.5, 86_400))).toEqual(
+    Array(7).fill(null),
+  );
+});
+
 test("each action at the panel needs what the gateway asks for", () => {
   const all: PanelHas = { gateway: true, role: "engineer", lease: true, stopped: false, mode: 1 };
-  const needs = ["stop", "move", "by_hand", "move_nothing", "input", "set_up"] as const;
+  const needs = ["stop", "move", "by_hand", "move_nothing", "input", "set_up", "end_fault"] as const;
   const unmet = (has: Partial<PanelHas>) => needs.map((one) => panelUnmet(one, { ...all, ...has }).join(" "));
-  expect(unmet({})).toEqual(["", "", "", "", "", ""]);
-  expect(unmet({ lease: false })).toEqual(["", "no_lease", "no_lease", "no_lease", "no_lease", "no_lease"]);
-  expect(unmet({ role: "operator" })).toEqual(["", "", "", "", "needs_engineer", "needs_engineer"]);
-  expect(unmet({ stopped: true })).toEqual(["", "stop_holds", "stop_holds", "", "stop_holds", ""]);
-  expect(unmet({ mode: 7 })).toEqual(["", "", "not_manual", "", "", ""]);
+  expect(unmet({})).toEqual(["", "", "", "", "", "", ""]);
+  expect(unmet({ lease: false })).toEqual(["", "no_lease", "no_lease", "no_lease", "no_lease", "no_lease", ""]);
+  expect(unmet({ role: "operator" })).toEqual(["", "", "", "", "needs_engineer", "needs_engineer", "needs_engineer"]);
+  expect(unmet({ stopped: true })).toEqual(["", "stop_holds", "stop_holds", "", "stop_holds", "", ""]);
+  expect(unmet({ mode: 7 })).toEqual(["", "", "not_manual", "", "", "", ""]);
   expect(unmet({ role: "viewer", gateway: false })[0]).toBe("gateway_lost no_right");
 });
