@@ -1,10 +1,11 @@
 /**
  * A clock for a page that goes with the messages of the gateway: each sign of life is two seconds. A day of timers
- * then passes in as much time as its messages take. Between messages it goes as clocks do. It runs in the page, before
- * its scripts.
+ * then passes in as much time as its messages take. Between messages it goes as clocks do. The page reads each message
+ * by itself, because a worker has a clock of its own. It runs in the page, before its scripts.
  */
 export function goWithMessages(): void {
   const STEP = 2_000;
+  Reflect.deleteProperty(window, "Worker");
   const real = { now: performance.now.bind(performance), later: window.setTimeout.bind(window), each: window.setInterval.bind(window) };
   const timers = new Map<number, { due: number; every: number | null; act: () => void }>();
   let now = real.now();

@@ -25,7 +25,8 @@ import type {
 import { PLAIN } from "../../src/route.ts";
 import { Wire } from "./wire.ts";
 
-const BUILT = fileURLToPath(new URL("../../../crates/r6-gateway/page/built", import.meta.url));
+/** As a gateway for development takes it. */
+const BUILT = process.env["R6_PAGE"] ?? fileURLToPath(new URL("../../../crates/r6-gateway/page/built", import.meta.url));
 const TYPES: Record<string, string> = { ".html": "text/html; charset=utf-8", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml" };
 
 /** How often each robot is read, in milliseconds, and how often the gateway looks for changes. */
@@ -97,6 +98,11 @@ class FakeRobot {
     this.values.set("counter-0", this.counter());
     this.values.set("lastCycle", 18);
     this.move();
+  }
+
+  /** Whether its next reading may differ from the last one. */
+  get isBusy(): boolean {
+    return this.runs || this.alarm !== null;
   }
 
   /** Another reading: what changed, and what happened. */
@@ -259,8 +265,10 @@ export class FakeGateway {
     let begun = performance.now();
     let pass = 0;
     this.timer = setInterval(() => {
-      // A timer that comes late is made up for.
-      for (; performance.now() - begun >= PACE; begun += PACE, pass += 1) {
+      const now = performance.now();
+      // A timer that comes late is made up for, but not by more than a busy machine can do.
+      begun = Math.max(begun, now - PERIOD);
+      for (; now - begun >= PACE; begun += PACE, pass += 1) {
         if (pass % parts === 0) this.readings += 1;
         const isSlow = [...this.wires].some((wire) => !wire.isDrained);
         if (isSlow) this.behind += 1;
@@ -276,14 +284,15 @@ export class FakeGateway {
     this.timer = null;
   }
 
-  /** Tells so many seconds of the hall, as fast as the page takes them. */
+  /** Tells so many seconds of the hall, an even number, as fast as the page takes them. */
   async pour(seconds: number): Promise<void> {
-    for (let second = 0; second < seconds; second += 1) {
-      for (let at = 0; at < 1_000 / PERIOD; at += 1) {
+    for (let at = 0; at < (seconds * 1_000) / ALIVE; at += 1) {
+      const texts: string[] = [];
+      for (let reading = 0; reading < ALIVE / PERIOD; reading += 1) {
         this.readings += 1;
-        this.send(this.pass(this.robots, true));
+        texts.push(...this.pass(this.robots.filter((robot) => robot.isBusy), true));
       }
-      if ((this.readings * PERIOD) % ALIVE === 0) this.send([this.alive()]);
+      this.send([...texts, this.alive()]);
       await Promise.all([...this.wires].map((wire) => wire.drained()));
       // Requests of the page have their turn.
       await new Promise((next) => setImmediate(next));

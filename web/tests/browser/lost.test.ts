@@ -29,6 +29,7 @@ test("a lost gateway is said at once, controls go off, and the page comes back b
   await page.waitForSelector("[data-lease=mine]");
   await page.locator("[aria-labelledby=charts]").scrollIntoViewIfNeeded();
   await page.waitForSelector("[data-chart][data-reading=false]");
+  expect(page.workers().length, "the policy of the page allows the worker that reads the stream").toBe(1);
 
   await network.cut();
   await says(page, "[role=alert]", "No connection to the gateway");

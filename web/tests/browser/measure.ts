@@ -3,7 +3,7 @@ import type { Browser, Page } from "playwright-core";
 
 /** Work of drawing: in the test the processor does what a graphics card does elsewhere. It does not count. */
 const DRAWING = new Set(["PrePaint", "Paint", "PaintImage", "Layerize", "Commit", "UpdateLayer", "RasterTask", "CompositeLayers"]);
-const CATEGORIES = ["toplevel", "devtools.timeline", "disabled-by-default-devtools.timeline"];
+const CATEGORIES = ["devtools.timeline", "disabled-by-default-devtools.timeline"];
 
 interface TraceEvent {
   name: string;
