@@ -44,6 +44,10 @@ class Hall {
   #isScheduled = false;
   #timers: ReturnType<typeof setInterval>[] = [];
   #alarmTimer: ReturnType<typeof setTimeout> | null = null;
+  /** The link for which the alarms are asked for now, and whether they changed meanwhile. */
+  #alarmsFor: Link | null = null;
+  #alarmsAgain = false;
+  #isMeasuring = false;
   #readers = new Set<(event: GatewayEvent) => void>();
 
   /** Whether the gateway is there, and was heard just now. */
@@ -148,7 +152,17 @@ class Hall {
     this.#alarmTimer = setTimeout(() => {
       this.#alarmTimer = null;
       const link = this.#link;
+      if (link !== null && this.#alarmsFor === link) {
+        this.#alarmsAgain = true;
+        return;
+      }
+      this.#alarmsFor = link;
       void call<RobotAlarms>("GET", "/v1/alarms?active=true&limit=1000").then((answer) => {
+        if (this.#alarmsFor === link) {
+          this.#alarmsFor = null;
+          if (this.#alarmsAgain) this.readAlarms();
+          this.#alarmsAgain = false;
+        }
         if (link === null || link !== this.#link) return;
         this.alarms = answer.kind === "ok" ? answer.value.alarms : null;
         const mayWork = answer.kind === "unknown" || (answer.kind === "refused" && answer.status >= 500);
@@ -231,10 +245,12 @@ class Hall {
   }
 
   async #measure(): Promise<void> {
-    // Beside stops it would wait for its turn, and measure that.
-    if (stops.isBusy) return;
+    // Beside stops it would wait for its turn, and measure that. To a slow gateway, questions must not pile up.
+    if (stops.isBusy || this.#isMeasuring) return;
+    this.#isMeasuring = true;
     const begun = performance.now();
     const answer = await call("GET", "/healthz", { patience: 3_000 });
+    this.#isMeasuring = false;
     this.latency = answer.kind === "unknown" ? null : Math.round(performance.now() - begun);
   }
 }
