@@ -204,7 +204,7 @@ test("a day's messages as fast as the page takes them leave nothing behind", asy
     await fake.end();
     const [heap, nodes] = [growth(seen, (one) => one.heap), growth(seen, (one) => one.nodes)];
     const shown = [0, PARTS / 2 - 1, PARTS - 1].flatMap((at) => seen[at] ?? []);
-    const times = [1 / PARTS, 1 / 2, 1].map((of) => `${(of * DAY) / 3_600} h`).join(", ");
+    const times = [1 / PARTS, 1 / 2, 1].map((of) => `${((of * DAY) / 3_600).toFixed(1)} h`).join(", ");
     row(`heap of the ${name} after ${times} of messages (${sent})`, "flat", shown.map((one) => mb(one.heap)).join(", "));
     row(`nodes of the ${name} after as many`, "flat", shown.map((one) => one.nodes).join(", "));
     expect(heap, `heap of the ${name}`).toBeLessThan(GROWTH.heap);
