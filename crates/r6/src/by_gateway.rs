@@ -37,6 +37,10 @@ const WAITS: (Duration, Duration) = (Duration::from_millis(250), Duration::from_
 /// The longest answer: a thousand robots without their values have 800 bytes each.
 const MAX_REPLY_BYTES: usize = 4 * 1024 * 1024;
 
+/// A gateway takes 200 requests of a token at once, and then one each 10 ms. Other programs use the token too.
+const AT_ONCE: usize = 100;
+const APART: Duration = Duration::from_millis(20);
+
 /// The longest file with a token: a header of `curl -H @FILE` around 64 digits.
 const MAX_TOKEN_FILE: usize = 1024;
 
@@ -235,6 +239,25 @@ impl Gateway {
     /// All robots that the token may see.
     pub async fn robots(&self) -> Result<Robots, Failure> {
         self.read("/v1/robots").await
+    }
+
+    /// The states of these robots. A robot that was removed meanwhile is left out.
+    ///
+    /// They are read one after another: the gateway has no request for the values of all robots.
+    pub async fn states(&self, robots: &Robots) -> Result<Vec<RobotState>, Failure> {
+        let mut states = Vec::new();
+        for (number, robot) in robots.robots.iter().enumerate() {
+            if number >= AT_ONCE {
+                tokio::time::sleep(APART).await;
+            }
+            let path = format!("/v1/robots/{}", in_path(&robot.name));
+            match self.read(&path).await {
+                Ok(state) => states.push(state),
+                Err(failure) if failure.code() == Code::NoSuchRobot => {}
+                Err(failure) => return Err(failure),
+            }
+        }
+        Ok(states)
     }
 
     async fn read<T: DeserializeOwned>(&self, path: &str) -> Result<T, Failure> {

@@ -20,8 +20,8 @@ length of its list and its program (the pendant's port does), and --remote-progr
 another program runs, that is NOT READY. The exit code is 1 for NOT READY, \
 and 0 for UNKNOWN and READY; with --json, `ready` is true, false, or null for UNKNOWN.
 
-With --gateway-url it shows what the gateway knows: its robots, or with --robot NAME one robot with its values \
-and how old they are. The exit code is 1 if a robot cannot be reached, is stopped, or was exchanged.
+With --gateway-url it shows what the gateway knows: its robots with mode and alarm, or with --robot NAME one robot \
+with its values and how old they are. The exit code is 1 if a robot cannot be reached, is stopped, or was exchanged.
 
 Examples:
   r6 status
@@ -71,7 +71,8 @@ pub async fn run_by_gateway(args: StatusArgs, gateway: ByGateway) -> Result<Exit
         if args.json {
             output::json_pretty(&robots);
         } else {
-            output::line(hall::robots(&robots));
+            let states = waiting::told(&waiting, gateway.gateway()?.states(&robots)).await?;
+            output::line(hall::robots(&states));
         }
         return Ok(hall::exit(robots.robots.iter()));
     }

@@ -1,13 +1,13 @@
 //! Robots as a gateway knows them.
 
 use r6_api::AddressValue;
-use r6_api::gateway::{LeaseHolder, RobotLink, RobotState, RobotSummary, Robots, SignalQuality};
-use r6_proto::printable;
+use r6_api::gateway::{LeaseHolder, RobotLink, RobotState, RobotSummary, SignalQuality};
+use r6_proto::{Address, OperationMode, printable};
 
 use crate::exit::Exit;
 use crate::hint;
-use crate::output::readings;
 use crate::output::table::Table;
+use crate::output::{alarm, readings};
 
 /// 1 if a robot cannot be reached, is stopped, or was exchanged.
 pub fn exit<'a>(mut robots: impl Iterator<Item = &'a RobotSummary>) -> Exit {
@@ -18,14 +18,17 @@ pub fn exit<'a>(mut robots: impl Iterator<Item = &'a RobotSummary>) -> Exit {
 }
 
 /// A table of all robots.
-pub fn robots(robots: &Robots) -> String {
-    if robots.robots.is_empty() {
+pub fn robots(robots: &[RobotState]) -> String {
+    if robots.is_empty() {
         return "the gateway has no robot that this token may see".to_owned();
     }
     let mut table = Table::new();
-    table.row([&"ROBOT", &"ADDRESS", &"LINK", &"LEASE", &"STATE"]);
-    for robot in &robots.robots {
-        table.row([&robot.name, &robot.address, &link(robot), &lease(robot.lease.as_ref()), &state(robot)]);
+    table.row([&"ROBOT", &"ADDRESS", &"LINK", &"MODE", &"ALARM", &"LEASE", &"STATE"]);
+    for told in robots {
+        let robot = &told.summary;
+        let (mode, alarm) = (mode(told), alarm(told));
+        let lease = lease(robot.lease.as_ref());
+        table.row([&robot.name, &robot.address, &link(robot), &mode, &alarm, &lease, &state(robot)]);
     }
     table.to_string()
 }
@@ -48,6 +51,8 @@ pub fn robot(told: &RobotState) -> String {
     if let Some(twin) = &robot.twin {
         head.row([&"twin", &printable(twin)]);
     }
+    head.row([&"mode", &mode(told)]);
+    head.row([&"alarm", &alarm(told)]);
     head.row([&"lease", &lease(robot.lease.as_ref())]);
     head.row([&"state", &state(robot)]);
     let mut values = Table::with_right_columns(&[1, 4]);
@@ -75,6 +80,27 @@ fn link(robot: &RobotSummary) -> &'static str {
     match robot.link {
         RobotLink::Up => "up",
         RobotLink::Down => "DOWN",
+    }
+}
+
+fn mode(robot: &RobotState) -> String {
+    number(robot, Address::CurMode, |number| OperationMode::of_number(number).to_string())
+}
+
+fn alarm(robot: &RobotState) -> String {
+    number(robot, Address::CurAlarm, alarm::short)
+}
+
+/// A number in words. What was read once and may be wrong by now is marked; `-` without a value.
+fn number(robot: &RobotState, address: Address, words: impl Fn(i64) -> String) -> String {
+    let signal = robot.signals.iter().find(|signal| signal.address == address.to_string());
+    let Some((signal, Some(AddressValue::Integer(number)))) = signal.map(|signal| (signal, &signal.value))
+    else {
+        return "-".to_owned();
+    };
+    match signal.quality {
+        SignalQuality::Fresh => words(*number),
+        SignalQuality::Stale | SignalQuality::None => format!("{}, OLD", words(*number)),
     }
 }
 

@@ -81,13 +81,17 @@ fn values_states_and_commands_go_over_a_gateway_as_to_the_robot_itself() {
     let all = hall.r6(&["status"]);
     assert_eq!(all.code, 0, "{all:?}");
     assert!(
-        all.out.lines().any(|line| line.starts_with("press  ") && line.ends_with(" free   not stopped")),
+        all.out
+            .lines()
+            .any(|line| line.starts_with("press  ")
+                && line.ends_with(" running (7)  none   free   not stopped")),
         "{}",
         all.out
     );
     let one = hall.r6(&["-r", "press", "status"]);
     assert_eq!(one.code, 0, "{one:?}");
     assert!(one.out.lines().any(|line| line.starts_with("axis-0 ") && line.contains("fresh")), "{}", one.out);
+    assert!(one.out.contains("\nmode     running (7)\nalarm    none\n"), "{}", one.out);
     assert_eq!(hall.r6(&["-r", "press", "status", "--json"]).json()["name"], "press");
 
     let watched = hall.r6(&["watch", "axis-0", "--times", "2", "--every", "20ms", "--json"]);
@@ -106,6 +110,24 @@ fn values_states_and_commands_go_over_a_gateway_as_to_the_robot_itself() {
         Value::Null,
         "it is given back"
     );
+}
+
+#[test]
+fn the_status_of_a_hall_has_the_mode_and_the_alarm_of_each_robot() {
+    let scenario = TempFile::new("alarm.toml", "[[at]]\ntime = 0.1\ndo = \"alarm\"\nnumber = 5001\n");
+    let robot = Robot::start(&["--scenario", scenario.path()]);
+    let named = format!("press={}", robot.address());
+    let hall = Hall::start("hall-status", &[&named, "saw=127.0.0.1:1"], "viewer", &["-v"]);
+    let line = |name: &str| {
+        let all = hall.r6(&["status"]).out;
+        all.lines().find(|line| line.starts_with(name)).unwrap_or_default().to_owned()
+    };
+    let press = until(|| Some(line("press")).filter(|line| line.contains("5001")));
+    assert!(press.contains("  5001 (user alarm of the program)  "), "{press}");
+    let saw = line("saw");
+    assert!(saw.contains("DOWN") && saw.contains("  -  "), "{saw}");
+    let one = hall.r6(&["-r", "press", "status"]).out;
+    assert!(one.contains("alarm    5001 (user alarm of the program)\n"), "{one}");
 }
 
 #[test]
