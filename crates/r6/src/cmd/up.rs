@@ -79,6 +79,7 @@ Examples:
   r6 up --profile r6-pendant --start stopped
   r6 up --panel off --gateway off
   r6 up --cell examples/hall.toml               twelve robots, with trouble: to look at the dashboard
+  r6 up --cell examples/hall.toml --data demo   the same, and tomorrow it has a yesterday
 
 Then, in a second shell:
   r6 status
@@ -92,11 +93,15 @@ pub struct UpArgs {
     /// it is free, else any free port]
     #[arg(long, value_name = "ADDR:PORT|off", value_parser = panel_place)]
     panel: Option<Place>,
-    /// Where to offer the gateway over HTTP, or off. Its folder goes when this ends. Its raw port, for socket
-    /// scripts of this machine, is beside it [default: 127.0.0.1:9780, raw port 9781, with --listen on port
-    /// 9760 and if both are free, else any free ports]
+    /// Where to offer the gateway over HTTP, or off. Its raw port, for socket scripts of this machine, is
+    /// beside it [default: 127.0.0.1:9780, raw port 9781, with --listen on port 9760 and if both are free,
+    /// else any free ports]
     #[arg(long, value_name = "ADDR:PORT|off", value_parser = gateway_place)]
     gateway: Option<Place>,
+    /// Keep what the gateway knows in this folder, also when this ends: programs, users, the history. The next
+    /// start with it goes on with them. Without it, the folder of the gateway goes when this ends
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
     /// Let --panel be an address that other machines can reach: it has no login
     #[arg(long, requires = "panel")]
     panel_open: bool,
@@ -124,17 +129,19 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let lang = args.lang;
     if let Some(path) = &args.hall {
         let clock = args.cell.clock();
-        let options = hall::Options { gateway: args.gateway, clock, lang, has_screen };
+        let data = args.data.as_deref();
+        let options = hall::Options { gateway: args.gateway, data, clock, lang, has_screen };
         return hall::run(path, options, ending).await;
     }
     let (place, usual_port) = (args.gateway, args.listen.port() == DEFAULT_LISTEN_PORT);
+    let data = args.data.clone();
     let model = args.cell.known_model();
     let simulation = start(args).await?;
     let panel = simulation.panel().and_then(|panel| Panel::new(panel, 1));
     let gateway = match simulation.controllers().first() {
         Some(robot) => {
             let cell = Cell::of_one(robot.local_address(), panel, model)?;
-            CellGateway::start(place, cell, usual_port).await?
+            CellGateway::start(place, cell, usual_port, data.as_deref()).await?
         }
         None => None,
     };

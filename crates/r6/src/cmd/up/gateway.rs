@@ -1,6 +1,6 @@
-//! The gateway of `r6 up`: it lives as long as the cell, in a folder of its own.
+//! The gateway of `r6 up`: it lives as long as the cell, in a folder of its own, or in one that is kept.
 
-use std::fs::OpenOptions;
+use std::fs::{self, OpenOptions};
 use std::io::{self, Write as _};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
@@ -70,12 +70,40 @@ impl Cell {
     }
 }
 
-/// A gateway before virtual robots. Its folder goes with it.
+/// The folder of the gateway.
+#[derive(Debug)]
+enum Folder {
+    /// It goes at the end.
+    Own(TempDir),
+    /// It stays.
+    Kept(PathBuf),
+}
+
+impl Folder {
+    fn path(&self) -> &Path {
+        match self {
+            Self::Own(folder) => folder.path(),
+            Self::Kept(path) => path,
+        }
+    }
+}
+
+/// A folder with a token of this start in it.
+#[derive(Debug)]
+struct Prepared {
+    folder: Folder,
+    /// Whether no gateway was there before.
+    is_new: bool,
+    /// The number of the token, and the token.
+    number: i64,
+    token: String,
+}
+
+/// A gateway before virtual robots.
 #[derive(Debug)]
 pub struct CellGateway {
     gateway: Gateway,
-    folder: TempDir,
-    token: String,
+    prepared: Prepared,
     /// The secret of the link to the dashboard.
     secret: String,
     cell: Cell,
@@ -83,8 +111,13 @@ pub struct CellGateway {
 
 impl CellGateway {
     /// Starts the gateway of these robots. `usual_port`: without `--gateway` it takes its usual port if that
-    /// is free, else any free port.
-    pub async fn start(place: Option<Place>, cell: Cell, usual_port: bool) -> Result<Option<Self>, Failure> {
+    /// is free, else any free port. `data`: its folder, if it is kept.
+    pub async fn start(
+        place: Option<Place>,
+        cell: Cell,
+        usual_port: bool,
+        data: Option<&Path>,
+    ) -> Result<Option<Self>, Failure> {
         // The gateway, and beside it the raw port.
         let here = |port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
         let [usual, any] = [(here(DEFAULT_PORT), here(RAW_PORT)), (here(0), here(0))];
@@ -94,15 +127,15 @@ impl CellGateway {
             None if usual_port => vec![usual, any],
             None => vec![any],
         };
-        let (folder, number, token) = folder(cell.role)?;
+        let prepared = prepare(cell.role, data)?;
         let mut last = None;
         for (listen, raw) in places {
-            match Gateway::start(settings(listen, raw, folder.path(), cell.clone())).await {
+            match Gateway::start(settings(listen, raw, prepared.folder.path(), cell.clone())).await {
                 Ok(gateway) => {
-                    let secret = gateway.sign_in_secret(number).map_err(|error| {
+                    let secret = gateway.sign_in_secret(prepared.number).map_err(|error| {
                         Failure::usage(format!("the system has no random numbers: {error}"))
                     })?;
-                    return Ok(Some(Self { gateway, folder, token, secret, cell }));
+                    return Ok(Some(Self { gateway, prepared, secret, cell }));
                 }
                 Err(error @ GatewayError::Listen { .. }) => last = Some(error),
                 Err(error) => return Err(Failure::usage(format!("the gateway does not start: {error}"))),
@@ -144,9 +177,16 @@ impl CellGateway {
         format!("http://{}/#{}", self.gateway.address(), short(&self.secret))
     }
 
+    /// Whether no gateway was in its folder before: its library is empty.
+    pub fn is_new(&self) -> bool {
+        self.prepared.is_new
+    }
+
     /// Stores a program in its library, over its own API.
     pub async fn store_program(&self, name: &str, text: &str) -> Result<(), Failure> {
-        by_gateway::Gateway::here(self.gateway.address(), &self.token).store_program(name, text).await
+        by_gateway::Gateway::here(self.gateway.address(), &self.prepared.token)
+            .store_program(name, text)
+            .await
     }
 
     /// What it says of its robots.
@@ -163,40 +203,56 @@ impl CellGateway {
 
     /// The command that lists all robots.
     pub fn robots_hint(&self) -> String {
-        let token = self.folder.path().join(TOKEN_FILE);
+        let token = self.prepared.folder.path().join(TOKEN_FILE);
         format!("r6 -g http://{} --token-file {} status", self.gateway.address(), token.display())
     }
 
     /// The command that follows J1 live.
     pub fn hint(&self) -> String {
-        let token = self.folder.path().join(TOKEN_FILE);
+        let token = self.prepared.folder.path().join(TOKEN_FILE);
         // Some shells read `?` as a pattern for file names.
         format!("curl -sN -H @{} '{}/v1/live?signal=axis-0'", token.display(), self.gateway.address())
     }
 
-    /// Ends it and removes its folder.
+    /// Ends it. Removes its folder, or the token of this start from a folder that is kept.
     pub async fn end(self) -> Result<(), Failure> {
         self.gateway.shutdown().await.map_err(Failure::unknown)?;
-        let at = self.folder.path().to_owned();
-        self.folder.close().map_err(|error| cannot("remove", &at, &error))
+        let at = self.prepared.folder.path().to_owned();
+        match self.prepared.folder {
+            Folder::Own(folder) => folder.close().map_err(|error| cannot("remove", &at, &error)),
+            Folder::Kept(path) => {
+                r6_gateway::revoke_token(path.as_path(), self.prepared.number).map_err(Failure::usage)?;
+                let token = path.join(TOKEN_FILE);
+                fs::remove_file(&token).map_err(|error| cannot("remove", &token, &error))
+            }
+        }
     }
 }
 
-/// The folder, for its owner alone, with a token of this role in it; its number, and the token.
-fn folder(role: Role) -> Result<(TempDir, i64, String), Failure> {
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
-    let folder = builder
-        .prefix("r6-up-")
-        .tempdir()
-        .map_err(|error| cannot("make a folder in", &std::env::temp_dir(), &error))?;
+/// Makes the folder, for its owner alone, and a token of this role in it. `data`: the folder, if it is kept.
+fn prepare(role: Role, data: Option<&Path>) -> Result<Prepared, Failure> {
+    let folder = match data {
+        Some(path) => Folder::Kept(path.to_owned()),
+        None => {
+            let mut builder = tempfile::Builder::new();
+            #[cfg(unix)]
+            builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o700));
+            let made = builder.prefix("r6-up-").tempdir();
+            Folder::Own(made.map_err(|error| cannot("make a folder in", &std::env::temp_dir(), &error))?)
+        }
+    };
+    let is_new = r6_gateway::list_tokens(folder.path()).is_err();
     let (number, token) =
         r6_gateway::make_token(folder.path(), role, None, "r6 up".to_owned()).map_err(Failure::usage)?;
     let path = folder.path().join(TOKEN_FILE);
+    // A start that was killed left its file.
+    match fs::remove_file(&path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(cannot("remove", &path, &error)),
+        Ok(()) | Err(_) => {}
+    }
     write(&path, &format!("Authorization: Bearer {token}\n"))
         .map_err(|error| cannot("write", &path, &error))?;
-    Ok((folder, number, token))
+    Ok(Prepared { folder, is_new, number, token })
 }
 
 /// The 256 bits of a secret as base64url: 43 characters in place of 64. A text that is no secret stays.
@@ -226,7 +282,6 @@ fn settings(listen: SocketAddr, raw: SocketAddr, data: &Path, cell: Cell) -> Gat
         raw: cell.raw.map(|robot| RawPort { robot, listen: raw }).into_iter().collect(),
         raw_policy: RawPolicy::new(rules),
         hall: cell.hall,
-        // These go with the folder.
         audit: AuditSettings::default(),
         history: HistorySettings { max_bytes: 256 * 1024 * 1024, ..HistorySettings::default() },
         names: Vec::new(),

@@ -27,9 +27,11 @@ use crate::signals::Ending;
 
 /// How to run the hall.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
+pub struct Options<'a> {
     /// Where to offer the gateway.
     pub gateway: Option<Place>,
+    /// The folder of the gateway, if it is kept.
+    pub data: Option<&'a Path>,
     /// How fast time passes for the robots of the file. Twins have the time of the world.
     pub clock: Clock,
     /// The language of the log.
@@ -63,7 +65,7 @@ impl Running {
 }
 
 /// Runs the hall of this file until it is ended.
-pub async fn run(path: &Path, options: Options, mut ending: Ending) -> Result<Exit, Failure> {
+pub async fn run(path: &Path, options: Options<'_>, mut ending: Ending) -> Result<Exit, Failure> {
     let HallFile { robots, hall, library } = hall_file::read(path)?;
     crate::limits::open_as_many_files_as_allowed();
     let profiles: BTreeMap<_, _> =
@@ -88,10 +90,11 @@ pub async fn run(path: &Path, options: Options, mut ending: Ending) -> Result<Ex
             };
             let (robots, prepared) = twins.prepare(configs, &profiles, &avoided).await?;
             // An admin, so that every page of the dashboard shows something.
-            let gateway =
-                CellGateway::start(place, Cell { robots, raw, hall, role: Role::Admin }, true).await?;
+            let cell = Cell { robots, raw, hall, role: Role::Admin };
+            let gateway = CellGateway::start(place, cell, true, options.data).await?;
             drop(twins.commit(prepared).await);
-            if let Some(gateway) = &gateway {
+            // A library that was kept may have other versions by now.
+            if let Some(gateway) = gateway.as_ref().filter(|gateway| gateway.is_new()) {
                 for (name, text) in &library {
                     gateway.store_program(name, text).await?;
                 }
@@ -130,7 +133,11 @@ async fn start(
     Ok((Running { name, model, profile, simulation }, RobotConfig { address, panel, ..config }))
 }
 
-async fn show(robots: &[Running], gateway: Option<&CellGateway>, options: Options) -> Result<(), Failure> {
+async fn show(
+    robots: &[Running],
+    gateway: Option<&CellGateway>,
+    options: Options<'_>,
+) -> Result<(), Failure> {
     match options.has_screen {
         true => show_screen(robots, gateway, options.lang.language()).await,
         false => {
