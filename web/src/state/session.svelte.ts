@@ -2,6 +2,7 @@
 import { call, whenSignedOut } from "../api/client.ts";
 import { type OneTimeLink, type Secret, oneTimeLinkOf, secretOf } from "../api/secret.ts";
 import type { Role, Session } from "../api/types.ts";
+import { mayBeOpen, opened } from "./known.ts";
 
 /** How often a page that somebody uses tells the gateway so: a session ends 15 minutes after its last request. */
 const TELL = 60_000;
@@ -69,15 +70,16 @@ class SessionState {
       return;
     }
     const by = secretOf(secret);
-    const known = await call<Session>("GET", "/v1/session");
-    if (known.kind === "ok") {
+    const known = mayBeOpen() ? await call<Session>("GET", "/v1/session") : null;
+    if (known?.kind === "ok") {
       if (by === null) this.#enter(known.value);
       else await this.#ask(known.value, by);
       return;
     }
-    if (known.kind === "refused" && by !== null && (await this.signIn(by))) return;
+    if (known?.kind === "refused" && known.status === 401) opened(false);
+    if (known?.kind !== "unknown" && by !== null && (await this.signIn(by))) return;
     this.phase = "out";
-    if (known.kind === "unknown") this.problem = { code: "unknown", message: "" };
+    if (known?.kind === "unknown") this.problem = { code: "unknown", message: "" };
     else if (secret !== "" && by === null) this.problem = { code: "bad_link", message: "" };
   }
 
@@ -123,6 +125,7 @@ class SessionState {
       this.isMaybeOpen = true;
       return;
     }
+    opened(false);
     this.session = null;
     this.problem = null;
     this.phase = "out";
@@ -131,6 +134,7 @@ class SessionState {
   /** The gateway does not know the session any more. */
   ended(): void {
     if (this.phase !== "in") return;
+    opened(false);
     this.session = null;
     this.problem = { code: "ended", message: "" };
     this.phase = "out";
@@ -166,6 +170,7 @@ class SessionState {
   }
 
   #enter(session: Session): void {
+    opened(true);
     this.session = session;
     this.offer = null;
     this.welcome = null;

@@ -35,6 +35,28 @@ const refused = (status: number): Response => Response.json({ code: "no_session"
 
 beforeEach(() => vi.unstubAllGlobals());
 
+test("a browser that opened no session asks for none, and one that did asks", async () => {
+  const kept = new Map<string, string>();
+  const storage = {
+    getItem: (key: string) => kept.get(key) ?? null,
+    setItem: (key: string, value: string) => void kept.set(key, value),
+    removeItem: (key: string) => void kept.delete(key),
+  };
+  vi.stubGlobal("localStorage", storage);
+  const first = await begin("", () => refused(401));
+  expect([first.session.phase, first.asked]).toEqual(["out", []]);
+  vi.stubGlobal("localStorage", storage);
+  const second = await begin(`#${TOKEN}`, () => Response.json(TOKEN_7));
+  expect(second.asked.map(({ method, path }) => `${method} ${path}`)).toEqual(["POST /v1/session/token"]);
+  vi.stubGlobal("localStorage", storage);
+  const third = await begin("", () => Response.json(TOKEN_7));
+  expect([third.session.phase, third.asked.length]).toEqual(["in", 1]);
+  third.session.ended();
+  vi.stubGlobal("localStorage", storage);
+  const fourth = await begin("", () => refused(401));
+  expect([fourth.session.phase, fourth.asked]).toEqual(["out", []]);
+});
+
 test("signing out ends the session only if the gateway says so", async () => {
   let ends: Response | null = null;
   const { session } = await begin("", ({ method }) => (method === "GET" ? Response.json(ANNA) : ends));
