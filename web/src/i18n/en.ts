@@ -115,6 +115,7 @@ export const en = {
     noLink: (n: number) => `${n} no link`,
     run: (n: number) => count(n, "runs", "run"),
     rest: (n: number) => `${n} at rest`,
+    twins: (n: number) => count(n, "twin", "twins"),
   },
   needs: {
     title: "Needs a person",
@@ -145,6 +146,7 @@ export const en = {
   },
   robots: {
     title: "All robots",
+    found: (n: number, twins: number) => (twins === 0 ? `${n}` : `${n - twins}, ${count(twins, "twin", "twins")}`),
     search: "Search robots",
     none: "No robot yet. An admin adds one on the page of connections, or in the file of the gateway.",
     noMatch: (search: string) => `No robot matches “${search}”.`,

@@ -112,6 +112,7 @@ export const zh: typeof en = {
     run: (n) => `${n} 台运行`,
     rest: (n) => `${n} 台待机`,
   },
+    twins: (n) => `${n} 台孪生机器人`,
   needs: {
     title: "需要处理",
     none: "没有机器人需要处理。",
@@ -141,6 +142,7 @@ export const zh: typeof en = {
   robots: {
     title: "所有机器人",
     search: "搜索机器人",
+    found: (n, twins) => (twins === 0 ? `${n}` : `${n - twins}，另有 ${twins} 台孪生机器人`),
     none: "还没有机器人。管理员可在“连接”页面添加，或写入网关的配置文件。",
     noMatch: (search) => `没有与“${search}”匹配的机器人。`,
     loading: "正在等待机器人数据…",
