@@ -8,6 +8,7 @@ import { controls } from "./zh/controls.ts";
 import { faults } from "./zh/faults.ts";
 import { alarms } from "./zh/alarms.ts";
 import { chart } from "./zh/chart.ts";
+import { codeText } from "./zh/codes.ts";
 import { choice, history } from "./zh/history.ts";
 import { gallery } from "./zh/gallery.ts";
 import { menu } from "./zh/menu.ts";
@@ -126,7 +127,7 @@ export const zh: typeof en = {
     cause: (cause, robots) => {
       switch (cause.kind) {
         case "alarm":
-          return `报警 ${cause.code}${cause.text === null ? "" : `：${cause.text}`}`;
+          return `报警 ${cause.code}${cause.text === null ? "" : `：${codeText(cause.code, cause.text)}`}`;
         case "other_robot":
           return "该地址上应答的是另一台机器人，须由工程师确认";
         case "no_link":
@@ -163,7 +164,7 @@ export const zh: typeof en = {
       case "not_read":
         return "尚未读取其状态。";
       case "alarm":
-        return `报警 ${doing.code}${doing.text === null ? "" : `：${doing.text}`}。等待人员处理。`;
+        return `报警 ${doing.code}${doing.text === null ? "" : `：${codeText(doing.code, doing.text)}`}。等待人员处理。`;
       case "stop_holds":
         return `${doing.stands ? "停止有效，机械臂静止。" : "停止有效；机械臂是否静止未知。"}${
           doing.mine ? "等待您解除停止。" : "等待控制权持有者解除停止。"

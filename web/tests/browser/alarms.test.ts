@@ -96,7 +96,7 @@ test("a viewer reads it on a phone in Chinese, and what a role does not allow is
   await says(page, "section:has(#now)", /当前停机原因[^]*pack-01[^]*报警 7[^]*处理方法/);
   expect(await page.isDisabled("[data-acknowledge=pack-01]")).toBe(true);
   expect(await page.getAttribute("[data-shelve=pack-01]", "title")).toBe("搁置需要工程师角色。");
-  await says(page, "[data-cost='7']", "7: emergency stop");
+  await says(page, "[data-cost='7']", "7: 急停");
   await fits(page);
   await isAccessible(page);
   await picture(page, "alarms-390-zh", true);

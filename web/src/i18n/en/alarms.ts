@@ -4,6 +4,9 @@ import { count, duration } from "./say.ts";
 const OVER: Record<string, string> = { "8h": "8 h", "24h": "24 h", "7d": "7 days", "30d": "30 days" };
 
 export const alarms = {
+  /** What an alarm means and what to do about it, as the gateway says it, in English. */
+  textOf: (_code: number, said: string) => said,
+  remedyOf: (_code: number, said: string) => said,
   now: "What stops us now",
   none: "No robot needs a person.",
   lastEnd: (at: string) => `The last alarm that was seen ended ${at}.`,

@@ -1,10 +1,13 @@
 /** Alarms of all robots in Chinese. */
 import type { alarms as english } from "../en/alarms.ts";
 import { duration } from "./say.ts";
+import { codeRemedy, codeText } from "./codes.ts";
 
 const OVER: Record<string, string> = { "8h": "8 小时", "24h": "24 小时", "7d": "7 天", "30d": "30 天" };
 
 export const alarms: typeof english = {
+  textOf: codeText,
+  remedyOf: codeRemedy,
   now: "当前停机原因",
   none: "没有机器人需要人工处理。",
   lastEnd: (at) => `最近一次看到的报警结束于 ${at}。`,

@@ -1,6 +1,7 @@
 /** The history in Chinese. */
 import type { HistoryEvent } from "../../api/types.ts";
 import type { choice as englishChoice, history as english } from "../en/history.ts";
+import { codeText } from "./codes.ts";
 import { duration } from "./say.ts";
 
 const BECAUSE: Record<string, string> = {
@@ -23,9 +24,9 @@ const KINDS: Record<string, string> = {
 function event(of: HistoryEvent, mode: (number: number) => string, time: (at: string) => string): string {
   switch (of.event) {
     case "alarm_began":
-      return `报警 ${of.code} 开始：${of.text}`;
+      return `报警 ${of.code} 开始：${codeText(of.code, of.text)}`;
     case "alarm_ended":
-      return `报警 ${of.code} 结束${of.lasted_ms === null ? "" : `，持续 ${duration(of.lasted_ms / 1000)}`}：${of.text}`;
+      return `报警 ${of.code} 结束${of.lasted_ms === null ? "" : `，持续 ${duration(of.lasted_ms / 1000)}`}：${codeText(of.code, of.text)}`;
     case "mode_changed":
       return `模式：${mode(of.from)} → ${mode(of.to)}`;
     case "program_changed":
