@@ -22,6 +22,8 @@ class DeedsState {
   #robots = $state.raw(new Map<string, Deeds>());
   /** Whether the kept events were read: before that, what was done earlier is not known. */
   isRead = $state(false);
+  /** The kept events of all robots and those since, the earliest first. */
+  events = $state.raw<readonly GatewayEvent[]>([]);
   #last = 0;
 
   of(robot: string): Deeds {
@@ -56,6 +58,7 @@ class DeedsState {
     }
     if (events === null || signal.aborted) return;
     this.#robots = new Map();
+    this.events = [];
     this.#last = 0;
     this.#take([...events, ...live]);
     this.isRead = true;
@@ -64,12 +67,15 @@ class DeedsState {
   /** Each event counts once. Their numbers grow. */
   #take(events: GatewayEvent[]): void {
     const robots = new Map(this.#robots);
+    const fresh: GatewayEvent[] = [];
     for (const event of events) {
       if (event.id <= this.#last) continue;
       this.#last = event.id;
+      fresh.push(event);
       robots.set(event.robot, afterEvent(robots.get(event.robot) ?? NO_DEEDS, event));
     }
     this.#robots = robots;
+    if (fresh.length > 0) this.events = [...this.events, ...fresh].slice(-KEPT);
   }
 }
 

@@ -1,7 +1,75 @@
 /** The page of a robot: what a person does there. */
-import { duration } from "./say.ts";
+import type { CommandEnd, Deed } from "../../robots/around.ts";
+import { RUN_ENDS } from "./run.ts";
+import { count, duration } from "./say.ts";
+
+const OUTCOMES: Record<CommandEnd, string> = {
+  accepted: "accepted by the controller",
+  refused: "refused",
+  not_sent: "not sent",
+  unknown: "OUTCOME UNKNOWN",
+};
+
+const LEASE_ENDS: Record<Extract<Deed, { event: "lease_ended" }>["cause"], string> = {
+  released: "given back",
+  expired: "not renewed",
+  taken: "taken by an admin",
+  identity_changed: "another robot answers",
+  reconfigured: "the robot was changed",
+  removed: "the robot was removed",
+  gateway_ended: "the gateway ended",
+};
+
+/** What was done over the gateway. `outcome`: of a command. */
+function deed(of: Deed, outcome: CommandEnd | null): string {
+  switch (of.event) {
+    case "lease_began":
+      return `${of.holder} took control`;
+    case "lease_ended":
+      return `Control of ${of.holder} ended: ${LEASE_ENDS[of.cause]}`;
+    case "stop_began":
+      return `Stop by ${of.by}`;
+    case "stop_ended":
+      return of.confirmed ? "Stop: done, as asked" : "Stop: NOT CONFIRMED";
+    case "stop_cleared":
+      return "The stop was cleared";
+    case "command_began":
+      return `Command ${of.command}${outcome === null ? "" : `: ${OUTCOMES[outcome]}`}`;
+    case "run_began":
+      return `Run of ${of.program ?? "a program"} began: ${count(of.steps, "step", "steps")}`;
+    case "run_ended":
+      return `Run ended (${RUN_ENDS[of.because]}): ${count(of.done, "step", "steps")} seen to be done`;
+    case "global_speed":
+      return of.set === null ? "Which global speed is set is not known any more" : `Global speed ${of.set.percent} %, set by ${of.set.by}`;
+    case "alarm_acknowledged":
+      return `Alarm ${of.code} seen by ${of.by}`;
+    case "alarm_shelved":
+      return `Alarm ${of.code} shelved by ${of.by}`;
+    case "alarm_unshelved":
+      return `Alarm ${of.code} taken off the shelf`;
+    case "identity_changed":
+      return "Another robot answers";
+    case "identity_accepted":
+      return "The robot that answers was accepted";
+    case "robot_changed":
+      return "The address of the robot, or what is read of it, was changed";
+  }
+}
 
 export const controls = {
+  around: {
+    title: (code: number) => `The minute before and after alarm ${code}`,
+    show: "What happened around it",
+    showOf: (code: number, at: string) => `What happened around it: alarm ${code}, ${at}`,
+    offset: (seconds: number) =>
+      Math.abs(seconds) < 0.05
+        ? "at the alarm"
+        : `${Math.abs(seconds) < 10 ? `${Math.abs(seconds).toFixed(1)} s` : duration(Math.abs(seconds))} ${seconds < 0 ? "before" : "after"}`,
+    what: "Mode, program, alarms and link as they were read; control, commands, stops and runs over this gateway. Inputs and outputs are not kept.",
+    deedsSince: (at: string) => `What was done before ${at} is not among the last events of the gateway.`,
+    log: "Audit log of this time",
+    deed,
+  },
   parts: "Parts of this page",
   tabs: { live: "Live", axes: "Axes", io: "I/O", charts: "Charts", more: "More" },
   taken: (what: string) => `${what}: the controller accepted it.`,

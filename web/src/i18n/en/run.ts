@@ -3,7 +3,8 @@ import type { Run } from "../../api/types.ts";
 import type { NotSent, Void } from "../../run/guard.ts";
 import { count, seconds } from "./say.ts";
 
-const BECAUSE: Record<NonNullable<Run["because"]>, string> = {
+/** Why a run ended. */
+export const RUN_ENDS: Record<NonNullable<Run["because"]>, string> = {
   finished: "it came to its end",
   lease_expired: "the control was not renewed",
   lease_released: "the control was given back",
@@ -133,7 +134,7 @@ export const run = {
   failed: (why: string) => `Failed: ${why}. It is proved that the arm stands.`,
   notCarried: (why: string) => `Nothing was carried out: ${why}.`,
   unknownEnd: (why: string) => `OUTCOME UNKNOWN: ${why}. It is not known what was carried out, or not proved that the arm stands. Look at the arm.`,
-  because: (why: Run["because"]) => (why === null ? "for no reason that was told" : BECAUSE[why]),
+  because: (why: Run["because"]) => (why === null ? "for no reason that was told" : RUN_ENDS[why]),
   look: (robot: string) => `Look at ${robot}`,
   tried: "It ran on the twin to its end. Now it can run on the arm.",
   seen: "Seen",

@@ -1,8 +1,75 @@
 /** The page of a robot: what a person does there. */
+import type { CommandEnd, Deed } from "../../robots/around.ts";
 import type { controls as english } from "../en/controls.ts";
+import { RUN_ENDS } from "./run.ts";
 import { duration } from "./say.ts";
 
+const OUTCOMES: Record<CommandEnd, string> = {
+  accepted: "控制器已接受",
+  refused: "被拒绝",
+  not_sent: "未发送",
+  unknown: "结果未知",
+};
+
+const LEASE_ENDS: Record<Extract<Deed, { event: "lease_ended" }>["cause"], string> = {
+  released: "已交还",
+  expired: "未续期",
+  taken: "被管理员接管",
+  identity_changed: "应答的是另一台机器人",
+  reconfigured: "机器人配置已更改",
+  removed: "机器人已移除",
+  gateway_ended: "网关已退出",
+};
+
+function deed(of: Deed, outcome: CommandEnd | null): string {
+  switch (of.event) {
+    case "lease_began":
+      return `${of.holder} 获取控制权`;
+    case "lease_ended":
+      return `${of.holder} 的控制权结束：${LEASE_ENDS[of.cause]}`;
+    case "stop_began":
+      return `${of.by} 发出停止`;
+    case "stop_ended":
+      return of.confirmed ? "停止：已按要求完成" : "停止：未确认";
+    case "stop_cleared":
+      return "停止已解除";
+    case "command_began":
+      return `命令 ${of.command}${outcome === null ? "" : `：${OUTCOMES[outcome]}`}`;
+    case "run_began":
+      return `开始运行${of.program === null ? "程序" : ` ${of.program}`}：${of.steps} 步`;
+    case "run_ended":
+      return `运行结束（${RUN_ENDS[of.because]}）：已看到完成 ${of.done} 步`;
+    case "global_speed":
+      return of.set === null ? "所设的全局速度已不再可知" : `全局速度 ${of.set.percent} %，由 ${of.set.by} 设定`;
+    case "alarm_acknowledged":
+      return `${of.by} 确认报警 ${of.code}`;
+    case "alarm_shelved":
+      return `${of.by} 搁置报警 ${of.code}`;
+    case "alarm_unshelved":
+      return `报警 ${of.code} 取消搁置`;
+    case "identity_changed":
+      return "应答的是另一台机器人";
+    case "identity_accepted":
+      return "已确认应答的机器人";
+    case "robot_changed":
+      return "机器人的地址或读取内容已更改";
+  }
+}
+
 export const controls: typeof english = {
+  around: {
+    title: (code) => `报警 ${code} 前后一分钟`,
+    show: "前后经过",
+    showOf: (code, at) => `前后经过：报警 ${code}，${at}`,
+    offset: (seconds) =>
+      Math.abs(seconds) < 0.05
+        ? "报警时"
+        : `${seconds < 0 ? "之前" : "之后"} ${Math.abs(seconds) < 10 ? `${Math.abs(seconds).toFixed(1)} 秒` : duration(Math.abs(seconds))}`,
+    what: "模式、程序、报警和连接为读取所得；控制权、命令、停止和运行为经此网关进行的操作。输入和输出不保存。",
+    deedsSince: (at) => `${at} 之前的操作已不在网关保留的最近事件中。`,
+    log: "这段时间的操作记录",
+    deed,
+  },
   parts: "本页各部分",
   tabs: { live: "实时", axes: "各轴", io: "输入/输出", charts: "曲线", more: "更多" },
   taken: (what) => `${what}：控制器已接受。`,

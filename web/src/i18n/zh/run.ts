@@ -3,7 +3,8 @@ import type { Run } from "../../api/types.ts";
 import type { run as english } from "../en/run.ts";
 import { seconds } from "./say.ts";
 
-const BECAUSE: Record<NonNullable<Run["because"]>, string> = {
+/** Why a run ended. */
+export const RUN_ENDS: Record<NonNullable<Run["because"]>, string> = {
   finished: "已运行到末尾",
   lease_expired: "控制权未续期",
   lease_released: "控制权已交还",
@@ -132,7 +133,7 @@ export const run: typeof english = {
   failed: (why) => `失败：${why}。已证明机械臂静止。`,
   notCarried: (why) => `没有执行任何内容：${why}。`,
   unknownEnd: (why) => `结果未知：${why}。执行了哪些内容未知，或无法证明机械臂静止。请查看机械臂。`,
-  because: (why) => (why === null ? "未说明原因" : BECAUSE[why]),
+  because: (why) => (why === null ? "未说明原因" : RUN_ENDS[why]),
   look: (robot) => `查看 ${robot}`,
   tried: "已在孪生上运行到末尾，现在可以在机械臂上运行。",
   seen: "已阅",
