@@ -190,7 +190,7 @@ export const en = {
           : "In automatic mode, and no program runs. Whether the arm stands is not known.";
       case "stopped":
         return doing.stands
-          ? "Stopped. It waits for a start."
+          ? "Stopped. It waits for a person who turns its key to automatic, at the pendant. Then it can be started here."
           : "Its mode is “stopped”. Whether the arm stands is not known.";
       case "unknown_mode":
         return `In mode ${doing.mode}, which this page does not know.`;
@@ -205,6 +205,7 @@ export const en = {
       no_lease: "take control first",
       stale: "its state is old",
       manual: "manual mode: the pendant leads",
+      mode_stop: "turn its key to automatic first, at the pendant",
       alarm: "clear the alarm first",
       no_alarm: "there is no alarm",
       stop_holds: "clear the stop first",
@@ -260,6 +261,10 @@ export const en = {
       `${what}: OUTCOME UNKNOWN. The robot may have acted. Look at it, and stop it if in doubt. It is not sent again.`,
     start: "Start",
     lease: "Control",
+    alarmRefused: (what: string, said: string) =>
+      `${what}: the controller refused it. Remove the cause, release the emergency stop, and try again. Some firmware takes this command from the pendant alone: then clear the alarm there. Gateway: ${said}`,
+    startRefused: (what: string, said: string) =>
+      `${what}: the controller refused it. It starts in automatic mode, without an alarm, with the emergency stop released: look at the pendant. Gateway: ${said}`,
   },
   stop: {
     one: (robot: string) => `STOP ${robot}`,

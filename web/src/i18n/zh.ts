@@ -112,8 +112,8 @@ export const zh: typeof en = {
     noLink: (n) => `${n} 台无连接`,
     run: (n) => `${n} 台运行`,
     rest: (n) => `${n} 台待机`,
-  },
     twins: (n) => `${n} 台孪生机器人`,
+  },
   needs: {
     title: "需要处理",
     none: "没有机器人需要处理。",
@@ -142,8 +142,8 @@ export const zh: typeof en = {
   },
   robots: {
     title: "所有机器人",
-    search: "搜索机器人",
     found: (n, twins) => (twins === 0 ? `${n}` : `${n - twins}，另有 ${twins} 台孪生机器人`),
+    search: "搜索机器人",
     none: "还没有机器人。管理员可在“连接”页面添加，或写入网关的配置文件。",
     noMatch: (search) => `没有与“${search}”匹配的机器人。`,
     loading: "正在等待机器人数据…",
@@ -181,7 +181,7 @@ export const zh: typeof en = {
       case "waits_for_start":
         return doing.stands ? "自动模式待机，等待启动。" : "自动模式，没有程序运行。机械臂是否静止未知。";
       case "stopped":
-        return doing.stands ? "已停止，等待启动。" : "其模式为“已停止”。机械臂是否静止未知。";
+        return doing.stands ? "已停止，等待人员在示教器上将钥匙转到自动，然后可在此启动。" : "其模式为“已停止”。机械臂是否静止未知。";
       case "unknown_mode":
         return `处于本页不认识的模式 ${doing.mode}。`;
     }
@@ -195,6 +195,7 @@ export const zh: typeof en = {
       no_lease: "请先获取控制权",
       stale: "其状态已过时",
       manual: "手动模式：由示教器操作",
+      mode_stop: "请先在示教器上将钥匙转到自动",
       alarm: "请先清除报警",
       no_alarm: "没有报警",
       stop_holds: "请先解除停止",
@@ -247,6 +248,10 @@ export const zh: typeof en = {
     unknown: (what) => `${what}：结果未知。机器人可能已动作，请查看，如有疑问请停止。不会重新发送。`,
     start: "启动",
     lease: "控制权",
+    alarmRefused: (what, said) =>
+      `${what}：被控制器拒绝。请排除原因、松开急停后重试。某些固件只接受示教器上的清除：请在示教器上清除报警。网关：${said}`,
+    startRefused: (what, said) =>
+      `${what}：被控制器拒绝。控制器只在自动模式、无报警且急停已松开时启动：请查看示教器。网关：${said}`,
   },
   stop: {
     one: (robot) => `停止 ${robot}`,

@@ -109,6 +109,9 @@ test("a start needs everything, a pause no lease", () => {
   ]);
   expect(unmet("start", view("saw", { mode: 7 }), HAS)).toEqual(["running"]);
   expect(unmet("start", view("saw", { quality: "stale" }), HAS)).toEqual(["stale"]);
+  // After a stop some firmware is in mode 3 with an alarm: the alarm is cleared first, then the key is turned.
+  expect(unmet("start", view("saw", { alarm: 42, mode: 3 }), HAS)).toEqual(["alarm", "mode_stop"]);
+  expect(unmet("clear_alarm", view("saw", { alarm: 42, mode: 3 }), HAS)).toEqual([]);
   const nothing = { gateway: false, right: false, lease: false };
   expect(unmet("start", view("saw", {}, { link: "down" }), nothing)).toEqual([
     "gateway_lost",

@@ -53,6 +53,8 @@ export type Unmet =
   | "no_lease"
   | "stale"
   | "manual"
+  /** The mode is “stop”: a person turns the key. */
+  | "mode_stop"
   | "alarm"
   | "no_alarm"
   | "stop_holds"
@@ -91,6 +93,7 @@ export function unmet(
       check(!view.summary.stopped, "stop_holds");
       check(!isAlarmed, "alarm");
       check(!isManual, "manual");
+      check(view.mode !== MODES.stopped, "mode_stop");
       check(!isRunning(view), "running");
       break;
     case "pause":

@@ -30,6 +30,9 @@ export function reasons(control: Control, view: View): string {
     .join(" · ");
 }
 
+/** What is said if the controller refused it, and not the gateway. `said`: the message of the gateway. */
+type Refused = (what: string, said: string) => string;
+
 /** Sends something. `done`: what is said if it worked, in the part of the page where the person acted. */
 export async function post<T>(
   robot: string,
@@ -38,11 +41,14 @@ export async function post<T>(
   body: object,
   part: Part,
   done: (what: string) => string,
-  more: { idempotencyKey?: string; patience?: number } = {},
+  more: { idempotencyKey?: string; patience?: number; refused?: Refused } = {},
 ): Promise<Answer<T>> {
   told.say(robot, settings.words.control.sending(what), part);
-  const answer = await call<T>("POST", robotPath(robot, path), { body, csrf: session.csrf, ...more });
+  const { refused, ...with_ } = more;
+  const answer = await call<T>("POST", robotPath(robot, path), { body, csrf: session.csrf, ...with_ });
+  const isByController = answer.kind === "refused" && answer.problem.code === "refused";
   if (answer.kind === "ok") told.say(robot, done(what), part);
+  else if (isByController && refused !== undefined) told.say(robot, refused(what, answer.problem.message), part, true);
   else told.answer(robot, what, answer, settings.words, part);
   return answer;
 }
@@ -54,11 +60,11 @@ export async function command(
   word: string,
   args: readonly string[],
   part: Part,
-  more: { run_leftover?: boolean; done?: (what: string) => string } = {},
+  more: { run_leftover?: boolean; done?: (what: string) => string; refused?: Refused } = {},
 ): Promise<boolean> {
   const key = lease.key(robot);
-  const { done = settings.words.controls.taken, ...with_ } = more;
+  const { done = settings.words.controls.taken, refused, ...with_ } = more;
   const body = { command: word, arguments: args, ...(key === null ? {} : { lease: key }), ...with_ };
-  const answer = await post<CommandDone>(robot, what, "commands", body, part, done);
+  const answer = await post<CommandDone>(robot, what, "commands", body, part, done, refused === undefined ? {} : { refused });
   return answer.kind === "ok";
 }
