@@ -18,6 +18,7 @@ import { production } from "./en/production.ts";
 import { count, duration } from "./en/say.ts";
 import { hallSettings } from "./en/settings.ts";
 import { ui } from "./en/ui.ts";
+import { UNMET } from "./en/unmet.ts";
 import { run } from "./en/run.ts";
 import { teach } from "./en/teach.ts";
 
@@ -196,23 +197,7 @@ export const en = {
         return `In mode ${doing.mode}, which this page does not know.`;
     }
   },
-  unmet: (reason: Unmet) =>
-    ({
-      gateway_lost: "the gateway is not heard",
-      no_right: "this needs the role operator",
-      no_link: "no link to the robot",
-      other_robot: "another robot answers: an engineer has to accept it",
-      no_lease: "take control first",
-      stale: "its state is old",
-      manual: "manual mode: the pendant leads",
-      mode_stop: "turn its key to automatic first, at the pendant",
-      alarm: "clear the alarm first",
-      no_alarm: "there is no alarm",
-      stop_holds: "clear the stop first",
-      no_stop: "no stop holds",
-      running: "it runs already",
-      not_running: "it does not run",
-    })[reason],
+  unmet: (reason: Unmet) => UNMET[reason],
   lease: {
     take: "Take control",
     taking: "Taking control…",

@@ -18,6 +18,7 @@ import { production } from "./zh/production.ts";
 import { duration } from "./zh/say.ts";
 import { hallSettings } from "./zh/settings.ts";
 import { ui } from "./zh/ui.ts";
+import { UNMET } from "./zh/unmet.ts";
 
 const MODES: Record<number, string> = {
   0: "无模式",
@@ -186,23 +187,7 @@ export const zh: typeof en = {
         return `处于本页不认识的模式 ${doing.mode}。`;
     }
   },
-  unmet: (reason) =>
-    ({
-      gateway_lost: "收不到网关的消息",
-      no_right: "需要操作员权限",
-      no_link: "与机器人没有连接",
-      other_robot: "应答的是另一台机器人，须由工程师确认",
-      no_lease: "请先获取控制权",
-      stale: "其状态已过时",
-      manual: "手动模式：由示教器操作",
-      mode_stop: "请先在示教器上将钥匙转到自动",
-      alarm: "请先清除报警",
-      no_alarm: "没有报警",
-      stop_holds: "请先解除停止",
-      no_stop: "没有生效的停止",
-      running: "已在运行",
-      not_running: "未在运行",
-    })[reason],
+  unmet: (reason) => UNMET[reason],
   lease: {
     take: "获取控制权",
     taking: "正在获取控制权…",

@@ -1,11 +1,50 @@
-/** What a person does to alarms: one request each, which is never sent again. */
+/** Alarms as lists, and what a person does to them: one request each, which is never sent again. */
 import { type Answer, call } from "../api/client.ts";
+import { type Failure, failureOf } from "../api/failure.ts";
 import { robotPath } from "../api/paths.ts";
-import type { RobotAlarm } from "../api/types.ts";
+import type { RobotAlarm, RobotAlarms } from "../api/types.ts";
 import type { Told } from "./act.svelte.ts";
 import { hall } from "./hall.svelte.ts";
 import { session } from "./session.svelte.ts";
 import { settings } from "./settings.svelte.ts";
+
+/** How long a question that failed waits to be asked again, in milliseconds. */
+const AGAIN = 5_000;
+
+/**
+ * The alarms of a path, read again when one begins, ends, or is acknowledged or shelved. Make it while a component is
+ * made: it reads for as long as that is there.
+ */
+export class ReadAlarms {
+  /** `null` before the first answer. It stays when a later question fails. */
+  known = $state.raw<RobotAlarms | null>(null);
+  /** Why the last question had no answer; `null` if it had one. */
+  failure = $state.raw<Failure | null>(null);
+  #attempt = $state(0);
+
+  constructor(path: () => string) {
+    $effect(() => {
+      void hall.alarms;
+      void this.#attempt;
+      let isOver = false;
+      let timer: ReturnType<typeof setTimeout>;
+      void call<RobotAlarms>("GET", path()).then((answer) => {
+        if (isOver) return;
+        this.failure = failureOf(answer);
+        if (answer.kind === "ok") this.known = answer.value;
+        else timer = setTimeout(() => this.again(), AGAIN);
+      });
+      return () => {
+        isOver = true;
+        clearTimeout(timer);
+      };
+    });
+  }
+
+  again(): void {
+    this.#attempt += 1;
+  }
+}
 
 class Acts {
   told = $state.raw<Told | null>(null);

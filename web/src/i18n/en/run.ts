@@ -2,6 +2,7 @@
 import type { Run } from "../../api/types.ts";
 import type { NotSent, Void } from "../../run/guard.ts";
 import { count, seconds } from "./say.ts";
+import { UNMET } from "./unmet.ts";
 
 /** Why a run ended. */
 export const RUN_ENDS: Record<NonNullable<Run["because"]>, string> = {
@@ -87,13 +88,7 @@ export const run = {
   looking: "Looking at tool and work frame…",
   to: (reason: NotSent) =>
     ({
-      gateway_lost: "the gateway is not heard",
-      no_right: "this needs the role operator",
-      no_link: "no link to the robot",
-      other_robot: "another robot answers: an engineer has to accept it",
-      no_lease: "take control first",
-      stale: "its state is old",
-      manual: "manual mode: the pendant leads",
+      ...UNMET,
       alarm: "clear the alarm first, on the page of the robot",
       stop_holds: "clear the stop first, on the page of the robot",
       no_target: "this robot is not there",

@@ -2,6 +2,7 @@
 import type { Run } from "../../api/types.ts";
 import type { run as english } from "../en/run.ts";
 import { seconds } from "./say.ts";
+import { UNMET } from "./unmet.ts";
 
 /** Why a run ended. */
 export const RUN_ENDS: Record<NonNullable<Run["because"]>, string> = {
@@ -82,13 +83,7 @@ export const run: typeof english = {
   looking: "正在查看工具和工作坐标系…",
   to: (reason) =>
     ({
-      gateway_lost: "收不到网关的消息",
-      no_right: "需要操作员权限",
-      no_link: "与机器人没有连接",
-      other_robot: "应答的是另一台机器人，须由工程师确认",
-      no_lease: "请先获取控制权",
-      stale: "其状态已过时",
-      manual: "手动模式：由示教器操作",
+      ...UNMET,
       alarm: "请先在机器人页面清除报警",
       stop_holds: "请先在机器人页面解除停止",
       no_target: "没有该机器人",
