@@ -269,7 +269,7 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await says(page, "[data-value=axis-0]", /^30\.000$/);
 
   // A stop ends a run, and the page says why it ended.
-  await ask("PUT", "/v1/programs/back", engineer, { program: SWEEP.replace("[30", "[-120").replace("40", "5") });
+  await ask("PUT", "/v1/programs/back", engineer, { program: SWEEP.replace("[30", "[-120").replace("40", "1") });
   await page.focus("[data-program]");
   await until("the new program is listed", async () => (await page.locator("[data-program] option[value=back]").count()) === 1);
   await page.selectOption("[data-program]", "back");
