@@ -112,6 +112,7 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await take(page, 30, 10, -20, 0, -80, 0);
   await take(page, 30, 20, -30, 0, -80, 0);
   await says(page, '[data-point-name="P2"]', "30, 10, -20, 0, -80, 0");
+  await says(page, "[data-check='']", "No step yet: nothing to check");
   for (const point of ["P1", "P2", "P3"]) {
     await add(page, "axis-move", point);
     await set(page, "speed", "60");

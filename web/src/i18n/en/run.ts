@@ -47,7 +47,8 @@ export const run = {
   speedSet: (percent: number, by: string, at: string) =>
     `Set to ${percent} % by ${by}, ${at}. The controller does not report it: somebody at the pendant may have changed it.`,
   /** `speed`: what the plan is made for. */
-  speedUnknown: (speed: number) => `Planned at ${speed} %: the speed that is set is not known. It may be faster or slower.`,
+  speedUnknown: (speed: number) =>
+    `Planned at ${speed} %: the speed that is set is not known. It may be ${speed < 100 ? "faster or slower" : "slower"}.`,
   list: "No instruction is left in its list.",
   listUnknown: "Whether instructions are left in its list is not known: its firmware does not tell it. The gateway asks before it sends.",
   noPath: "The model of the arm is not configured: where it goes is not shown. Expect any path, at full speed.",

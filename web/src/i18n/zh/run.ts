@@ -44,7 +44,7 @@ export const run: typeof english = {
       : `${program}：共 ${total} 个步骤中的${from === to ? `步骤 ${from}` : `步骤 ${from} 至 ${to}`}。之前的步骤不运行：它们设置的输出、工作台和路径速度不会生效。`,
   path: (mm, ms, speed) => `工具行程 ${mm}，用时 ${seconds(ms)}（全局速度为 ${speed} % 时）。`,
   speedSet: (percent, by, at) => `由 ${by} 于 ${at} 设为 ${percent} %。控制器不报告此值：示教器旁的人员可能已更改。`,
-  speedUnknown: (speed) => `按 ${speed} % 规划：已设定的速度未知，实际可能更快或更慢。`,
+  speedUnknown: (speed) => `按 ${speed} % 规划：已设定的速度未知，实际可能${speed < 100 ? "更快或" : ""}更慢。`,
   list: "列表中没有剩余指令。",
   listUnknown: "列表中是否还有指令未知：其固件不报告。网关发送前会查询。",
   noPath: "尚未配置机械臂型号，无法显示其路径。请按任意路径、全速对待。",
