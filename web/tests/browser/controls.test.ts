@@ -243,8 +243,8 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await says(page, "[data-prepared]", /The tool goes \d+ mm in \d+\.\d\d s, if the global speed is 100 %\./);
   await says(page, "[data-prepared]", "Planned at 100 %: the speed that is set is not known.");
   await says(page, "[data-prepared]", "Stay here");
-  await isAccessible(page);
   await picture(page, "robot-run-1920-light");
+  await isAccessible(page);
   // On a slow machine that took longer than a lease lasts.
   await control(page, "saw-twin");
   await page.selectOption("[data-program]", "sweep");
