@@ -61,8 +61,8 @@ function isSignedOut(path: string, options: Options, { code }: Problem): boolean
 let underWay = 0;
 const waiting: (() => void)[] = [];
 
-async function turn(): Promise<void> {
-  const ready = new Promise<void>((next) => waiting.push(next));
+async function turn(isFirst = false): Promise<void> {
+  const ready = new Promise<void>((next) => void (isFirst ? waiting.unshift(next) : waiting.push(next)));
   go();
   await ready;
 }
@@ -102,6 +102,28 @@ export async function file(path: string, type: string, options: Options = {}): P
       return { kind: "unknown" };
     }
   });
+}
+
+/** A question and its answer, on the page's clock in milliseconds. */
+export interface Echo {
+  sent: number;
+  /** When the answer came, or the page gave up. */
+  came: number;
+  isAnswered: boolean;
+  /** The gateway's clock in the answer, since 1970; `null` if it did not say. */
+  date: number | null;
+}
+
+/** Asks whether the gateway answers, before other questions that wait. Never throws. */
+export async function echo(patience: number): Promise<Echo> {
+  await turn(true);
+  const sent = performance.now();
+  const response = await ask("GET", "/healthz", { patience });
+  const came = performance.now();
+  underWay -= 1;
+  go();
+  const date = response?.ok === true ? Date.parse(response.headers.get("Date") ?? "") : NaN;
+  return { sent, came, isAnswered: response !== null, date: Number.isNaN(date) ? null : date };
 }
 
 async function inTurn<T>(options: Options, question: () => Promise<Answer<T>>): Promise<Answer<T>> {

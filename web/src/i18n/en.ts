@@ -105,6 +105,7 @@ export const en = {
       `No connection to the gateway for ${duration(seconds)}. Everything on this page is old. Trying again…`,
     lostShort: "gateway lost",
     silent: "gateway silent",
+    slow: (seconds: number) => `gateway slow: values are up to ${Math.max(1, Math.ceil(seconds))} s old`,
   },
   mode: (mode: number | null) => (mode === null ? "mode unknown" : (MODES[mode] ?? `mode ${mode}`)),
   virtual: "VIRTUAL 虚拟",

@@ -102,6 +102,7 @@ export const zh: typeof en = {
     lost: (seconds) => `与网关失去连接已 ${duration(seconds)}。本页所有内容均已过时，正在重试…`,
     lostShort: "网关已断开",
     silent: "网关无响应",
+    slow: (seconds) => `网关缓慢：数值最多已过时 ${Math.max(1, Math.ceil(seconds))} 秒`,
   },
   mode: (mode) => (mode === null ? "模式未知" : (MODES[mode] ?? `模式 ${mode}`)),
   virtual: "VIRTUAL 虚拟",

@@ -24,6 +24,13 @@ class Fake implements World {
     return () => (this.timers = this.timers.filter((one) => one !== timer));
   }
 
+  /** How late messages come; `null` if that is not known. */
+  delay: number | null = 0;
+
+  left(_time: number, now: number): number | null {
+    return this.delay === null ? null : now - this.delay;
+  }
+
   isSignedIn(): Promise<boolean | null> {
     return Promise.resolve(this.signedIn);
   }
@@ -75,19 +82,35 @@ class FakeSocket implements Socket {
   }
 }
 
-function start(): { world: Fake; told: (number | null | "out" | "forget")[]; link: Link; messages: string[]; quiet: (number | null)[] } {
+interface Started {
+  world: Fake;
+  told: (number | null | "out" | "forget")[];
+  link: Link;
+  messages: string[];
+  quiet: (number | null)[];
+  slow: boolean[];
+  /** When each message came, or left the gateway. */
+  ats: number[];
+}
+
+function start(): Started {
   const world = new Fake();
   const told: (number | null | "out" | "forget")[] = [];
   const messages: string[] = [];
   const quiet: (number | null)[] = [];
+  const [slow, ats]: [boolean[], number[]] = [[], []];
   let resume: string | null = null;
   const reader: Reader = {
-    message: (sent) => {
+    message: (sent, at) => {
       messages.push(sent.type);
+      ats.push(at);
       resume = sent.resume ?? resume;
     },
     state: (heard) => told.push(heard),
-    quiet: (heard) => quiet.push(heard),
+    quiet: (heard, isSlow) => {
+      if (quiet.at(-1) !== heard) quiet.push(heard);
+      slow.push(isSlow);
+    },
     signedOut: () => told.push("out"),
     resume: () => resume,
     forgetResume: () => {
@@ -97,7 +120,7 @@ function start(): { world: Fake; told: (number | null | "out" | "forget")[]; lin
   };
   const link = new Link(world, reader);
   link.start();
-  return { world, told, link, messages, quiet };
+  return { world, told, link, messages, quiet, slow, ats };
 }
 
 const ALIVE = { type: "alive", time: "2026-11-25T06:00:00.000000Z" };
@@ -155,6 +178,64 @@ test("after 4 s of silence what was told is old, until something comes", async (
   world.last.say(ALIVE);
   expect([quiet, told]).toEqual([[2_000, null], [null]]);
   expect(QUIET).toBe(4_000);
+});
+
+test("messages that come late do not make what they tell new, and those of which that is not known neither", async () => {
+  const { world, quiet, slow, told, ats } = start();
+  world.last.say(ALIVE);
+  for (world.delay = 1_000; world.time < 10_000; ) {
+    await world.pass(2_000);
+    world.last.say(ALIVE);
+  }
+  expect(quiet).toEqual([]);
+  world.delay = 8_000;
+  for (let at = 0; at < 3; at += 1) {
+    await world.pass(2_000);
+    world.last.say(ALIVE);
+  }
+  // The last one that was not late left at 9 s.
+  expect([world.time, quiet, slow.at(-1), ats.at(-1)]).toEqual([16_000, [9_000], true, 9_000]);
+  await world.pass(2_000);
+  world.last.say(ALIVE);
+  expect([quiet, ats.at(-1)]).toEqual([[9_000, 10_000], 10_000]);
+  world.delay = null;
+  await world.pass(2_000);
+  world.last.say(ALIVE);
+  expect(quiet).toEqual([9_000, 10_000]);
+  // It speaks, so the connection is not given up.
+  expect([told, world.opened.length]).toEqual([[null], 1]);
+  world.delay = 0;
+  world.last.say(ALIVE);
+  expect([quiet, ats.at(-1)]).toEqual([[9_000, 10_000, null], world.time]);
+});
+
+test("a connection whose first message comes late tells of when the page asked for it, at the earliest", async () => {
+  const { world, quiet, ats } = start();
+  world.delay = null;
+  await world.pass(1_000);
+  world.last.say({ type: "removed", robot: "saw", resume: "7-1" });
+  expect([quiet, ats]).toEqual([[], [1_000]]);
+  world.last.end(1006);
+  await world.pass(500);
+  await world.pass(8_000);
+  world.last.say({ type: "removed", robot: "saw", resume: "7-1" });
+  expect([quiet.at(-1), ats.at(-1)]).toEqual([1_500, 1_500]);
+});
+
+test("messages that waited while the browser stood still are old before a timer looks", () => {
+  const { world, link, quiet, ats } = start();
+  world.last.say(ALIVE);
+  world.time = 20_000;
+  expect(link.old()).toBe(0);
+  world.delay = 19_000;
+  world.last.say(ALIVE);
+  expect([quiet, ats.at(-1)]).toEqual([[0, 1_000], 1_000]);
+  world.delay = 100;
+  world.last.say(ALIVE);
+  expect([quiet, link.old()]).toEqual([[0, 1_000, null], null]);
+  // The computer slept, and the page's clock with it.
+  link.slept(60_000);
+  expect(quiet.at(-1)).toBe(-40_100);
 });
 
 test("a connection that never says anything is tried again", async () => {

@@ -1,7 +1,10 @@
 /**
- * The connection to `/v1/live`: retried for ever, resumed where it was lost. Without a sign of life for 4 s
- * what it told is old, and for 10 s it counts as lost. The clock, the timers and the WebSocket come from
- * outside, for tests.
+ * The connection to `/v1/live`: retried for ever, resumed where it was lost. What it told is old when nothing proves
+ * that the last message left the gateway less than 4 s ago. Without any message for 10 s it counts as lost. The
+ * clock, the timers and the WebSocket come from outside, for tests.
+ *
+ * Two things prove when a message left the gateway at the earliest: the page asked for the connection before, and the
+ * time in `alive`, with `late.ts`. Messages keep their order, so what follows left later.
  */
 import type { LiveSent } from "../api/types.ts";
 import { decode } from "./decode.ts";
@@ -9,7 +12,10 @@ import type { Many } from "./pack.ts";
 
 /** After so long without a message the gateway is lost, in milliseconds. It sends one every 2 s. */
 export const SILENCE = 10_000;
-/** After so long without a message values are not taken for those of now, in milliseconds. */
+/**
+ * When no message is proved to have left the gateway within this time, values are not taken for those of now, in
+ * milliseconds. `alive` comes every 2 s, and the proof may be 1 s too early.
+ */
 export const QUIET = 4_000;
 const FIRST_WAIT = 500;
 const LONGEST_WAIT = 5_000;
@@ -27,16 +33,22 @@ export interface World {
   now(): number;
   /** Calls `act` once after so many milliseconds. Returns what cancels it. */
   after(ms: number, act: () => void): () => void;
+  /** When a message with this time of the gateway left it at the earliest, on the page's clock; `null` if not known. */
+  left(time: number, now: number): number | null;
   /** Whether the gateway still knows the session; `null` if it does not answer. */
   isSignedIn(): Promise<boolean | null>;
 }
 
 export interface Reader {
-  message(sent: LiveSent | Many, now: number): void;
-  /** `heard`: when the gateway was last heard, if it is lost; `null` if it is there. */
+  /** `at`: when the message came; when it left the gateway at the earliest, if that is over 4 s ago. */
+  message(sent: LiveSent | Many, at: number): void;
+  /** `heard`: of when is what was told last, if the gateway is lost; `null` if it is there. */
   state(heard: number | null): void;
-  /** `heard`: when the gateway was last heard, if that is over 4 s ago; `null` once it is heard again. */
-  quiet(heard: number | null): void;
+  /**
+   * `heard`: of when is what was told last, if that is over 4 s ago; `null` if it is not. `isSlow`: messages come,
+   * but late.
+   */
+  quiet(heard: number | null, isSlow: boolean): void;
   signedOut(): void;
   resume(): string | null;
   forgetResume(): void;
@@ -44,7 +56,10 @@ export interface Reader {
 
 export class Link {
   private socket: Socket | null = null;
+  /** When the last message left the gateway at the earliest. */
   private heard: number;
+  /** When it came. */
+  private spoke: number;
   private openedAt = 0;
   /** `null` before the first message, or the first connection that failed. */
   private isLive: boolean | null = null;
@@ -58,7 +73,18 @@ export class Link {
     private readonly world: World,
     private readonly reader: Reader,
   ) {
-    this.heard = world.now();
+    this.heard = this.spoke = world.now();
+  }
+
+  /** Of when is what was told last, if that is over 4 s ago now; else `null`. The timers may not have looked yet. */
+  old(): number | null {
+    return this.world.now() - this.heard < QUIET ? null : this.heard;
+  }
+
+  /** The page's clock stood still for so long, in milliseconds. */
+  slept(ms: number): void {
+    this.heard -= ms;
+    this.judge(this.world.now());
   }
 
   start(): void {
@@ -93,18 +119,20 @@ export class Link {
     this.socket = socket;
     socket.addEventListener("message", (event) => {
       if (this.socket !== socket) return;
-      hasSpoken = true;
-      this.heard = this.world.now();
+      const now = this.world.now();
+      this.spoke = now;
       this.wait = FIRST_WAIT;
-      if (this.isQuiet) {
-        this.isQuiet = false;
-        this.reader.quiet(null);
-      }
+      // The gateway spoke over this connection after the page asked for it.
+      this.judge(now, hasSpoken ? null : this.openedAt);
+      hasSpoken = true;
       if (this.isLive !== true) {
         this.isLive = true;
         this.reader.state(null);
       }
-      for (const sent of read(event.data)) this.reader.message(sent, this.heard);
+      for (const sent of read(event.data)) {
+        if (sent.type === "alive") this.judge(now, this.world.left(Date.parse(sent.time), now));
+        this.reader.message(sent, this.isQuiet ? this.heard : now);
+      }
     });
     socket.addEventListener("close", ({ code }) => {
       if (this.socket !== socket) return;
@@ -154,14 +182,19 @@ export class Link {
     socket?.close();
   }
 
+  /** Whether what was told is old. `left`: when a message left the gateway at the earliest. */
+  private judge(now: number, left: number | null = null): void {
+    this.heard = Math.max(this.heard, left ?? -Infinity);
+    const isOld = now - this.heard >= QUIET;
+    if (isOld || this.isQuiet) this.reader.quiet(isOld ? this.heard : null, isOld && now - this.spoke < QUIET);
+    this.isQuiet = isOld;
+  }
+
   private look(): void {
     this.cancelLook = this.world.after(LOOK, () => {
       const now = this.world.now();
-      if (!this.isQuiet && now - this.heard >= QUIET) {
-        this.isQuiet = true;
-        this.reader.quiet(this.heard);
-      }
-      if (this.socket !== null && now - Math.max(this.heard, this.openedAt) > SILENCE) {
+      this.judge(now);
+      if (this.socket !== null && now - Math.max(this.spoke, this.openedAt) > SILENCE) {
         this.drop();
         this.lost();
         this.retry();

@@ -21,9 +21,9 @@ export type Doing =
 
 /**
  * The first of these that holds: what has to be mended first stands first. `mine`: whether the person at this
- * page holds the lease.
+ * page holds the lease. `isNow`: whether what the page knows is of now.
  */
-export function doing(view: View, alarms: RobotAlarm[], mine = false): Doing {
+export function doing(view: View, alarms: RobotAlarm[], mine = false, isNow = true): Doing {
   const { summary, mode, alarm, moving, program, left } = view;
   if (summary.link === "down") return { kind: "no_link" };
   if (summary.identity_changed !== null) {
@@ -35,7 +35,7 @@ export function doing(view: View, alarms: RobotAlarm[], mine = false): Doing {
     return { kind: "alarm", code: alarm, text: known?.text ?? null };
   }
   if (moving === true) return { kind: "moves", program, left };
-  const stands = moving === false && isSeen(view);
+  const stands = isNow && moving === false && isSeen(view);
   if (isRunning(view)) return { kind: "runs", program, left, stands };
   if (summary.stopped) return { kind: "stop_holds", stands, mine };
   if (mode === MODES.manual || mode === MODES.step) return { kind: "manual" };

@@ -1,8 +1,9 @@
 /** The robots, the alarms and the connection, as the pages see them. */
-import { call } from "../api/client.ts";
+import { call, echo } from "../api/client.ts";
 import { robotPath } from "../api/paths.ts";
 import type { GatewayEvent, LiveSent, RobotAlarm, RobotAlarms, RobotState, RobotSummary, Settings } from "../api/types.ts";
 import { touch } from "../live/frame.ts";
+import { ANSWER, Late } from "../live/late.ts";
 import type { Many } from "../live/pack.ts";
 import { connect } from "../live/remote.ts";
 import { Link } from "../live/socket.ts";
@@ -11,9 +12,17 @@ import { type View, viewOf } from "../robots/view.ts";
 import { stops } from "../stop/stops.ts";
 import { session } from "./session.svelte.ts";
 
-/** How often ages are written and the way to the gateway is measured, in milliseconds. */
+/**
+ * How often ages are written and the way to the gateway is measured, in milliseconds. The answers have whole seconds:
+ * those of other parts of a second make the bound of `late.ts` exact.
+ */
 const AGES = 500;
-const MEASURE = 5_000;
+const MEASURE = 5_300;
+/** The first measures, and those after one without an answer, come sooner. */
+const SOONER = 1_300;
+const FIRST = 4;
+/** By so much the page's clock and the browser's time of day may differ more than before; more is a sleep, or a clock that was set. */
+const SLEPT = 1_000;
 /** Alarms that come together are asked for once. */
 const TOGETHER = 200;
 /** How long a question that had no answer waits to be asked again. */
@@ -29,16 +38,22 @@ class Hall {
   isWhole = $state(false);
   /** The active ones; `null` if they are not known. */
   alarms = $state.raw<RobotAlarm[] | null>(null);
-  /** When the gateway was last heard, on the page's clock, if it is lost; `null` if it is there. */
+  /** Of when is what is shown, on the page's clock, if the gateway is lost; `null` if it is there. */
   heard = $state<number | null>(null);
-  /** The same, from 4 s of silence on. */
+  /** The same, if nothing proves that it is less than 4 s old. */
   #quiet = $state<number | null>(null);
+  /** When the last question left, if it had no answer in time. */
+  #unanswered = $state<number | null>(null);
+  /** Whether messages come, but too late. */
+  #isLate = $state(false);
   /** Whether something came over the connection yet. */
   isConnected = $state(false);
   latency = $state<number | null>(null);
   zone = $state("UTC");
   /** What the gateway's clock is before the page's, in milliseconds. */
   #ahead = Date.now() - performance.now();
+  #late = new Late();
+  #apart = Date.now() - performance.now();
   #link: Link | null = null;
   #dirty = new Set<string>();
   #isScheduled = false;
@@ -47,7 +62,6 @@ class Hall {
   /** The link for which the alarms are asked for now, and whether they changed meanwhile. */
   #alarmsFor: Link | null = null;
   #alarmsAgain = false;
-  #isMeasuring = false;
   #readers = new Set<(event: GatewayEvent) => void>();
 
   /** Whether the gateway is there, and was heard just now. */
@@ -55,9 +69,18 @@ class Hall {
     return this.isConnected && this.since === null;
   }
 
-  /** When the gateway was last heard, on the page's clock, if it is silent or lost; `null` if it is heard. */
+  /**
+   * Of when is what is shown, on the page's clock, if the gateway is lost, silent or slow; `null` if it is proved to
+   * be of now.
+   */
   get since(): number | null {
-    return this.heard ?? this.#quiet;
+    const old = [this.#quiet ?? this.#link?.old() ?? null, this.#unanswered].filter((at) => at !== null);
+    return this.heard ?? (old.length === 0 ? null : Math.min(...old));
+  }
+
+  /** Whether the gateway is heard, but too late. */
+  get isSlow(): boolean {
+    return this.heard === null && this.since !== null && (this.#isLate || this.#quiet === null);
   }
 
   /** Whether all robots are known, as they are now. */
@@ -89,6 +112,7 @@ class Hall {
     const world = {
       open: (path: string) => connect(location.origin.replace(/^http/, "ws") + path),
       now: () => performance.now(),
+      left: (time: number, now: number) => this.#late.left(time, now),
       after: (ms: number, act: () => void) => {
         const timer = setTimeout(act, ms);
         return () => clearTimeout(timer);
@@ -109,8 +133,9 @@ class Hall {
         }
         touch();
       },
-      quiet: (heard) => {
+      quiet: (heard, isSlow) => {
         this.#quiet = heard;
+        this.#isLate = isSlow;
         touch();
       },
       signedOut: () => session.ended(),
@@ -120,8 +145,8 @@ class Hall {
       },
     });
     this.#link.start();
-    this.#timers.push(setInterval(touch, AGES), setInterval(() => void this.#measure(), MEASURE));
-    void this.#measure();
+    this.#timers.push(setInterval(() => this.#age(), AGES));
+    void this.#measureOn(this.#link);
     void call<Settings>("GET", "/v1/settings").then((answer) => {
       if (answer.kind === "ok") this.zone = answer.value.time_zone;
     });
@@ -139,6 +164,7 @@ class Hall {
     this.alarms = null;
     this.heard = null;
     this.#quiet = null;
+    this.#unanswered = null;
     this.isConnected = false;
   }
 
@@ -173,7 +199,10 @@ class Hall {
 
   #take(sent: LiveSent | Many, now: number): void {
     if (sent.type === "alive") {
-      this.#ahead = Date.parse(sent.time) - now;
+      const [time, came] = [Date.parse(sent.time), performance.now()];
+      const left = this.#late.left(time, came);
+      // The way takes less than a bound with whole seconds, unless the message is late.
+      this.#ahead = time - (left !== null && this.#quiet !== null ? left : came);
       // A gateway without robots sends nothing else.
       if (this.views === null && this.store.robots.size === 0) this.views = [];
       if (this.store.robots.size === 0) this.isWhole = true;
@@ -244,14 +273,35 @@ class Hall {
     }
   }
 
-  async #measure(): Promise<void> {
-    // Beside stops it would wait for its turn, and measure that. To a slow gateway, questions must not pile up.
-    if (stops.isBusy || this.#isMeasuring) return;
-    this.#isMeasuring = true;
-    const begun = performance.now();
-    const answer = await call("GET", "/healthz", { patience: 3_000 });
-    this.#isMeasuring = false;
-    this.latency = answer.kind === "unknown" ? null : Math.round(performance.now() - begun);
+  /** Ages go on. A clock of the page that stood still while the computer slept would leave them as they were. */
+  #age(): void {
+    const apart = Date.now() - performance.now();
+    const slept = apart - this.#apart;
+    this.#apart = apart;
+    if (Math.abs(slept) > SLEPT) {
+      this.#late.forget();
+      this.#link?.slept(Math.max(0, slept));
+    }
+    touch();
+  }
+
+  async #measureOn(link: Link): Promise<void> {
+    for (let count = 1; link === this.#link; count += 1) {
+      // Beside stops it would wait for its turn.
+      if (!stops.isBusy) await this.#measure(link);
+      const isSoon = count < FIRST || this.#unanswered !== null;
+      await new Promise((next) => setTimeout(next, isSoon ? SOONER : MEASURE));
+    }
+  }
+
+  async #measure(link: Link): Promise<void> {
+    const { sent, came, isAnswered, date } = await echo(ANSWER);
+    if (link !== this.#link) return;
+    const isInTime = isAnswered && came - sent <= ANSWER;
+    this.latency = isInTime ? Math.round(came - sent) : null;
+    this.#unanswered = isInTime ? null : sent;
+    if (date !== null) this.#late.answered(sent, came, date);
+    touch();
   }
 }
 

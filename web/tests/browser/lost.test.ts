@@ -66,6 +66,41 @@ test("a lost gateway is said at once, controls go off, and the page comes back b
   await page.context().close();
 });
 
+test("values that a slow network brings late are not those of now, and no arm is said to stand", async () => {
+  const { hostname, port, hash } = new URL(cell.link);
+  const network = new Network({ host: hostname, port: Number(port) });
+  const url = await network.open();
+  const { page, faults } = await openPage(browser);
+  await page.goto(`${url}/${hash}`);
+  await page.click("[data-robot=virtual]");
+  await says(page, "[data-value=axis-0]", /^\d/);
+  await says(page, "[data-gateway]", /gateway \d+ ms/);
+  await says(page, "[data-doing]", /^(?!.*Last known:)/s);
+
+  network.delay = 8_000;
+  await says(page, "[data-gateway]", "gateway slow: values are up to");
+  // Messages come from now on, each of them 8 s late.
+  const end = Date.now() + 12_000;
+  while (Date.now() < end) {
+    const [doing, gateway] = [await page.textContent("[data-doing]"), await page.textContent("[data-gateway]")];
+    expect(gateway).toMatch(/gateway (slow|silent|lost)|Connecting/);
+    expect(doing).toContain("Last known:");
+    expect(doing).not.toMatch(/he arm stands(?! is not known)/);
+    expect(await page.getAttribute("[data-doing]", "class")).toContain("hatched");
+    expect(await page.isDisabled("[data-control=start]")).toBe(true);
+    await new Promise((next) => setTimeout(next, 200));
+  }
+  await isAccessible(page);
+  await picture(page, "slow");
+
+  network.delay = 0;
+  await says(page, "[data-gateway]", /gateway \d+ ms/);
+  await says(page, "[data-doing]", /^(?!.*Last known:)/s);
+  expect(faults).toEqual([]);
+  await network.cut();
+  await page.context().close();
+});
+
 test("a killed gateway is said, a stop is not sent, and the next start asks to sign in", async () => {
   const { page, faults } = await openPage(browser);
   await page.goto(cell.link);

@@ -113,6 +113,8 @@ export class Network {
   private readonly sockets = new Set<Socket>();
   /** Whether bytes go through. They are lost if not, and the connections stay open. */
   isSilent = false;
+  /** How late what the gateway says comes, in milliseconds. */
+  delay = 0;
 
   constructor(private readonly target: { host: string; port: number }) {
     this.server = this.make();
@@ -126,8 +128,15 @@ export class Network {
         [far, near],
       ] as const) {
         this.sockets.add(from);
+        let way = Promise.resolve();
         from.on("data", (bytes) => {
-          if (!this.isSilent) to.write(bytes);
+          if (this.isSilent) return;
+          const due = Date.now() + (from === far ? this.delay : 0);
+          // Bytes keep their order.
+          way = way.then(async () => {
+            if (due > Date.now()) await new Promise((next) => setTimeout(next, due - Date.now()));
+            if (to.writable) to.write(bytes);
+          });
         });
         from.on("error", () => to.destroy());
         from.on("close", () => {

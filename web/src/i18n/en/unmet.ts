@@ -2,7 +2,7 @@
 import type { Unmet } from "../../robots/sentence.ts";
 
 export const UNMET: Record<Unmet, string> = {
-  gateway_lost: "the gateway is not heard",
+  gateway_lost: "the gateway is not heard, or too late",
   no_right: "this needs the role operator",
   no_link: "no link to the robot",
   other_robot: "another robot answers: an engineer has to accept it",

@@ -2,7 +2,7 @@
 import type { Unmet } from "../../robots/sentence.ts";
 
 export const UNMET: Record<Unmet, string> = {
-  gateway_lost: "收不到网关的消息",
+  gateway_lost: "收不到网关的消息，或消息过迟",
   no_right: "需要操作员权限",
   no_link: "与机器人没有连接",
   other_robot: "应答的是另一台机器人，须由工程师确认",
