@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { beginOf, dayAfter, dayOf, instantOf, wall } from "./zone.ts";
+import { beginOf, dayAfter, dayOf, instantOf, isKnown, wall } from "./zone.ts";
 
 const BERLIN = "Europe/Berlin";
 const HOUR = 3_600_000;
@@ -31,4 +31,11 @@ test("a day is one of the hall", () => {
     "2026-02-28",
     "2025-12-31",
   ]);
+});
+
+test("times of a zone that the browser does not know are in UTC", () => {
+  const at = Date.parse("2026-11-25T23:30:05Z");
+  expect(["Etc/Unknown", "Mars/Olympus", "", BERLIN].map(isKnown)).toEqual([false, false, false, true]);
+  expect(wall(at, "Etc/Unknown")).toBe("2026-11-25T23:30:05");
+  expect([dayOf(at, "Etc/Unknown"), instantOf("2026-11-25T23:30:05", "Etc/Unknown")]).toEqual(["2026-11-25", at]);
 });

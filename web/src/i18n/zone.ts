@@ -1,17 +1,31 @@
 /** Instants and the clock on the wall of the hall. An instant is milliseconds since 1970. */
 
-/** To make one takes longer than to use it many times. */
-const formats = new Map<string, Intl.DateTimeFormat>();
+/** To make one takes longer than to use it many times. `null`: this browser does not know the zone. */
+const formats = new Map<string, Intl.DateTimeFormat | null>();
+
+function formatOf(zone: string): Intl.DateTimeFormat | null {
+  const known = formats.get(zone);
+  if (known !== undefined) return known;
+  const digits = { year: "numeric", month: "2-digit", day: "2-digit", hour: "2-digit", minute: "2-digit", second: "2-digit" } as const;
+  let format: Intl.DateTimeFormat | null = null;
+  try {
+    format = new Intl.DateTimeFormat("sv-SE", { timeZone: zone, ...digits });
+  } catch {
+    // The tables of the gateway are newer, or its file has a name that browsers leave out.
+  }
+  formats.set(zone, format);
+  return format;
+}
+
+/** Whether this browser knows a zone. Times of one that it does not know are in UTC, and the page has to say so. */
+export function isKnown(zone: string): boolean {
+  return formatOf(zone) !== null;
+}
 
 /** A time of the clock on the wall, with its day: `2026-11-25T06:00:00`. */
 export function wall(instant: number, zone: string): string {
-  let format = formats.get(zone);
-  if (format === undefined) {
-    const digits = { year: "numeric", month: "2-digit", day: "2-digit", hour: "2-digit", minute: "2-digit", second: "2-digit" } as const;
-    format = new Intl.DateTimeFormat("sv-SE", { timeZone: zone, ...digits });
-    formats.set(zone, format);
-  }
-  return format.format(instant).replace(" ", "T");
+  const format = formatOf(zone) ?? formatOf("UTC");
+  return format === null ? new Date(instant).toISOString().slice(0, 19) : format.format(instant).replace(" ", "T");
 }
 
 /** The day on the calendar of the hall: `2026-11-25`. */
