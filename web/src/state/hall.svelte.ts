@@ -9,6 +9,7 @@ import { connect } from "../live/remote.ts";
 import { Link } from "../live/socket.ts";
 import { Store } from "../live/store.ts";
 import { type View, viewOf } from "../robots/view.ts";
+import { goBy } from "../stop/stop.ts";
 import { stops } from "../stop/stops.ts";
 import { session } from "./session.svelte.ts";
 
@@ -306,3 +307,5 @@ class Hall {
 }
 
 export const hall = new Hall();
+
+goBy(() => new Date(hall.time(hall.now())));

@@ -1,7 +1,9 @@
-import { expect, test } from "vitest";
-import { SOON, type StopState, type World, stop } from "./stop.ts";
+import { afterEach, expect, test, vi } from "vitest";
+import { SOON, type StopState, type World, goBy, stop } from "./stop.ts";
 
 const AT = new Date(0);
+
+afterEach(() => vi.unstubAllGlobals());
 
 /** A world whose time the test moves: timers are called when they are due, unless they were cancelled. */
 class Fake implements World {
@@ -18,8 +20,12 @@ class Fake implements World {
     return () => void (this.timers = this.timers.filter((one) => one !== timer));
   }
 
-  now(): Date {
-    return new Date(this.time);
+  now(): number {
+    return this.time;
+  }
+
+  hallTime(): Date {
+    return AT;
   }
 
   pass(ms: number): void {
@@ -146,8 +152,18 @@ test("the request has begun when the call returns, and names its robot safely", 
       return new Promise(() => {});
     },
     after: () => () => {},
-    now: () => AT,
+    now: () => 0,
+    hallTime: () => AT,
   };
   void stop("a/../b?c", null, () => {}, { world });
   expect(path).toBe("/v1/robots/a%2F..%2Fb%3Fc/stop");
+});
+
+test("a stop is told with the time of the hall, whatever the clock of the browser shows", async () => {
+  vi.stubGlobal("fetch", () => Promise.resolve(Response.json({ confirmed: true, took_ms: 9 })));
+  const inHall = new Date("2026-11-25T06:00:00Z");
+  goBy(() => inHall);
+  const states: StopState[] = [];
+  await stop("press-4", null, (state) => states.push(state));
+  expect(states.at(-1)).toEqual({ kind: "stopped", at: inHall, took: 9 });
 });
