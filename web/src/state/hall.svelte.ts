@@ -50,6 +50,8 @@ class Hall {
   /** Whether something came over the connection yet. */
   isConnected = $state(false);
   latency = $state<number | null>(null);
+  /** Whether the gateway told its time. Before that, times are those of the browser, which may be wrong. */
+  hasClock = $state(false);
   zone = $state("UTC");
   /** What the gateway's clock is before the page's, in milliseconds. */
   #ahead = Date.now() - performance.now();
@@ -167,6 +169,7 @@ class Hall {
     this.#quiet = null;
     this.#unanswered = null;
     this.isConnected = false;
+    this.hasClock = false;
   }
 
   hurry(): void {
@@ -200,6 +203,7 @@ class Hall {
 
   #take(sent: LiveSent | Many, now: number): void {
     if (sent.type === "alive") {
+      this.hasClock = true;
       const [time, came] = [Date.parse(sent.time), performance.now()];
       const left = this.#late.left(time, came);
       // The way takes less than a bound with whole seconds, unless the message is late.
@@ -301,8 +305,16 @@ class Hall {
     const isInTime = isAnswered && came - sent <= ANSWER;
     this.latency = isInTime ? Math.round(came - sent) : null;
     this.#unanswered = isInTime ? null : sent;
-    if (date !== null) this.#late.answered(sent, came, date);
+    if (date !== null) this.#takeDate(sent, came, date);
     touch();
+  }
+
+  #takeDate(sent: number, came: number, date: number): void {
+    this.#late.answered(sent, came, date);
+    if (this.hasClock) return;
+    // It has whole seconds: `alive` makes it exact.
+    this.#ahead = date + 500 - (sent + came) / 2;
+    this.hasClock = true;
   }
 }
 
