@@ -45,6 +45,8 @@ class Hall {
   #quiet = $state<number | null>(null);
   /** When the last question left, if it had no answer in time. */
   #unanswered = $state<number | null>(null);
+  /** When the connection began, or was back. */
+  #backAt = 0;
   /** Whether messages come, but too late. */
   #isLate = $state(false);
   /** Whether something came over the connection yet. */
@@ -132,6 +134,9 @@ class Hall {
         this.heard = heard;
         if (heard === null) {
           this.isConnected = true;
+          // The connection is an answer to a later question.
+          this.#unanswered = null;
+          this.#backAt = performance.now();
           this.readAlarms();
         }
         touch();
@@ -304,7 +309,7 @@ class Hall {
     if (link !== this.#link) return;
     const isInTime = isAnswered && came - sent <= ANSWER;
     this.latency = isInTime ? Math.round(came - sent) : null;
-    this.#unanswered = isInTime ? null : sent;
+    this.#unanswered = isInTime || sent < this.#backAt ? null : sent;
     if (date !== null) this.#takeDate(sent, came, date);
     touch();
   }
