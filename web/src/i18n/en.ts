@@ -108,6 +108,7 @@ export const en = {
     slow: (seconds: number) => `gateway slow: values are up to ${Math.max(1, Math.ceil(seconds))} s old`,
   },
   mode: (mode: number | null) => (mode === null ? "mode unknown" : (MODES[mode] ?? `mode ${mode}`)),
+  zoneUnread: "The time zone of the hall is not known yet. Times are in UTC.",
   zoneUnknown: (zone: string) => `This browser does not know the time zone of the hall, ${zone}. All times on this page are in UTC.`,
   virtual: "VIRTUAL 虚拟",
   real: "real",

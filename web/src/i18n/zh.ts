@@ -105,6 +105,7 @@ export const zh: typeof en = {
     slow: (seconds) => `网关缓慢：数值最多已过时 ${Math.max(1, Math.ceil(seconds))} 秒`,
   },
   mode: (mode) => (mode === null ? "模式未知" : (MODES[mode] ?? `模式 ${mode}`)),
+  zoneUnread: "尚不知道车间的时区，时间均为 UTC。",
   zoneUnknown: (zone) => `此浏览器不认识车间的时区 ${zone}，本页所有时间均为 UTC。`,
   virtual: "VIRTUAL 虚拟",
   real: "真实",

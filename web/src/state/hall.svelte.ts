@@ -12,6 +12,7 @@ import { type View, viewOf } from "../robots/view.ts";
 import { goBy } from "../stop/stop.ts";
 import { stops } from "../stop/stops.ts";
 import { session } from "./session.svelte.ts";
+import { followZone } from "./zone.ts";
 
 /**
  * How often ages are written and the way to the gateway is measured, in milliseconds. The answers have whole seconds:
@@ -55,6 +56,9 @@ class Hall {
   /** Whether the gateway told its time. Before that, times are those of the browser, which may be wrong. */
   hasClock = $state(false);
   zone = $state("UTC");
+  /** Whether the gateway told the zone; `null` before its first answer. Until then times are in UTC. */
+  hasZone = $state<boolean | null>(null);
+  #endZone = (): void => {};
   /** What the gateway's clock is before the page's, in milliseconds. */
   #ahead = Date.now() - performance.now();
   #late = new Late();
@@ -155,13 +159,32 @@ class Hall {
     this.#link.start();
     this.#timers.push(setInterval(() => this.#age(), AGES));
     void this.#measureOn(this.#link);
-    void call<Settings>("GET", "/v1/settings").then((answer) => {
-      if (answer.kind === "ok") this.zone = answer.value.time_zone;
+    const about = {
+      after: world.after,
+      read: async () => {
+        const answer = await call<Settings>("GET", "/v1/settings");
+        return answer.kind === "ok" ? answer.value.time_zone : null;
+      },
+      get isUsed() {
+        return session.isUsed && hall.isThere;
+      },
+    };
+    this.#endZone = followZone(about, (zone) => {
+      if (zone === null) this.hasZone = false;
+      else this.takeZone(zone);
     });
+  }
+
+  /** The zone of the hall is this one by now. */
+  takeZone(zone: string): void {
+    this.zone = zone;
+    this.hasZone = true;
   }
 
   /** Forgets everything: another user may see other robots. */
   end(): void {
+    this.#endZone();
+    this.hasZone = null;
     this.#link?.end();
     this.#link = null;
     this.#timers.forEach((timer) => clearInterval(timer));

@@ -59,6 +59,21 @@ test("a browser whose clock is two days behind asks for spans of the hall, and t
   await page.context().close();
 });
 
+test("the zone of the hall is asked for again when the gateway refused to tell it, and times are said to be in UTC", async () => {
+  const { page, faults } = await openPage(browser);
+  let refused = 0;
+  await page.route("**/v1/settings", async (route) => {
+    refused += 1;
+    if (refused <= 2) await route.fulfill({ status: 429, json: { code: "too_many_requests", message: "too many requests" } });
+    else await route.continue();
+  });
+  await page.goto(cell.link);
+  await says(page, "[data-zone=unread]", "The time zone of the hall is not known yet. Times are in UTC.");
+  await page.waitForSelector("[data-zone=unread]", { state: "detached" });
+  expect([refused, faults]).toEqual([3, []]);
+  await page.context().close();
+});
+
 test("where the browser does not know the zone of the hall, times are in UTC, and a stop is told", async () => {
   const { page, faults } = await openPage(browser);
   await page.route("**/v1/settings", async (route) => {
