@@ -108,7 +108,8 @@ class LeaseState {
     const body = { renew, duration_ms: LASTS };
     const answer = await call("POST", path, { body, csrf: session.csrf, patience: RENEW });
     if (this.#key !== renew) return;
-    if (answer.kind === "refused") this.lost();
+    // The lease goes on for a while: a gateway that has too much to do is asked again.
+    if (answer.kind === "refused" && answer.status !== 429) this.lost();
   }
 
   /** The page of the robot is left: what is asked for is not wanted any more. */

@@ -70,3 +70,22 @@ test("a lease that comes while the page is hidden is given back", async () => {
   expect([lease.robot, lease.ended, gateway.asked]).toEqual([null, "saw", ["POST saw", "DELETE saw"]]);
   vi.unstubAllGlobals();
 });
+
+test("a gateway that has too much to do for a renewal is asked again, and the lease goes on", async () => {
+  vi.useFakeTimers();
+  const answers = [200, 429, 200, 409];
+  vi.stubGlobal("fetch", () => {
+    const status = answers.shift() ?? 200;
+    const body = status === 200 ? { lease: { number: 4, key: "k" } } : { code: "leased", message: "" };
+    return Promise.resolve(Response.json(body, { status }));
+  });
+  await lease.take("saw");
+  const robots: (string | null)[] = [];
+  for (let count = 0; count < 3; count += 1) {
+    await vi.advanceTimersByTimeAsync(5_000);
+    robots.push(lease.robot);
+  }
+  expect(robots).toEqual(["saw", "saw", null]);
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+});
