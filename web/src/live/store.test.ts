@@ -194,3 +194,17 @@ test("a counter counts parts, and texts of old firmware count nothing", () => {
     [null, null],
   ]);
 });
+
+test("the global speed of a robot without a link is not known: it may start again meanwhile", () => {
+  const store = new Store();
+  const set = { percent: 5, by: "token 1", at: "2026-11-25T06:00:00Z" };
+  store.apply(snapshot("saw", [], { global_speed: set }), 0);
+  const speed = () => viewOf(store.robots.get("saw")!).summary.global_speed;
+  expect(speed()).toEqual(set);
+  const event = { type: "event", id: 1, time: "2026-11-25T06:00:00Z", robot: "saw" };
+  store.apply({ ...event, event: "link_down" } as LiveSent, 0);
+  expect(speed()).toBeNull();
+  // A short cut, of which the gateway knows that the robot has not started again: it tells nothing new.
+  store.apply({ ...event, event: "link_up" } as LiveSent, 0);
+  expect(speed()).toEqual(set);
+});

@@ -39,7 +39,8 @@ export function viewOf(robot: Robot): View {
   const alarm = number(value("curAlarm")?.value);
   return {
     name: robot.summary.name,
-    summary: robot.summary,
+    // A robot without a link may start again meanwhile, and then has another speed.
+    summary: isUp ? robot.summary : { ...robot.summary, global_speed: null },
     quality: robot.summary.link === "down" ? "stale" : (value("curMode")?.quality ?? "none"),
     mode: number(value("curMode")?.value),
     // An old alarm is shown with its age. That there was none once says nothing of now.
