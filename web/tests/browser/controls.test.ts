@@ -306,6 +306,12 @@ test("an admin takes a lease over with a reason, and chooses a model; another ro
   expect(await page.isDisabled("[data-take-over]")).toBe(true);
   await page.fill("[data-reason]", "the operator has left");
   await isAccessible(page);
+  // Another one gets it while the question is open: nothing is taken from somebody who was not asked about.
+  await holder.page.locator("[data-lease=mine] button").click();
+  await says(page, "[data-take-changed=true]", "it is free");
+  expect(await page.isDisabled("[data-take-over]")).toBe(true);
+  await control(holder.page, "saw");
+  await page.waitForSelector("[data-take-changed=false]", { state: "attached" });
   await page.click("[data-take-over]");
   await page.waitForSelector("[data-lease=mine]");
   await says(page, "[data-doing]", "It waits for you to clear the stop.");

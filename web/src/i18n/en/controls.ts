@@ -126,6 +126,8 @@ export const controls = {
   registerHint: "A program of the cell may start a motion by a register.",
   take: "Take over…",
   takeTitle: (robot: string, holder: string) => `Take ${robot} from ${holder}?`,
+  takeChanged: (before: string, now: string | null) =>
+    `${before} does not control it any more: ${now === null ? "it is free" : `${now} does`}. Cancel, and ask again.`,
   takeWhat: "The gateway stops the robot first, and the stop holds. A program that it runs ends.",
   takeReason: "Reason, for the audit log",
   takeDo: (robot: string) => `Stop ${robot} and take control`,
