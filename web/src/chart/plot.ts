@@ -3,7 +3,7 @@
  */
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { wall } from "../i18n/zone.ts";
+import { shownZone, wall } from "../i18n/zone.ts";
 import { type Bucket, columns, extent } from "./buckets.ts";
 import { lone } from "./lone.ts";
 
@@ -88,7 +88,7 @@ export class Plot {
     return {
       ...this.#size,
       legend: { show: false },
-      tzDate: (seconds) => uPlot.tzDate(new Date(seconds * 1000), this.#drawing?.zone ?? "UTC"),
+      tzDate: (seconds) => uPlot.tzDate(new Date(seconds * 1000), shownZone(this.#drawing?.zone ?? "UTC")),
       scales: {
         x: { time: true, range: () => this.#across() },
         y: { range: () => this.#up() },

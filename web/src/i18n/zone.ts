@@ -22,6 +22,11 @@ export function isKnown(zone: string): boolean {
   return formatOf(zone) !== null;
 }
 
+/** The zone in which times are shown. */
+export function shownZone(zone: string): string {
+  return isKnown(zone) ? zone : "UTC";
+}
+
 /** A time of the clock on the wall, with its day: `2026-11-25T06:00:00`. */
 export function wall(instant: number, zone: string): string {
   const format = formatOf(zone) ?? formatOf("UTC");
