@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { diff, changed } from "./diff.ts";
-import { type Shelf, MAX_CHARACTERS, MAX_DRAFTS, drafts, dropDraft, keepDraft, readDraft } from "./draft.ts";
+import { Drafted, type Shelf, MAX_CHARACTERS, MAX_DRAFTS, drafts, dropDraft, keepDraft, readDraft } from "./draft.ts";
 
 function shelf(): Shelf & { kept: Map<string, string> } {
   const kept = new Map<string, string>();
@@ -67,4 +67,24 @@ test("lines far from a change are left out", () => {
   const shown = changed(diff(text, text.replace("line 10\n", "line ten\n")), 1);
   expect(shown.map((line) => line?.text ?? null)).toEqual([null, "line 9", "line 10", "line ten", "line 11", null]);
   expect(changed(diff(text, text))).toEqual([null]);
+});
+
+test("of two pages with one program, neither takes the draft of the other away without a word", () => {
+  const here = shelf();
+  const [one, two] = [new Drafted(here, "pick"), new Drafted(here, "pick")];
+  expect([one.read(), two.read()]).toEqual([null, null]);
+  expect(one.keep(draft("a", 1))).toBe(true);
+  expect([one.isOthers("a"), two.isOthers("b"), two.isOthers("a")]).toEqual([false, true, false]);
+  expect(two.keep(draft("b", 2))).toBe(false);
+  expect(readDraft(here, "pick")?.text).toBe("a");
+  // What the other page saves or discards drops its own draft alone.
+  two.drop("b");
+  expect(readDraft(here, "pick")?.text).toBe("a");
+  expect(two.keep(draft("b", 3), true)).toBe(true);
+  expect([one.isOthers("a"), one.keep(draft("a2", 4))]).toEqual([true, false]);
+  two.drop("b");
+  expect(readDraft(here, "pick")).toBeNull();
+  expect(one.keep(draft("a3", 5))).toBe(true);
+  const key = [...here.kept.keys()][0]!;
+  expect([one.isOf({ key }), one.isOf({ key: "r6-theme" })]).toEqual([true, false]);
 });

@@ -44,6 +44,51 @@ export function keepDraft(shelf: Shelf, program: string, draft: Draft): boolean 
   }
 }
 
+/**
+ * The draft of a program as one page knows it. Two pages of a browser may change one program: neither takes the draft
+ * of the other away without a word.
+ */
+export class Drafted {
+  /** The text that this page read or kept last; `null` without one. */
+  private last: string | null = null;
+
+  constructor(
+    private readonly shelf: Shelf,
+    readonly program: string,
+  ) {}
+
+  read(): Draft | null {
+    const draft = readDraft(this.shelf, this.program);
+    this.last = draft?.text ?? null;
+    return draft;
+  }
+
+  /** Whether another page has kept another draft since. */
+  isOthers(text: string): boolean {
+    const there = readDraft(this.shelf, this.program)?.text ?? null;
+    return there !== null && there !== this.last && there !== text;
+  }
+
+  /** Whether an event of the browser's storage is of this draft. */
+  isOf({ key }: Pick<StorageEvent, "key">): boolean {
+    return key === PREFIX + this.program || key === null;
+  }
+
+  /** Keeps a draft. Returns whether it is kept: not over one of another page, unless `isOver`. */
+  keep(draft: Draft, isOver = false): boolean {
+    if (!isOver && this.isOthers(draft.text)) return false;
+    const isKept = keepDraft(this.shelf, this.program, draft);
+    if (isKept) this.last = draft.text;
+    return isKept;
+  }
+
+  /** Drops the draft that this page kept. */
+  drop(text: string): void {
+    if (!this.isOthers(text)) dropDraft(this.shelf, this.program);
+    this.last = null;
+  }
+}
+
 export function dropDraft(shelf: Shelf, program: string): void {
   try {
     shelf.removeItem(PREFIX + program);

@@ -50,6 +50,8 @@ export const teach = {
     versions: "Versions and deletion",
     draftFrom: (at: string) => `This is the draft of ${at} in this browser. It is not stored at the gateway.`,
     discard: "Discard the draft",
+    draftElsewhere: "Another tab of this browser has changed the draft of this program. The changes here are not kept as a draft.",
+    keepThis: "Keep the draft of this tab",
     notKept: "This browser keeps no draft: save before you leave.",
     offline: (message: string) => `The stored program cannot be read (${message}). This is the draft of this browser.`,
     open: "Open",

@@ -49,6 +49,8 @@ export const teach: typeof english = {
     versions: "版本与删除",
     draftFrom: (at) => `这是此浏览器中 ${at} 的草稿，尚未保存到网关。`,
     discard: "放弃草稿",
+    draftElsewhere: "此浏览器的另一个标签页更改了该程序的草稿，此处的更改不会存为草稿。",
+    keepThis: "保留本标签页的草稿",
     notKept: "此浏览器不保留草稿：离开前请保存。",
     offline: (message) => `无法读取已保存的程序（${message}）。这是此浏览器中的草稿。`,
     open: "打开",

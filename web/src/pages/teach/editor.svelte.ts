@@ -7,7 +7,7 @@ import type { ProgramChecked, ProgramVersion, StoredProgram } from "../../api/ty
 import { session } from "../../state/session.svelte.ts";
 import type { Command } from "../../teach/commands.ts";
 import { type Document, EMPTY, read, write } from "../../teach/document.ts";
-import { dropDraft, keepDraft, readDraft } from "../../teach/draft.ts";
+import { Drafted } from "../../teach/draft.ts";
 import { type History, type Selection, change, choose, historyOf, redo, undo } from "../../teach/history.ts";
 import type { Wrong } from "../../teach/toml.ts";
 import { problemText } from "../../api/failure.ts";
@@ -51,6 +51,8 @@ export class Editor {
   draftOf = $state<number | null>(null);
   /** Whether the draft is kept in this browser. */
   isKept = $state(true);
+  /** Whether another page of this browser keeps another draft of this program: this one is not kept then. */
+  isOthers = $state(false);
   saved = $state.raw<Saved | null>(null);
   /** The version that another one saved meanwhile: it is compared, and one is chosen. */
   conflict = $state.raw<StoredProgram | null>(null);
@@ -71,11 +73,26 @@ export class Editor {
   /** Whether the text that is not taken apart took the place of a program, which undo brings back. */
   #isOverProgram = false;
 
+  readonly #draft: Drafted;
+
   constructor(readonly name: string) {
+    this.#draft = new Drafted(shelf, name);
+    globalThis.addEventListener?.("storage", this.#look);
     void this.load();
   }
 
+  /** Another page of this browser kept a draft. */
+  readonly #look = (event: StorageEvent): void => {
+    if (this.phase === "ready" && this.#draft.isOf(event)) this.isOthers = this.#draft.isOthers(this.text);
+  };
+
+  /** Keeps this draft in the place of the one of another page. */
+  keepThis(): void {
+    this.#keep(true);
+  }
+
   end(): void {
+    globalThis.removeEventListener?.("storage", this.#look);
     this.#isOver = true;
     if (this.#timer !== null) clearTimeout(this.#timer);
   }
@@ -97,7 +114,7 @@ export class Editor {
     this.phase = "loading";
     const answer = await call<StoredProgram>("GET", this.#path);
     if (this.#isOver) return;
-    const draft = readDraft(shelf, this.name);
+    const draft = this.#draft.read();
     if (answer.kind === "ok") {
       const latest = answer.value;
       if (draft !== null && draft.text !== latest.program) {
@@ -223,15 +240,22 @@ export class Editor {
 
   #changed(): void {
     this.saved = null;
-    if (this.isDirty) this.isKept = keepDraft(shelf, this.name, { text: this.text, base: this.base, at: Date.now() });
+    if (this.isDirty) this.#keep(false);
     else this.#dropDraft();
     this.#checkSoon(REST);
   }
 
+  #keep(isOver: boolean): void {
+    const isKept = this.#draft.keep({ text: this.text, base: this.base, at: Date.now() }, isOver);
+    this.isOthers = !isKept && this.#draft.isOthers(this.text);
+    this.isKept = isKept || this.isOthers;
+  }
+
   #dropDraft(): void {
-    dropDraft(shelf, this.name);
+    this.#draft.drop(this.text);
     this.draftOf = null;
     this.isKept = true;
+    this.isOthers = false;
   }
 
   #checkSoon(after: number): void {
