@@ -1,7 +1,7 @@
 /** Firmware whose restart needs the pendant too. The person at the pendant is the panel of the virtual controller. */
 import { writeFileSync } from "node:fs";
 import { join } from "node:path";
-import type { Browser, Page } from "playwright-core";
+import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { en } from "../../src/i18n/en.ts";
 import { zh } from "../../src/i18n/zh.ts";
@@ -44,7 +44,7 @@ async function cellOf(profile: string): Promise<Cell> {
 }
 
 /** Waits until the numbers of J1 change. */
-async function moves(page: Page, person: Person): Promise<void> {
+async function moves(person: Person): Promise<void> {
   const axis = person.part(new RegExp(person.words.robot.axes)).getByRole("row", { name: /^J1\b/ });
   const before = await axis.textContent();
   await until("J1 moves", async () => (await axis.textContent()) !== before);
@@ -65,7 +65,7 @@ for (const { words, locale } of [
       await page.goto(`${await network.open()}/${hash}`);
       const person = new Person(page, words);
       await person.follow(/^virtual /);
-      await moves(page, person);
+      await moves(person);
       await person.press(words.lease.take);
       await person.press(new RegExp(words.stop.one("virtual")));
       await page.getByText(words.stop.stopped("virtual", "@").split("@")[0]!.trim()).first().waitFor();
@@ -84,7 +84,7 @@ for (const { words, locale } of [
       await says(page, "[data-doing]", words.doing({ kind: "waits_for_start", stands: true }));
       await person.press(words.control.prepare);
       await person.hold(words.control.run("virtual"));
-      await moves(page, person);
+      await moves(person);
 
       // The gateway is lost and comes back: the page says the one, and goes on by itself.
       await network.cut();
@@ -92,7 +92,7 @@ for (const { words, locale } of [
       await picture(page, `${name}-lost`);
       await network.open();
       await page.getByRole("alert").first().waitFor({ state: "detached" });
-      await moves(page, person);
+      await moves(person);
       expect(faults).toEqual([]);
     } finally {
       await page.context().close();
@@ -108,7 +108,7 @@ for (const { words, locale } of [
       await page.goto(cell.link);
       const person = new Person(page, words);
       await person.follow(/^virtual /);
-      await moves(page, person);
+      await moves(person);
       await r6("panel", "--panel", cell.panel, "alarm", "5001");
       await says(page, "[data-doing]", /5001/);
       await person.press(words.lease.take);
@@ -120,7 +120,7 @@ for (const { words, locale } of [
       await r6("panel", "--panel", cell.panel, "clear");
       await person.press(words.control.prepare);
       await person.hold(words.control.run("virtual"));
-      await moves(page, person);
+      await moves(person);
       expect(faults).toEqual([]);
     } finally {
       await page.context().close();

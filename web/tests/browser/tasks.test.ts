@@ -96,7 +96,7 @@ for (const of of LANGUAGES) {
       await picture(page, `${name}-1-hall`);
       await person.follow(`${words.needs.open} press-01`);
       const alarm = person.part(words.robot.alarms).getByRole("listitem").first();
-      await alarm.getByText(`${words.robot.remedy}:`, { exact: false }).waitFor();
+      await alarm.getByText(`${words.alarms.remedy}:`, { exact: false }).waitFor();
       expect(await alarm.textContent()).toContain("5001");
       await picture(page, `${name}-1-robot`);
       await person.press(words.lease.take);
@@ -185,10 +185,10 @@ for (const of of LANGUAGES) {
       const run = async (robot: string): Promise<void> => {
         await person.press(own.preview.make);
         await page.getByText(new RegExp(own.preview.lasts(0).replace(/[\d.]+/, "\\d+\\.\\d+"))).waitFor();
-        await person.press(words.lease.take, person.part(own.send.title(robot)));
-        await person.press(own.send.prepare(robot));
-        await person.hold(own.send.hold(robot));
-        await page.getByText(own.send.done(robot, own.send.proof["reached"]!)).waitFor();
+        await person.press(words.lease.take, person.part(words.run.title(robot)));
+        await person.press(words.run.prepare(robot));
+        await person.hold(words.run.hold(robot));
+        await page.getByText(words.run.done(robot, words.run.proof["reached"]!)).waitFor();
       };
       await run("weld-01-twin");
       await picture(page, `${name}-3-twin`);
