@@ -28,7 +28,9 @@ pub use alarm::{
     AcknowledgeRequest, Acknowledged, RobotAlarm, RobotAlarmState, RobotAlarms, ShelveRequest, Shelved,
 };
 pub use audit::{Audit, AuditEntry, AuditHead, AuditRecord, Deed, RawPortRule};
-pub use command::{CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease};
+pub use command::{
+    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease, WithReason,
+};
 pub use event::{CommandOutcome, Event, Happened, LeaseEnd};
 pub use history::{
     Gap, History, HistoryBucket, HistoryEvent, HistoryEvents, HistorySample, HistoryState, UnseenBecause,

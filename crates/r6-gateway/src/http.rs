@@ -145,6 +145,7 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(commands::command))
         .routes(routes!(commands::stop))
         .routes(routes!(commands::clear_stopped))
+        .routes(routes!(commands::forget_owed_stop))
         .routes(routes!(commands::accept_identity))
         .routes(routes!(panel::show, panel::act))
         .routes(routes!(panel::faults))

@@ -83,6 +83,9 @@ impl From<Denied> for Problem {
             | Denied::Closed
             | Denied::Reconfiguring
             | Denied::ListLeft
+            | Denied::NothingOwed
+            | Denied::InReach
+            | Denied::NoStopHolds
             | Denied::Overtaken => Code::NotReady,
             Denied::NeedsNone => Code::BadCommand,
         };

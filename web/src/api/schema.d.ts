@@ -577,6 +577,27 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/robots/{name}/forget-owed-stop": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Forgets that a list of a run has to be stopped as soon as the robot answers, because the arm is gone: only
+         *     then the robot can be removed, or get another address. An admin of all robots can do that while a stop
+         *     holds and no robot answers.
+         */
+        post: operations["forget_owed_stop"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/robots/{name}/history": {
         parameters: {
             query?: never;
@@ -1730,6 +1751,11 @@ export interface components {
             lease: number;
             /** @enum {string} */
             what: "stop_cleared";
+        } | {
+            /** @description Why. */
+            because: string;
+            /** @enum {string} */
+            what: "owed_stop_forgotten";
         } | (components["schemas"]["IdentityChange"] & {
             /** @enum {string} */
             what: "identity_changed";
@@ -3678,6 +3704,11 @@ export interface components {
             /** @description The lease of the caller. */
             lease: components["schemas"]["LeaseKey"];
         };
+        /** @description A request that needs a reason and nothing else. */
+        WithReason: {
+            /** @description Why: 1 to 200 bytes without control characters, for the audit log. */
+            because: string;
+        };
     };
     responses: never;
     parameters: never;
@@ -5471,7 +5502,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `managed_by_file`; `address_taken` by another robot; `not_ready`: the gateway ends, or the arm has to be stopped first */
+            /** @description `managed_by_file`; `address_taken` by another robot; `not_ready`: the gateway ends, or a stop is owed to the arm; `stopped`: a stop holds, and the address would change */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -5582,7 +5613,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `managed_by_file`; `not_ready`: the gateway ends, or the arm has to be stopped first; `stopped`: clear the stop first */
+            /** @description `managed_by_file`; `not_ready`: the gateway ends, or a stop is owed to the arm; `stopped`: clear the stop first */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6431,6 +6462,139 @@ export interface operations {
                 };
             };
             /** @description `outcome_unknown`: it may have acted */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    forget_owed_stop: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["WithReason"];
+            };
+        };
+        responses: {
+            /** @description No stop is owed any more. The stop that holds has to be cleared */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description `bad_json`, `bad_body` */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_slow` */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_ready`: nothing is owed, no stop holds, or a robot answers */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_long` */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_json` */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value` */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `outcome_unknown`: the gateway ends */
             504: {
                 headers: {
                     [name: string]: unknown;

@@ -269,6 +269,11 @@ pub enum Deed {
         /// The lease.
         lease: u64,
     },
+    /// An admin said that the arm is gone: a list of a run that may be at it is not stopped any more.
+    OwedStopForgotten {
+        /// Why.
+        because: String,
+    },
     /// Another robot than before answers.
     IdentityChanged(IdentityChange),
     /// An engineer accepted the robot that answers.

@@ -52,6 +52,15 @@ pub struct WithLease {
     pub lease: LeaseKey,
 }
 
+/// A request that needs a reason and nothing else.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct WithReason {
+    /// Why: 1 to 200 bytes without control characters, for the audit log.
+    pub because: String,
+}
+
 /// One command for a robot.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]

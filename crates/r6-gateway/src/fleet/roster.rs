@@ -13,7 +13,7 @@ use r6_api::gateway::{AuditRecord, Deed, Happened, LeaseEnd, ManagedBy};
 use r6_client::{Address, RobotSettings};
 
 use super::config::RobotConfig;
-use super::station::{By, Kept, millis};
+use super::station::{By, Kept, Station, millis};
 use super::{Fleet, Post, Work, link};
 use crate::clock;
 use crate::core::name::RobotName;
@@ -127,8 +127,8 @@ impl Fleet {
     /// Adds a robot, or changes a robot that this function has added before. A change ends the robot's lease.
     ///
     /// # Errors
-    /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends,
-    /// or if the address would change while a stop is owed to the arm there.
+    /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends.
+    /// For another address also those of [`Self::part`].
     pub async fn put(&self, by: &By, wanted: RobotConfig) -> Result<Put, Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;
@@ -140,9 +140,9 @@ impl Fleet {
         if known.is_some_and(|known| known.is_as(&wanted)) {
             return Ok(Put::Changed);
         }
-        if known.is_some_and(|known| known.address != wanted.address) {
-            self.refuse_if_owed(&wanted.name)?;
-        }
+        let is_moved = known.is_some_and(|known| known.address != wanted.address);
+        let parted: Vec<_> = is_moved.then(|| wanted.name.clone()).into_iter().collect();
+        let _parted = self.part(&parted).await?;
         let record = record(by, &wanted.name, configured(&wanted));
         self.shared.keeper.put_robot(stored(&wanted), record).await?;
         match known {
@@ -160,8 +160,8 @@ impl Fleet {
     /// Removes a robot that [`Self::put`] has added. Its lease ends, and the arm goes on with what it does.
     ///
     /// # Errors
-    /// `no_such_robot`, `managed_by_file`, `store_unavailable`; `not_ready` if the gateway ends, or if
-    /// a stop is owed to the arm; `stopped` if a stop holds.
+    /// `no_such_robot`, `managed_by_file`, `store_unavailable`; `not_ready` if the gateway ends; those of
+    /// [`Self::part`].
     pub async fn remove(&self, by: &By, name: &RobotName) -> Result<(), Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;
@@ -169,8 +169,7 @@ impl Fleet {
             .station(name.as_str())
             .ok_or_else(|| Problem::new(Code::NoSuchRobot, format!("there is no robot `{name}`")))?;
         refuse_if_of_file(&station.config())?;
-        self.refuse_if_owed(name)?;
-        self.refuse_if_stopped(name)?;
+        let _parted = self.part(std::slice::from_ref(name)).await?;
         let record = record(by, name, Deed::RobotRemoved {});
         self.shared.keeper.remove_robot(name.clone(), vec![record]).await?;
         self.take_out(name).await;
@@ -181,8 +180,8 @@ impl Fleet {
     /// of these has their name.
     ///
     /// # Errors
-    /// `bad_value`, `address_taken`: nothing was changed, nor for `not_ready` (the gateway ends, or a stop is
-    /// owed to an arm that would be lost) and `stopped` (a stop holds at a robot that would be removed).
+    /// `bad_value`, `address_taken`, `not_ready` (the gateway ends) and those of [`Self::part`]: nothing was
+    /// changed.
     /// `store_unavailable`: some robots may be changed; to call it again does the rest.
     pub async fn reload(&self, robots: Vec<RobotConfig>) -> Result<Changes, Problem> {
         let ended = self.ended.lock().await;
@@ -204,14 +203,12 @@ impl Fleet {
                 Some(_) => changed.push(robot),
             }
         }
-        for name in &gone {
-            self.refuse_if_owed(name)?;
-            self.refuse_if_stopped(name)?;
-        }
-        let moved = |robot: &&RobotConfig| {
+        let is_moved = |robot: &&RobotConfig| {
             now.iter().any(|known| known.name == robot.name && known.address != robot.address)
         };
-        changed.iter().filter(moved).try_for_each(|robot| self.refuse_if_owed(&robot.name))?;
+        let moved = changed.iter().filter(is_moved).map(|robot| &robot.name);
+        let parted: Vec<_> = gone.iter().chain(moved).cloned().collect();
+        let _parted = self.part(&parted).await?;
         let changes = Changes { added: added.len(), changed: changed.len(), removed: gone.len() };
         let records = gone.iter().map(|name| record(&by, name, Deed::RobotRemoved {}));
         let news = added.iter().chain(&changed).map(|robot| record(&by, &robot.name, configured(robot)));
@@ -229,33 +226,32 @@ impl Fleet {
         Ok(changes)
     }
 
-    /// Refuses to lose an arm that may still carry out a list of the gateway, unless a person has stopped the
-    /// robot: who does that has looked, or could not reach it. A twin has no arm.
-    fn refuse_if_owed(&self, name: &RobotName) -> Result<(), Problem> {
-        let Some(station) = self.station(name.as_str()) else { return Ok(()) };
-        let is_owed = station.seat(|seat, _| seat.owes_stop() && !seat.stops().0);
-        if !is_owed || station.config().twin_of.is_some() {
-            return Ok(());
+    /// Gets ready to take these names from their arms: each robot will be removed, or get another address.
+    /// Runs are stopped first. No lease, command or run begins until the result is dropped.
+    ///
+    /// # Errors
+    /// A robot that is stopped, or may still carry out a list of the gateway, keeps its arm: at another name
+    /// the arm could be moved before a person has looked. `stopped` if a stop holds, `not_ready` if a stop is
+    /// owed or a run could not be stopped. Then nothing else has changed.
+    async fn part(&self, names: &[RobotName]) -> Result<Parted, Problem> {
+        let stations: Vec<_> = names.iter().filter_map(|name| self.station(name.as_str())).collect();
+        // A twin has no arm.
+        let arms = || stations.iter().filter(|station| station.config().twin_of.is_none());
+        arms().try_for_each(|station| refuse_if_tied(station))?;
+        let parted = Parted(stations.clone());
+        for station in &parted.0 {
+            station.seat(|seat, _| seat.will_be_reconfigured());
         }
-        let message = "a list of a run may still move this arm, and it is stopped as soon as it answers. If it never will: see \
-                       that the arm stands, stop the robot here (the stop holds, also if it does not reach it), and try again";
-        Err(Problem::new(Code::NotReady, message))
-    }
-
-    /// Refuses to forget a stop: under another name, the same arm could be moved before somebody has looked.
-    /// A twin has no arm.
-    fn refuse_if_stopped(&self, name: &RobotName) -> Result<(), Problem> {
-        let Some(station) = self.station(name.as_str()) else { return Ok(()) };
-        // If a stop is owed as well, this one says that somebody has looked.
-        let is_stopped = station.seat(|seat, _| seat.stops().0 && !seat.owes_stop());
-        if !is_stopped || station.config().twin_of.is_some() {
-            return Ok(());
+        let over = join_all(parted.0.iter().map(|station| station.run_is_over())).await;
+        // A run that was just stopped may have left something, and a person may have stopped the robot.
+        arms().try_for_each(|station| refuse_if_tied(station))?;
+        if over.contains(&false) {
+            return Err(Problem::new(
+                Code::NotReady,
+                "a run is being stopped and is not over yet: ask again",
+            ));
         }
-        let message = format!(
-            "`{name}` was stopped, and it would be forgotten: look at it, clear the stop (POST …/clear-stopped), and \
-             then remove it"
-        );
-        Err(Problem::new(Code::Stopped, message))
+        Ok(parted)
     }
 
     fn configs(&self) -> Vec<RobotConfig> {
@@ -314,6 +310,41 @@ impl Fleet {
             self.shared.wake_readers();
         }
     }
+}
+
+/// Robots that are about to be removed, or to get another address. When this is dropped, those that are still
+/// there take leases again.
+#[derive(Debug)]
+struct Parted(Vec<Arc<Station>>);
+
+impl Drop for Parted {
+    fn drop(&mut self) {
+        for station in &self.0 {
+            station.seat(|seat, _| seat.is_configured());
+        }
+    }
+}
+
+/// Refuses to take the name of this robot from its arm ([`Fleet::part`]).
+fn refuse_if_tied(station: &Station) -> Result<(), Problem> {
+    let name = station.name();
+    let (is_stopped, is_owed) = station.seat(|seat, _| (seat.stops().0, seat.owes_stop()));
+    if is_owed {
+        let message = format!(
+            "a list of a run may still move the arm of `{name}`, so `{name}` is not removed and keeps its address: the \
+             list is stopped as soon as the robot answers. If it never will, because the arm is gone: an admin of all \
+             robots says so (POST …/forget-owed-stop)"
+        );
+        return Err(Problem::new(Code::NotReady, message));
+    }
+    if is_stopped {
+        let message = format!(
+            "`{name}` was stopped, so it is not removed and keeps its address: look at it, clear the stop \
+             (POST …/clear-stopped, for which it need not answer), and try again"
+        );
+        return Err(Problem::new(Code::Stopped, message));
+    }
+    Ok(())
 }
 
 fn refuse_if(ended: bool) -> Result<(), Problem> {

@@ -12,6 +12,7 @@ use r6_http::body::{require_json, whole};
 use serde::de::DeserializeOwned;
 
 use super::State;
+use super::refusal::bad_value;
 use crate::core::seat::{Denied, Key, Secret};
 use crate::problem::Problem;
 
@@ -21,6 +22,9 @@ pub const MAX_BYTES: usize = 16 * 1024;
 /// The longest body with a program in it: a text of 256 KiB, each second character of which takes two bytes
 /// in JSON, as quotes and ends of lines do. At the rate that the server reads at, it comes in 2 s.
 pub const MAX_PROGRAM_BYTES: usize = 384 * 1024 + MAX_BYTES;
+
+/// The longest reason, in bytes: a sentence.
+const MAX_REASON: usize = 200;
 
 /// How long a body may take. Clients send it in one piece.
 const BODY_TIME: Duration = Duration::from_secs(5);
@@ -76,6 +80,15 @@ pub fn key(of: &LeaseKey) -> Result<Key, Problem> {
         return Ok(Key { number: of.number, secret: Secret(secret) });
     }
     Err(Denied::NoLease.into())
+}
+
+/// Refuses a reason that is empty, too long for an entry of the audit log, or would break its lines.
+pub fn check_reason(field: &str, because: &str) -> Result<(), Refusal> {
+    if because.trim().is_empty() || because.len() > MAX_REASON || because.chars().any(char::is_control) {
+        let wanted = format!("{field} is a reason of 1 to {MAX_REASON} bytes without control characters");
+        return Err(bad_value(wanted));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -2,13 +2,13 @@
 
 use axum::extract::State as Of;
 use axum::http::{HeaderMap, StatusCode};
-use r6_api::gateway::{CommandDone, CommandRequest, RobotIdentity, Stopped, WithLease};
+use r6_api::gateway::{CommandDone, CommandRequest, RobotIdentity, Stopped, WithLease, WithReason};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
 use r6_proto::{Command, CommandName, Effect};
 
-use super::body::{Json, key};
-use super::caller::{self, AcceptIdentity, Caller, Robot, Stop};
+use super::body::{Json, check_reason, key};
+use super::caller::{self, AcceptIdentity, Caller, Configure, Robot, Stop};
 use super::described::{OfBody, OfChange};
 use super::{State, idempotency, refusal};
 use crate::core::role::Right;
@@ -161,6 +161,42 @@ pub async fn clear_stopped(
     cleared.map_err(refusal::of)?;
     robot.station.written().await;
     Ok(StatusCode::NO_CONTENT)
+}
+
+/// Forgets that a list of a run has to be stopped as soon as the robot answers, because the arm is gone: only
+/// then the robot can be removed, or get another address. An admin of all robots can do that while a stop
+/// holds and no robot answers.
+#[utoipa::path(
+    post,
+    path = "/v1/robots/{name}/forget-owed-stop",
+    params(("name" = String, Path, description = "The name of the robot")),
+    request_body = WithReason,
+    responses(
+        (status = 204, description = "No stop is owed any more. The stop that holds has to be cleared"),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (
+            status = 409,
+            description = "`not_ready`: nothing is owed, no stop holds, or a robot answers",
+            body = Problem
+        ),
+        (status = 422, description = "`bad_value`", body = Problem),
+        (status = 503, description = "`store_unavailable`", body = Problem),
+        (status = 504, description = "`outcome_unknown`: the gateway ends", body = Problem),
+        OfChange,
+        OfBody,
+    )
+)]
+pub async fn forget_owed_stop(
+    robot: Robot<Configure>,
+    Json(WithReason { because }): Json<WithReason>,
+) -> Result<StatusCode, Refusal> {
+    let Robot { caller, station, .. } = robot;
+    // Where the arm is, an admin of this robot alone does not know.
+    caller.must(Right::Configure, "")?;
+    check_reason("because", &because)?;
+    let work = tokio::spawn(async move { station.forget_owed_stop(&caller.by(), because).await });
+    let done = work.await.map_err(refusal::of_lost_work)?;
+    done.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
 }
 
 /// Accepts the robot that answers in place of another one: `identity_changed.found` of

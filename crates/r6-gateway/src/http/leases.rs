@@ -7,15 +7,12 @@ use r6_api::gateway::{Lease, LeaseRequest, WithLease};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
 
-use super::body::{Json, key};
+use super::body::{Json, check_reason, key};
 use super::caller::{Command, Robot};
 use super::described::{OfBody, OfChange};
 use super::refusal::{self, bad_value};
 use crate::core::role::Right;
 use crate::core::seat::{LONGEST_LEASE, SHORTEST_LEASE, USUAL_LEASE};
-
-/// The longest reason for taking a lease, in bytes.
-const MAX_REASON: usize = 200;
 
 /// Acquires, renews or takes the lease. Only its holder can send commands that change or move. It ends unless
 /// it is renewed in time.
@@ -54,12 +51,7 @@ pub async fn acquire(
         (Some(_), Some(_)) => return Err(bad_value("either renew or take_because, not both")),
         (Some(held), None) => key(&held).and_then(|key| station.renew(key, lasts)).map_err(refusal::of)?,
         (None, Some(because)) => {
-            let has_control = because.chars().any(char::is_control);
-            if because.trim().is_empty() || because.len() > MAX_REASON || has_control {
-                let wanted =
-                    format!("take_because is a reason of 1 to {MAX_REASON} bytes without control characters");
-                return Err(bad_value(wanted));
-            }
+            check_reason("take_because", &because)?;
             if let Err(refused) = robot.caller.must(Right::TakeLease, station.name()) {
                 station.note_refused(&by, "take the lease", Code::NotAllowed);
                 return Err(refused);

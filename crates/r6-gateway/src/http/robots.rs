@@ -59,7 +59,7 @@ pub async fn show(robot: Robot<Read>) -> Json<RobotState> {
         (status = 204, description = "It is as wanted"),
         (
             status = 409,
-            description = "`managed_by_file`; `address_taken` by another robot; `not_ready`: the gateway ends, or the arm has to be stopped first",
+            description = "`managed_by_file`; `address_taken` by another robot; `not_ready`: the gateway ends, or a stop is owed to the arm; `stopped`: a stop holds, and the address would change",
             body = Problem
         ),
         (status = 422, description = "`bad_value`", body = Problem),
@@ -99,7 +99,7 @@ pub async fn put(
         (status = 404, description = "`no_such_robot`", body = Problem),
         (
             status = 409,
-            description = "`managed_by_file`; `not_ready`: the gateway ends, or the arm has to be stopped first; `stopped`: clear the stop first",
+            description = "`managed_by_file`; `not_ready`: the gateway ends, or a stop is owed to the arm; `stopped`: clear the stop first",
             body = Problem
         ),
         (status = 503, description = "`store_unavailable`: nothing was changed", body = Problem),

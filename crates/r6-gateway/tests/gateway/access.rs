@@ -37,6 +37,7 @@ const ROUTES: [(&str, &str, Needs); 63] = [
     ("PUT", "/v1/robots/{name}", Needs::Role(Role::Admin)),
     ("DELETE", "/v1/robots/{name}", Needs::Role(Role::Admin)),
     ("POST", "/v1/robots/{name}/accept-identity", Needs::Role(Role::Engineer)),
+    ("POST", "/v1/robots/{name}/forget-owed-stop", Needs::Role(Role::Admin)),
     ("POST", "/v1/robots/{name}/clear-stopped", Needs::Role(Role::Operator)),
     ("POST", "/v1/robots/{name}/commands", Needs::Role(Role::Operator)),
     ("GET", "/v1/robots/{name}/history", Needs::Role(Role::Viewer)),

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use r6_api::gateway::Role;
 use r6_controller::RobotModel;
 use r6_gateway::RobotConfig;
 use r6_sim::{SimSettings, Simulation, VirtualController};
@@ -415,7 +416,14 @@ async fn an_arm_that_is_owed_a_stop_is_not_lost_by_a_file_that_is_read_again() {
     hall.until_moving().await;
     cut.send(true).unwrap();
     assert_eq!(hall.until_over(number).await["state"], "unknown");
-    for file in [vec![config("127.0.0.1:1".to_owned())], Vec::new()] {
+    let files = [vec![config("127.0.0.1:1".to_owned())], Vec::new()];
+    for file in files.clone() {
+        let refused = hall.gateway.reload(file).await.unwrap_err();
+        assert_eq!(refused.code.word(), "not_ready", "{refused:?}");
+    }
+    // Not either after a stop that does not reach it.
+    assert_eq!(hall.stop(&hall.operator, "press").await.0, 504);
+    for file in files {
         let refused = hall.gateway.reload(file).await.unwrap_err();
         assert_eq!(refused.code.word(), "not_ready", "{refused:?}");
     }
@@ -446,9 +454,27 @@ async fn an_arm_that_is_owed_a_stop_is_not_lost_by_another_address() {
     for (status, problem) in [put("127.0.0.1:1".to_owned()).await, remove().await] {
         assert_eq!((status, &problem["code"]), (409, &json!("not_ready")), "{problem}");
     }
-    // A person who cannot reach it says so with a stop, which holds.
+    let gone = json!({ "because": "the arm was scrapped" });
+    let forget = async |token: &str| hall.post(token, "/v1/robots/press/forget-owed-stop", &gone).await;
+    let (status, problem) = forget(&hall.admin).await;
+    assert_eq!((status, &problem["code"]), (409, &json!("not_ready")), "no stop holds: {problem}");
+    // A stop that does not reach the arm holds, and the arm may still move: it keeps its name.
     let (status, problem) = hall.post(&hall.operator, "/v1/robots/press/stop", &json!({})).await;
     assert_eq!((status, &problem["code"]), (504, &json!("not_stopped")), "{problem}");
+    for (status, problem) in [put("127.0.0.1:1".to_owned()).await, remove().await] {
+        assert_eq!((status, &problem["code"]), (409, &json!("not_ready")), "{problem}");
+    }
+    // Only an admin of all robots can say that the arm is gone. The stop holds until somebody clears it.
+    let own = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("press")), String::new());
+    assert_eq!(forget(&own.unwrap().1).await.0, 403);
+    assert_eq!(forget(&hall.admin).await.0, 204);
+    assert_eq!(forget(&hall.admin).await.0, 409, "nothing is owed any more");
+    let told = hall.until_audited(|entry| entry["what"] == "owed_stop_forgotten").await;
+    assert_eq!((&told["because"], &told["robot"]), (&gone["because"], &json!("press")));
+    let (status, problem) = remove().await;
+    assert_eq!((status, &problem["code"]), (409, &json!("stopped")), "{problem}");
+    let body = json!({ "lease": lease });
+    assert_eq!(hall.post(&hall.operator, "/v1/robots/press/clear-stopped", &body).await.0, 204);
     assert_eq!(remove().await.0, 204);
 }
 

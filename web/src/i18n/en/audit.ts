@@ -133,6 +133,8 @@ export const audit = {
           : `Stop with ${entry.request}: accepted. Whether the arm stood was not looked at.`;
       case "stop_cleared":
         return "Cleared the stop.";
+      case "owed_stop_forgotten":
+        return `Said that the arm is gone, so that a list of a run at it is not stopped any more, because: “${entry.because}”.`;
       case "identity_changed":
         return `Another robot answers: ${entry.found.machine_name ?? "?"}, not ${entry.expected.machine_name ?? "?"}.`;
       case "identity_accepted":

@@ -125,6 +125,8 @@ export const audit: typeof english = {
           : `通过 ${entry.request} 停止：已被接受，未查看机械臂是否静止。`;
       case "stop_cleared":
         return "解除停止。";
+      case "owed_stop_forgotten":
+        return `声明机械臂已不在，其运行留下的指令列表不再被停止，原因：“${entry.because}”。`;
       case "identity_changed":
         return `应答的是另一台机器人：${entry.found.machine_name ?? "?"}，而不是 ${entry.expected.machine_name ?? "?"}。`;
       case "identity_accepted":

@@ -15,7 +15,7 @@ export type What = AuditEntry["what"];
 
 /** The kinds of the filter, and what is of each. `refused` is of none: it goes by how something ended. */
 export const KINDS = {
-  stop: ["stop", "stop_began", "stop_cleared"],
+  stop: ["stop", "stop_began", "stop_cleared", "owed_stop_forgotten"],
   refused: [],
   command: ["command_intent", "command_outcome"],
   run: ["run_intent", "run_outcome"],

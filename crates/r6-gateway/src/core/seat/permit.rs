@@ -121,6 +121,12 @@ pub enum Denied {
     RunEnding,
     /// A list of an earlier run, or of a run that was cut short, may still be at the robot.
     ListLeft,
+    /// No stop is owed.
+    NothingOwed,
+    /// A stop is owed, and the robot answers, or another one does.
+    InReach,
+    /// No stop holds.
+    NoStopHolds,
     /// It waited too long, or permits were voided while it waited.
     Overtaken,
     /// A command that stops needs no permit.
@@ -170,6 +176,16 @@ impl fmt::Display for Denied {
             Self::ListLeft => f.write_str(
                 "a list of a program that the gateway ran may still be at the robot: the gateway stops it as soon as the \
                  robot answers; wait for that",
+            ),
+            Self::NothingOwed => {
+                f.write_str("no list of a run is left at this robot: there is nothing to forget")
+            }
+            Self::InReach => f.write_str(
+                "a robot answers at this address: the gateway stops the list of the run by itself, or an engineer accepts \
+                 the robot that answers (POST …/accept-identity)",
+            ),
+            Self::NoStopHolds => f.write_str(
+                "stop the robot first: the stop holds, also if it does not reach the robot, until it is cleared",
             ),
             Self::Overtaken => f.write_str(
                 "nothing was sent: while the request waited for the disk, a stop or another change came in between, or \

@@ -171,6 +171,25 @@ impl Seat {
         }
     }
 
+    /// Nothing is owed any more: a person says that the arm is gone. A stop has to hold, so that nothing moves
+    /// what answers under this name later before a person clears it.
+    ///
+    /// # Errors
+    /// [`Denied::NothingOwed`], [`Denied::InReach`], [`Denied::NoStopHolds`].
+    pub fn forget_owed_stop(&mut self) -> Result<(), Denied> {
+        if !self.owes_stop {
+            return Err(Denied::NothingOwed);
+        }
+        if self.link.is_some() || self.stranger.is_some() {
+            return Err(Denied::InReach);
+        }
+        if !self.saved.stopped {
+            return Err(Denied::NoStopHolds);
+        }
+        self.owes_stop = false;
+        Ok(())
+    }
+
     /// Ends the lease of a run before the robot is configured anew, so that the run is stopped over its
     /// connection. Until [`Self::reconfigured`], no lease and no run begins, and nothing is permitted.
     pub fn will_be_reconfigured(&mut self) {
@@ -179,6 +198,11 @@ impl Seat {
         if self.has_run() {
             self.end_lease(LeaseEnd::Reconfigured);
         }
+    }
+
+    /// The robot is configured, or it stays as it was: leases and runs may begin.
+    pub fn is_configured(&mut self) {
+        self.reconfiguring = false;
     }
 
     /// Cuts the run short, if there is one. The first cause counts, except that a robot that comes out of

@@ -3,11 +3,13 @@
 
 use std::time::Duration;
 
+use r6_api::gateway::Deed;
 use r6_client::Robot;
 use tokio::time::timeout;
 
-use super::Station;
 use super::end::Halted;
+use super::{By, Station};
+use crate::problem::Problem;
 
 /// How often to look whether an owed stop can be made, if nothing wakes the task before.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -27,6 +29,22 @@ impl Station {
             // The sender lives as long as this.
             let _ = timeout(LOOK_EVERY, link.changed()).await;
         }
+    }
+
+    /// Forgets a stop that is owed, because the arm is gone.
+    ///
+    /// # Errors
+    /// `not_ready`: nothing is owed, no stop holds, or a robot answers; `store_unavailable`: nothing changed.
+    pub async fn forget_owed_stop(&self, by: &By, because: String) -> Result<(), Problem> {
+        self.seat(|seat, _| seat.forget_owed_stop())?;
+        // What happened before stands before it in the audit log.
+        let record = self.record(by, Deed::OwedStopForgotten { because });
+        if let Err(error) = self.append(record).await {
+            self.seat(|seat, _| seat.owe_stop());
+            return Err(error.into());
+        }
+        self.forget_owed().await;
+        Ok(())
     }
 
     /// Keeps that no stop is owed any more, if that is so. A stop that holds is on the disk before. If the
