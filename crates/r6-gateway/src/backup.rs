@@ -19,9 +19,8 @@ use sha2::{Digest, Sha256};
 use crate::certificate;
 use crate::clock;
 use crate::files;
-use crate::gateway::HISTORY;
 use crate::store::history::{file_names, is_file_name};
-use crate::store::{self, Author, Sqlite, StoreError};
+use crate::store::{self, Author, HALF_RESTORED, HISTORY, Sqlite, StoreError};
 use crate::verify::{VerifyError, verify};
 
 /// What lists the files of a backup.
@@ -189,11 +188,13 @@ pub fn restore(data: &Path, from: &Path, mut progress: impl FnMut(&str)) -> Resu
         }
     }
     empty(data)?;
+    // As long as this is there and no store, no gateway starts: it would not know of the stops.
+    let half = data.join(HALF_RESTORED);
+    parent(&half.join(store::FILE))?;
     for file in list.files.iter().filter(|file| file.name != store::FILE) {
         copy(&from.join(&file.name), &data.join(&file.name))?;
     }
     // Under another name, until a stop holds for every robot.
-    let half = data.join("restored");
     copy(&from.join(store::FILE), &half.join(store::FILE))?;
     let mut problems = Vec::new();
     entries(&half, &mut problems)?;

@@ -40,11 +40,8 @@ use crate::settings::Settings;
 use crate::sharing::{self, Configured, Running, Sharing};
 use crate::store::history::Place;
 use crate::store::postgres::Database;
-use crate::store::{Keeper, Sqlite, Store, StoreError};
+use crate::store::{HISTORY, Keeper, Sqlite, Store, StoreError};
 use crate::tokens::{REFRESH, Tokens};
-
-/// The folder of the history, in that of the store.
-pub const HISTORY: &str = "history";
 
 /// How long the last samples may take at the end.
 const LAST_SAMPLES: Duration = Duration::from_secs(5);

@@ -37,7 +37,7 @@ pub use library::{Kept, LibraryError, NewVersion};
 #[cfg(test)]
 pub use memory::Memory;
 use runs::{Begun, KeptRun, NewRun};
-pub use sqlite::{FILE, Sqlite, copy};
+pub use sqlite::{FILE, HALF_RESTORED, HISTORY, Sqlite, copy};
 
 /// The most tokens of one store: they are all held in memory, and listed at once.
 pub const MAX_TOKENS: usize = 10_000;

@@ -8,8 +8,8 @@ use r6_proto::Address;
 use crate::clock;
 use crate::core::history::sample::{Interval, Micros, Sample, State};
 use crate::core::name::RobotName;
-use crate::gateway::HISTORY;
 use crate::history::{Batch, HistorySettings, RobotCounts, journal};
+use crate::store::HISTORY;
 
 /// How many samples are given to the journal at a time.
 const TOGETHER: usize = 4096;

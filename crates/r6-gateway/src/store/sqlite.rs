@@ -33,6 +33,12 @@ use crate::files;
 /// The name of the file in the folder.
 pub const FILE: &str = "control.db";
 
+/// The folder of the history, beside the store.
+pub const HISTORY: &str = "history";
+
+/// The folder, beside the store, in which a restore makes it, until a stop holds for each robot.
+pub const HALF_RESTORED: &str = "restored";
+
 /// The version from which on there are users.
 const USERS_SINCE: usize = 3;
 
@@ -58,12 +64,24 @@ impl Sqlite {
     /// Opens the store of a folder, and makes both if there are none. Only their owner may read them.
     ///
     /// # Errors
-    /// [`StoreError::Unavailable`].
+    /// [`StoreError::Unavailable`]; also if the store of the folder is missing: no new one is made in its place,
+    /// because it would not know of the stops that hold.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let failed =
             |error: std::io::Error| StoreError::Unavailable(format!("{}: {error}", folder.display()));
         files::make_folder(folder).map_err(failed)?;
         let path = folder.join(FILE);
+        let is_left = |name: &&&str| folder.join(**name).exists();
+        if !path.try_exists().map_err(failed)?
+            && let Some(left) = [HALF_RESTORED, HISTORY].iter().find(is_left)
+        {
+            return Err(StoreError::Unavailable(format!(
+                "{} has `{left}` and no `{FILE}`: a `restore` was broken off there, or the file was removed. A gateway \
+                 that began anew would not know which robots are stopped. Remove the folder and restore it again, or \
+                 use another folder",
+                folder.display()
+            )));
+        }
         files::make_file(&path).map_err(failed)?;
         Self::at(&path)
     }

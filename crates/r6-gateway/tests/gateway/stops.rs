@@ -4,10 +4,25 @@ use std::time::Duration;
 
 use futures_util::StreamExt as _;
 use futures_util::stream::FuturesUnordered;
+use r6_api::gateway::Role;
 use r6_gateway::{Gateway, RobotConfig};
 use serde_json::{Value, json};
 
 use crate::support::{Hall, call, commands, name, ready_to_start, settings, signal};
+
+#[tokio::test]
+async fn no_gateway_begins_anew_in_a_folder_whose_store_is_missing() {
+    for left in ["history", "restored"] {
+        let data = tempfile::tempdir().unwrap();
+        std::fs::create_dir(data.path().join(left)).unwrap();
+        let refused = Gateway::start(settings(data.path(), Vec::new())).await.unwrap_err().to_string();
+        assert!(refused.contains(&format!("`{left}` and no `control.db`")), "{refused}");
+        // Nor does the command line make a store there.
+        let refused = r6_gateway::make_token(data.path(), Role::Admin, None, String::new()).unwrap_err();
+        assert!(refused.to_string().contains("no `control.db`"), "{refused}");
+        assert_eq!(std::fs::read_dir(data.path()).unwrap().count(), 1, "nothing was made");
+    }
+}
 
 #[tokio::test]
 async fn a_stop_without_lease_stops_a_moving_arm_and_holds_until_it_is_cleared() {
