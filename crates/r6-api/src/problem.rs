@@ -249,6 +249,8 @@ codes! {
     NeedsIfMatch "needs_if_match",
     /// The program is not in the version that the change is for.
     NotThisVersion "not_this_version",
+    /// The program has another text than the caller checked.
+    OtherText "other_text",
     /// The store cannot be written.
     StoreUnavailable "store_unavailable",
     /// Another gateway owns the robots, or none does at the moment.

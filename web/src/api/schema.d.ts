@@ -2929,6 +2929,11 @@ export interface components {
             /** @description Whether it had no mistake when it was stored. */
             ok: boolean;
             /**
+             * @description SHA-256 of its text, in hexadecimal digits. A program that was removed and stored again counts its versions
+             *     anew: this tells one text from another, and a run takes it.
+             */
+            sha256: string;
+            /**
              * Format: int64
              * @description How many steps it has.
              */
@@ -3255,6 +3260,11 @@ export interface components {
              * @example 1
              */
             repeat?: number | null;
+            /**
+             * @description SHA-256 of the text that the caller checked, 64 hexadecimal digits in small letters. If the text to run is
+             *     another one, the run is refused (`other_text`).
+             */
+            sha256?: string | null;
             /**
              * Format: int64
              * @description Its version; the latest if it is missing.
@@ -7544,7 +7554,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `run_under_way`, `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the controller), `in_progress`, `no_room` */
+            /** @description `run_under_way`, `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the controller), `in_progress`, `no_room`, `other_text` */
             409: {
                 headers: {
                     [name: string]: unknown;

@@ -68,6 +68,12 @@ impl Tag {
         let hash: String = self.hash.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
         format!("\"{}-{hash}\"", self.version)
     }
+
+    /// The hash in hexadecimal digits.
+    #[must_use]
+    pub fn sha256(&self) -> String {
+        self.hash.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
 }
 
 /// Which version a change is for: what the headers of the request say.

@@ -326,6 +326,6 @@ fn known(path: Result<Path<String>, PathRejection>) -> Result<ProgramName, Refus
 /// A version as the contract has it.
 fn version(kept: Kept) -> ProgramVersion {
     let Kept { name, tag, bytes, stored_at, stored_by, kind, ok, steps } = kept;
-    let (name, etag) = (name.to_string(), tag.etag());
-    ProgramVersion { name, version: tag.version, etag, stored_at, stored_by, bytes, kind, ok, steps }
+    let (name, etag, sha256) = (name.to_string(), tag.etag(), tag.sha256());
+    ProgramVersion { name, version: tag.version, etag, sha256, stored_at, stored_by, bytes, kind, ok, steps }
 }

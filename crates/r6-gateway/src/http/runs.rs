@@ -21,6 +21,10 @@ use crate::problem;
 use crate::programs::check::check_length;
 use crate::programs::run::{MAX_REPEAT, steps};
 
+/// What a caller has to know whose text is another one.
+const OTHER_TEXT: &str = "nothing was sent: the program has another text than the one that was checked (`sha256`); it was \
+                          stored anew meanwhile: read it and check it again";
+
 /// Runs a program on a robot, with the lease. The gateway feeds its steps, at most 10 ahead of the arm, and
 /// stops the arm if the lease ends. The answer comes once the controller accepted the first list:
 /// `GET /v1/robots/{name}/runs/{run}` tells the rest. A request with the same `Idempotency-Key` that asks
@@ -53,7 +57,7 @@ use crate::programs::run::{MAX_REPEAT, steps};
         (
             status = 409,
             description = "`run_under_way`, `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, \
-                           `refused` (by the controller), `in_progress`, `no_room`",
+                           `refused` (by the controller), `in_progress`, `no_room`, `other_text`",
             body = Problem
         ),
         (status = 422, description = "`bad_program`, `bad_value`, `key_taken`", body = Problem),
@@ -73,8 +77,13 @@ pub async fn run(
 ) -> Result<Response, Refusal> {
     let Robot { caller, station, .. } = robot;
     let idempotency_key = idempotency::required(&headers)?;
-    let RunRequest { program, name, version, lease: _, repeat } = &request;
-    let hash = idempotency::hash(&(station.name(), program, name, version, repeat))?;
+    let RunRequest { program, name, version, sha256, lease: _, repeat } = &request;
+    let asked = (station.name(), program, name, version, repeat);
+    // Without it as before, so that keys outlive a new version of the gateway.
+    let hash = match sha256 {
+        None => idempotency::hash(&asked)?,
+        Some(sha256) => idempotency::hash(&(asked, sha256))?,
+    };
     let owner = idempotency::owner(&caller);
     let before = station.answered_before(&owner, &idempotency_key, hash).await.map_err(refusal::of)?;
     let run = match before {
@@ -88,9 +97,14 @@ pub async fn run(
             if !(1..=MAX_REPEAT).contains(&repeat) {
                 return Err(bad_value(format!("repeat is from 1 to {MAX_REPEAT}")));
             }
+            let wanted = request.sha256.clone();
             let (program, text) = text(&state, request).await?;
             let read = move || (Sha256::digest(&text), steps(&text, repeat));
             let (sha256, motion) = state.bench.compute_to_run(read).await.map_err(refusal::of)?;
+            let sha256: String = sha256.iter().map(|byte| format!("{byte:02x}")).collect();
+            if wanted.is_some_and(|wanted| wanted != sha256) {
+                return Err(refusal::of(problem::Problem::new(Code::OtherText, OTHER_TEXT)));
+            }
             let wish = Wish {
                 key: held,
                 caller: owner,
@@ -98,7 +112,7 @@ pub async fn run(
                 hash,
                 motion: motion.map_err(refusal::of)?,
                 program,
-                sha256: sha256.iter().map(|byte| format!("{byte:02x}")).collect(),
+                sha256,
                 repeat,
             };
             let by = caller.by();

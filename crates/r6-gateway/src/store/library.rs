@@ -77,8 +77,7 @@ impl NewVersion {
 
     /// The record about it.
     pub(super) fn record(&self, kept: &Kept) -> AuditRecord {
-        let Tag { version, hash } = kept.tag;
-        let sha256 = hash.iter().map(|byte| format!("{byte:02x}")).collect();
+        let (version, sha256) = (kept.tag.version, kept.tag.sha256());
         self.by.record(Deed::ProgramStored { program: self.name.to_string(), version, sha256 })
     }
 }

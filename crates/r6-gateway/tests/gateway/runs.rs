@@ -141,6 +141,42 @@ async fn the_arm_ends_where_the_program_says_and_a_request_that_comes_twice_runs
 }
 
 #[tokio::test]
+async fn a_run_carries_out_the_text_that_was_checked_or_nothing() {
+    let hall = Hall::start().await;
+    let path = "/v1/programs/pick";
+    let put = async |to: f64, line: &str| {
+        let body = json!({ "program": moves(100, &[to]) });
+        call_with(hall.gateway.address(), &hall.engineer, "PUT", path, line, Some(&body)).await
+    };
+    let first = put(1.0, "").await;
+    let checked = first.body["sha256"].clone();
+    let etag = format!("If-Match: {}\r\n", first.etag.unwrap());
+    let removed = call_with(hall.gateway.address(), &hall.engineer, "DELETE", path, &etag, None).await;
+    assert_eq!(removed.status, 204);
+    // Another text has the same name and version now.
+    let second = put(2.0, "If-None-Match: *\r\n").await;
+    assert_eq!((&second.body["version"], second.status), (&first.body["version"], 201));
+    assert_ne!(second.body["sha256"], checked);
+    let kept = hall.get(&hall.viewer, path).await;
+    assert_eq!(kept["sha256"], second.body["sha256"]);
+
+    let lease = hall.long_lease(60).await;
+    let mut log = hall.robots[0].handle().log();
+    let body = |sha256: &Value| json!({ "name": "pick", "version": 1, "sha256": sha256, "lease": lease });
+    for (number, sha256) in [&checked, &json!(""), &json!("0")].into_iter().enumerate() {
+        let refused = hall.run(&hall.operator, &format!("a{number}"), &body(sha256)).await;
+        assert_eq!((refused.status, &refused.body["code"]), (409, &json!("other_text")), "{}", refused.body);
+    }
+    assert!(hall.audit().await.iter().all(|entry| entry["what"] != "run_intent"));
+    assert!(commands(&mut log).is_empty());
+    let run = hall.run(&hall.operator, "b", &body(&kept["sha256"])).await;
+    assert_eq!((run.status, &run.body["sha256"]), (202, &kept["sha256"]), "{}", run.body);
+    let other = hall.run(&hall.operator, "b", &body(&checked)).await;
+    assert_eq!((other.status, &other.body["code"]), (422, &json!("key_taken")), "{}", other.body);
+    assert_eq!(hall.until_over(run.body["run_id"].as_u64().unwrap()).await["state"], "done");
+}
+
+#[tokio::test]
 async fn a_kept_program_runs_in_several_rounds() {
     let hall = Hall::start().await;
     let put = json!({ "program": moves(100, &[5.0, 2.0]) });
