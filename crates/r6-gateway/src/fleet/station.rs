@@ -4,7 +4,7 @@ mod pending;
 
 use std::cmp::Ordering::{Equal, Greater, Less};
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -204,6 +204,8 @@ pub struct Station {
     pub(super) stop_commands: Semaphore,
     /// The connection over which the robot last said who it is, plus one; 0 before that.
     introduced_on: AtomicU64,
+    /// Whether a robot has said who it is at this address since the start.
+    is_met: AtomicBool,
     /// The connection over which the robot answers, for clients that must not outlive it.
     pub(crate) link: watch::Sender<Option<u64>>,
     /// The last run, as it stands.
@@ -276,6 +278,7 @@ impl Station {
             stops: Semaphore::new(MAX_STOPS as usize),
             stop_commands: Semaphore::new(MAX_STOPS as usize),
             introduced_on: AtomicU64::new(0),
+            is_met: AtomicBool::new(false),
             link: watch::Sender::new(None),
             runs: watch::Sender::new(None),
             beginning: AsyncMutex::default(),
@@ -315,6 +318,9 @@ impl Station {
             let mut board = self.board();
             *board = self.shared.new_board(&config);
         }
+        if self.config().address != config.address {
+            self.is_met.store(false, Ordering::SeqCst);
+        }
         *self.config.lock().unwrap_or_else(PoisonError::into_inner) = config;
         self.shared.wake_readers();
     }
@@ -323,6 +329,9 @@ impl Station {
     pub(super) fn introduced(&self, connection: Option<u64>) {
         let number = connection.map_or(0, |connection| connection.saturating_add(1));
         self.introduced_on.store(number, Ordering::SeqCst);
+        if connection.is_some() {
+            self.is_met.store(true, Ordering::SeqCst);
+        }
     }
 
     /// Who answers over this connection.
@@ -527,6 +536,7 @@ impl Station {
         self.seat(|seat, now| {
             let (stopped, stops_under_way) = seat.stops();
             let identity_changed = seat.identity_change();
+            let is_met = self.is_met.load(Ordering::SeqCst) || identity_changed.is_some();
             let present = identity_changed.as_ref().map(|change| change.found.clone());
             let identity = present.or_else(|| seat.saved().identity.clone());
             let lease = seat.lease(now).map(|lease| LeaseHolder {
@@ -543,7 +553,8 @@ impl Station {
                 managed_by,
                 model,
                 link: if seat.is_up() { RobotLink::Up } else { RobotLink::Down },
-                r#virtual: if twin_of.is_some() { Some(true) } else { named },
+                // What another machine of this name was says nothing about what is at this address.
+                r#virtual: if twin_of.is_some() { Some(true) } else { named.filter(|_| is_met) },
                 twin_of: twin_of.map(|name| name.to_string()),
                 twin: twin.map(|name| name.to_string()),
                 panel: panel.is_some(),

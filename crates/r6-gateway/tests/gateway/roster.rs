@@ -119,6 +119,26 @@ async fn a_robot_of_the_api_outlives_a_new_start_and_its_lease_numbers_go_on() {
 }
 
 #[tokio::test]
+async fn an_address_that_never_answered_is_not_called_virtual() {
+    let hall = Hall::start().await;
+    let saw = VirtualController::start().await.unwrap();
+    let at = |address: String| json!({ "address": address, "period_ms": 20 });
+    assert_eq!(put(&hall, "saw", at(saw.address().to_string())).await.0, 201);
+    let state = hall.until_up("saw").await;
+    assert_eq!(state["virtual"], true);
+    // Removed and added again elsewhere, and moved elsewhere.
+    assert_eq!(hall.call(&hall.admin, "DELETE", SAW, None).await.0, 204);
+    assert_eq!(put(&hall, "saw", at("127.0.0.1:1".to_owned())).await.0, 201);
+    let elsewhere = hall.get(&hall.viewer, SAW).await;
+    assert_eq!((&elsewhere["virtual"], &elsewhere["link"]), (&json!(null), &json!("down")));
+    assert_eq!(elsewhere["identity"], state["identity"], "the robot that is expected");
+    assert_eq!(put(&hall, "saw", at(saw.address().to_string())).await.0, 204);
+    assert_eq!(hall.until_up("saw").await["virtual"], true);
+    assert_eq!(put(&hall, "saw", at("127.0.0.1:2".to_owned())).await.0, 204);
+    assert_eq!(hall.get(&hall.viewer, SAW).await["virtual"], Value::Null);
+}
+
+#[tokio::test]
 async fn two_robots_cannot_have_one_address_and_the_file_is_not_changed_by_the_api() {
     let hall = Hall::start().await;
     let address = hall.robots[0].address().to_string();
