@@ -7,7 +7,7 @@ use r6_api::gateway::{Deed, HallSettings, ManagedBy};
 use sha2::{Digest, Sha256};
 use tokio::sync::Mutex as AsyncMutex;
 
-use crate::core::hall::{Hall, Mistake};
+use crate::core::hall::{Hall, Mistake, is_no_place};
 use crate::core::library::{Condition, Tag, Unfit};
 use crate::problem::Problem;
 use crate::store::{Author, Keeper, StoreError, StoredSettings};
@@ -49,7 +49,15 @@ impl Settings {
             None => known(Hall::usual(), 0, ManagedBy::Api),
             Some(StoredSettings { version, text }) => {
                 let unreadable = |what: String| StoreError::Unreadable(format!("the settings: {what}"));
-                let settings = serde_json::from_str(&text).map_err(|error| unreadable(error.to_string()))?;
+                let mut settings: HallSettings =
+                    serde_json::from_str(&text).map_err(|error| unreadable(error.to_string()))?;
+                if is_no_place(&settings.time_zone) {
+                    let zone = std::mem::replace(&mut settings.time_zone, "UTC".to_owned());
+                    tracing::error!(
+                        zone,
+                        "the time zone of the hall has no rules: it is UTC until an admin chooses one"
+                    );
+                }
                 let hall = Hall::new(settings).map_err(|mistakes| unreadable(listed(&mistakes)))?;
                 known(hall, version, ManagedBy::Api)
             }

@@ -282,7 +282,19 @@ fn overlaps(shifts: &[Shift], timed: &[(usize, Timed)]) -> Vec<Mistake> {
     mistakes
 }
 
+/// Names of the database that are no place: they have no rules, and browsers do not know them.
+const NO_PLACES: [&str; 2] = ["Etc/Unknown", "Factory"];
+
+/// Whether this is a name of the database that is no place. An earlier version took them.
+#[must_use]
+pub fn is_no_place(zone: &str) -> bool {
+    NO_PLACES.iter().any(|name| name.eq_ignore_ascii_case(zone))
+}
+
 fn zone(name: &str) -> Result<TimeZone, String> {
+    if is_no_place(name) {
+        return Err(format!("`{name}` is no place, and has no rules; without shifts, `UTC` may do"));
+    }
     let zones = TimeZoneDatabase::bundled();
     if name.len() <= MAX_ZONE
         && let Ok(zone) = zones.get(name)

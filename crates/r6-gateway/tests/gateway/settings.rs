@@ -32,6 +32,28 @@ impl Hall {
 }
 
 #[tokio::test]
+async fn a_zone_that_browsers_do_not_know_is_refused_and_one_that_was_stored_does_no_harm() {
+    let hall = Hall::start().await;
+    let etag = hall.get(&hall.viewer, SETTINGS).await["etag"].as_str().unwrap().to_owned();
+    for zone in ["Etc/Unknown", "etc/unknown", "Factory"] {
+        let body = json!({ "time_zone": zone, "shifts": [] });
+        let refused = hall.put_settings(&hall.admin, Some(&etag), &body).await;
+        assert_eq!((refused.status, &refused.body["code"]), (422, &json!("bad_value")), "{zone}");
+        assert!(refused.body["message"].as_str().unwrap().contains("time_zone"), "{}", refused.body);
+    }
+    hall.set(&berlin()).await;
+    // As an earlier version of the gateway took it.
+    let store = rusqlite::Connection::open(hall.data.path().join("control.db")).unwrap();
+    let changed =
+        store.execute("UPDATE hall SET settings = replace(settings, 'Europe/Berlin', 'Etc/Unknown')", []);
+    assert_eq!(changed.unwrap(), 1);
+    drop(store);
+    let hall = hall.again(Vec::new(), Vec::new()).await;
+    let now = hall.get(&hall.viewer, SETTINGS).await;
+    assert_eq!((&now["time_zone"], &now["shifts"]), (&json!("UTC"), &berlin()["shifts"]));
+}
+
+#[tokio::test]
 async fn settings_are_changed_by_version_audited_and_kept() {
     let hall = Hall::start().await;
     let first = call_with(hall.gateway.address(), &hall.viewer, "GET", SETTINGS, "", None).await;
