@@ -179,9 +179,13 @@ fn value(value: &AddressValue) -> String {
 }
 
 /// A text as a cell. A spreadsheet takes a text that begins with `=` and the like as a formula and runs it:
-/// an apostrophe before it says that it is text.
+/// an apostrophe before it says that it is text. Some take it also behind blanks, and with the wide signs that East
+/// Asian keyboards write.
 fn quoted(text: &str) -> String {
-    let is_formula = text.starts_with(['=', '+', '-', '@', '\t', '\r', '\n']);
+    let is_blank = |of: char| of.is_whitespace() || of.is_control() || matches!(of, '\u{200b}' | '\u{feff}');
+    let sign = text.trim_start_matches(is_blank);
+    let is_formula = text.starts_with(['\t', '\r', '\n'])
+        || sign.starts_with(['=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}']);
     let mark = if is_formula { "'" } else { "" };
     format!("\"{mark}{}\"", text.replace('"', "\"\""))
 }
@@ -209,7 +213,9 @@ mod tests {
 
     #[test]
     fn no_cell_is_a_formula_or_breaks_the_table() {
-        let texts = ["=1+1", "@a", "-1", "+1", "\t=1", "a \"b\", c\r\nd", "plain"];
+        let wide = "\u{ff1d}1";
+        let texts =
+            ["=1+1", "@a", "-1", "+1", "\t=1", wide, " =1", "\u{feff}\u{3000}@a", "a \"b\", c\r\nd", "plain"];
         let sample = |text: &&str| HistorySample {
             time: "2026-11-25T06:00:00.000000Z".to_owned(),
             value: Some(AddressValue::Text((*text).to_owned())),
@@ -217,7 +223,10 @@ mod tests {
         };
         let table = table(&history(Some(texts.iter().map(sample).collect()), None));
         let time = "2026-11-25T06:00:00.000000Z";
-        let cells = ["'=1+1", "'@a", "'-1", "'+1", "'\t=1", "a \"\"b\"\", c\r\nd", "plain"];
+        let marked = ["'\u{ff1d}1", "' =1", "'\u{feff}\u{3000}@a"];
+        let [wide, behind, after] = marked;
+        let cells =
+            ["'=1+1", "'@a", "'-1", "'+1", "'\t=1", wide, behind, after, "a \"\"b\"\", c\r\nd", "plain"];
         let lines = cells.map(|cell| format!("{time},\"{cell}\",\r\n"));
         assert_eq!(table, format!("time,value,gap\r\n{}", lines.concat()));
     }
