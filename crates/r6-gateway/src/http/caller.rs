@@ -453,7 +453,13 @@ impl<R: Needs> FromRequestParts<State> for Robot<R> {
                 return refusal::of(problem);
             }
             let name: String = name.chars().take(40).collect();
-            Refusal::not_found(Code::NoSuchRobot, format!("there is no robot `{name}`"))
+            let stations = state.fleet.stations();
+            // What the caller may not see is not told.
+            let known =
+                stations.iter().map(|known| known.name()).filter(|known| caller.grant().covers(known));
+            let nearest =
+                r6_proto::nearest(&name, known).map_or(String::new(), |near| format!("; nearest: `{near}`"));
+            Refusal::not_found(Code::NoSuchRobot, format!("there is no robot `{name}`{nearest}"))
         })?;
         Ok(Self { caller, station, right })
     }

@@ -204,8 +204,7 @@ fn form(headers: &HeaderMap, offered: &[Form]) -> Form {
 }
 
 fn question(range: Range, station: &Station, recorder: &Recorder) -> Result<Question, Refusal> {
-    let address = Address::parse(&range.signal)
-        .map_err(|_| bad_value(format!("`{}` is no query address", shown(&range.signal))))?;
+    let address = Address::parse(&range.signal).map_err(|unknown| bad_value(unknown.to_string()))?;
     let now = recorder.time(clock::now());
     let cursor = range.cursor.as_ref().and_then(|text| text.strip_prefix('t')?.parse().ok()).map(Micros);
     let of_time = LENGTHS.range((range.from.as_deref(), range.to.as_deref()), cursor, now)?;

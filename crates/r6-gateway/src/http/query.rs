@@ -50,12 +50,8 @@ pub async fn show(
     if names.len() > MAX_ADDRESSES {
         return Err(bad_value(format!("a query has at most {MAX_ADDRESSES} addresses")));
     }
-    let addresses = names.into_iter().map(|name| {
-        Address::parse(name).map_err(|_| {
-            let shown: String = name.chars().take(48).collect();
-            bad_value(format!("`{}` is no query address", r6_proto::printable(&shown)))
-        })
-    });
+    let addresses =
+        names.into_iter().map(|name| Address::parse(name).map_err(|unknown| bad_value(unknown.to_string())));
     let addresses = addresses.collect::<Result<Vec<_>, _>>()?;
     robot.station.query(&addresses).await.map(Json).map_err(refusal::of)
 }

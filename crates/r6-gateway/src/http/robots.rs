@@ -123,10 +123,7 @@ fn read(name: &str, wanted: RobotWanted, settings: RobotSettings) -> Result<Robo
     let bad_value = |message: String| problem::Problem::new(Code::BadValue, message);
     let RobotWanted { address, period_ms, read, model } = wanted;
     let name = RobotName::new(name).ok_or_else(|| bad_value(format!("a robot has {}", RobotName::WANTED)))?;
-    let address_of = |text: &String| {
-        let shown: String = text.chars().take(48).collect();
-        Address::parse(text).map_err(|_| bad_value(format!("`{shown}` is no query address")))
-    };
+    let address_of = |text: &String| Address::parse(text).map_err(|unknown| bad_value(unknown.to_string()));
     Ok(RobotConfig {
         period: period_ms.map_or(USUAL_PERIOD, Duration::from_millis),
         addresses: read.iter().map(address_of).collect::<Result<_, _>>()?,

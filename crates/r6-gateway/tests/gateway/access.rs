@@ -444,3 +444,26 @@ async fn a_part_of_a_path_that_is_no_text_is_named_by_its_own_problem() {
     assert_eq!((status, &problem["code"]), (404, &json!("no_such_robot")));
     assert_eq!(hall.post(&only, path, &json!({})).await.0, 403);
 }
+
+#[tokio::test]
+async fn a_robot_that_is_not_there_is_told_with_the_nearest_name_that_the_caller_may_see() {
+    let robots = [VirtualController::start().await, VirtualController::start().await];
+    let hall = Hall::with(robots.map(Result::unwrap).into()).await;
+    let (status, problem) = hall.call(&hall.viewer, "GET", "/v1/robots/pres", None).await;
+    assert_eq!((status, &problem["message"]), (404, &json!("there is no robot `pres`; nearest: `press`")));
+    let of_misspelt =
+        r6_gateway::make_token(hall.data.path(), Role::Viewer, Some(name("pres")), String::new());
+    let (status, problem) = hall.call(&of_misspelt.unwrap().1, "GET", "/v1/robots/pres", None).await;
+    assert_eq!(
+        (status, &problem["message"]),
+        (404, &json!("there is no robot `pres`")),
+        "it may not see press"
+    );
+    for path in ["query?address=Adr-800", "history?signal=Adr-800"] {
+        let (status, problem) =
+            hall.call(&hall.viewer, "GET", &format!("/v1/robots/press/{path}"), None).await;
+        assert_eq!((status, &problem["code"]), (422, &json!("bad_value")));
+        let message = problem["message"].as_str().unwrap();
+        assert!(message.starts_with("`Adr-800` is no query address; nearest: `Addr-n`"), "{path}: {message}");
+    }
+}

@@ -200,6 +200,7 @@ async fn every_mistake_of_a_query_is_told() {
     for (query, part) in [
         ("", "signal"),
         ("signal=axis-99", "`axis-99` is no query address"),
+        ("signal=Adr-800", "nearest: `Addr-n` with n from 800"),
         ("signal=axis-0&from=yesterday", "from: `yesterday`"),
         ("signal=axis-0&to=2026-13-01T00:00:00Z", "to: "),
         ("signal=axis-0&from=9999-01-01T00:00:00Z", "from is a time before to"),
