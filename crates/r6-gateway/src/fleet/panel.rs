@@ -151,8 +151,11 @@ impl Station {
     /// `no_panel`.
     pub fn panel(&self) -> Result<Panel, Problem> {
         self.config().panel.ok_or_else(|| {
-            let message = "this robot has no panel here, and nothing was done: twins and the robot of `r6 up` have \
-                           one. POST …/stop stops every robot";
+            let name = self.name();
+            let message = format!(
+                "`{name}` has no panel here, and nothing was done or stopped: only twins and the robot of `r6 up` have one. \
+                 To stop `{name}`: POST /v1/robots/{name}/stop, which works without a panel"
+            );
             Problem::new(Code::NoPanel, message)
         })
     }
