@@ -193,6 +193,10 @@ pub fn refuse(
     Answer::Refused(Some(reason))
 }
 
+/// What a script has to know if something is left in the list. It cannot ask for running it, as over HTTP.
+const LEFTOVER: &str = "something is left in the instruction list, or its length cannot be read, and the arm would run the \
+                        list: a stop clears it";
+
 /// How a raw client is told: what was not done or was refused by the controller is `err` with the reason; an
 /// unknown outcome is silence, because an `err` would make a script send it again.
 fn door_answer(station: &Station, done: Result<(), Problem>) -> Answer {
@@ -201,9 +205,12 @@ fn door_answer(station: &Station, done: Result<(), Problem>) -> Answer {
         Err(Problem { code: Code::OutcomeUnknown, .. }) => Answer::Silence,
         Err(problem) => {
             station.counts.raw.refused();
-            // The controller's own words, if it was the controller.
-            let is_own = problem.code == Code::Refused;
-            Answer::Refused(if is_own { problem.reason } else { Some(problem.message) })
+            Answer::Refused(match problem.code {
+                // The controller's own words, if it was the controller.
+                Code::Refused => problem.reason,
+                Code::LeftoverList => Some(LEFTOVER.to_owned()),
+                _ => Some(problem.message),
+            })
         }
     }
 }

@@ -95,6 +95,7 @@ async fn a_list_without_a_live_lease_never_reaches_the_controller() {
     assert_ne!(script.query("RemoteCmdLen").await, ["0"], "the pause leaves the list as it is");
     let reply = script.ask(&list(false, &[to("5", "10")])).await;
     assert!(verdict(&reply).contains("left in the instruction list"), "{reply}");
+    assert!(!reply.contains("run_leftover"), "a script has no such field: {reply}");
     // Nor when the script tries again, nor when it holds the lease for another reason.
     assert_eq!(script.command("modifyGSPD 500").await, "ok");
     for _ in 0..2 {
