@@ -144,6 +144,7 @@ test("the panel of a twin: key, moves by hand, inputs, emergency stop, in Chines
   await page.waitForSelector("[data-robot=saw-twin]");
   await control(page, "saw-twin");
   await says(page, "[data-panel-state]", "运行中，全局速度 100 %");
+  await says(page, "[data-speed]", "100 %（来自此虚拟机器人的面板）");
   expect(await page.isDisabled("[data-panel='jog-J1+']")).toBe(true);
   await page.click("[data-panel=key-manual]");
   await says(page, "[data-panel-state='1']", "手动");

@@ -84,6 +84,7 @@ export const controls = {
   speed: "Global speed",
   speedSet: (percent: number, by: string, at: string) =>
     `${percent} %, set by ${by}, ${at}; not reported by the controller`,
+  speedOfPanel: (percent: number) => `${percent} %, as the panel of this virtual robot says`,
   speedUnknown: "Not known: the controller does not report it, and whether it is as it was last set is not known either.",
   percent: "Percent of full speed",
   setSpeed: (robot: string) => `Set the speed of ${robot}`,

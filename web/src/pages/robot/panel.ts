@@ -38,3 +38,24 @@ export function panelUnmet(needs: PanelNeeds, has: PanelHas): PanelUnmet[] {
   if (needs === "by_hand") check(has.mode === MODES.manual, "not_manual");
   return found;
 }
+
+/** From this age on, in milliseconds, what a panel said is old. */
+export const OLD = 3_000;
+
+/** The global speeds that the panels of virtual robots said last: these controllers do not report it either. */
+export class PanelSpeeds {
+  private readonly said = new Map<string, { percent: number; at: number }>();
+
+  /** `at`: when the panel was asked, on the page's clock. */
+  say(robot: string, percent: number, at: number): void {
+    this.said.set(robot, { percent, at });
+  }
+
+  /** The percent; `null` if no panel has said it, or not lately. */
+  of(robot: string, now: number): number | null {
+    const said = this.said.get(robot);
+    return said !== undefined && now - said.at < OLD ? said.percent : null;
+  }
+}
+
+export const panelSpeeds = new PanelSpeeds();

@@ -5,7 +5,7 @@ import { withModel } from "./models.ts";
 import { motorAddresses, motorsOf } from "./motors.ts";
 import { freshKey } from "../../api/client.ts";
 import { isRaise, numberOf, percentOf, wholeOf } from "./numbers.ts";
-import { type PanelHas, panelUnmet } from "./panel.ts";
+import { OLD, type PanelHas, PanelSpeeds, panelUnmet } from "./panel.ts";
 
 test("points have the names of the pendant where these are known, and numbers elsewhere", () => {
   expect([0, 1, 7, 8, 31].map((bit) => nameOf("input", 0, bit))).toEqual(["X010", "X011", "X017", "X020", "X047"]);
@@ -89,4 +89,14 @@ test("each action at the panel needs what the gateway asks for", () => {
   expect(unmet({ stopped: true })).toEqual(["", "stop_holds", "stop_holds", "", "stop_holds", "", ""]);
   expect(unmet({ mode: 7 })).toEqual(["", "", "not_manual", "", "", "", ""]);
   expect(unmet({ role: "viewer", gateway: false })[0]).toBe("gateway_lost no_right");
+});
+
+test("the global speed of a virtual robot is what its panel said lately", () => {
+  const speeds = new PanelSpeeds();
+  expect(speeds.of("saw", 0)).toBeNull();
+  speeds.say("saw", 100, 1_000);
+  speeds.say("press", 5, 1_000);
+  expect([speeds.of("saw", 1_000), speeds.of("press", 1_000), speeds.of("weld", 1_000)]).toEqual([100, 5, null]);
+  speeds.say("saw", 30, 2_000);
+  expect([speeds.of("saw", 1_999 + OLD), speeds.of("saw", 2_000 + OLD), speeds.of("press", 2_000 + OLD)]).toEqual([30, null, null]);
 });
