@@ -4,7 +4,7 @@ import { en } from "../../i18n/en.ts";
 import { zh } from "../../i18n/zh.ts";
 import { byShift, distribution, hallOf } from "./figures.ts";
 import { areAlike, dayPeriod, daysOf, pairOf, queryOf, shiftsOf } from "./periods.ts";
-import { availabilityOf, cyclesOf, difference, partsOf, sumOf } from "./say.ts";
+import { availabilityOf, cyclesOf, cyclesUpTo, difference, partsOf, sumOf } from "./say.ts";
 
 const BERLIN = "Europe/Berlin";
 const NOW = Date.parse("2026-11-25T09:42:03Z");
@@ -123,4 +123,8 @@ test("a shift of several robots is one row, the latest first", () => {
     ["2026-11-25", ["a"]],
     ["2026-11-24", ["a", "b"]],
   ]);
+});
+
+test("of a part of the cycles it is said up to which time they took", () => {
+  expect([cyclesUpTo(3_090, en), cyclesUpTo(12_340, en), cyclesUpTo(null, en), cyclesUpTo(undefined, en)]).toEqual(["up to 3.09 s", "up to 12.3 s", "", ""]);
 });

@@ -29,6 +29,11 @@ export function cycleTime(ms: number | null | undefined, { production }: Words):
   return ms == null ? "" : production.seconds(ms);
 }
 
+/** Up to which time a part of the cycles took; nothing without any. */
+export function cyclesUpTo(ms: number | null | undefined, words: Words): string {
+  return ms == null ? "" : words.production.upTo(cycleTime(ms, words));
+}
+
 /** A figure of the hall, and of how many robots it is if not all tell it. */
 export function sumOf(sum: Sum, all: number, { production }: Words, text: (value: number) => string = String): string {
   if (sum.value === null) return all === 0 ? "" : sum.unseen.length === all ? production.nothingSeen : production.notTold;
