@@ -364,6 +364,8 @@ export class FakeGateway {
 
   private answer(request: IncomingMessage, response: ServerResponse): void {
     const { pathname, searchParams } = new URL(request.url ?? "/", "http://fake");
+    // The page compares it with the time in the messages.
+    response.setHeader("Date", new Date(this.time).toUTCString());
     const say = (value: unknown, status = 200): void => {
       response.writeHead(status, { "Content-Type": "application/json", "Cache-Control": "no-store" });
       response.end(JSON.stringify(value));
