@@ -22,7 +22,7 @@ import {
 const MADE: Basis = {
   isHeard: true,
   text: "a",
-  version: 3,
+  version: '"3-a"',
   robot: "saw",
   machine: "m",
   model: "M",
@@ -40,7 +40,8 @@ const PLAN_ROWS: [what: string, now: Partial<Basis>, reason: PlanVoid][] = [
   ["the model is another one", { model: "N" }, "model"],
   ["the model is not known any more", { model: null }, "model"],
   ["the text is another one", { text: "b" }, "text"],
-  ["another version was stored", { version: 4 }, "version"],
+  ["another version was stored", { version: '"4-b"' }, "version"],
+  ["the program was removed and stored anew", { version: '"3-b"' }, "version"],
   ["the kept program is gone", { version: null }, "version"],
   ["it would be planned at another speed", { speed: 60 }, "speed"],
   ["another speed was set", { setSpeed: 30 }, "speed"],

@@ -15,8 +15,11 @@ export interface Basis {
   isHeard: boolean;
   /** What would be sent: a text, or the name of a kept program with its rounds. */
   text: string;
-  /** The latest version of the kept program that would run; `null` if a text is sent. */
-  version: number | null;
+  /**
+   * The `ETag` of the latest version of the kept program that would run; `null` for a text. The number alone comes
+   * again for a program that was removed and stored anew.
+   */
+  version: string | null;
   /** The robot that it is planned for, the machine behind its name, and its model. */
   robot: string;
   machine: string;

@@ -255,6 +255,24 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await again("sweep", `${SWEEP}# again\n`);
   await says(page, "[data-refused]", "Not run: another version of the program was stored. Prepare it again.");
   expect(await page.locator("[data-prepared]").count()).toBe(0);
+  // Removed and stored anew, another text has the same number: it is read again before anything is sent.
+  await ask("DELETE", "/v1/programs/sweep", engineer);
+  await ask("PUT", "/v1/programs/sweep", engineer, { program: SWEEP });
+  await page.focus("body");
+  await page.focus("[data-program]");
+  await page.click("[data-prepare]");
+  await says(page, "[data-prepared]", "sweep, version 1");
+  await page.route("**/v1/programs", (route) => route.abort());
+  await ask("DELETE", "/v1/programs/sweep", engineer);
+  await ask("PUT", "/v1/programs/sweep", engineer, { program: SWEEP.replace("[30", "[-30") });
+  await hold(page, "Hold to run on saw-twin");
+  await says(page, "[data-refused]", "Not run: another version of the program was stored. Prepare it again.");
+  expect(await page.locator("[data-run]").count(), "nothing was sent").toBe(0);
+  await page.unroute("**/v1/programs");
+  await again("sweep", SWEEP);
+  await page.locator("[data-program]").blur();
+  await page.focus("[data-program]");
+  await page.waitForTimeout(500);
   await page.click("[data-prepare]");
   await says(page, "[data-prepared]", "sweep, version 2");
   // So does the end of control.
@@ -283,7 +301,7 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await other.page.goto(`${url}/#${admin}`);
   await other.page.waitForSelector("[data-robot=saw-twin]");
   await other.page.goto(`${url}/robots/saw-twin`);
-  await says(other.page, "[data-run=running]", /back, run by token \d+/);
+  await says(other.page, "[data-run=running]", /a program that was sent as text, run by token \d+/);
   await page.keyboard.press("F9");
   await says(page, "[data-run=stopped]", /Stopped before its end by token \d+/);
   await says(other.page, "[data-run=stopped]", /Stopped before its end by token \d+/);

@@ -33,8 +33,8 @@ export interface Now {
   view: View | undefined;
   /** What would be sent: a text, or a kept program with its rounds. */
   text: string;
-  /** The latest version of the kept program; `null` for a text. */
-  version: number | null;
+  /** The `ETag` of the latest version of the kept program; `null` for a text. */
+  version: string | null;
   /** The global speed to plan with, in percent. */
   speed: number;
 }

@@ -6,6 +6,7 @@ import type { LeaseKey, Run } from "../../api/types.ts";
 import { type Sent, isOpen, mayRun, ofRun, runOf, sentBy } from "../../run/sent.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { session } from "../../state/session.svelte.ts";
+import type { Kept } from "./stored.ts";
 
 /** How often a run that is under way is asked for, in milliseconds; events tell it sooner. */
 const ASK = 1_000;
@@ -14,16 +15,19 @@ const ASK_OTHERS = 5_000;
 /** The gateway answers once the controller has accepted the first steps. */
 const PATIENCE = 20_000;
 
-/** What is sent, with the text that it runs. */
+/** What runs. The text that was checked and planned is sent, also of a kept program: by its name another text could run. */
 export interface Order {
   text: string;
-  body: { program: string } | { name: string; version: number; repeat: number };
+  /** How often; once if it is missing. */
+  repeat?: number;
+  /** The kept program that the text is of. */
+  kept?: Kept;
 }
 
 class Runner {
   /** The last program that this page sent or followed, by robot. */
   #sent = new SvelteMap<string, Sent>();
-  #texts = new SvelteMap<string, string>();
+  #orders = new SvelteMap<string, Order>();
   /** Robots for which an event told that a run is under way, this page's or another's. */
   #under = new SvelteMap<string, number>();
   /** The texts that ran on a robot to their end, and the machine that ran them: see `View.who`. */
@@ -42,7 +46,12 @@ class Runner {
 
   /** The text that was sent last. */
   textOf(robot: string): string | null {
-    return this.#texts.get(robot) ?? null;
+    return this.#orders.get(robot)?.text ?? null;
+  }
+
+  /** The name of the kept program that was sent last. The gateway is told its text alone. */
+  nameOf(robot: string): string | null {
+    return this.#orders.get(robot)?.kept?.name ?? null;
   }
 
   /**
@@ -63,15 +72,16 @@ class Runner {
     if (!mayRun(this.of(robot))) this.#sent.delete(robot);
   }
 
-  async send(robot: string, { text, body }: Order, lease: LeaseKey): Promise<void> {
+  async send(robot: string, order: Order, lease: LeaseKey): Promise<void> {
     if (this.runs(robot)) return;
     const who = whoOf(robot);
     this.#sent.set(robot, { kind: "sent" });
     this.#ran.delete(robot);
-    this.#texts.set(robot, text);
+    this.#orders.set(robot, order);
+    const { text, repeat } = order;
     const path = robotPath(robot, "programs/run");
     const answer = await call<Run>("POST", path, {
-      body: { ...body, lease },
+      body: { program: text, ...(repeat === undefined ? {} : { repeat }), lease },
       csrf: session.csrf,
       idempotencyKey: freshKey(),
       patience: PATIENCE,
@@ -95,7 +105,7 @@ class Runner {
       return;
     }
     if (mayRun(this.of(robot))) return;
-    this.#texts.delete(robot);
+    this.#orders.delete(robot);
     this.#sent.set(robot, ofRun(answer.value));
     await this.#follow(robot, run, ASK_OTHERS);
   }

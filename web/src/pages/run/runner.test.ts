@@ -37,7 +37,7 @@ test("a text that ran on a twin counts for that twin, and not for another one of
   const there = (who: number): void => void (hall.views = [viewLike("saw-twin", { who })]);
   there(1);
   answers(() => run({}));
-  await runner.send("saw-twin", { text: TEXT, body: { program: TEXT } }, LEASE);
+  await runner.send("saw-twin", { text: TEXT }, LEASE);
   expect([runner.hasRun("saw-twin", TEXT), runner.hasRun("saw-twin", `${TEXT} `), runner.hasRun("saw", TEXT)]).toEqual([
     true,
     false,
@@ -57,7 +57,7 @@ test("a twin that was started anew while the text ran has not run it", async () 
     hall.views = [viewLike("saw-twin", { who: 2 })];
     return run({});
   });
-  await runner.send("saw-twin", { text: TEXT, body: { program: TEXT } }, LEASE);
+  await runner.send("saw-twin", { text: TEXT }, LEASE);
   expect(runner.of("saw-twin")?.kind).toBe("ended");
   expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
 });
@@ -66,10 +66,12 @@ test("a text that was stopped has not run, and nothing is sent a second time whi
   const { runner, hall, asked, answers } = await start();
   hall.views = [viewLike("saw-twin", { who: 1 })];
   answers(() => run({ state: "stopped" }));
-  const order = { text: TEXT, body: { name: "pick", version: 2, repeat: 3 } };
+  // The text that was checked is sent: behind the name and the version another one may stand.
+  const order = { text: TEXT, repeat: 3, kept: { name: "pick", version: 2 } };
   await runner.send("saw-twin", order, LEASE);
   expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
-  expect(asked).toEqual([{ method: "POST", path: "/v1/robots/saw-twin/programs/run", body: { ...order.body, lease: LEASE } }]);
+  expect(asked).toEqual([{ method: "POST", path: "/v1/robots/saw-twin/programs/run", body: { program: TEXT, repeat: 3, lease: LEASE } }]);
+  expect(runner.nameOf("saw-twin")).toBe("pick");
   answers(() => ({ kind: "unknown" }));
   await runner.send("saw-twin", order, LEASE);
   expect([asked.length, runner.isUnknown("saw-twin"), runner.runs("saw-twin")]).toEqual([2, true, false]);
