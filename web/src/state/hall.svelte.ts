@@ -63,6 +63,8 @@ class Hall {
   #ahead = Date.now() - performance.now();
   #late = new Late();
   #apart = Date.now() - performance.now();
+  /** Another number for each session: in an earlier one, at another gateway, the same name may have been another robot's. */
+  era = 0;
   #link: Link | null = null;
   #dirty = new Set<string>();
   #isScheduled = false;
@@ -185,6 +187,7 @@ class Hall {
   end(): void {
     this.#endZone();
     this.hasZone = null;
+    this.era += 1;
     this.#link?.end();
     this.#link = null;
     this.#timers.forEach((timer) => clearInterval(timer));

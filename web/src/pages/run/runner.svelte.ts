@@ -3,6 +3,7 @@ import { SvelteMap } from "svelte/reactivity";
 import { call, freshKey } from "../../api/client.ts";
 import { robotPath } from "../../api/paths.ts";
 import type { LeaseKey, Run } from "../../api/types.ts";
+import { machineOf } from "../../robots/consent.ts";
 import { type Sent, isOpen, mayRun, ofRun, runOf, sentBy } from "../../run/sent.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { session } from "../../state/session.svelte.ts";
@@ -30,8 +31,8 @@ class Runner {
   #orders = new SvelteMap<string, Order>();
   /** Robots for which an event told that a run is under way, this page's or another's. */
   #under = new SvelteMap<string, number>();
-  /** The texts that ran on a robot to their end, and the machine that ran them: see `View.who`. */
-  #ran = new SvelteMap<string, { text: string; who: number }>();
+  /** The texts that ran on a robot to their end, and what ran them: see `ranOn`. */
+  #ran = new SvelteMap<string, { text: string; on: string }>();
   /** The last run that was followed, by robot: it is not followed again once it was seen. */
   #followed = new Map<string, number>();
 
@@ -55,12 +56,14 @@ class Runner {
   }
 
   /**
-   * Whether this very text ran on the robot to its end, while this page was open. What another machine of the same
-   * name ran does not count: a twin that was started anew has run nothing yet.
+   * Whether this very text ran on the twin to its end, in this session, for an arm of this model. What another machine
+   * of the same name ran does not count: a twin that was started anew has run nothing yet. The twin of an arm whose
+   * model is not configured has a usual one.
    */
-  hasRun(robot: string, text: string): boolean {
-    const ran = this.#ran.get(robot);
-    return ran !== undefined && ran.text === text && ran.who === whoOf(robot);
+  hasRun(twin: string, text: string, model: string | null): boolean {
+    const ran = this.#ran.get(twin);
+    if (ran === undefined || ran.text !== text || ran.on !== ranOn(twin)) return false;
+    return model === null || hall.view(twin)?.summary.model === model;
   }
 
   /** Whether it is not known what became of the last program, and the person has not said yet that it was looked at. */
@@ -74,7 +77,7 @@ class Runner {
 
   async send(robot: string, order: Order, lease: LeaseKey): Promise<void> {
     if (this.runs(robot)) return;
-    const who = whoOf(robot);
+    const on = ranOn(robot);
     this.#sent.set(robot, { kind: "sent" });
     this.#ran.delete(robot);
     this.#orders.set(robot, order);
@@ -91,7 +94,7 @@ class Runner {
     if (run !== null) await this.#follow(robot, run, ASK);
     const end = this.of(robot);
     const isDone = end?.kind === "ended" && end.run.run_id === run && end.run.state === "done";
-    if (isDone && who !== null && whoOf(robot) === who) this.#ran.set(robot, { text, who });
+    if (isDone && on !== null && ranOn(robot) === on) this.#ran.set(robot, { text, on });
   }
 
   /** Follows a run that this page did not send, as events told of it. */
@@ -169,9 +172,10 @@ class Runner {
   }
 }
 
-/** The machine behind a name; `null` if it is not there. */
-function whoOf(robot: string): number | null {
-  return hall.view(robot)?.who ?? null;
+/** The session, the machine behind a name with its connection, and its model, as one text; `null` if it is not there. */
+function ranOn(robot: string): string | null {
+  const view = hall.view(robot);
+  return view === undefined ? null : JSON.stringify([hall.era, machineOf(view), view.summary.model]);
 }
 
 export const runner = new Runner();

@@ -2,6 +2,7 @@ import { beforeEach, expect, test, vi } from "vitest";
 import { viewLike } from "../../../tests/view.ts";
 import type { Answer } from "../../api/client.ts";
 import type { Run } from "../../api/types.ts";
+import type { View } from "../../robots/view.ts";
 
 const TEXT = "[[instruction]]";
 const LEASE = { number: 1, secret: "" };
@@ -38,16 +39,16 @@ test("a text that ran on a twin counts for that twin, and not for another one of
   there(1);
   answers(() => run({}));
   await runner.send("saw-twin", { text: TEXT }, LEASE);
-  expect([runner.hasRun("saw-twin", TEXT), runner.hasRun("saw-twin", `${TEXT} `), runner.hasRun("saw", TEXT)]).toEqual([
+  expect([runner.hasRun("saw-twin", TEXT, null), runner.hasRun("saw-twin", `${TEXT} `, null), runner.hasRun("saw", TEXT, null)]).toEqual([
     true,
     false,
     false,
   ]);
   // The twin was started anew: a controller of the same name that has run nothing.
   there(2);
-  expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
+  expect(runner.hasRun("saw-twin", TEXT, null)).toBe(false);
   hall.views = [];
-  expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
+  expect(runner.hasRun("saw-twin", TEXT, null)).toBe(false);
 });
 
 test("a twin that was started anew while the text ran has not run it", async () => {
@@ -59,7 +60,7 @@ test("a twin that was started anew while the text ran has not run it", async () 
   });
   await runner.send("saw-twin", { text: TEXT }, LEASE);
   expect(runner.of("saw-twin")?.kind).toBe("ended");
-  expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
+  expect(runner.hasRun("saw-twin", TEXT, null)).toBe(false);
 });
 
 test("a text that was stopped has not run, and nothing is sent a second time while that is not known", async () => {
@@ -69,7 +70,7 @@ test("a text that was stopped has not run, and nothing is sent a second time whi
   // The text that was checked is sent: behind the name and the version another one may stand.
   const order = { text: TEXT, repeat: 3, kept: { name: "pick", version: 2 } };
   await runner.send("saw-twin", order, LEASE);
-  expect(runner.hasRun("saw-twin", TEXT)).toBe(false);
+  expect(runner.hasRun("saw-twin", TEXT, null)).toBe(false);
   expect(asked).toEqual([{ method: "POST", path: "/v1/robots/saw-twin/programs/run", body: { program: TEXT, repeat: 3, lease: LEASE } }]);
   expect(runner.nameOf("saw-twin")).toBe("pick");
   answers(() => ({ kind: "unknown" }));
@@ -86,4 +87,32 @@ test("a run of somebody else is shown, and not again once it was seen", async ()
   runner.forget("saw");
   await runner.adopt("saw", 4);
   expect([runner.of("saw"), asked.length]).toEqual([null, 1]);
+});
+
+test("a text that ran on a twin counts for its machine, its model and this session alone", async () => {
+  const { runner, hall, answers } = await start();
+  const identity = { machine_name: "A" } as NonNullable<View["summary"]["identity"]>;
+  const there = (summary: Partial<View["summary"]>): void =>
+    void (hall.views = [viewLike("saw-twin", { who: 1 }, { model: "M", virtual: true, identity, ...summary })]);
+  const counts = (model: string | null = "M"): boolean => runner.hasRun("saw-twin", TEXT, model);
+  there({});
+  answers(() => run({}));
+  await runner.send("saw-twin", { text: TEXT }, LEASE);
+  expect([counts(), counts(null), counts("N")], "an arm of another model").toEqual([true, true, false]);
+  const others: [string, Partial<View["summary"]>][] = [
+    ["a twin of another model", { model: "N" }],
+    ["another machine", { identity: { ...identity, machine_name: "B" } }],
+    ["which machine is not known", { identity: null }],
+    ["it is not told that it is a virtual one", { virtual: null }],
+  ];
+  for (const [what, summary] of others) {
+    there(summary);
+    expect([counts(), counts(null), counts("N")], what).toEqual([false, false, false]);
+  }
+  there({});
+  expect(counts()).toBe(true);
+  // The next session may be at another gateway, with the same names and numbers.
+  hall.end();
+  there({});
+  expect(counts()).toBe(false);
 });
