@@ -67,7 +67,7 @@ export const run = {
   noFrames: "Not prepared: tool and work frame cannot be read. Try again.",
   person: "Look at the arm: nobody may be near it.",
   notRun: (why: string) => `Not run: ${why}. Prepare it again.`,
-  notRead: "the stored program cannot be read again",
+  notRead: "the stored program, or tool and work frame, cannot be read again",
   replaced: "the program is another one now",
   void: (why: Void): string =>
     ({

@@ -61,7 +61,7 @@ export const run: typeof english = {
   noFrames: "未准备：无法读取工具和工作坐标系。请重试。",
   person: "请看机械臂：附近不得有人。",
   notRun: (why) => `未运行：${why}。请重新准备。`,
-  notRead: "无法再次读取已保存的程序",
+  notRead: "无法再次读取已保存的程序，或工具和工作坐标系",
   replaced: "程序已改变",
   void: (why) =>
     ({

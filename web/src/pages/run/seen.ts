@@ -15,10 +15,16 @@ export function axesOf(view: View | undefined): number[] | null {
   const robot = view === undefined ? undefined : hall.store.robots.get(view.name);
   if (view === undefined || robot === undefined || !hall.isThere || view.summary.link !== "up") return null;
   const axes: number[] = [];
+  let gap = false;
   for (let at = 0; at < 8; at += 1) {
     const address = `axis-${at}`;
     const read = robot.values.get(address);
-    if (read === undefined || read.value === null) break;
+    if (read === undefined || read.value === null) {
+      // The arm has no more axes, or this one was not read.
+      gap = true;
+      continue;
+    }
+    if (gap) return null;
     if (typeof read.value !== "number" || stateOf(view.name, address).kind !== "fresh") return null;
     axes.push(read.value);
   }
@@ -32,14 +38,15 @@ export function setSpeedOf(view: View): number | null {
 
 /**
  * Tool and work frame in use, as one text; `null` if the robot does not tell them; `undefined` without an
- * answer.
+ * answer of now. `signal` gives the question up.
  */
-export async function framesOf(robot: string): Promise<string | null | undefined> {
+export async function framesOf(robot: string, signal?: AbortSignal): Promise<string | null | undefined> {
   const path = robotPath(robot, `query?address=toolCoord`);
-  const answer = await call<Queried>("GET", path);
+  const answer = await call<Queried>("GET", path, signal === undefined ? {} : { signal });
   if (answer.kind !== "ok") return undefined;
-  const signal = answer.value.signals.find(({ address }) => address === "toolCoord");
-  return signal === undefined || signal.value === null || signal.quality !== "fresh" ? null : JSON.stringify(signal.value);
+  const told = answer.value.signals.find(({ address }) => address === "toolCoord");
+  if (told === undefined || told.value === null) return null;
+  return told.quality === "fresh" ? JSON.stringify(told.value) : undefined;
 }
 
 /** What a person agrees to with the robot as it is now. */

@@ -34,7 +34,7 @@ test("a kept program is the one that was checked only if its latest version has 
   ];
   for (const [given, expected] of rows) {
     answer = given;
-    expect(await stored({ name: "pick/1", version: 1 }, "a"), JSON.stringify(given)).toBe(expected);
+    expect(await stored({ name: "pick/1", version: 1 }, "a", new AbortController().signal), JSON.stringify(given)).toBe(expected);
   }
   expect(new Set(asked), "the latest version").toEqual(new Set(["/v1/programs/pick%2F1"]));
 });

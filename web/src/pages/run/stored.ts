@@ -2,12 +2,6 @@
 import { call } from "../../api/client.ts";
 import type { StoredProgram } from "../../api/types.ts";
 
-/**
- * The person has held the button, and the arm is to move now: without an answer within this time, in milliseconds,
- * nothing is sent.
- */
-const PATIENCE = 2_000;
-
 /** Which version of which kept program. */
 export interface Kept {
   name: string;
@@ -16,10 +10,10 @@ export interface Kept {
 
 /**
  * Reads the program again. `another`: its text or its version is another one now, or it is gone. The number of a
- * version is not enough: a program that was removed and stored anew begins at version 1 again.
+ * version is not enough: a program that was removed and stored anew begins at version 1 again. `signal` gives the question up.
  */
-export async function stored({ name, version }: Kept, text: string): Promise<"same" | "another" | "no_answer"> {
-  const answer = await call<StoredProgram>("GET", `/v1/programs/${encodeURIComponent(name)}`, { patience: PATIENCE });
+export async function stored({ name, version }: Kept, text: string, signal: AbortSignal): Promise<"same" | "another" | "no_answer"> {
+  const answer = await call<StoredProgram>("GET", `/v1/programs/${encodeURIComponent(name)}`, { signal });
   if (answer.kind === "refused" && answer.status === 404) return "another";
   if (answer.kind !== "ok") return "no_answer";
   return answer.value.version === version && answer.value.program === text ? "same" : "another";
