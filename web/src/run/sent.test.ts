@@ -14,6 +14,7 @@ test("without a clear answer the outcome is unknown", () => {
     "unknown",
     "unknown",
   ]);
+  expect(refused(409, "refused"), "the list was sent").toBe("list_refused");
   expect([refused(409, "stopped"), refused(422, "bad_program"), refused(503, "overloaded")]).toEqual([
     "refused",
     "refused",
@@ -29,8 +30,8 @@ test("without a clear answer the outcome is unknown", () => {
 
 test("a plan is not used up only if it is certain that nothing was carried out", () => {
   const ended = (state: Run["state"]) => ({ kind: "ended", run: { state } as Run }) as const;
-  const all = [null, { kind: "sent" }, { kind: "refused", message: "" }, { kind: "unknown" }, ended("refused"), ended("failed"), ended("unknown")] as const;
-  expect(all.map(isUnsent)).toEqual([false, false, true, false, true, false, false]);
-  expect(all.map(isOpen)).toEqual([false, false, false, true, false, false, true]);
-  expect(all.map((one) => runOf(one) !== null)).toEqual([false, false, false, false, true, true, true]);
+  const all = [null, { kind: "sent" }, { kind: "refused", message: "" }, { kind: "unknown" }, { kind: "list_refused", message: "" }, ended("refused"), ended("failed"), ended("unknown")] as const;
+  expect(all.map(isUnsent)).toEqual([false, false, true, false, false, true, false, false]);
+  expect(all.map(isOpen)).toEqual([false, false, false, true, false, false, false, true]);
+  expect(all.map((one) => runOf(one) !== null)).toEqual([false, false, false, false, false, true, true, true]);
 });

@@ -10,7 +10,10 @@ export type Sent =
   /** The gateway is not heard, or its answer of the run is old. */
   | { kind: "unheard"; run: Run }
   | { kind: "ended"; run: Run }
+  /** The gateway sent nothing. */
   | { kind: "refused"; message: string }
+  /** The controller refused the list. Its program may have been stopped by that. */
+  | { kind: "list_refused"; message: string }
   | { kind: "unknown" };
 
 /** What an answer to the request tells. */
@@ -21,7 +24,9 @@ export function sentBy(answer: Answer<Run>): Sent {
     const isCertain = answer.kind === "refused" && (answer.problem.code === "overloaded" || answer.problem.code === "store_unavailable");
     if (!isCertain) return { kind: "unknown" };
   }
-  return { kind: "refused", message: problemText(answer) };
+  // With this code the list was sent.
+  const kind = answer.problem.code === "refused" ? "list_refused" : "refused";
+  return { kind, message: problemText(answer) };
 }
 
 export function ofRun(run: Run): Sent {

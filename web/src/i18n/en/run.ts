@@ -124,6 +124,11 @@ export const run = {
   unknown: (robot: string) =>
     `OUTCOME UNKNOWN. ${robot} may have carried it out, a part of it, or nothing. Look at the arm, and stop it if in doubt. It is not sent again.`,
   refused: (message: string) => `Refused, nothing was sent: ${message}`,
+  listRefused: (message: string) => `The controller refused the list: ${message}`,
+  mayCease: (program: string | null) =>
+    `${program === null ? "The program of the controller" : `The program ${program} of the controller`} runs. Whether it waits for instructions is not known. If it does not, the controller refuses this run, and the gateway stops the machine: its production ends until somebody starts the program again.`,
+  ceased: (program: string | null) =>
+    `Before this run ${program === null ? "the program of the controller" : `the program ${program} of the controller`} ran. It does not run now: start it again, if it is to produce.`,
   done: (robot: string, proof: string) => `Done on ${robot}, seen: ${proof}.`,
   proof: { reached: "the arm stands where the last move ends", consumed: "the list was worked through, and the arm stands", cut_short: "an input cut the last move short, and the arm stands", at_rest: "the list is empty, and the arm stands; whether outputs were set is not read back" } as Record<string, string>,
   stopped: (why: string) => `Stopped before its end: ${why}. It is proved that the arm stands.`,

@@ -117,6 +117,11 @@ export const run: typeof english = {
   unknown: (robot) =>
     `结果未知。${robot} 可能已全部执行、部分执行或未执行。请查看机械臂，如有疑问请停止。不会重新发送。`,
   refused: (message) => `被拒绝，没有发送任何内容：${message}`,
+  listRefused: (message) => `控制器拒绝了指令列表：${message}`,
+  mayCease: (program) =>
+    `控制器的程序${program === null ? "" : ` ${program} `}正在运行。它是否在等待指令未知。如果不是，控制器会拒绝本次运行，网关会停止机器：在重新启动该程序之前生产中断。`,
+  ceased: (program) =>
+    `本次运行之前，控制器的程序${program === null ? "" : ` ${program} `}在运行。现在它没有运行：如需继续生产，请重新启动。`,
   done: (robot, proof) => `${robot} 已完成并确认：${proof}。`,
   proof: {
     reached: "机械臂停在最后移动的终点",

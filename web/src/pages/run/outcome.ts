@@ -1,6 +1,8 @@
 /** What became of a run, in words. */
 import type { en } from "../../i18n/en.ts";
-import type { Sent } from "../../run/sent.ts";
+import { type Sent, isUnsent, mayRun } from "../../run/sent.ts";
+import { machineOf } from "../../robots/consent.ts";
+import { type View, isRunning, isSeen } from "../../robots/view.ts";
 import type { Told } from "../../state/act.svelte.ts";
 
 /** `time`: a time of the gateway as a time of day of the hall. */
@@ -19,6 +21,8 @@ export function outcomeOf(sent: Sent | null, robot: string, words: typeof en, ti
       return bad(own.unheard(robot, sent.run.done, sent.run.steps));
     case "refused":
       return bad(own.refused(sent.message));
+    case "list_refused":
+      return bad(own.listRefused(sent.message));
     case "unknown":
       return bad(own.unknown(robot));
     case "ended": {
@@ -31,4 +35,14 @@ export function outcomeOf(sent: Sent | null, robot: string, words: typeof en, ti
       return bad(own.unknownEnd(why));
     }
   }
+}
+
+/**
+ * The program of the controller that ran before the run and is seen not to run after it; `null` if that is not seen.
+ * `name` is `null` if the controller does not tell it.
+ */
+export function ceased(sent: Sent | null, before: View | null, now: View): { name: string | null } | null {
+  if (sent === null || before === null || mayRun(sent) || isUnsent(sent)) return null;
+  if (!isRunning(before) || !isSeen(now) || isRunning(now) || machineOf(before) !== machineOf(now)) return null;
+  return { name: before.program };
 }

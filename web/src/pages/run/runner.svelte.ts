@@ -4,6 +4,7 @@ import { call, freshKey } from "../../api/client.ts";
 import { robotPath } from "../../api/paths.ts";
 import type { LeaseKey, Run } from "../../api/types.ts";
 import { machineOf } from "../../robots/consent.ts";
+import type { View } from "../../robots/view.ts";
 import { type Sent, isOpen, mayRun, ofRun, runOf, sentBy } from "../../run/sent.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { session } from "../../state/session.svelte.ts";
@@ -29,6 +30,8 @@ class Runner {
   /** The last program that this page sent or followed, by robot. */
   #sent = new SvelteMap<string, Sent>();
   #orders = new SvelteMap<string, Order>();
+  /** The robot as it was when this page sent its last program, and the number of the lease with which it was sent. */
+  #before = new SvelteMap<string, { view: View; lease: number }>();
   /** Robots for which an event told that a run is under way, this page's or another's. */
   #under = new SvelteMap<string, number>();
   /** The texts that ran on a robot to their end, and what ran them: see `ranOn`. */
@@ -66,6 +69,11 @@ class Runner {
     return model === null || hall.view(twin)?.summary.model === model;
   }
 
+  /** The robot as it was before the last program was sent; `null` if another page sent it. */
+  before(robot: string): View | null {
+    return this.#before.get(robot)?.view ?? null;
+  }
+
   /** Whether it is not known what became of the last program, and the person has not said yet that it was looked at. */
   isUnknown(robot: string): boolean {
     return isOpen(this.of(robot));
@@ -81,6 +89,9 @@ class Runner {
     this.#sent.set(robot, { kind: "sent" });
     this.#ran.delete(robot);
     this.#orders.set(robot, order);
+    const before = hall.view(robot);
+    if (before === undefined) this.#before.delete(robot);
+    else this.#before.set(robot, { view: before, lease: lease.number });
     const { text, repeat } = order;
     const path = robotPath(robot, "programs/run");
     const answer = await call<Run>("POST", path, {
@@ -108,7 +119,11 @@ class Runner {
       return;
     }
     if (mayRun(this.of(robot))) return;
-    this.#orders.delete(robot);
+    // A list that was refused has a run too: its number comes with the event alone.
+    if (this.#before.get(robot)?.lease !== answer.value.lease) {
+      this.#orders.delete(robot);
+      this.#before.delete(robot);
+    }
     this.#sent.set(robot, ofRun(answer.value));
     await this.#follow(robot, run, ASK_OTHERS);
   }

@@ -78,6 +78,21 @@ test("a text that was stopped has not run, and nothing is sent a second time whi
   expect([asked.length, runner.isUnknown("saw-twin"), runner.runs("saw-twin")]).toEqual([2, true, false]);
 });
 
+test("how the robot was before a run is kept for a run of this page alone, also if an event tells its number", async () => {
+  const { runner, hall, answers } = await start();
+  const before = viewLike("saw", { mode: 7, program: "pick" });
+  hall.views = [before];
+  answers(() => ({ kind: "refused", status: 409, problem: { code: "refused", message: "the list" } }));
+  await runner.send("saw", { text: TEXT }, LEASE);
+  hall.views = [viewLike("saw", { mode: 3 })];
+  answers(() => run({ robot: "saw", state: "failed", lease: LEASE.number }));
+  await runner.adopt("saw", 4);
+  expect([runner.of("saw")?.kind, runner.before("saw")?.program, runner.textOf("saw")]).toEqual(["ended", "pick", TEXT]);
+  answers(() => run({ robot: "saw", run_id: 5, state: "failed", lease: LEASE.number + 1 }));
+  await runner.adopt("saw", 5);
+  expect([runner.before("saw"), runner.textOf("saw")]).toEqual([null, null]);
+});
+
 test("a run of somebody else is shown, and not again once it was seen", async () => {
   const { runner, hall, asked, answers } = await start();
   hall.views = [viewLike("saw", { who: 1 })];
