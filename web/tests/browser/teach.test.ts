@@ -267,6 +267,22 @@ test("on a phone in Chinese points are taken and the preview is seen; steps are 
   await page.context().close();
 });
 
+test("a program with a long name is no wider than the screen", async () => {
+  const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 844 } });
+  const name = "p".repeat(900);
+  await signIn(page, engineer, `/robots/press-4/teach/${name}`);
+  await page.waitForSelector("[data-version]");
+  await fits(page);
+  await page.click("[data-take-point]");
+  await page.waitForSelector('[data-program-state="unstored"] strong');
+  await page.goto(`${url}/robots/press-4/teach`);
+  await page.waitForSelector("#new-program");
+  await page.waitForSelector(`a[href$="${name}"]`);
+  await fits(page);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
 test("a text that the page does not take apart is kept, with the place", async () => {
   const headers = { Authorization: `Bearer ${engineer}`, "Content-Type": "application/json", "If-None-Match": "*" };
   const program = '[[instruction]]\ndo = "wait"\nseconds = """1"""\n';
