@@ -193,6 +193,12 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await page.waitForSelector("[data-prepare]:not([disabled])");
   await run(page, "press-4-twin");
   await says(page, "[data-sent=done]", "Done on press-4-twin, seen");
+  await until("the end is in view", () =>
+    page.locator("[data-sent=done]").evaluate((node) => {
+      const { top, bottom } = node.getBoundingClientRect();
+      return top >= 0 && bottom <= innerHeight;
+    }),
+  );
   // The arm stands elsewhere now, and that is no fault.
   await page.waitForSelector("[data-preview=taken] [data-taken]");
   expect(await page.locator("[data-void]").count()).toBe(0);
