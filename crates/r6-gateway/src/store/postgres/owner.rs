@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use tokio_postgres::{Client, Row};
 
-use super::session::{Durable, Hand, connect};
+use super::session::{Durable, Hand, connect, name_of_owner};
 use super::{Database, signed, unsigned};
 use crate::core::owner::{EXPIRES, RowState, Seen};
 use crate::store::StoreError;
@@ -53,7 +53,9 @@ impl OwnerRow {
     }
 
     /// Makes this gateway the owner, if the row is still as it was seen. Returns its fence. Transactions of
-    /// the owner before that are under way come to their end first; none begins after this.
+    /// the owner before that are under way come to their end first; none begins after this. If that owner has
+    /// not been heard of for too long, its transactions are cut: the process may have frozen in the middle of
+    /// one, and the server would wait for its rows as long as the process is there.
     ///
     /// # Errors
     /// [`StoreError`]: whether it is the owner is not known.
@@ -61,6 +63,9 @@ impl OwnerRow {
         let gateway = super::plain(gateway);
         self.ask(async |client| {
             client.batch_execute("BEGIN").await?;
+            if seen.state == RowState::Expired {
+                end_sessions(client, seen.fence).await?;
+            }
             // This lock waits for each transaction that relies on the fence, and lets none begin.
             client.query("SELECT 1 FROM owner FOR UPDATE", &[]).await?;
             let row = client
@@ -140,6 +145,23 @@ impl OwnerRow {
             ))),
         }
     }
+}
+
+/// Ends the sessions of an owner that hold the lock on its row. Without the right to do so, as another user of
+/// the database, they are waited for.
+async fn end_sessions(client: &Client, fence: u64) -> Result<(), StoreError> {
+    let free = client.query("SELECT 1 FROM owner FOR UPDATE SKIP LOCKED", &[]).await?;
+    if free.is_empty() {
+        client
+            .execute(
+                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity
+                 WHERE datname = current_database() AND usename = current_user AND application_name = $1",
+                &[&name_of_owner(fence)],
+            )
+            .await?;
+        tracing::warn!(fence, "transactions of the owner before, which is silent, were cut");
+    }
+    Ok(())
 }
 
 fn seen(row: &Row) -> Result<Seen, StoreError> {

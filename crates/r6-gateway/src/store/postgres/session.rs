@@ -235,13 +235,22 @@ fn is_gone(error: &tokio_postgres::Error) -> bool {
     error.code().is_none_or(|code| code.code().starts_with("57P"))
 }
 
+/// How the server calls the sessions of the owner with this fence. The next owner ends them by it.
+pub fn name_of_owner(fence: u64) -> String {
+    format!("r6-gateway owner {fence}")
+}
+
 /// Connects, and makes the session what it is for.
 ///
 /// A process that freezes within a transaction must not hold its locks: the server ends it after 2 s,
-/// before others may take the robots.
+/// before others may take the robots. It does not while it waits for rows of a COPY, so the next owner ends
+/// these sessions (`owner.rs`).
 pub async fn connect(database: &Database, hand: Hand, durable: Durable) -> Result<Client, StoreError> {
-    let (client, connection) =
-        database.config().connect(NoTls).await.map_err(|error| named(database, &error))?;
+    let mut config = database.config().clone();
+    if let Hand::Owner(fence) = hand {
+        config.application_name(name_of_owner(fence));
+    }
+    let (client, connection) = config.connect(NoTls).await.map_err(|error| named(database, &error))?;
     tokio::spawn(async move {
         if let Err(error) = connection.await {
             tracing::debug!(%error, "a connection to the store ended");
