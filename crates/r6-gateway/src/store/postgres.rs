@@ -10,6 +10,7 @@ mod commands;
 mod database;
 pub mod history;
 pub mod owner;
+mod password_file;
 mod programs;
 mod robots;
 mod runs;

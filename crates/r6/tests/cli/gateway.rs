@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use r6_testkit::hostile::{Character, Delays};
 use serde_json::Value;
 
-use crate::support::{Robot, Running, TempFile, hostile, r6};
+use crate::support::{Robot, Running, TempFile, hostile, r6, shell};
 
 /// One request: the status and the body.
 pub(crate) fn call(gateway: &str, token: &str, method: &str, path: &str, body: &str) -> (u16, Value) {
@@ -604,5 +604,31 @@ fn a_wrong_url_of_a_store_is_told_without_its_password() {
             assert!(outcome.err.contains("the URL of --store is wrong"), "{command:?} {url}: {outcome:?}");
             assert!(!format!("{outcome:?}").contains("hush"), "{command:?} {url}: {outcome:?}");
         }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_file_of_passwords_is_read_if_other_users_cannot_read_it() {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let file = TempFile::new("passwords", "*:*:*:*:hush\n");
+    let line = r#"PGPASSFILE="$1" "$R6" gateway token --store "$2" --list"#;
+    let asked = |path: &str, url: &str| shell(line, &[path, url]);
+    let allow = |mode| {
+        std::fs::set_permissions(file.path(), std::fs::Permissions::from_mode(mode)).unwrap();
+    };
+    let url = "postgres:///hall?host=/no/such/folder";
+    allow(0o640);
+    let refused = asked(file.path(), url);
+    assert!(refused.code == 2 && refused.err.contains("other users can read it"), "{refused:?}");
+    let missing = asked("/no/such/file", url);
+    assert!(missing.code == 2 && missing.err.contains("PGPASSFILE=/no/such/file"), "{missing:?}");
+    allow(0o600);
+    // It goes on to the server, which is not there. So it does with a password in the URL.
+    for (path, url) in [(file.path(), url), ("/no/such/file", "postgres://r6:hush@127.0.0.1:1/hall")] {
+        let outcome = asked(path, url);
+        assert!(outcome.code != 0 && !outcome.err.contains("PGPASSFILE"), "{outcome:?}");
+        assert!(!outcome.err.contains("hush"), "{outcome:?}");
     }
 }

@@ -7,6 +7,11 @@ use std::time::Duration;
 use tokio_postgres::Config;
 use tokio_postgres::config::{Host, SslMode};
 
+use super::password_file::{self, Wanted};
+
+/// The port of a server, if the URL names none.
+const PORT: u16 = 5432;
+
 /// How long a connection may take.
 const CONNECT: Duration = Duration::from_secs(2);
 
@@ -54,6 +59,38 @@ impl Database {
         config.connect_timeout(CONNECT).tcp_user_timeout(UNANSWERED);
         config.application_name("r6-gateway");
         Ok(Self { config: Box::new(config) })
+    }
+
+    /// Whether the URL has a password.
+    #[must_use]
+    pub fn has_password(&self) -> bool {
+        self.config.get_password().is_some()
+    }
+
+    /// The same with the password of a file that PostgreSQL's own programs read too (`PGPASSFILE`): that of
+    /// the first server of the URL for which it has one. `None` without one.
+    #[must_use]
+    pub fn with_password_of(&self, file: &str) -> Option<Self> {
+        let (user, database) = (self.config.get_user()?, self.config.get_dbname()?);
+        let (names, addresses) = (self.config.get_hosts(), self.config.get_hostaddrs());
+        let ports = self.config.get_ports();
+        let hosts = names.iter().map(|host| match host {
+            Host::Tcp(name) => (name.clone(), false),
+            #[cfg(unix)]
+            Host::Unix(path) => (path.display().to_string(), true),
+        });
+        let hosts: Vec<_> = match names {
+            [] => addresses.iter().map(|address| (address.to_string(), false)).collect(),
+            _ => hosts.collect(),
+        };
+        let password = hosts.iter().enumerate().find_map(|(at, (host, is_socket))| {
+            // One port may be for all servers.
+            let port = ports.get(at).or(ports.first()).copied().unwrap_or(PORT);
+            password_file::find(file, Wanted { host, is_socket: *is_socket, port, database, user })
+        })?;
+        let mut with = self.clone();
+        with.config.password(password);
+        Some(with)
     }
 
     /// How the driver reaches it.

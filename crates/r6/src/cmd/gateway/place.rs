@@ -1,5 +1,6 @@
 //! `--store URL`: the database of gateways that share their store. The URL may have a password in it, so what
-//! is wrong with it is told without it.
+//! is wrong with it is told without it. Other users of the machine see the command line, so the password may
+//! be in a file instead, which PostgreSQL's own programs read too.
 
 use std::convert::Infallible;
 use std::path::Path;
@@ -7,6 +8,13 @@ use std::path::Path;
 use r6_gateway::{At, Database};
 
 use crate::exit::Failure;
+use crate::text_file;
+
+/// The variable with the name of a file of passwords.
+const PASSWORD_FILE: &str = "PGPASSFILE";
+
+/// The longest file of passwords that is read. A line has some dozen bytes.
+const MAX_PASSWORD_FILE: usize = 64 * 1024;
 
 /// What was typed behind `--store`. It is read after the command line, whose errors repeat what they refuse.
 #[derive(Clone, Debug)]
@@ -24,10 +32,32 @@ impl StoreUrl {
     /// The database.
     ///
     /// # Errors
-    /// The text names none. The text is not in the message.
+    /// The text names none. The text is not in the message. Or `PGPASSFILE` names a file that cannot be read,
+    /// or that others can read.
     pub fn database(&self) -> Result<Database, Failure> {
-        self.0.clone().map_err(|wrong| Failure::usage(format!("the URL of --store is wrong: {wrong}")))
+        let database = self.0.clone();
+        let database =
+            database.map_err(|wrong| Failure::usage(format!("the URL of --store is wrong: {wrong}")))?;
+        match std::env::var_os(PASSWORD_FILE).filter(|path| !path.is_empty()) {
+            Some(path) if !database.has_password() => with_password_of(Path::new(&path), database),
+            Some(_) | None => Ok(database),
+        }
     }
+}
+
+fn with_password_of(path: &Path, database: Database) -> Result<Database, Failure> {
+    let wrong = |why: String| Failure::usage(format!("{PASSWORD_FILE}={}: {why}", path.display()));
+    let text = text_file::read(path, "a file of passwords", MAX_PASSWORD_FILE);
+    let text = text.map_err(wrong)?;
+    #[cfg(unix)]
+    {
+        let meta = std::fs::metadata(path).map_err(|error| wrong(error.to_string()))?;
+        if std::os::unix::fs::PermissionsExt::mode(&meta.permissions()) & 0o077 != 0 {
+            return Err(wrong("other users can read it".to_owned()).advise("chmod 600"));
+        }
+    }
+    // The server says so if it wants one.
+    Ok(database.with_password_of(&text).unwrap_or(database))
 }
 
 /// Where the store is: in the database, or else in the folder.
