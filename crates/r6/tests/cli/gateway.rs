@@ -36,6 +36,51 @@ pub(crate) fn call_with(
     (status, serde_json::from_str(body).unwrap_or(Value::Null))
 }
 
+/// One request to a gateway that may be killed or frozen. `None`: there was no whole answer in time.
+pub(crate) fn attempt(
+    gateway: &str,
+    token: &str,
+    method: &str,
+    path: &str,
+    lines: &str,
+    body: &Value,
+    within: Duration,
+) -> Option<(u16, Value)> {
+    let mut stream = begin_call(gateway, token, method, path, lines, body)?;
+    stream.set_read_timeout(Some(within)).ok()?;
+    answer(&mut stream)
+}
+
+/// Sends a request to a gateway that may be killed or frozen. `None`: it could not be sent.
+pub(crate) fn begin_call(
+    gateway: &str,
+    token: &str,
+    method: &str,
+    path: &str,
+    lines: &str,
+    body: &Value,
+) -> Option<TcpStream> {
+    let host = gateway.strip_prefix("http://")?;
+    // A gateway that is frozen takes no more connections than the system keeps for it.
+    let mut stream = TcpStream::connect_timeout(&host.parse().ok()?, Duration::from_secs(1)).ok()?;
+    let body = if body.is_null() { String::new() } else { body.to_string() };
+    let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{lines}");
+    let length = format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
+    write!(stream, "{head}{length}Authorization: Bearer {token}\r\n\r\n{body}").ok()?;
+    Some(stream)
+}
+
+/// The answer to a request. A part of an answer does not count.
+pub(crate) fn answer(stream: &mut TcpStream) -> Option<(u16, Value)> {
+    let mut reply = String::new();
+    stream.read_to_string(&mut reply).ok()?;
+    let (head, body) = reply.split_once("\r\n\r\n")?;
+    let length = head.lines().find_map(|line| line.strip_prefix("content-length: "));
+    let is_whole = length.is_none_or(|length| length.parse() == Ok(body.len()));
+    let status = head.split(' ').nth(1)?.parse().ok()?;
+    is_whole.then(|| (status, serde_json::from_str(body).unwrap_or(Value::Null)))
+}
+
 pub(crate) fn get(gateway: &str, token: &str, path: &str) -> (u16, Value) {
     call(gateway, token, "GET", path, "")
 }

@@ -4,8 +4,6 @@
 //! `R6_KILLS` says how often.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{Read, Write};
-use std::net::TcpStream;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -13,7 +11,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::gateway::{gateway, get, token};
+use crate::gateway::{attempt, gateway, get, token};
 use crate::support::{Robot, r6};
 
 /// How often it is killed, if nothing else is said.
@@ -21,6 +19,9 @@ const KILLS: u64 = 12;
 
 /// How many entries of the audit log are kept, and how many it has before the first start.
 const ENTRIES: (usize, usize) = (1_000, 1_050);
+
+/// How long a caller waits for an answer. A gateway that is killed closes the connection.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The robots. Each has a caller that leases, commands and stops it.
 const ROBOTS: [&str; 2] = ["press", "saw"];
@@ -44,22 +45,9 @@ struct Told {
 
 /// One request. `None`: there was no answer, so the gateway is killed.
 fn ask(url: &str, token: &str, method: &str, path: &str, lines: &str, body: &Value) -> Option<(u16, Value)> {
-    let host = url.strip_prefix("http://")?;
-    let mut stream = TcpStream::connect(host).ok()?;
-    let body = if body.is_null() { String::new() } else { body.to_string() };
     // A token may make 100 requests a second.
     thread::sleep(Duration::from_millis(10 * (ROBOTS.len() as u64 + 2)));
-    let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{lines}");
-    let length = format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
-    write!(stream, "{head}{length}Authorization: Bearer {token}\r\n\r\n{body}").ok()?;
-    let mut reply = String::new();
-    stream.read_to_string(&mut reply).ok()?;
-    let (head, body) = reply.split_once("\r\n\r\n")?;
-    let length = head.lines().find_map(|line| line.strip_prefix("content-length: "));
-    // A part of an answer does not count.
-    let is_whole = length.is_none_or(|length| length.parse() == Ok(body.len()));
-    let status = head.split(' ').nth(1)?.parse().ok()?;
-    is_whole.then(|| (status, serde_json::from_str(body).unwrap_or(Value::Null)))
+    attempt(url, token, method, path, lines, body, PATIENCE)
 }
 
 /// Leases, commands and stops a robot until the gateway is killed.

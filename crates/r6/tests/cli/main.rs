@@ -19,6 +19,7 @@ mod power_cut;
 mod problems;
 mod robot;
 mod run;
+mod several_gateways;
 mod sim;
 mod stopping;
 mod streaming;

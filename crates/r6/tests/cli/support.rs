@@ -28,9 +28,11 @@ impl Outcome {
     }
 }
 
-/// The binary, without the tester's terminal and environment.
+/// The binary, without the tester's terminal and environment. `R6_BINARY` names another one, such as that of
+/// a release.
 fn command(args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_r6"));
+    let binary = std::env::var_os("R6_BINARY").unwrap_or_else(|| env!("CARGO_BIN_EXE_r6").into());
+    let mut command = Command::new(binary);
     command
         .args(args)
         .env_remove("R6_ROBOT")
@@ -161,6 +163,11 @@ impl Running {
         let mut rest = String::new();
         self.out.as_mut().unwrap().read_to_string(&mut rest).unwrap();
         rest
+    }
+
+    /// The number of its process.
+    pub fn pid(&self) -> u32 {
+        self.child.id()
     }
 
     /// Kills it, as a power cut would.
