@@ -37,7 +37,8 @@ const WAITS: (Duration, Duration) = (Duration::from_millis(250), Duration::from_
 /// The longest answer: a thousand robots without their values have 800 bytes each.
 const MAX_REPLY_BYTES: usize = 4 * 1024 * 1024;
 
-/// A gateway takes 200 requests of a token at once, and then one each 10 ms. Other programs use the token too.
+/// A gateway takes 200 requests of a token at once, and then one each 10 ms. Other programs use the token
+/// too.
 const AT_ONCE: usize = 100;
 const APART: Duration = Duration::from_millis(20);
 

@@ -317,8 +317,8 @@ pub struct ProgramVersion {
     /// What `If-Match` takes to change or remove this version.
     #[cfg_attr(feature = "openapi", schema(example = "\"3-9f86d081884c7d65\""))]
     pub etag: String,
-    /// SHA-256 of its text, in hexadecimal digits. A program that was removed and stored again counts its versions
-    /// anew: this tells one text from another, and a run takes it.
+    /// SHA-256 of its text, in hexadecimal digits. A program that was removed and stored again counts its
+    /// versions anew: this tells one text from another, and a run takes it.
     pub sha256: String,
     /// When it was stored.
     pub stored_at: String,

@@ -19,8 +19,8 @@ pub struct RunRequest {
     /// Its version; the latest if it is missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub version: Option<u64>,
-    /// SHA-256 of the text that the caller checked, 64 hexadecimal digits in small letters. If the text to run is
-    /// another one, the run is refused (`other_text`).
+    /// SHA-256 of the text that the caller checked, 64 hexadecimal digits in small letters. If the text to
+    /// run is another one, the run is refused (`other_text`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(min_length = 64, max_length = 64))]
     pub sha256: Option<String>,

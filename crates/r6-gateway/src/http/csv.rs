@@ -179,8 +179,8 @@ fn value(value: &AddressValue) -> String {
 }
 
 /// A text as a cell. A spreadsheet takes a text that begins with `=` and the like as a formula and runs it:
-/// an apostrophe before it says that it is text. Some take it also behind blanks, and with the wide signs that East
-/// Asian keyboards write.
+/// an apostrophe before it says that it is text. Some take it also behind blanks, and with the wide signs
+/// that East Asian keyboards write.
 fn quoted(text: &str) -> String {
     let is_blank = |of: char| of.is_whitespace() || of.is_control() || matches!(of, '\u{200b}' | '\u{feff}');
     let sign = text.trim_start_matches(is_blank);

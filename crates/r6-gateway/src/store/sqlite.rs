@@ -64,8 +64,8 @@ impl Sqlite {
     /// Opens the store of a folder, and makes both if there are none. Only their owner may read them.
     ///
     /// # Errors
-    /// [`StoreError::Unavailable`]; also if the store of the folder is missing: no new one is made in its place,
-    /// because it would not know of the stops that hold.
+    /// [`StoreError::Unavailable`]; also if the store of the folder is missing: no new one is made in its
+    /// place, because it would not know of the stops that hold.
     pub fn open(folder: &Path) -> Result<Self, StoreError> {
         let failed =
             |error: std::io::Error| StoreError::Unavailable(format!("{}: {error}", folder.display()));

@@ -443,7 +443,8 @@ async fn an_axis_moves_while_its_button_is_held_and_stops_when_nothing_is_said_o
     let entries = cell.hall.audit().await;
     let begins: Vec<_> = entries.iter().filter(|entry| entry["what"] == "command_intent").collect();
     let told: Vec<_> = begins.iter().map(|entry| entry["command"].as_str().unwrap()).collect();
-    let (first, last) = (["panel key manual", "panel jog J1+ held --speed 5"], "panel jog J1- held --speed 5");
+    let (first, last) =
+        (["panel key manual", "panel jog J1+ held --speed 5"], "panel jog J1- held --speed 5");
     assert!(told.starts_with(&first) && told.last() == Some(&last), "{told:?}");
     assert!(told[1..told.len() - 1].iter().all(|one| *one == first[1]), "{told:?}");
     let said =

@@ -98,8 +98,8 @@ pub struct UpArgs {
     /// else any free ports]
     #[arg(long, value_name = "ADDR:PORT|off", value_parser = gateway_place)]
     gateway: Option<Place>,
-    /// Keep what the gateway knows in this folder, also when this ends: programs, users, the history. The next
-    /// start with it goes on with them. Without it, the folder of the gateway goes when this ends
+    /// Keep what the gateway knows in this folder, also when this ends: programs, users, the history. The
+    /// next start with it goes on with them. Without it, the folder of the gateway goes when this ends
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
     /// Let --panel be an address that other machines can reach: it has no login

@@ -1,9 +1,10 @@
 //! Three gateways on one database are killed and frozen at random, while callers lease, command and stop.
 //!
 //! No controller accepts a command or a list of a gateway after another one became the owner, but for the end
-//! of a stop that was under way; the controllers tell what they accepted, and a trigger in the database when each owner began. What was acknowledged is in the audit
-//! log, the log is whole, and the robots are readable again in time. `R6_KILLS` says how often, and makes it
-//! a hall of 60 robots; `R6_ROBOTS` and `R6_SEED` say how many robots, and which random numbers.
+//! of a stop that was under way; the controllers tell what they accepted, and a trigger in the database when
+//! each owner began. What was acknowledged is in the audit log, the log is whole, and the robots are readable
+//! again in time. `R6_KILLS` says how often, and makes it a hall of 60 robots; `R6_ROBOTS` and `R6_SEED` say
+//! how many robots, and which random numbers.
 
 mod callers;
 mod robots;
@@ -237,8 +238,8 @@ impl Hall {
         (0..8).filter_map(one).collect()
     }
 
-    /// Checks that no frame came from a gateway that was not the owner any more. A stop that was under way when
-    /// its gateway froze still goes on: these are counted.
+    /// Checks that no frame came from a gateway that was not the owner any more. A stop that was under way
+    /// when its gateway froze still goes on: these are counted.
     fn check_frames(&mut self) {
         let frames = self.robots.frames();
         self.owner();

@@ -171,8 +171,8 @@ impl Seat {
         }
     }
 
-    /// Nothing is owed any more: a person says that the arm is gone. A stop has to hold, so that nothing moves
-    /// what answers under this name later before a person clears it.
+    /// Nothing is owed any more: a person says that the arm is gone. A stop has to hold, so that nothing
+    /// moves what answers under this name later before a person clears it.
     ///
     /// # Errors
     /// [`Denied::NothingOwed`], [`Denied::InReach`], [`Denied::NoStopHolds`].

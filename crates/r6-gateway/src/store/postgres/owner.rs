@@ -147,8 +147,8 @@ impl OwnerRow {
     }
 }
 
-/// Ends the sessions of an owner that hold the lock on its row. Without the right to do so, as another user of
-/// the database, they are waited for.
+/// Ends the sessions of an owner that hold the lock on its row. Without the right to do so, as another user
+/// of the database, they are waited for.
 async fn end_sessions(client: &Client, fence: u64) -> Result<(), StoreError> {
     let free = client.query("SELECT 1 FROM owner FOR UPDATE SKIP LOCKED", &[]).await?;
     if free.is_empty() {
