@@ -56,6 +56,7 @@ pub async fn run(args: RunArgs, gateway: ByGateway) -> Result<Exit, Failure> {
                 program: Some(text),
                 name: None,
                 version: None,
+                sha256: None,
                 lease: lease.lease.clone(),
                 repeat: None,
             };
