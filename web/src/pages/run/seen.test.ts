@@ -17,7 +17,8 @@ async function start() {
     whenSignedOut: () => {},
   }));
   const { hall } = await import("../../state/hall.svelte.ts");
-  const { axesOf, framesOf, accessTo } = await import("./seen.ts");
+  const { axesOf, framesOf, agreedOf } = await import("./seen.ts");
+  const { stops } = await import("../../stop/stops.ts");
   const { viewOf } = await import("../../robots/view.ts");
   const { lastLook } = await import("./last.ts");
   hall.isConnected = true;
@@ -33,7 +34,7 @@ async function start() {
   const kept = (program: string): void => {
     answers["/v1/programs/p"] = { kind: "ok", value: { version: 1, program } as StoredProgram };
   };
-  return { hall, axesOf, framesOf, accessTo, lastLook, robot, frames, kept, answers };
+  return { hall, axesOf, framesOf, agreedOf, stops, lastLook, robot, frames, kept, answers };
 }
 
 const signal = (address: string, value: Signal["value"], part: Partial<Signal> = {}): Signal => ({
@@ -96,4 +97,15 @@ test("nothing is sent unless the stored program and the frames are read again, a
   expect(await lastLook("saw", before, order)).toBe("not_read");
   answers["/v1/robots/saw/query?address=toolCoord"] = { kind: "unknown" };
   expect(await lastLook("saw", before, { text: "a" })).toBe("not_read");
+});
+
+test("a stop of this page that is on its way counts, before the gateway tells of it", async () => {
+  const { agreedOf, robot, stops } = await start();
+  const view = robot(200);
+  expect(agreedOf(view).isStopped).toBe(false);
+  vi.stubGlobal("fetch", () => new Promise(() => {}));
+  stops.one("other", { csrf: null, isLost: false });
+  expect(agreedOf(view).isStopped).toBe(false);
+  stops.one("saw", { csrf: null, isLost: false });
+  expect([stops.of("saw")?.kind, agreedOf(view).isStopped]).toEqual(["sending", true]);
 });

@@ -8,6 +8,7 @@ import type { Agreed, Ready } from "../../run/guard.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { lease } from "../../state/lease.svelte.ts";
 import { session } from "../../state/session.svelte.ts";
+import { stops } from "../../stop/stops.ts";
 import { stateOf } from "../robot/live.ts";
 
 /** Where the axes of a robot stand; `null` if that is not known now. */
@@ -52,9 +53,12 @@ export async function framesOf(robot: string, signal?: AbortSignal): Promise<str
 /** What a person agrees to with the robot as it is now. */
 export function agreedOf(view: View): Agreed {
   const { stopped, stops_under_way } = view.summary;
+  // The gateway may not have heard of it yet, and a run could overtake it on another connection.
+  const own = stops.of(view.name)?.kind;
+  const isOnItsWay = own === "waiting" || own === "sending";
   return {
     lease: lease.robot === view.name ? lease.number : null,
-    isStopped: stopped || stops_under_way > 0,
+    isStopped: stopped || stops_under_way > 0 || isOnItsWay,
     isFresh: isSeen(view),
     view,
     consent: consentOf(view),
