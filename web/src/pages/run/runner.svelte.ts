@@ -17,12 +17,12 @@ const ASK_OTHERS = 5_000;
 /** The gateway answers once the controller has accepted the first steps. */
 const PATIENCE = 20_000;
 
-/** What runs. The text that was checked and planned is sent, also of a kept program: by its name another text could run. */
+/** What runs: the text that was checked and planned. */
 export interface Order {
   text: string;
   /** How often; once if it is missing. */
   repeat?: number;
-  /** The kept program that the text is of. */
+  /** The kept program that the text is of. It is named, and the gateway refuses if it has another text now. */
   kept?: Kept;
 }
 
@@ -51,11 +51,6 @@ class Runner {
   /** The text that was sent last. */
   textOf(robot: string): string | null {
     return this.#orders.get(robot)?.text ?? null;
-  }
-
-  /** The name of the kept program that was sent last. The gateway is told its text alone. */
-  nameOf(robot: string): string | null {
-    return this.#orders.get(robot)?.kept?.name ?? null;
   }
 
   /**
@@ -92,10 +87,10 @@ class Runner {
     const before = hall.view(robot);
     if (before === undefined) this.#before.delete(robot);
     else this.#before.set(robot, { view: before, lease: lease.number });
-    const { text, repeat } = order;
+    const { text, repeat, kept } = order;
     const path = robotPath(robot, "programs/run");
     const answer = await call<Run>("POST", path, {
-      body: { program: text, ...(repeat === undefined ? {} : { repeat }), lease },
+      body: { ...(kept ?? { program: text }), ...(repeat === undefined ? {} : { repeat }), lease },
       csrf: session.csrf,
       idempotencyKey: freshKey(),
       patience: PATIENCE,

@@ -67,12 +67,11 @@ test("a text that was stopped has not run, and nothing is sent a second time whi
   const { runner, hall, asked, answers } = await start();
   hall.views = [viewLike("saw-twin", { who: 1 })];
   answers(() => run({ state: "stopped" }));
-  // The text that was checked is sent: behind the name and the version another one may stand.
-  const order = { text: TEXT, repeat: 3, kept: { name: "pick", version: 2 } };
+  // Behind the name and the version another text may stand: the gateway is told which one was checked.
+  const order = { text: TEXT, repeat: 3, kept: { name: "pick", version: 2, sha256: "5e" } };
   await runner.send("saw-twin", order, LEASE);
   expect(runner.hasRun("saw-twin", TEXT, null)).toBe(false);
-  expect(asked).toEqual([{ method: "POST", path: "/v1/robots/saw-twin/programs/run", body: { program: TEXT, repeat: 3, lease: LEASE } }]);
-  expect(runner.nameOf("saw-twin")).toBe("pick");
+  expect(asked).toEqual([{ method: "POST", path: "/v1/robots/saw-twin/programs/run", body: { name: "pick", version: 2, sha256: "5e", repeat: 3, lease: LEASE } }]);
   answers(() => ({ kind: "unknown" }));
   await runner.send("saw-twin", order, LEASE);
   expect([asked.length, runner.isUnknown("saw-twin"), runner.runs("saw-twin")]).toEqual([2, true, false]);

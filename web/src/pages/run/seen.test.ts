@@ -79,7 +79,7 @@ test("tool and work frame that are old are no answer, and not untold", async () 
 
 test("nothing is sent unless the stored program and the frames are read again, and are as they were", async () => {
   const { lastLook, frames, kept, answers } = await start();
-  const order: Order = { text: "a", kept: { name: "p", version: 1 } };
+  const order: Order = { text: "a", kept: { name: "p", version: 1, sha256: "5e" } };
   const before = JSON.stringify(FRAMES);
   frames({});
   expect(await lastLook("saw", before, { text: "a" }), "a text is not kept").toBeNull();
