@@ -189,7 +189,8 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   expect(other.faults).toEqual([]);
   await other.page.context().close();
 
-  // On the twin first.
+  // On the twin first. The page controls it: both stops are in the bar, and F9 is for both.
+  for (const robot of ["press-4-twin", "press-4"]) await page.waitForSelector(`header [data-stop=${robot}] kbd`);
   await page.waitForSelector("[data-prepare]:not([disabled])");
   await run(page, "press-4-twin");
   await says(page, "[data-sent=done]", "Done on press-4-twin, seen");
