@@ -2929,8 +2929,8 @@ export interface components {
             /** @description Whether it had no mistake when it was stored. */
             ok: boolean;
             /**
-             * @description SHA-256 of its text, in hexadecimal digits. A program that was removed and stored again counts its versions
-             *     anew: this tells one text from another, and a run takes it.
+             * @description SHA-256 of its text, in hexadecimal digits. A program that was removed and stored again counts its
+             *     versions anew: this tells one text from another, and a run takes it.
              */
             sha256: string;
             /**
@@ -3261,8 +3261,8 @@ export interface components {
              */
             repeat?: number | null;
             /**
-             * @description SHA-256 of the text that the caller checked, 64 hexadecimal digits in small letters. If the text to run is
-             *     another one, the run is refused (`other_text`).
+             * @description SHA-256 of the text that the caller checked, 64 hexadecimal digits in small letters. If the text to
+             *     run is another one, the run is refused (`other_text`).
              */
             sha256?: string | null;
             /**
