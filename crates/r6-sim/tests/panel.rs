@@ -376,6 +376,7 @@ fn the_committed_description_is_up_to_date() {
             "/v1/controllers",
             "/v1/controllers/{n}",
             "/v1/controllers/{n}/actions",
+            "/v1/controllers/{n}/faults",
             "/v1/controllers/{n}/programs/{name}",
             "/v1/controllers/{n}/status",
             "/v1/openapi.json"

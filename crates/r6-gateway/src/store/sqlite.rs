@@ -71,7 +71,7 @@ impl Sqlite {
             |error: std::io::Error| StoreError::Unavailable(format!("{}: {error}", folder.display()));
         files::make_folder(folder).map_err(failed)?;
         let path = folder.join(FILE);
-        let is_left = |name: &&&str| folder.join(**name).exists();
+        let is_left = |name: &&&str| folder.join(**name).is_dir();
         if !path.try_exists().map_err(failed)?
             && let Some(left) = [HALF_RESTORED, HISTORY].iter().find(is_left)
         {

@@ -402,6 +402,8 @@ impl Cell {
                 return false;
             }
             assert_eq!((&kept["command_id"], &kept["panel"]["moving"]), (&json!(null), &json!(true)));
+            // As often as a page says it: a token has 200 requests at once, and 100 a second.
+            tokio::time::sleep(Duration::from_millis(40)).await;
         }
         true
     }
