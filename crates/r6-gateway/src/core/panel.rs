@@ -36,7 +36,7 @@ pub struct Press {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Needs {
     /// Nothing. A stop is done at once; the end of a fault is the way back from a robot that does not answer,
-    /// whose lease nobody may be able to acquire.
+    /// whose lease it may be impossible to acquire.
     Nothing,
     /// The lease. Whether the robot answers does not matter.
     Lease,

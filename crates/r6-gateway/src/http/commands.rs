@@ -100,7 +100,7 @@ pub async fn command(
     work.await.map_err(refusal::of_lost_work)?.map(axum::Json).map_err(refusal::of)
 }
 
-/// What makes a request one that must not be carried out twice; `None` without an `Idempotency-Key`.
+/// What keeps a request from being carried out twice; `None` without an `Idempotency-Key`.
 fn once(
     caller: &Caller,
     robot: &str,

@@ -22,7 +22,7 @@ use crate::programs::check::check_length;
 use crate::programs::run::{MAX_REPEAT, steps};
 
 /// What a caller has to know whose text is another one.
-const OTHER_TEXT: &str = "nothing was sent: the program has another text than the one that was checked (`sha256`); it was \
+const OTHER_TEXT: &str = "nothing was sent: the program has another text than what was checked (`sha256`); it was \
                           stored anew meanwhile: read it and check it again";
 
 /// Runs a program on a robot, with the lease. The gateway feeds its steps, at most 10 ahead of the arm, and

@@ -34,7 +34,10 @@ fn start(folder: &Path, max_entries: u64) -> Result<(Auditor, Keeper), StoreErro
 
 /// What a gateway of version 5 of the tables left: a log without heads.
 fn make_old(folder: &Path) {
-    change(folder, "DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; PRAGMA user_version = 5");
+    change(
+        folder,
+        "DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; PRAGMA user_version = 5",
+    );
 }
 
 fn change(folder: &Path, sql: &str) {

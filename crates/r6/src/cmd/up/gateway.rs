@@ -1,4 +1,4 @@
-//! The gateway of `r6 up`: it lives as long as the cell, in a folder of its own, or in one that is kept.
+//! The gateway of `r6 up`: it lives as long as the cell, in a folder of its own, or in a folder that is kept.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write as _};
