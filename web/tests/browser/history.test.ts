@@ -172,7 +172,7 @@ test("today's cycles are compared with yesterday's, in the time of the hall, whe
   const cells = async (row: string): Promise<string[]> => page.locator(`${row} td`).allTextContents();
   const [today, yesterday] = await cells("[data-each='pack-01 0']").then(async (first) => [first, await cells("[data-each='pack-01 1']")]);
   expect(Number(today![4]), today!.join("|")).toBeGreaterThan(0);
-  expect(yesterday!.slice(2)).toEqual(["90.0 %", "6", "7", "2.00 s", "2.50 s"]);
+  expect(yesterday!.slice(2)).toEqual(["90.0 %", "6", "7", "up to 2.00 s", "up to 2.50 s"]);
   // What was not seen, and what is not told, is named and is not 0.
   expect((await cells("[data-each='press-01 1']")).slice(2, 5)).toEqual(Array(3).fill("nothing was seen"));
   expect((await cells("[data-each='old-01 0']"))[3]).toBe("not told");

@@ -37,7 +37,7 @@ test("an operator signs in with the link, sees an axis move, stops the arm and s
     const tell = (window as unknown as { axisIs(text: string): void }).axisIs;
     new MutationObserver(() => tell(axis?.textContent ?? "")).observe(axis!, { childList: true, subtree: true, characterData: true });
   });
-  await r6("-r", cell.robot, "move", "axes", "30", "0", "0", "0", "30", "0", "--speed", "20", "--wait");
+  await r6("-r", cell.robot, "move", "axes", "30", "0", "0", "0", "30", "0", "--speed", "8", "--wait");
   await says(page, "[data-value=axis-0]", /^30\.000$/);
   const between = [...seen].filter((text) => Number(text) > 0.5 && Number(text) < 29.5);
   expect(between.length, [...seen].join(" ")).toBeGreaterThan(3);

@@ -61,7 +61,7 @@ test("the picture follows the arm, and the table says the same", async () => {
   await page.waitForSelector("[data-lease=free]");
   await page.waitForTimeout(300);
   expect(await drawn(page), "nothing is drawn while the arm stands").toBe(still);
-  await r6("-r", cell.robot, "move", "axes", "60", "-20", "20", "0", "-40", "0", "--speed", "60", "--wait");
+  await r6("-r", cell.robot, "move", "axes", "60", "-20", "20", "0", "-40", "0", "--speed", "20", "--wait");
   await says(page, "[data-value=axis-0]", /^60\.000$/);
   const moved = await pixels(page);
   expect(moved === first, "the pixels changed").toBe(false);
