@@ -23,12 +23,14 @@ export class ReadAlarms {
   #attempt = $state(0);
 
   constructor(path: () => string) {
+    // A robot's values change all the time, and its path does not.
+    const where = $derived(path());
     $effect(() => {
       void hall.alarms;
       void this.#attempt;
       let isOver = false;
       let timer: ReturnType<typeof setTimeout>;
-      void call<RobotAlarms>("GET", path()).then((answer) => {
+      void call<RobotAlarms>("GET", where).then((answer) => {
         if (isOver) return;
         this.failure = failureOf(answer);
         if (answer.kind === "ok") this.known = answer.value;

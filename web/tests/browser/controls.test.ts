@@ -206,6 +206,7 @@ test("an axis of a twin moves as long as its button is held, and its faults begi
     // More than 200 ms move it so far in one go at 10 % of its speed. Where a word of the page comes late, because the
     // machine does other things too, the axis stands, and the button is pressed again.
     await until("the axis moves on", async () => {
+      await until("the axis stands", async () => !(await j1()).moving);
       const from = await j1();
       // What is read later moves the button.
       await button.hover();

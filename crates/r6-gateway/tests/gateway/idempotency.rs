@@ -152,7 +152,7 @@ struct Draws(u32);
 impl Draws {
     fn below(&mut self, end: u64) -> u64 {
         self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        u64::from(self.0 >> 8) * end >> 24
+        (u64::from(self.0 >> 8) * end) >> 24
     }
 }
 
