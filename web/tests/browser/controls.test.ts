@@ -239,6 +239,8 @@ test("an axis of a twin moves as long as its button is held, and its faults begi
   await picture(page, "robot-faults-light");
   await page.click("[data-end-faults]");
   await page.waitForSelector("[data-faults='0']");
+  await hold(page, "Hold: Start");
+  await page.waitForSelector("[data-panel-state='7']");
   await page.locator("[data-lease=mine] button").click();
   await page.waitForSelector("[data-lease=free]");
   expect(faults).toEqual([]);
