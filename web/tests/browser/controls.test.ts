@@ -2,7 +2,7 @@ import { writeFileSync } from "node:fs";
 import { join } from "node:path";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
-import type { PanelState } from "../../src/api/types.ts";
+import type { PanelState, RobotState } from "../../src/api/types.ts";
 import { Running, fits, folder, hasThisPage, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
 
 const data = folder();
@@ -239,6 +239,13 @@ test("an axis of a twin moves as long as its button is held, and its faults begi
   await picture(page, "robot-faults-light");
   await page.click("[data-end-faults]");
   await page.waitForSelector("[data-faults='0']");
+  // The gateway refuses Start until it has read the robot again: the poll that got no reply ends with its time-out first.
+  const ended = Date.now();
+  await until("the robot is read again", async () => {
+    const { signals } = (await (await ask("GET", "/v1/robots/saw-twin", engineer)).json()) as RobotState;
+    const age = signals.find(({ address }) => address === "curMode")?.age_ms;
+    return typeof age === "number" && age < Date.now() - ended;
+  });
   await hold(page, "Hold: Start");
   await page.waitForSelector("[data-panel-state='7']");
   await page.locator("[data-lease=mine] button").click();
