@@ -120,6 +120,21 @@ pub enum Action {
     },
 }
 
+impl Action {
+    /// Whether it needs no lease at a gateway: a stop is done at once, and the end of a fault is the way back
+    /// from a robot that does not answer, whose lease it may be impossible to acquire.
+    #[must_use]
+    pub fn needs_no_lease(&self) -> bool {
+        matches!(
+            self,
+            Self::Press { button: Button::Stop | Button::Pause }
+                | Self::EmergencyStop {}
+                | Self::EndFault { .. }
+                | Self::EndFaults {}
+        )
+    }
+}
+
 /// The default speed of a move by hand, in percent.
 fn usual_speed() -> f64 {
     10.0

@@ -16,7 +16,7 @@ class Build {
       const response = await fetch("/", { cache: "no-store", signal: AbortSignal.timeout(10_000) });
       if (!response.ok) return "away";
       const now = filesIn(await response.text());
-      // A page that names no files is one that a tool for development serves.
+      // A tool for development serves a page that names no files.
       this.isOld = this.#own.length > 0 && now.length > 0 && now.some((file) => !this.#own.includes(file));
       return this.isOld ? "other" : "same";
     } catch {

@@ -35,7 +35,7 @@ const refused = (status: number): Response => Response.json({ code: "no_session"
 
 beforeEach(() => vi.unstubAllGlobals());
 
-test("a browser that opened no session asks for none, and one that did asks", async () => {
+test("a browser asks for its session only if it opened one before", async () => {
   const kept = new Map<string, string>();
   const storage = {
     getItem: (key: string) => kept.get(key) ?? null,
@@ -71,7 +71,7 @@ test("signing out ends the session only if the gateway says so", async () => {
   expect([session.phase, session.isMaybeOpen]).toEqual(["out", false]);
 });
 
-test("a session that the gateway does not know has ended", async () => {
+test("a session has ended if the gateway does not know it", async () => {
   const { session } = await begin("", ({ method }) => (method === "GET" ? Response.json(ANNA) : refused(401)));
   await session.signOut();
   expect(session.phase).toBe("out");

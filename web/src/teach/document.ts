@@ -196,16 +196,6 @@ export function locate(document: Document, line: number): { step: number; key: s
   return null;
 }
 
-/** The first line of each step in the written text. */
-export function lineOf(document: Document, step: number): number | null {
-  let line = 1;
-  for (const part of parts(document)) {
-    if (part.step === step) return line;
-    line += part.text.split("\n").length - 1;
-  }
-  return null;
-}
-
 export function pointsOf(document: Document): Point[] {
   return document.top.flatMap(({ point }) => (point === null ? [] : [point]));
 }

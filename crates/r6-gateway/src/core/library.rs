@@ -65,8 +65,7 @@ impl Tag {
     /// As `ETag` has it.
     #[must_use]
     pub fn etag(&self) -> String {
-        let hash: String = self.hash.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
-        format!("\"{}-{hash}\"", self.version)
+        format!("\"{}-{:.16}\"", self.version, self.sha256())
     }
 
     /// The hash in hexadecimal digits.

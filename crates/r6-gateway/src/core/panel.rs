@@ -35,8 +35,7 @@ pub struct Press {
 /// What an action needs besides the right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Needs {
-    /// Nothing. A stop is done at once; the end of a fault is the way back from a robot that does not answer,
-    /// whose lease it may be impossible to acquire.
+    /// Nothing: [`Action::needs_no_lease`].
     Nothing,
     /// The lease. Whether the robot answers does not matter.
     Lease,
@@ -50,10 +49,7 @@ impl Press {
     pub fn new(action: Action) -> Self {
         use Effect::{Changes, Moves, Stops};
         let needs = match &action {
-            Action::Press { button: Button::Stop | Button::Pause }
-            | Action::EmergencyStop {}
-            | Action::EndFault { .. }
-            | Action::EndFaults {} => Needs::Nothing,
+            action if action.needs_no_lease() => Needs::Nothing,
             Action::BeginFault { .. } | Action::CutPower { .. } | Action::EndJog {} => Needs::Lease,
             _ => Needs::Link,
         };

@@ -157,7 +157,7 @@ Examples:
     EndFaults,
     /// Cut the power, which is back after a time
     PowerCut {
-        /// After how many seconds, 0 to 3600
+        /// For how many seconds, 0 to 3600
         #[arg(default_value = "10")]
         seconds: f64,
     },
@@ -252,14 +252,7 @@ pub async fn run_by_gateway(args: PanelArgs, gateway: ByGateway) -> Result<Exit,
                 .advise("`run` has the gateway run a program of motions"));
         }
     };
-    // Stops, and the end of faults.
-    let needs_no_lease = matches!(
-        action,
-        Action::EmergencyStop {}
-            | Action::Press { button: Button::Stop | Button::Pause }
-            | Action::EndFault { .. }
-            | Action::EndFaults {}
-    );
+    let needs_no_lease = action.needs_no_lease();
     let request = PanelRequest { action, lease: None, run_leftover: false };
     let done = if needs_no_lease {
         robot.panel_action(&request).await

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use crate::gateway::{gateway, get, token, until};
+use crate::gateway_calls::{gateway, get, token, until};
 use crate::support::{Outcome, Robot, Running, TempFile, hostile, r6};
 
 /// A gateway with robots, as the holder of a token sees it.
@@ -198,7 +198,7 @@ fn what_is_refused_says_why_and_nothing_is_sent() {
     assert!(none.err.contains("R6_TOKEN"), "{}", none.err);
 
     let admin = token(&hall.data, "admin");
-    let (status, _) = crate::gateway::call(&hall.url, &admin, "POST", "/v1/robots/press/lease", "{}");
+    let (status, _) = crate::gateway_calls::call(&hall.url, &admin, "POST", "/v1/robots/press/lease", "{}");
     assert_eq!(status, 200);
     let leased = hall.r6(&["-r", "press", "command", "rewriteData", "800", "1", "0", "--json"]);
     assert_eq!((leased.code, code(&leased)), (1, "leased".into()), "{leased:?}");

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::gateway::{attempt, gateway, get, token};
+use crate::gateway_calls::{attempt, gateway, get, token};
 use crate::support::{Robot, r6};
 
 /// How often it is killed, if nothing else is said.
@@ -205,7 +205,7 @@ fn nothing_that_a_gateway_acknowledged_is_lost_when_it_is_killed() {
     let mut counts = [0_usize; 4];
     let (mut heads, mut removed) = (0, 0);
     for kill in 0..kills {
-        crate::gateway::until(|| (get(&url, &admin, "/v1/robots").0 == 200).then_some(()));
+        crate::gateway_calls::until(|| (get(&url, &admin, "/v1/robots").0 == 200).then_some(()));
         let is_killed = AtomicBool::new(false);
         let mut told = [0, 1].map(|at: usize| Told { stopped: stopped[at], ..Told::default() });
         let mut of_program = Told::default();

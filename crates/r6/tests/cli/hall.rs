@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::gateway::{get, until};
+use crate::gateway_calls::{get, until};
 use crate::support::{Running, TempFile, r6};
 
 const NAMES: [&str; 12] = [

@@ -6,6 +6,7 @@ mod crowded;
 mod ends;
 mod forged;
 mod gateway;
+mod gateway_calls;
 mod gateway_kills;
 mod hall;
 mod help;

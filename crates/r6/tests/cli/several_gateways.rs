@@ -22,7 +22,7 @@ use r6_testkit::postgres::{Server, shared};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use crate::gateway::{answer, attempt, begin_call, gateway};
+use crate::gateway_calls::{answer, attempt, begin_call, gateway};
 use crate::support::{Running, r6};
 use callers::{Caller, Doors, Kept, Told};
 use robots::{Connection, Frame, Process, Processes, Robots};

@@ -4,7 +4,7 @@ use std::net::TcpStream;
 
 use serde_json::{Value, json};
 
-use crate::gateway::{call, call_with, gateway, get, token, until};
+use crate::gateway_calls::{call, call_with, gateway, get, token, until};
 use crate::support::{Robot, TempFile, r6};
 
 /// The address of a twin, from the line that names it.

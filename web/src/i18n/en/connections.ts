@@ -71,7 +71,6 @@ export const connections = {
   events: "Link in the last 24 h",
   noEvents: "It was neither lost nor found again.",
   event: { link_lost: "lost", link_back: "back" } as Record<string, string>,
-  historyOff: "The gateway keeps no history.",
   changed: (robot: string) => `${robot}: another robot answers at this address`,
   changedWhat: "Commands are refused until an engineer accepts the robot that answers.",
   expected: "Expected",

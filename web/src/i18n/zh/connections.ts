@@ -71,7 +71,6 @@ export const connections: typeof english = {
   events: "最近 24 小时的连接",
   noEvents: "没有断开，也没有恢复。",
   event: { link_lost: "断开", link_back: "恢复" },
-  historyOff: "网关不保存历史数据。",
   changed: (robot) => `${robot}：该地址上应答的是另一台机器人`,
   changedWhat: "在工程师确认之前，命令将被拒绝。",
   expected: "原来的机器人",

@@ -22,7 +22,7 @@ const kept = (version: number, program: string): Answer<StoredProgram> => ({
   value: { version, program } as StoredProgram,
 });
 
-test("a kept program is the one that was checked only if its latest version has its number and its text", async () => {
+test("a kept program counts as checked only if the number and the text of its latest version are those that were checked", async () => {
   const rows: [Answer<StoredProgram>, string][] = [
     [kept(1, "a"), "same"],
     // Removed and stored anew: the number is the same.

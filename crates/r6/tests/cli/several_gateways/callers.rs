@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::gateway::attempt;
+use crate::gateway_calls::attempt;
 
 /// How long a caller waits for an answer. A gateway that is frozen gives none: then the caller asks another
 /// one.
