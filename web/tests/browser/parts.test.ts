@@ -1,6 +1,6 @@
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
-import { type Cell, Network, isAccessible, openPage, says, startBrowser, startCell } from "./support.ts";
+import { type Cell, Network, isAccessible, openPage, says, startBrowser, startCell, until } from "./support.ts";
 
 let cell: Cell;
 let browser: Browser;
@@ -33,9 +33,13 @@ test("a part that could not be loaded says whether the gateway is away or has an
   const stop = page.locator("button", { hasText: "STOP" });
   expect(await stop.count(), "Stop is there all the time").toBeGreaterThan(0);
   await page.click("[data-part-failed] button:text('Try again')");
-  await page.waitForSelector("#now, [data-part-failed=same]");
-  if ((await page.locator("#now").count()) === 0) await page.click("[data-part-failed] button:text('Load the page again')");
-  await page.waitForSelector("#now");
+  // A browser may keep that a part could not be loaded. Then the page has to be loaded again.
+  await until("the part is there", async () => {
+    if ((await page.locator("#now").count()) > 0) return true;
+    const again = page.locator("[data-part-failed=same] button:text('Load the page again')");
+    await again.click({ timeout: 1_000 }).catch(() => undefined);
+    return false;
+  });
 
   // Another build: its parts have other names, so those of this page are not there any more.
   await page.route("**/assets/ProductionPage*.js", (route) => route.fulfill({ status: 404, body: "" }));
