@@ -1,7 +1,7 @@
 import { configDefaults, defineConfig } from "vitest/config";
 
 // These take most of two processors for minutes: `tools/web tasks` and `tools/web measure` run them alone.
-const LONG = ["tests/browser/tasks.test.ts", "tests/browser/pendant.test.ts", "tests/browser/load.test.ts"];
+const LONG = ["tests/browser/tasks.test.ts", "tests/browser/load.test.ts"];
 
 export default defineConfig({
   test: {

@@ -85,6 +85,8 @@ export const controls = {
   speedSet: (percent: number, by: string, at: string) =>
     `${percent} %, set by ${by}, ${at}; not reported by the controller`,
   speedOfPanel: (percent: number) => `${percent} %, as the panel of this virtual robot says`,
+  speedOfPanelSet: (percent: number, by: string, at: string) =>
+    `${percent} %, set by ${by}, ${at}; the panel of this virtual robot says the same`,
   speedUnknown: "Not known: the controller does not report it, and whether it is as it was last set is not known either.",
   percent: "Percent of full speed",
   setSpeed: (robot: string) => `Set the speed of ${robot}`,

@@ -33,6 +33,7 @@ export const production = {
   asOf: (at: string) => `As of ${at}.`,
   hall: (told: number, asked: number) =>
     told < asked ? `${told} of ${count(asked, "robot", "robots")} together` : asked === 1 ? "The robot" : `All ${asked} robots together`,
+  soFar: (told: number, asked: number) => `${told} of ${count(asked, "robot", "robots")} together, so far`,
   figure: "Figure",
   difference: "Difference",
   from: "Computed from",

@@ -84,6 +84,7 @@ export const controls: typeof english = {
   speed: "全局速度",
   speedSet: (percent, by, at) => `${percent} %，由 ${by} 于 ${at} 设定；控制器不报告此值`,
   speedOfPanel: (percent) => `${percent} %（来自此虚拟机器人的面板）`,
+  speedOfPanelSet: (percent, by, at) => `${percent} %，由 ${by} 于 ${at} 设定；此虚拟机器人的面板显示相同的值`,
   speedUnknown: "未知：控制器不报告此值，也不知道是否仍为上次设定的值。",
   percent: "全速的百分比",
   setSpeed: (robot) => `设定 ${robot} 的速度`,

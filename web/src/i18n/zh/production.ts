@@ -33,6 +33,7 @@ export const production: typeof english = {
   progress: (done, all) => `已读取 ${done}/${all}…`,
   asOf: (at) => `截至 ${at}。`,
   hall: (told, asked) => (told < asked ? `${asked} 台中的 ${told} 台机器人合计` : asked === 1 ? "该机器人" : `全部 ${asked} 台机器人合计`),
+  soFar: (told, asked) => `${asked} 台中的 ${told} 台机器人合计（读取中）`,
   figure: "指标",
   difference: "差值",
   from: "数据来源",

@@ -8,7 +8,13 @@ export function timeOf(at: number): string {
   return clock(at, hall.zone, hall.time(hall.now()));
 }
 
-/** The global speed as it was last set; `null` if that is not known. */
-export function speedText({ global_speed: set }: RobotSummary, words: typeof en): string | null {
-  return set === null ? null : words.controls.speedSet(set.percent, set.by, timeOf(Date.parse(set.at)));
+/**
+ * The global speed as it was last set, and of a virtual robot as its panel says. `null` if it is not known.
+ * `ofPanel`: what the panel says; `null` without one.
+ */
+export function speedText({ global_speed: set }: RobotSummary, ofPanel: number | null, words: typeof en): string | null {
+  if (set === null) return ofPanel === null ? null : words.controls.speedOfPanel(ofPanel);
+  const [by, at] = [set.by, timeOf(Date.parse(set.at))];
+  if (ofPanel === null) return words.controls.speedSet(set.percent, by, at);
+  return ofPanel === set.percent ? words.controls.speedOfPanelSet(ofPanel, by, at) : words.controls.speedOfPanel(ofPanel);
 }
