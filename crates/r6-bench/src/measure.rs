@@ -26,6 +26,22 @@ pub fn pin() -> io::Result<()> {
     Ok(rustix::thread::sched_setaffinity(None, &one)?)
 }
 
+/// Lets all threads of these processes, and this thread, run on every core of the machine, as they would
+/// without a benchmark. Threads that they start later too.
+pub fn spread(processes: &[u32]) -> io::Result<()> {
+    let mut all = rustix::thread::CpuSet::new();
+    // The system leaves out those that the machine does not have, or that this process may not use.
+    (0..rustix::thread::CpuSet::MAX_CPU).for_each(|core| all.set(core));
+    for process in processes {
+        for task in std::fs::read_dir(format!("/proc/{process}/task"))?.flatten() {
+            let thread = task.file_name().to_str().and_then(|id| id.parse().ok());
+            // A thread that has just ended cannot be moved.
+            let _ = rustix::thread::sched_setaffinity(thread.and_then(rustix::process::Pid::from_raw), &all);
+        }
+    }
+    Ok(rustix::thread::sched_setaffinity(None, &all)?)
+}
+
 /// The minimum number of rounds that count. With fewer, the machine was too busy for a result.
 pub const LEAST_ROUNDS: usize = 9;
 

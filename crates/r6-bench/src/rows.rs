@@ -37,4 +37,5 @@ pub const ALL: &[Measured] = &[
     ("simulated", controller::simulated),
     ("fleet", fleet::rows),
     ("gateway", gateway::rows),
+    ("history", gateway::day::rows),
 ];

@@ -2,24 +2,34 @@
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Read, Write as _};
-use std::net::TcpStream;
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
 use crate::serve::Running;
 
-/// A client of the gateway over one connection.
+/// A connection that was at rest for longer is not used again: the gateway closes it after some seconds.
+const REST: Duration = Duration::from_secs(1);
+
+/// A client of the gateway over one connection, or another one after a rest.
 pub struct Client {
+    address: SocketAddr,
     stream: BufReader<TcpStream>,
+    used: Instant,
     token: String,
+}
+
+fn connect(address: SocketAddr) -> BufReader<TcpStream> {
+    let stream = TcpStream::connect(address).expect("it listens");
+    stream.set_nodelay(true).expect("small requests leave at once");
+    BufReader::new(stream)
 }
 
 impl Client {
     pub fn new(running: &Running) -> Self {
-        let stream = TcpStream::connect(running.address).expect("it listens");
-        stream.set_nodelay(true).expect("small requests leave at once");
         let token = running.words.get(1).expect("a token").clone();
-        Self { stream: BufReader::new(stream), token }
+        Self { address: running.address, stream: connect(running.address), used: Instant::now(), token }
     }
 
     pub fn ask(&mut self, method: &str, path: &str, body: &str) -> (u16, String) {
@@ -27,6 +37,9 @@ impl Client {
         write!(request, "Authorization: Bearer {}\r\nContent-Type: application/json\r\n", self.token)
             .and_then(|()| write!(request, "Content-Length: {}\r\n\r\n{body}", body.len()))
             .expect("a text can be written");
+        if self.used.elapsed() > REST {
+            self.stream = connect(self.address);
+        }
         self.stream.get_mut().write_all(request.as_bytes()).expect("it is read");
         let (mut line, mut status, mut length) = (String::new(), 0, 0);
         loop {
@@ -42,6 +55,7 @@ impl Client {
         }
         let mut body = vec![0; length];
         self.stream.read_exact(&mut body).expect("the body");
+        self.used = Instant::now();
         (status, String::from_utf8(body).expect("text"))
     }
 

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
+use r6_api::gateway::Role;
 use r6_client::{Address, RobotSettings};
 use r6_gateway::simulation::write_history;
 use r6_gateway::{
@@ -44,6 +45,8 @@ fn position(signal: usize, sample: u32) -> f64 {
 pub fn serve() {
     let runtime = Builder::new_current_thread().enable_all().build().expect("a runtime");
     let data = tempfile::tempdir().expect("a folder");
+    // A folder that has a history and no store is not taken.
+    r6_gateway::make_token(data.path(), Role::Viewer, None, String::new()).expect("a store");
     let name = RobotName::new("robot-0").expect("a name");
     for (number, signal) in SIGNALS.iter().enumerate() {
         let address = Address::parse(signal).expect("an address");
@@ -69,11 +72,11 @@ pub fn serve() {
         names: Vec::new(),
         tls: TlsSettings::Off,
     };
-    super::run_gateway(&runtime, settings);
+    super::run_gateway(&runtime, settings, &[]);
 }
 
 /// The question over HTTP beside SQLite. Both sides read files that were written before.
-pub fn row() -> Row {
+pub fn rows() -> Vec<Row> {
     let gateway: Running = Server::Day.start();
     let mut client = Client::new(&gateway);
     let folder = tempfile::tempdir().expect("a folder");
@@ -101,14 +104,14 @@ pub fn row() -> Row {
     };
     let mut contenders: Vec<Contender<'_>> = vec![Box::new(of_sqlite), Box::new(of_gateway)];
     let ratio = compare(&mut contenders).remove(0).remove(0);
-    Row {
+    vec![Row {
         what: "The history of a gateway: a day of one signal, 864 000 samples, as 1 440 averages over HTTP"
             .to_owned(),
         against: "the same from a table of SQLite with an index by robot, signal and time",
         goal: Some(Goal::AtMost(1.0)),
         figure: Figure::Ratio(ratio),
         in_the_way: "chunks are unpacked, averages are weighted by time, and the answer is written as JSON and sent",
-    }
+    }]
 }
 
 /// The same samples in a plain table.
