@@ -2,9 +2,9 @@
 import { afterAll, beforeAll, expect, test } from "vitest";
 import type { LiveSent } from "../../src/api/types.ts";
 import { decode } from "../../src/live/decode.ts";
-import { FakeGateway } from "./fake.ts";
+import { FakeGateway, openSignedIn } from "./fake.ts";
 import { type Made, make } from "./made.ts";
-import { r6, until } from "./support.ts";
+import { r6, startBrowser, until } from "./support.ts";
 
 /** A cycle of about a second, and a part in each. */
 const PROGRAM = `
@@ -140,4 +140,21 @@ test("its answers are like those of a real one", async () => {
     const [is, should] = [bare(await get(fake.url, of ?? path)), bare(await get(made.url, path))];
     expect(alike(is, should), `${path}: ${JSON.stringify(is)} and ${JSON.stringify(should)}`).toBe(true);
   }
+});
+
+test("a page shows the hall of the fake gateway, and its values change", async () => {
+  const browser = await startBrowser();
+  const { page, faults } = await openSignedIn(browser);
+  await page.goto(fake.url);
+  await page.locator("[data-robot] .line").first().waitFor();
+  expect(await page.locator("[data-robot]").count()).toBe(2);
+  await page.goto(`${fake.url}/robots/${fake.robots[0]?.name}`);
+  const value = page.locator("[data-value=axis-0]");
+  await value.waitFor();
+  const before = await value.textContent();
+  fake.live();
+  await until("the axis moves", async () => (await value.textContent()) !== before);
+  fake.rest();
+  expect(faults).toEqual([]);
+  await browser.close();
 });

@@ -8,6 +8,7 @@ import { type IncomingMessage, type Server, type ServerResponse, createServer } 
 import type { AddressInfo } from "node:net";
 import { extname, join } from "node:path";
 import { fileURLToPath } from "node:url";
+import type { Browser, BrowserContextOptions, Page } from "playwright-core";
 import type {
   AddressValue,
   ArmModel,
@@ -23,7 +24,18 @@ import type {
   Signal,
 } from "../../src/api/types.ts";
 import { PLAIN } from "../../src/route.ts";
+import { SESSION_KEY } from "../../src/state/known.ts";
+import { openPage } from "./support.ts";
 import { Wire } from "./wire.ts";
+
+/** A page in a browser that has a session at the fake gateway. Without one, the page does not ask for it. */
+export async function openSignedIn(browser: Browser, options: BrowserContextOptions = {}): Promise<{ page: Page; faults: string[] }> {
+  const opened = await openPage(browser, options);
+  await opened.page.addInitScript((key) => {
+    if (location.protocol === "http:") localStorage.setItem(key, "1");
+  }, SESSION_KEY);
+  return opened;
+}
 
 /** As a gateway for development takes it. */
 const BUILT = process.env["R6_PAGE"] ?? fileURLToPath(new URL("../../../crates/r6-gateway/page/built", import.meta.url));

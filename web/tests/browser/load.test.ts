@@ -8,10 +8,10 @@ import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import type { Models } from "../../src/api/types.ts";
 import { goWithMessages } from "./clock.ts";
-import { FakeGateway, type Wanted } from "./fake.ts";
+import { FakeGateway, type Wanted, openSignedIn } from "./fake.ts";
 import { make } from "./made.ts";
 import { type Memory, type Trace, memory, part, perFrame, traced } from "./measure.ts";
-import { SOFTWARE_3D, openPage, says, startBrowser, until } from "./support.ts";
+import { SOFTWARE_3D, says, startBrowser, until } from "./support.ts";
 
 /** Whether it is measured at length, and how many hours of messages then. */
 const HOURS = Number(process.env["R6_MEASURE"] ?? 0);
@@ -100,7 +100,7 @@ async function running(fake: FakeGateway): Promise<void> {
 
 test("500 robots ten times a second: no long task, few nodes, a small heap", async () => {
   const fake = await begin({ robots: ROBOTS, running: ROBOTS, lost: 3, alarmed: 5, alarmEvery: 20 });
-  const { page, faults } = await openPage(browser);
+  const { page, faults } = await openSignedIn(browser);
   await page.addInitScript(noteFirst);
   const first: number[] = [];
   const load = await traced(browser, page, async () => {
@@ -145,7 +145,7 @@ test.runIf(LONG)("one arm in 3D while 500 robots run", async () => {
   const { models } = (await (await fetch(`${made.url}/v1/models`, { headers })).json()) as Models;
   await made.end();
   const fake = await begin({ robots: ROBOTS, running: ROBOTS, models });
-  const { page, faults } = await openPage(browser, { viewport: { width: 1280, height: 900 } });
+  const { page, faults } = await openSignedIn(browser, { viewport: { width: 1280, height: 900 } });
   await page.goto(`${fake.url}/robots/lathe-401`);
   await page.waitForSelector("[data-scene=shown] canvas");
   const drawn = async (): Promise<number> => Number(await page.getAttribute("[data-scene=shown] canvas", "data-drawn"));
@@ -166,7 +166,7 @@ test.runIf(LONG)("one arm in 3D while 500 robots run", async () => {
 
 /** Opens a page whose clock goes with the messages, and tells it a part of a day. Returns what it takes from time to time. */
 async function live(fake: FakeGateway, path: string, ready: string, seconds: number): Promise<{ seen: Memory[]; sent: number }> {
-  const { page, faults } = await openPage(browser, { viewport: { width: 1280, height: 900 } });
+  const { page, faults } = await openSignedIn(browser, { viewport: { width: 1280, height: 900 } });
   await page.addInitScript(goWithMessages);
   await page.goto(`${fake.url}${path}`);
   await page.waitForSelector(ready);
