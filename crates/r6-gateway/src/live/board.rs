@@ -104,24 +104,33 @@ impl Row {
         self.is_unsupported = read.quality == Quality::Unsupported;
         let quality = quality(&read.quality);
         // A reader may have been told that it grew old. Then it is a change that it is fresh again.
-        let told = self.signal(now, fresh_for).quality;
+        let told = self.quality_at(self.age(now), fresh_for);
         self.asked_at = read.age.map(|age| clock::before(now, age));
         let is_changed = self.value != value || self.quality != quality || told != quality;
         (self.value, self.quality) = (value, quality);
         is_changed
     }
 
+    /// How old its value is, if it has one.
+    fn age(&self, now: Instant) -> Option<Duration> {
+        self.asked_at.filter(|_| self.value.is_some()).map(|asked_at| now.since(asked_at))
+    }
+
+    /// Its quality, as a reader is told while it has this age.
+    fn quality_at(&self, age: Option<Duration>, fresh_for: Duration) -> SignalQuality {
+        match self.quality {
+            SignalQuality::Fresh if age.is_none_or(|age| age > fresh_for) => SignalQuality::Stale,
+            quality => quality,
+        }
+    }
+
     fn signal(&self, now: Instant, fresh_for: Duration) -> Signal {
-        let has_value = self.value.is_some();
-        let age = self.asked_at.filter(|_| has_value).map(|asked_at| now.since(asked_at));
+        let age = self.age(now);
         Signal {
             address: self.address.to_string(),
             value: self.value.clone(),
             unit: Unit::word_of(self.address).map(str::to_owned),
-            quality: match self.quality {
-                SignalQuality::Fresh if age.is_none_or(|age| age > fresh_for) => SignalQuality::Stale,
-                quality => quality,
-            },
+            quality: self.quality_at(age, fresh_for),
             age_ms: age.map(|age| u64::try_from(age.as_millis()).unwrap_or(u64::MAX)),
         }
     }
