@@ -105,7 +105,7 @@ pub enum Action {
     EndFaults {},
     /// The mains fail, and are back after this time.
     CutPower {
-        /// After how many seconds, 0 to 3600; 10 if it is missing.
+        /// For how many seconds, 0 to 3600; 10 if it is missing.
         #[serde(default = "usual_cut")]
         #[cfg_attr(feature = "openapi", schema(default = 10.0, minimum = 0.0, maximum = 3600.0))]
         seconds: f64,

@@ -1,4 +1,5 @@
 //! Compares the speed of `r6` with others: ratios, with both sides measured in turns, in one run on one core.
+//! Only the delays of the gateway are measured on all cores.
 //!
 //! ```text
 //! make bench                     all rows; writes docs/BENCHMARKS.md and the quoted figures of README.md

@@ -3,8 +3,11 @@
 use std::hint::black_box;
 use std::io;
 use std::path::Path;
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
+use rustix::process::Pid;
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use rustix::time::{ClockId, clock_gettime};
 
 /// Rounds of each comparison. In each round, every contender has one slice.
@@ -16,30 +19,38 @@ pub const SLICE: Duration = Duration::from_millis(200);
 /// The warm-up slice of a contender, which does not count.
 const WARM_UP: Duration = Duration::from_millis(200);
 
+/// The cores on which this program was started.
+fn cores() -> io::Result<CpuSet> {
+    static CORES: OnceLock<CpuSet> = OnceLock::new();
+    if let Some(cores) = CORES.get() {
+        return Ok(*cores);
+    }
+    let now = sched_getaffinity(None)?;
+    Ok(*CORES.get_or_init(|| now))
+}
+
 /// Pins this thread, and all threads and processes that it starts, to one core. Waking another core costs
 /// more than what is measured here.
 pub fn pin() -> io::Result<()> {
-    let allowed = rustix::thread::sched_getaffinity(None)?;
-    let last = (0..rustix::thread::CpuSet::MAX_CPU).rev().find(|core| allowed.is_set(*core));
-    let mut one = rustix::thread::CpuSet::new();
+    let cores = cores()?;
+    let last = (0..CpuSet::MAX_CPU).rev().find(|core| cores.is_set(*core));
+    let mut one = CpuSet::new();
     one.set(last.unwrap_or(0));
-    Ok(rustix::thread::sched_setaffinity(None, &one)?)
+    Ok(sched_setaffinity(None, &one)?)
 }
 
-/// Lets all threads of these processes, and this thread, run on every core of the machine, as they would
-/// without a benchmark. Threads that they start later too.
+/// Lets all threads of these processes, and this thread, run on all cores on which this program was started,
+/// and threads that they start later. To be undone with [`pin`].
 pub fn spread(processes: &[u32]) -> io::Result<()> {
-    let mut all = rustix::thread::CpuSet::new();
-    // The system leaves out those that the machine does not have, or that this process may not use.
-    (0..rustix::thread::CpuSet::MAX_CPU).for_each(|core| all.set(core));
+    let cores = cores()?;
     for process in processes {
         for task in std::fs::read_dir(format!("/proc/{process}/task"))?.flatten() {
             let thread = task.file_name().to_str().and_then(|id| id.parse().ok());
             // A thread that has just ended cannot be moved.
-            let _ = rustix::thread::sched_setaffinity(thread.and_then(rustix::process::Pid::from_raw), &all);
+            let _ = sched_setaffinity(thread.and_then(Pid::from_raw), &cores);
         }
     }
-    Ok(rustix::thread::sched_setaffinity(None, &all)?)
+    Ok(sched_setaffinity(None, &cores)?)
 }
 
 /// The minimum number of rounds that count. With fewer, the machine was too busy for a result.

@@ -112,7 +112,7 @@ pub fn page(rows: &[Row], before: &str) -> String {
         .filter(|section| section.starts_with(ON) && !section.starts_with(&heading))
         .collect();
     format!(
-        "# How fast it is beside others\n\nWritten by `make bench`, all rows in one run on one core. A ratio is of two that took turns, {ROUNDS} rounds of a fifth of \
+        "# How fast it is beside others\n\nWritten by `make bench`, all rows in one run on one core, only the delays of the gateway on all cores. A ratio is of two that took turns, {ROUNDS} rounds of a fifth of \
          a second each, of a second for the thousand robots; the median of the rounds and, in brackets, their middle half. A goal is missed only \
          if the whole middle half is beyond it. Rounds in which the yardstick was more than 15 % off its own median do not count, and of {ROUNDS} at \
          least {LEAST_ROUNDS} have to. Beside a fixed amount (a million, real time) the yardstick is a copy of memory. What is counted or weighed \

@@ -1183,7 +1183,7 @@ export interface components {
             do: "cut_power";
             /**
              * Format: double
-             * @description After how many seconds, 0 to 3600; 10 if it is missing.
+             * @description For how many seconds, 0 to 3600; 10 if it is missing.
              * @default 10
              */
             seconds: number;

@@ -1,4 +1,5 @@
 /** The fake gateway says what a real one says: the same members, of the same types, with the same units. */
+import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import type { LiveSent } from "../../src/api/types.ts";
 import { decode } from "../../src/live/decode.ts";
@@ -27,6 +28,7 @@ by = 1
 let made: Made;
 let fake: FakeGateway;
 let token = "";
+let browser: Browser;
 
 beforeAll(async () => {
   made = await make({ names: ["press-01"], program: PROGRAM, more: "" });
@@ -36,6 +38,7 @@ beforeAll(async () => {
 });
 
 afterAll(async () => {
+  await browser?.close();
   await fake?.end();
   await made?.end();
 });
@@ -143,7 +146,7 @@ test("its answers are like those of a real one", async () => {
 });
 
 test("a page shows the hall of the fake gateway, and its values change", async () => {
-  const browser = await startBrowser();
+  browser = await startBrowser();
   const { page, faults } = await openSignedIn(browser);
   await page.goto(fake.url);
   await page.locator("[data-robot] .line").first().waitFor();
@@ -156,5 +159,4 @@ test("a page shows the hall of the fake gateway, and its values change", async (
   await until("the axis moves", async () => (await value.textContent()) !== before);
   fake.rest();
   expect(faults).toEqual([]);
-  await browser.close();
 });

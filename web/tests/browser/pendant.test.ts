@@ -22,9 +22,6 @@ to = [0, 0, 0, 0, 30, 0]
 speed = 20
 `;
 
-/** Each test is a whole day of an operator, in milliseconds. */
-const LONG = 120_000;
-
 const data = folder();
 let browser: Browser;
 
@@ -99,7 +96,7 @@ for (const { words, locale } of [
       await network.cut();
       await cell.up.kill();
     }
-  }, LONG);
+  });
 
   test(`an alarm that only the pendant clears, in ${words.name}`, async () => {
     const cell = await cellOf("r6-pendant");
@@ -126,5 +123,5 @@ for (const { words, locale } of [
       await page.context().close();
       await cell.up.kill();
     }
-  }, LONG);
+  });
 }
