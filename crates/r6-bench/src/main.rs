@@ -22,7 +22,7 @@ mod serve;
 use std::env;
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: r6-bench [ROW...]    rows with one of these words in their name; without any, all of them, in some four minutes, which writes
+const USAGE: &str = "usage: r6-bench [ROW...]    rows with one of these words in their name; without any, all of them, in some minutes, which writes
                            docs/BENCHMARKS.md and the figures of README.md. The machine has to be quiet.";
 
 /// The page with the table of all rows.

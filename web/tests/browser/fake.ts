@@ -28,15 +28,6 @@ import { SESSION_KEY } from "../../src/state/known.ts";
 import { openPage } from "./support.ts";
 import { Wire } from "./wire.ts";
 
-/** A page in a browser that has a session at the fake gateway. Without one, the page does not ask for it. */
-export async function openSignedIn(browser: Browser, options: BrowserContextOptions = {}): Promise<{ page: Page; faults: string[] }> {
-  const opened = await openPage(browser, options);
-  await opened.page.addInitScript((key) => {
-    if (location.protocol === "http:") localStorage.setItem(key, "1");
-  }, SESSION_KEY);
-  return opened;
-}
-
 /** As a gateway for development takes it. */
 const BUILT = process.env["R6_PAGE"] ?? fileURLToPath(new URL("../../../crates/r6-gateway/page/built", import.meta.url));
 const TYPES: Record<string, string> = { ".html": "text/html; charset=utf-8", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml" };
@@ -433,3 +424,12 @@ const SESSION: Session = {
   token_name: "fake",
   user: null,
 };
+
+/** A page in a browser that has a session at the fake gateway. Without one, the page does not ask for it. */
+export async function openSignedIn(browser: Browser, options: BrowserContextOptions = {}): Promise<{ page: Page; faults: string[] }> {
+  const opened = await openPage(browser, options);
+  await opened.page.addInitScript((key) => {
+    if (location.protocol === "http:") localStorage.setItem(key, "1");
+  }, SESSION_KEY);
+  return opened;
+}

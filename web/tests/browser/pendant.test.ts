@@ -22,6 +22,9 @@ to = [0, 0, 0, 0, 30, 0]
 speed = 20
 `;
 
+/** Each test is a whole day of an operator, in milliseconds. */
+const LONG = 120_000;
+
 const data = folder();
 let browser: Browser;
 
@@ -96,7 +99,7 @@ for (const { words, locale } of [
       await network.cut();
       await cell.up.kill();
     }
-  });
+  }, LONG);
 
   test(`an alarm that only the pendant clears, in ${words.name}`, async () => {
     const cell = await cellOf("r6-pendant");
@@ -123,5 +126,5 @@ for (const { words, locale } of [
       await page.context().close();
       await cell.up.kill();
     }
-  });
+  }, LONG);
 }

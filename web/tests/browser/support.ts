@@ -16,8 +16,8 @@ const R6 = process.env["R6"] ?? join(ROOT, process.env["CARGO_TARGET_DIR"] ?? "t
 const IMAGES = join(ROOT, "target/web-images");
 const DOCUMENTED = join(ROOT, "docs/images");
 
-/** How long a test waits for something, in milliseconds. A busy machine is slow; only a test that fails waits so long. */
-export const PATIENCE = 60_000;
+/** How long a test waits for something, in milliseconds. A busy machine is slow. */
+export const PATIENCE = 20_000;
 
 /** Runs a command to its end. Returns what it printed. */
 export async function r6(...args: string[]): Promise<string> {

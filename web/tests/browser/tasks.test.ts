@@ -22,6 +22,9 @@ let yesterday = 0;
 
 /** So long pick-01 makes some parts, in milliseconds. */
 const CYCLES = 6_000;
+/** A machine that does other things too takes its time, in milliseconds. */
+const LONG = 240_000;
+
 interface Counter {
   signals: { address: string; value: { current: number } | number | null }[];
 }
@@ -41,7 +44,7 @@ beforeAll(async () => {
   await demo.end();
   [demo, browser] = await Promise.all([data.start(), startBrowser()]);
   admin = await demo.token("admin", "the test");
-});
+}, 120_000);
 
 afterAll(async () => {
   await browser?.close();
@@ -53,8 +56,9 @@ afterAll(async () => {
 const pages: Page[] = [];
 
 afterEach(async ({ task }) => {
+  const name = `task-failed-${task.suite?.name.replace(/\W+/g, "-")}-${task.name.slice(0, 1)}`;
   for (const [at, page] of pages.splice(0).entries()) {
-    if (task.result?.state === "fail") await picture(page, `task-failed-${task.suite?.name.replace(/\W+/g, "-")}-${task.name.slice(0, 1)}-${at}`, true).catch(() => undefined);
+    if (task.result?.state === "fail") await picture(page, `${name}-${at}`, true).catch(() => undefined);
     await page.context().close();
   }
 });
@@ -126,7 +130,7 @@ for (const of of LANGUAGES) {
       await needs.waitFor({ state: "detached" });
       expect(person.actions).toBeLessThanOrEqual(8);
       expect(faults).toEqual([]);
-    });
+    }, LONG);
 
     test("2: the speed is reduced, the page says who did it, and the motors turn slower", async () => {
       const { person, page, faults } = await signedIn(of);
@@ -154,7 +158,7 @@ for (const of of LANGUAGES) {
       await page.getByText(words.lease.free).waitFor();
       expect(person.actions).toBeLessThanOrEqual(isPhone ? 21 : 9);
       expect(faults).toEqual([]);
-    });
+    }, LONG);
 
     // Steps are read only on narrow screens.
     test.skipIf(isPhone)("3: a pick is taught, checked, previewed, and run on the twin and then on the arm", async () => {
@@ -209,7 +213,7 @@ for (const of of LANGUAGES) {
       await isAccessible(page);
       expect(person.actions).toBeLessThanOrEqual(40);
       expect(faults).toEqual([]);
-    });
+    }, LONG);
 
     test("4: today's cycles stand beside yesterday's, and what a robot counted yesterday is what the page says", async () => {
       const { person, page, faults } = await signedIn(of);
@@ -218,7 +222,7 @@ for (const of of LANGUAGES) {
       const together = page.getByRole("table", { name: words.production.hall(12, 12), exact: true });
       const cycles = together.getByRole("row", { name: new RegExp(`^${words.production.cycles}`) });
       const cell = async (at: number): Promise<number> => Number.parseInt((await cycles.getByRole("cell").nth(at).textContent()) ?? "");
-      await together.waitFor();
+      await together.waitFor({ timeout: 60_000 });
       await until("the figures are read", async () => (await cell(0)) > 0 && (await cell(1)) > 0);
       const day = (back: number): string => new Date(Date.now() - back * 86_400_000).toLocaleDateString("sv-SE", { timeZone: demo.zone });
       expect(await together.getByRole("columnheader").allTextContents()).toEqual([
@@ -239,7 +243,7 @@ for (const of of LANGUAGES) {
       await isAccessible(page);
       expect(person.actions).toBeLessThanOrEqual(2);
       expect(faults).toEqual([]);
-    });
+    }, LONG);
 
     test("5: who stopped the fourth robot: from the hall to the entry of the audit log", async () => {
       const other = await demo.token("operator", "op-2");
@@ -264,7 +268,7 @@ for (const of of LANGUAGES) {
       // Its program waits for remote commands again, as before.
       await demo.ask(admin, "POST", "/v1/robots/weld-01/commands", { command: "startButton", arguments: [], lease });
       await demo.ask(admin, "DELETE", "/v1/robots/weld-01/lease", { lease });
-    });
+    }, LONG);
   });
 }
 

@@ -7,8 +7,8 @@ export default defineConfig({
   test: {
     include: ["tests/browser/*.test.ts"],
     exclude: process.env["R6_LONG"] === undefined ? [...configDefaults.exclude, ...LONG] : configDefaults.exclude,
-    testTimeout: 240_000,
-    hookTimeout: 120_000,
+    testTimeout: 60_000,
+    hookTimeout: 60_000,
     // Each has a browser of several processes and a cell beside it.
     maxWorkers: 2,
   },

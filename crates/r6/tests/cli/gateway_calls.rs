@@ -1,4 +1,5 @@
-//! Requests to a gateway in front of `r6 sim`, also to one that may be killed or frozen.
+//! Starts `r6 gateway` for tests, and sends it requests. Some tests kill or freeze it: those expect that no
+//! answer may come.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -7,6 +8,13 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use crate::support::{Running, r6};
+
+/// A request as it is sent. `lines`: more lines of its head.
+fn request(host: &str, token: &str, method: &str, path: &str, lines: &str, body: &str) -> String {
+    let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{lines}");
+    let length = format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
+    format!("{head}{length}Authorization: Bearer {token}\r\n\r\n{body}")
+}
 
 /// One request: the status and the body.
 pub(crate) fn call(gateway: &str, token: &str, method: &str, path: &str, body: &str) -> (u16, Value) {
@@ -24,9 +32,7 @@ pub(crate) fn call_with(
 ) -> (u16, Value) {
     let host = gateway.strip_prefix("http://").unwrap();
     let mut stream = TcpStream::connect(host).unwrap();
-    let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{lines}");
-    let length = format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
-    write!(stream, "{head}{length}Authorization: Bearer {token}\r\n\r\n{body}").unwrap();
+    stream.write_all(request(host, token, method, path, lines, body).as_bytes()).unwrap();
     let mut reply = String::new();
     // A gateway that is killed meanwhile sends none.
     let _ = stream.read_to_string(&mut reply);
@@ -63,9 +69,7 @@ pub(crate) fn begin_call(
     // A gateway that is frozen takes no more connections than the system keeps for it.
     let mut stream = TcpStream::connect_timeout(&host.parse().ok()?, Duration::from_secs(1)).ok()?;
     let body = if body.is_null() { String::new() } else { body.to_string() };
-    let head = format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{lines}");
-    let length = format!("Content-Type: application/json\r\nContent-Length: {}\r\n", body.len());
-    write!(stream, "{head}{length}Authorization: Bearer {token}\r\n\r\n{body}").ok()?;
+    stream.write_all(request(host, token, method, path, lines, &body).as_bytes()).ok()?;
     Some(stream)
 }
 
