@@ -64,6 +64,7 @@ use crate::http::described::OfToken;
 use crate::programs::bench::Bench;
 use crate::settings::Settings;
 use crate::tokens::Tokens;
+use crate::traces;
 
 /// What the routes work on.
 #[derive(Clone, Debug)]
@@ -191,6 +192,7 @@ pub fn router(state: State, site: Site) -> Router {
         .fallback(no_such_path)
         .method_not_allowed_fallback(no_such_method)
         .layer(DefaultBodyLimit::max(body::MAX_BYTES))
+        .layer(middleware::from_fn(traces::of_request))
         .layer(middleware::from_fn_with_state(site, guard))
         .with_state(state)
 }

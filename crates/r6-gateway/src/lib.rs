@@ -36,6 +36,7 @@
 //! - `sharing`: a gateway that shares its store with others, of which one owns the robots (`ownership`).
 //! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
+//! - `traces`: spans of requests and commands, for a subscriber that asks for them.
 //! - `raw_port`: the robots' own protocol, for old scripts.
 //! - `simulation`: a whole gateway whose time, network and disk are simulated (`docs/SIMULATION.md`). It is
 //!   there with the feature `simulation` alone, which nothing that ships has.
@@ -70,6 +71,7 @@ mod simulated;
 pub mod simulation;
 mod store;
 mod tokens;
+pub mod traces;
 mod verify;
 
 pub use crate::auditor::AuditSettings;

@@ -69,6 +69,8 @@ pub const RULES: &[Rule] = &[
         layer: Layer::Shell,
         may_use: &["r6-api", "r6-client", "r6-http", "r6-motion", "r6-plot", "r6-program", "r6-proto"],
     },
+    // It sends the spans of any program.
+    Rule { package: "r6-traces", layer: Layer::Shell, may_use: &[] },
     Rule {
         package: "r6",
         layer: Layer::Shell,
@@ -81,6 +83,7 @@ pub const RULES: &[Rule] = &[
             "r6-program",
             "r6-proto",
             "r6-sim",
+            "r6-traces",
             "r6-traffic",
         ],
     },

@@ -186,6 +186,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "simulation",
         "store",
         "tokens",
+        "traces",
         "verify",
     ];
     // An address is a value: the policy of the raw port is about addresses.

@@ -4,7 +4,9 @@ use std::io::Write;
 
 use clap::Args;
 use r6_proto::printable;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
 
 use crate::output;
 use crate::output::queue::LineQueue;
@@ -30,7 +32,12 @@ pub enum Usual {
 
 /// Starts the log. The lines go through a queue, so that the program does not wait for a slow reader of
 /// stderr. Flush the queue at the end.
-pub fn begin(args: &LogArgs, usual: Usual) -> std::io::Result<LineQueue> {
+/// With `traces`, the spans of a gateway are sent to its collector, too.
+pub fn begin(
+    args: &LogArgs,
+    usual: Usual,
+    #[cfg(feature = "otel")] traces: Option<&r6_traces::Traces>,
+) -> std::io::Result<LineQueue> {
     let level = match args.verbose {
         // `r6 sim` and `r6 up` print the log of a virtual controller themselves.
         0 if usual == Usual::Warnings => "warn,r6_sim=error,r6_gateway=error",
@@ -45,11 +52,11 @@ pub fn begin(args: &LogArgs, usual: Usual) -> std::io::Result<LineQueue> {
     let queue = LineQueue::start(|bytes| std::io::stderr().write_all(bytes))?;
     let colours = output::has_colours(&std::io::stderr());
     let records = Records { queue: queue.clone(), colours };
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_ansi(colours)
-        .with_writer(move || records.clone())
-        .init();
+    let lines = tracing_subscriber::fmt::layer().with_ansi(colours).with_writer(move || records.clone());
+    let subscriber = tracing_subscriber::registry().with(lines.with_filter(filter));
+    #[cfg(feature = "otel")]
+    let subscriber = subscriber.with(traces.map(|traces| traces.layer(r6_gateway::traces::TARGET)));
+    subscriber.init();
     Ok(queue)
 }
 

@@ -125,11 +125,32 @@ fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
         Subcommands::Up(_) => Usual::Warnings,
         _ => Usual::Full,
     };
-    let logs = logs::begin(&cli.logs, usual)
-        .map_err(|error| Failure::usage(format!("the system gives no threads: {error}")))?;
+    #[cfg(feature = "otel")]
+    let traces = traces(&cli.subcommand)?;
+    let logs = logs::begin(
+        &cli.logs,
+        usual,
+        #[cfg(feature = "otel")]
+        traces.as_ref(),
+    );
+    let logs = logs.map_err(|error| Failure::usage(format!("the system gives no threads: {error}")))?;
     let ended = run(cli, robot_typed);
+    #[cfg(feature = "otel")]
+    if let Some(traces) = traces {
+        traces.end();
+    }
     logs.flush();
     ended
+}
+
+/// Begins to send traces, if this subcommand has a gateway and the environment names a collector.
+#[cfg(feature = "otel")]
+fn traces(subcommand: &Subcommands) -> Result<Option<r6_traces::Traces>, Failure> {
+    if !matches!(subcommand, Subcommands::Gateway(_) | Subcommands::Up(_)) {
+        return Ok(None);
+    }
+    r6_gateway::traces::join_callers(r6_traces::join_caller);
+    r6_traces::Traces::begin("r6-gateway").map_err(|error| Failure::usage(error.to_string()))
 }
 
 /// Why `--robot` on the command line makes no sense for this subcommand. `None` where it does.

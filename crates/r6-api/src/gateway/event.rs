@@ -280,3 +280,16 @@ pub enum CommandOutcome {
     /// It left, and no usable answer came: the controller may have acted.
     Unknown,
 }
+
+impl CommandOutcome {
+    /// The word of the API for it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Accepted => "accepted",
+            Self::Refused => "refused",
+            Self::NotSent => "not_sent",
+            Self::Unknown => "unknown",
+        }
+    }
+}

@@ -15,6 +15,7 @@ use r6_api::gateway::{
 use r6_client::{Address, NotSent, OutcomeUnknown, RequestError, Robot};
 use r6_proto::{Command, Effect};
 use tokio::sync::Semaphore;
+use tracing::Instrument;
 
 pub use self::recorded::Once;
 pub(super) use self::recorded::Told;
@@ -24,7 +25,7 @@ use crate::clock;
 use crate::core::order::Order;
 use crate::core::seat::{Ask, Denied, Granted, Key, Secret, SpeedAnswer};
 use crate::problem::Problem;
-use crate::secret;
+use crate::{secret, traces};
 
 /// How many characters of a refused request are noted: the longest command of the manual fits in.
 const MAX_REQUEST: usize = 100;
@@ -162,8 +163,10 @@ impl Station {
         once: Option<&Once>,
     ) -> Result<CommandDone, Problem> {
         let sent = order.to_string();
-        let done = self.try_command(by, key, order, run_leftover, once).await;
+        let span = traces::of_command(self.name(), &sent);
+        let done = self.try_command(by, key, order, run_leftover, once).instrument(span.clone()).await;
         if let Err((problem, Told::No)) = &done {
+            span.in_scope(|| traces::note_outcome(None, problem.code.word(), true));
             self.note_refused(by, &sent, problem.code);
         }
         done.map_err(|(problem, _)| problem)
@@ -245,6 +248,10 @@ impl Station {
     /// # Errors
     /// `not_stopped`.
     pub async fn stop(&self, by: &By) -> Result<Stopped, Problem> {
+        self.stop_and_prove(by).instrument(traces::of_command(self.name(), STOP)).await
+    }
+
+    async fn stop_and_prove(&self, by: &By) -> Result<Stopped, Problem> {
         let sending = self.sending();
         let written = self.is_stop_written(by, STOP);
         self.begin_stop(by, STOP, written);
@@ -276,6 +283,17 @@ impl Station {
     /// # Errors
     /// `refused`, `not_ready`, `identity_changed`, `overloaded`, `outcome_unknown`.
     pub async fn stop_command(
+        &self,
+        by: &By,
+        command: Command<'static>,
+        written: bool,
+    ) -> Result<CommandDone, Problem> {
+        let word = command.name().word();
+        let span = traces::of_command(self.name(), word);
+        self.send_stop_command(by, command, written).instrument(span).await
+    }
+
+    async fn send_stop_command(
         &self,
         by: &By,
         command: Command<'static>,
@@ -323,6 +341,7 @@ impl Station {
     ) {
         self.seat(|seat, _| seat.stop_ends());
         self.counts.count_stop(confirmed);
+        traces::note_outcome(None, if confirmed { "confirmed" } else { "not_confirmed" }, !confirmed);
         // A stop before it may have been confirmed. That this one is not has to stand in the log too.
         let is_news = !confirmed && self.is_first_unconfirmed(by, request);
         if written || is_news {

@@ -133,12 +133,12 @@ impl Counts {
     /// The commands that stand in the audit log, by the word of their outcome.
     pub fn commands(&self) -> [(&'static str, u64); 4] {
         let all = [
-            ("accepted", &self.accepted),
-            ("refused", &self.refused),
-            ("not_sent", &self.not_sent),
-            ("unknown", &self.unknown),
+            (CommandOutcome::Accepted, &self.accepted),
+            (CommandOutcome::Refused, &self.refused),
+            (CommandOutcome::NotSent, &self.not_sent),
+            (CommandOutcome::Unknown, &self.unknown),
         ];
-        all.map(|(word, count)| (word, count.load(Ordering::Relaxed)))
+        all.map(|(outcome, count)| (outcome.word(), count.load(Ordering::Relaxed)))
     }
 
     /// The stops, by whether they were confirmed.

@@ -14,7 +14,7 @@ use super::{State, idempotency, refusal};
 use crate::core::role::Right;
 use crate::core::seat::Denied;
 use crate::fleet::command::Once;
-use crate::problem;
+use crate::{problem, traces};
 
 /// Sends one command. What changes or moves needs the lease. What stops needs none, and holds until it is
 /// cleared. The audit log has the intent before the command leaves, and the outcome after. A request with the
@@ -73,7 +73,7 @@ pub async fn command(
     caller.must(Right::for_effect(effect), station.name())?;
     let by = caller.by();
     let work = match effect {
-        Effect::Stops => tokio::spawn(async move {
+        Effect::Stops => traces::spawn(async move {
             let written = station.is_stop_written(&by, command.name().word());
             let done = station.stop_command(&by, command, written).await;
             station.written().await;
@@ -92,7 +92,7 @@ pub async fn command(
                 refusal::of(problem)
             })?;
             let run_leftover = request.run_leftover;
-            tokio::spawn(async move {
+            traces::spawn(async move {
                 station.command(&by, key, command.into(), run_leftover, once.as_ref()).await
             })
         }
@@ -130,7 +130,7 @@ fn once(
 )]
 pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
     let Robot { caller, station, .. } = robot;
-    let work = tokio::spawn(async move {
+    let work = traces::spawn(async move {
         let stopped = station.stop(&caller.by()).await;
         station.written().await;
         stopped
@@ -194,7 +194,7 @@ pub async fn forget_owed_stop(
     // Where the arm is, an admin of this robot alone does not know.
     caller.must(Right::Configure, "")?;
     check_reason("because", &because)?;
-    let work = tokio::spawn(async move { station.forget_owed_stop(&caller.by(), because).await });
+    let work = traces::spawn(async move { station.forget_owed_stop(&caller.by(), because).await });
     let done = work.await.map_err(refusal::of_lost_work)?;
     done.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
 }
@@ -222,7 +222,7 @@ pub async fn accept_identity(
     Json(accepted): Json<RobotIdentity>,
 ) -> Result<StatusCode, Refusal> {
     let Robot { caller, station, .. } = robot;
-    let work = tokio::spawn(async move { station.accept_identity(&caller.by(), accepted).await });
+    let work = traces::spawn(async move { station.accept_identity(&caller.by(), accepted).await });
     let done = work.await.map_err(refusal::of_lost_work)?;
     done.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)
 }

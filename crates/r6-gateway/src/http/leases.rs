@@ -13,6 +13,7 @@ use super::described::{OfBody, OfChange};
 use super::refusal::{self, bad_value};
 use crate::core::role::Right;
 use crate::core::seat::{LONGEST_LEASE, SHORTEST_LEASE, USUAL_LEASE};
+use crate::traces;
 
 /// Acquires, renews or takes the lease. Only its holder can send commands that change or move. It ends unless
 /// it is renewed in time.
@@ -56,11 +57,11 @@ pub async fn acquire(
                 station.note_refused(&by, "take the lease", Code::NotAllowed);
                 return Err(refused);
             }
-            let work = tokio::spawn(async move { station.take(&by, lasts, because).await });
+            let work = traces::spawn(async move { station.take(&by, lasts, because).await });
             work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?
         }
         (None, None) => {
-            let work = tokio::spawn(async move { station.acquire(&by, lasts).await });
+            let work = traces::spawn(async move { station.acquire(&by, lasts).await });
             work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?
         }
     };
@@ -90,7 +91,7 @@ pub async fn acquire(
 )]
 pub async fn release(robot: Robot<Command>, Json(held): Json<WithLease>) -> Result<StatusCode, Refusal> {
     let key = key(&held.lease).map_err(refusal::of)?;
-    let work = tokio::spawn(async move {
+    let work = traces::spawn(async move {
         let released = robot.station.give_back(&robot.caller.by(), key).await;
         robot.station.written().await;
         released

@@ -17,9 +17,9 @@ use super::described::{OfChange, OfRight};
 use super::{State, idempotency, refusal};
 use crate::core::library::ProgramName;
 use crate::fleet::run::Wish;
-use crate::problem;
 use crate::programs::check::check_length;
 use crate::programs::run::{MAX_REPEAT, steps};
+use crate::{problem, traces};
 
 /// What a caller has to know whose text is another one.
 const OTHER_TEXT: &str = "nothing was sent: the program has another text than what was checked (`sha256`); it was \
@@ -116,7 +116,7 @@ pub async fn run(
                 repeat,
             };
             let by = caller.by();
-            let work = tokio::spawn(station.run(by, wish));
+            let work = traces::spawn(station.run(by, wish));
             work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?
         }
     };

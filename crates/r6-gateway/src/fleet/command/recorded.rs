@@ -10,11 +10,11 @@ use r6_client::Accepted;
 use serde::{Deserialize, Serialize};
 
 use super::Station;
-use crate::clock;
 use crate::fleet::station::By;
 use crate::problem::Problem;
 use crate::store::StoreError;
 use crate::store::commands::{KEPT, KEPT_AT_LEAST, KeptCommand, MAX_KEYS, NewCommand, Noted};
+use crate::{clock, traces};
 
 /// A request that must not be carried out twice.
 #[derive(Clone, Debug)]
@@ -68,10 +68,11 @@ impl Station {
         lease: u64,
         send: impl Future<Output = Carried<T>>,
     ) -> Result<(u64, T), (Problem, Told)> {
-        let intent = self.append(self.intent(by, command, lease)).await;
+        let intent = traces::part("write the intent", self.append(self.intent(by, command, lease))).await;
         let command_id = intent.map_err(|error| (error.into(), Told::No))?;
         let (answer, deed) = self.complete(by, command, command_id, send).await;
-        if self.append(self.record(by, deed.clone())).await.is_err() {
+        let written = traces::part("write the outcome", self.append(self.record(by, deed.clone()))).await;
+        if written.is_err() {
             // The robot has answered: the caller is told, and the log as soon as it can be written.
             self.note(by, deed);
         }
@@ -88,7 +89,8 @@ impl Station {
         once: &Once,
         send: impl Future<Output = Carried<Accepted>>,
     ) -> Result<CommandDone, (Problem, Told)> {
-        let intent = self.begin_once(once, self.intent(by, &command, lease)).await;
+        let intent = self.begin_once(once, self.intent(by, &command, lease));
+        let intent = traces::part("write the intent", intent).await;
         let command_id = match intent.map_err(|error| (error.into(), Told::No))? {
             Noted::New(number) => number,
             Noted::Known(known) => return again(known, once.hash).map_err(|problem| (problem, Told::Yes)),
@@ -110,7 +112,8 @@ impl Station {
                 Answer::Failed(ApiProblem { code: *code, message: message.clone() })
             }
         };
-        if self.end_once(command_id, &kept, self.record(by, deed.clone())).await.is_err() {
+        let written = self.end_once(command_id, &kept, self.record(by, deed.clone()));
+        if traces::part("write the outcome", written).await.is_err() {
             // As above. The same request is answered with `outcome_unknown` from then on.
             self.note(by, deed);
         }
@@ -130,13 +133,14 @@ impl Station {
         send: impl Future<Output = Carried<T>>,
     ) -> (Result<T, Problem>, Deed) {
         self.publish(Happened::CommandBegan { command_id, command: command.to_owned() });
-        let answer = send.await;
+        let answer = traces::part("send and wait for the reply", send).await;
         let (outcome, detail) = match &answer {
             Ok(_) => (CommandOutcome::Accepted, String::new()),
             Err((outcome, problem)) => (*outcome, problem.message.clone()),
         };
         tracing::info!(robot = self.name(), command_id, %command, ?outcome, by = %by.actor, "a command");
         self.counts.count_command(outcome);
+        traces::note_outcome(Some(command_id), outcome.word(), outcome != CommandOutcome::Accepted);
         self.publish(Happened::CommandEnded { command_id, outcome });
         let deed = Deed::CommandOutcome { intent: command_id, outcome, detail };
         (answer.map_err(|(_, problem)| problem), deed)
