@@ -8,6 +8,7 @@ export function viewLike(name: string, part: Partial<View> = {}, summary: Partia
     address: "",
     managed_by: "file",
     model: null,
+    guard: null,
     link: "up",
     identity: null,
     identity_changed: null,

@@ -21,6 +21,7 @@ pub mod command;
 pub mod config;
 pub mod counts;
 pub mod desk;
+pub mod guard;
 pub mod link;
 mod observe;
 pub mod panel;

@@ -85,6 +85,7 @@ pub use crate::core::raw::policy::{RawAllow, RawPolicy, RawRule, RawSource};
 pub use crate::core::retention::LEAST_ENTRIES;
 pub use crate::core::role::Grant;
 pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
+pub use crate::fleet::guard::Guard;
 pub use crate::fleet::panel::Panel;
 pub use crate::fleet::roster::Changes;
 pub use crate::gateway::{Gateway, GatewayError, GatewaySettings};

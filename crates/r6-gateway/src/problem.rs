@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use r6_api::Code;
-use r6_client::{NotSent, OutcomeUnknown, Refused, RequestError};
+use r6_client::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
 
 use crate::core::account;
 use crate::core::library::Unfit;
@@ -50,6 +50,7 @@ impl Problem {
     /// A command that the client did not send, or that was not accepted.
     pub fn of_request(error: &RequestError) -> Self {
         let code = match error {
+            RequestError::Invalid(Invalid::OutsideEnvelope(_)) => Code::BeyondLimits,
             RequestError::Invalid(_) => Code::BadCommand,
             RequestError::NotSent(NotSent::Overtaken) => Code::Stopped,
             RequestError::NotSent(NotSent::Busy { .. } | NotSent::NoRoom(_)) => Code::Overloaded,

@@ -1932,6 +1932,29 @@ export interface components {
              */
             percent: number;
         };
+        /** @description The lowest and the highest value that a guard allows. */
+        GuardRange: {
+            /**
+             * Format: double
+             * @description The highest value.
+             */
+            highest: number;
+            /**
+             * Format: double
+             * @description The lowest value.
+             */
+            lowest: number;
+            /**
+             * @description What it is of.
+             * @example x
+             */
+            of: string;
+            /**
+             * @description `deg` or `mm`.
+             * @example mm
+             */
+            unit: string;
+        };
         /** @description The time zone and the shifts of a hall. */
         HallSettings: {
             /** @description The shifts, 12 at most. No two overlap. */
@@ -3065,6 +3088,40 @@ export interface components {
              */
             left_out: number;
         };
+        /**
+         * @description Limits of lists. They compare numbers with numbers, and protect no people. A limit that is `null` or
+         *     missing is not checked.
+         */
+        RobotGuard: {
+            /** @description The ranges of axes, `J1` to `J8`, for axis moves. */
+            axes: components["schemas"]["GuardRange"][];
+            /**
+             * Format: double
+             * @description How far an axis move turns an axis at most, in degrees.
+             * @example 120
+             */
+            max_axis_step: number | null;
+            /**
+             * Format: double
+             * @description How far a move of the tool goes at most, in mm.
+             * @example 400
+             */
+            max_distance: number | null;
+            /**
+             * Format: double
+             * @description The highest path speed in mm/s.
+             * @example 500
+             */
+            max_path_speed: number | null;
+            /**
+             * Format: double
+             * @description The highest speed of a move in percent, before the global speed.
+             * @example 50
+             */
+            max_speed: number | null;
+            /** @description The ranges of `x`, `y` and `z` for linear and curve moves, in the work frame in use. */
+            workspace: components["schemas"]["GuardRange"][];
+        };
         /** @description What a controller reports about itself. A part is `null` if the controller has no such value. */
         RobotIdentity: {
             /**
@@ -3110,6 +3167,7 @@ export interface components {
              */
             address: string;
             global_speed: components["schemas"]["GlobalSpeed"] | null;
+            guard: components["schemas"]["RobotGuard"] | null;
             identity: components["schemas"]["RobotIdentity"] | null;
             identity_changed: components["schemas"]["IdentityChange"] | null;
             lease: components["schemas"]["LeaseHolder"] | null;
@@ -7581,7 +7639,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `bad_program`, `bad_value`, `key_taken` */
+            /** @description `bad_program`, `beyond_limits` of the guard, `bad_value`, `key_taken` */
             422: {
                 headers: {
                     [name: string]: unknown;

@@ -15,6 +15,7 @@ function snapshot(name: string, signals: Signal[], part: object = {}): LiveSent 
     address: "127.0.0.1:9760",
     managed_by: "file",
     model: null,
+    guard: null,
     link: "up",
     identity: null,
     identity_changed: null,

@@ -3,7 +3,7 @@ import { expect, test } from "vitest";
 import type { ArmAxis, ArmGeometry, ArmModel } from "../api/types.ts";
 import { Orbit } from "./camera.ts";
 import { Late } from "./late.ts";
-import { floorOf, geometric, linksOf, nearness, poseOf, rangeOf, spaceOf, stands } from "./model.ts";
+import { floorOf, geometric, linksOf, nearness, poseOf, rangeOf, spaceOf, stands, workspaceOf } from "./model.ts";
 import { pathOf } from "./plan.ts";
 
 /** A model as the gateway tells it, from the file that is compiled into the gateway. */
@@ -151,4 +151,16 @@ test("the view turns round its target, follows the tool if asked, and never goes
   expect([orbit.follows, ...orbit.target], "where the tool is is not known").toEqual([false, 0, 0, 300]);
   orbit.view("top", [400, 0, 500]);
   expect(orbit.eye[2]).toBeCloseTo(300 + whole, 0);
+});
+
+test("the workspace of a guard goes as far as its ranges, and elsewhere beyond what the tool can reach", () => {
+  const scara = model("GENERIC-SCARA");
+  expect(workspaceOf(scara, [])).toBeNull();
+  const [low, high] = workspaceOf(scara, [{ of: "z", unit: "mm", lowest: 100, highest: 300 }]) ?? [];
+  expect([low?.[2], high?.[2]]).toEqual([100, 300]);
+  const [reachLow, reachHigh] = spaceOf(scara);
+  for (const at of [0, 1] as const) {
+    expect(low?.[at]).toBeLessThan(reachLow[at]);
+    expect(high?.[at]).toBeGreaterThan(reachHigh[at]);
+  }
 });

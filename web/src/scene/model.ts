@@ -2,7 +2,7 @@
  * What an arm is, and where its axes carry the tool: r6-motion's forward kinematics for a picture. Pure,
  * without three. Lengths are in mm, angles in degrees, Z is up.
  */
-import type { ArmModel } from "../api/types.ts";
+import type { ArmModel, GuardRange } from "../api/types.ts";
 
 export type Vector = readonly [number, number, number];
 
@@ -176,6 +176,25 @@ export function spaceOf(model: ArmModel): [Vector, Vector] {
   return [
     [-reach, -reach, 0],
     [reach, reach, g.d1 + arm],
+  ];
+}
+
+/**
+ * The box of a guard's ranges of `x`, `y` and `z` in mm, lowest and highest corner; `null` without a range. Where no
+ * range limits it, it goes as far as the tool can reach, and a little further.
+ */
+export function workspaceOf(model: ArmModel, ranges: readonly GuardRange[]): [Vector, Vector] | null {
+  if (ranges.length === 0) return null;
+  const [low, high] = spaceOf(model);
+  const beyond = 0.05 * linksOf(model);
+  const of = (name: string, from: number, to: number): [number, number] => {
+    const range = ranges.find((one) => one.of === name);
+    return range === undefined ? [from - beyond, to + beyond] : [range.lowest, range.highest];
+  };
+  const [x, y, z] = [of("x", low[0], high[0]), of("y", low[1], high[1]), of("z", low[2], high[2])];
+  return [
+    [x[0], y[0], z[0]],
+    [x[1], y[1], z[1]],
   ];
 }
 

@@ -26,6 +26,7 @@ import type { ArmModel } from "../api/types.ts";
 import { Arm, place } from "./arm.ts";
 import { LENS, Orbit, type ViewName } from "./camera.ts";
 import { type Colours, coloursOf } from "./colours.ts";
+import { type Box, Workspace } from "./guard.ts";
 import { Late } from "./late.ts";
 import { ORIGIN, type Standing, type Vector, floorOf, linksOf, spaceOf } from "./model.ts";
 import { type PathPoint, Planned, Trail } from "./path.ts";
@@ -45,6 +46,7 @@ export class Scene {
   private readonly arm: Arm;
   private readonly trail: Trail;
   private readonly planned: Planned;
+  private readonly workspace: Workspace;
   private readonly late = new Late();
   private readonly size: number;
   private readonly sun = new DirectionalLight(0xffffff, 2.4);
@@ -53,6 +55,7 @@ export class Scene {
   private ground = new Group();
   private isVirtual = false;
   private points: readonly PathPoint[] = [];
+  private box: Box | null = null;
   private colours: Colours;
   private standing: Standing | null = null;
   private scheduled: number | null = null;
@@ -73,6 +76,7 @@ export class Scene {
     this.arm.group.visible = false;
     this.trail = new Trail(this.colours);
     this.planned = new Planned(this.size);
+    this.workspace = new Workspace(this.size * 0.03);
     this.frames = [new Frames(this.size * 0.3), new Frames(this.size * 0.15)];
     const [low, high] = spaceOf(model);
     const isMachine = model.geometry.kind === "cartesian";
@@ -85,7 +89,7 @@ export class Scene {
     const sky = new HemisphereLight(0xffffff, 0x888888, 2.4);
     sky.position.set(0, 0, 1);
     this.world.add(sky, this.sun);
-    this.world.add(this.arm.group, this.trail.group, this.planned.group);
+    this.world.add(this.arm.group, this.trail.group, this.planned.group, this.workspace.group);
     for (const { group } of this.frames) this.world.add(group);
     this.floor(false);
     this.recolour();
@@ -133,6 +137,13 @@ export class Scene {
     this.touch();
   }
 
+  /** The space that a guard leaves to the tool; `null` takes it away. */
+  guard(box: Box | null): void {
+    this.box = box;
+    this.workspace.show(box, this.colours);
+    this.touch();
+  }
+
   /** The floor of a virtual robot is checkered, that of a real one has lines. Both have squares of 100 mm. */
   floor(isVirtual: boolean): void {
     this.isVirtual = isVirtual;
@@ -168,6 +179,7 @@ export class Scene {
     for (const frame of this.frames) frame.colour(this.colours);
     this.floor(this.isVirtual);
     this.path(this.points);
+    this.guard(this.box);
   }
 
   dispose(): void {
@@ -176,7 +188,7 @@ export class Scene {
     clearInterval(this.ages);
     this.watched.disconnect();
     clear(this.ground);
-    for (const one of [this.arm, this.ghostArm, this.trail, this.planned, ...this.frames]) one?.dispose();
+    for (const one of [this.arm, this.ghostArm, this.trail, this.planned, this.workspace, ...this.frames]) one?.dispose();
     this.renderer.dispose();
     // A browser has few contexts: this one is not kept until somebody collects the garbage.
     this.context.getExtension("WEBGL_lose_context")?.loseContext();

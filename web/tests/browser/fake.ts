@@ -156,6 +156,7 @@ class FakeRobot {
       virtual: this.isVirtual,
       panel: false,
       twin: null,
+      guard: null,
       twin_of: null,
       lease: null,
       stopped: false,

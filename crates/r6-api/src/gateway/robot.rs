@@ -28,6 +28,11 @@ pub struct RobotSummary {
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true, example = "BRTIRUS0707A"))]
     pub model: Option<String>,
+    /// The limits that each list over the gateway is checked against before it is sent; `null` if none are
+    /// configured.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub guard: Option<RobotGuard>,
     /// The robot that this virtual controller is the twin of, with `r6 gateway --twins`; `null` for every
     /// other robot.
     #[serde(default)]
@@ -132,6 +137,45 @@ pub struct RobotWanted {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(example = "BRTIRUS0707A"))]
     pub model: Option<String>,
+}
+
+/// Limits of lists. They compare numbers with numbers, and protect no people. A limit that is `null` or
+/// missing is not checked.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct RobotGuard {
+    /// The highest speed of a move in percent, before the global speed.
+    #[cfg_attr(feature = "openapi", schema(required = true, example = 50.0))]
+    pub max_speed: Option<f64>,
+    /// The highest path speed in mm/s.
+    #[cfg_attr(feature = "openapi", schema(required = true, example = 500.0))]
+    pub max_path_speed: Option<f64>,
+    /// How far an axis move turns an axis at most, in degrees.
+    #[cfg_attr(feature = "openapi", schema(required = true, example = 120.0))]
+    pub max_axis_step: Option<f64>,
+    /// How far a move of the tool goes at most, in mm.
+    #[cfg_attr(feature = "openapi", schema(required = true, example = 400.0))]
+    pub max_distance: Option<f64>,
+    /// The ranges of axes, `J1` to `J8`, for axis moves.
+    pub axes: Vec<GuardRange>,
+    /// The ranges of `x`, `y` and `z` for linear and curve moves, in the work frame in use.
+    pub workspace: Vec<GuardRange>,
+}
+
+/// The lowest and the highest value that a guard allows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct GuardRange {
+    /// What it is of.
+    #[cfg_attr(feature = "openapi", schema(example = "x"))]
+    pub of: String,
+    /// `deg` or `mm`.
+    #[cfg_attr(feature = "openapi", schema(example = "mm"))]
+    pub unit: String,
+    /// The lowest value.
+    pub lowest: f64,
+    /// The highest value.
+    pub highest: f64,
 }
 
 /// Whether a robot can be reached.

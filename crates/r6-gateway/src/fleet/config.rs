@@ -1,5 +1,6 @@
 //! What the gateway has to know of a robot to look after it.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_api::gateway::ManagedBy;
@@ -7,6 +8,7 @@ use r6_client::{Address, AxisIndex, RobotSettings};
 use r6_motion::RobotModel;
 
 use crate::core::name::RobotName;
+use crate::fleet::guard::Guard;
 use crate::fleet::panel::line::Panel;
 use crate::programs;
 
@@ -32,6 +34,8 @@ pub struct RobotConfig {
     pub addresses: Vec<Address>,
     /// The model of its arm: a name that [`RobotModel::named`] knows. Plans need it.
     pub model: Option<String>,
+    /// The limits that each list is checked against before it is sent. Only the configuration has them.
+    pub guard: Option<Arc<Guard>>,
     /// The counter of parts, a `counter-n`; `None` for the first counter of [`Self::addresses`], if there is
     /// one.
     pub parts: Option<Address>,
@@ -57,6 +61,7 @@ impl RobotConfig {
             period: USUAL_PERIOD,
             addresses: Vec::new(),
             model: None,
+            guard: None,
             parts: None,
             twin_of: None,
             twin: None,
@@ -85,13 +90,13 @@ impl RobotConfig {
         address.map_err(|error| r6_client::RequestError::Invalid(error).to_string())
     }
 
-    /// Whether the robot is the same, is read in the same way, and has the same model, twin and panel.
+    /// Whether the robot is the same, is read in the same way, and has the same model, limits, twin and panel.
     #[must_use]
     pub fn is_as(&self, other: &Self) -> bool {
         let read = (&self.addresses, self.parts) == (&other.addresses, other.parts);
         let twins = (&self.twin_of, &self.twin, self.panel) == (&other.twin_of, &other.twin, other.panel);
         let way = (&self.address, self.period) == (&other.address, other.period);
-        way && read && twins && self.model == other.model
+        way && read && twins && (&self.model, &self.guard) == (&other.model, &other.guard)
     }
 
     /// The model of its arm, if one is configured.

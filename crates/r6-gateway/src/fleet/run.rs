@@ -238,7 +238,7 @@ impl Station {
         };
         let connection = robot.connection();
         let gate = Self::gate(&self, ticket);
-        let outcome = match robot.run_under(&motion, options, gate).await {
+        let outcome = match self.guarded(&robot).run_under(&motion, options, gate).await {
             Ok(handle) => self.follow(&mut under_way, handle).await,
             Err(error) => Outcome::Ended(Err(error)),
         };

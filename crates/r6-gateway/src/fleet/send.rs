@@ -18,7 +18,18 @@ impl Station {
         };
         match permit.into_order() {
             Order::Command(command) => robot.command_under(conditions, command).await,
-            Order::List { replace, steps } => robot.add_rcc_under(conditions, replace, steps).await,
+            Order::List { replace, steps } => {
+                self.guarded(robot).add_rcc_under(conditions, replace, steps).await
+            }
+        }
+    }
+
+    /// The robot behind its guard, if it has one: lists with a step beyond a limit are not sent. Its workspace is
+    /// that of the tool and the work frame that are in use now.
+    pub(super) fn guarded(&self, robot: &Robot) -> Robot {
+        match &self.config().guard {
+            Some(guard) => robot.with_guard(guard.envelope().clone()),
+            None => robot.clone(),
         }
     }
 

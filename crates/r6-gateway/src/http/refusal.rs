@@ -48,6 +48,7 @@ fn status(code: Code) -> StatusCode {
         Code::BadCommand
         | Code::BadValue
         | Code::BadProgram
+        | Code::BeyondLimits
         | Code::KeyTaken
         | Code::BadAction
         | Code::NoSuchInput

@@ -60,7 +60,7 @@ const OTHER_TEXT: &str = "nothing was sent: the program has another text than wh
                            `refused` (by the controller), `in_progress`, `no_room`, `other_text`",
             body = Problem
         ),
-        (status = 422, description = "`bad_program`, `bad_value`, `key_taken`", body = Problem),
+        (status = 422, description = "`bad_program`, `beyond_limits` of the guard, `bad_value`, `key_taken`", body = Problem),
         (status = 503, description = "`store_unavailable`, `overloaded`: nothing was sent", body = Problem),
         (status = 504, description = "`outcome_unknown`: the arm may have moved", body = Problem),
         (status = 408, description = "`too_slow`", body = Problem),

@@ -5,6 +5,7 @@ mod alarms;
 mod browsers;
 mod commands;
 mod fleet;
+mod guard;
 mod happenings;
 mod heads;
 mod history;

@@ -2,7 +2,7 @@
 
 mod commands;
 mod hostile;
-mod lists;
+pub mod lists;
 mod queries;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};

@@ -10,7 +10,7 @@
 mod empty;
 mod ended;
 mod events;
-mod guard;
+pub mod guard;
 mod progress;
 mod under_way;
 

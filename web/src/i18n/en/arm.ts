@@ -27,4 +27,15 @@ export const arm = {
   setWarning:
     "The robot gets a new connection, and its lease ends. A program that the gateway runs on it is stopped first.",
   setting: "Setting the model…",
+  guard: "Limits of lists",
+  guardMeans:
+    "The gateway sends no run and no list of a script with a step beyond these. They compare numbers, and protect no people.",
+  guardBox: "The dashed box is the workspace without a work frame; in a work frame it is elsewhere.",
+  limits: {
+    range: (of: string, lowest: number, highest: number, unit: string) => `${of}: ${lowest} to ${highest} ${unit}`,
+    speed: (percent: number) => `Speed of a move: ${percent} % at most, before the global speed`,
+    pathSpeed: (speed: number) => `Path speed: ${speed} mm/s at most`,
+    axisStep: (degrees: number) => `One axis move turns an axis by ${degrees}° at most`,
+    distance: (mm: number) => `One move of the tool goes ${mm} mm at most`,
+  },
 };

@@ -27,4 +27,14 @@ export const arm: typeof english = {
   set: (robot) => `设定 ${robot} 的型号`,
   setWarning: "机器人将重新连接，其控制权结束。网关正在其上运行的程序会先被停止。",
   setting: "正在设定型号…",
+  guard: "指令列表的限制",
+  guardMeans: "若程序或脚本的列表中有一步超出这些限制，网关就不发送。这只是比较数值，不能保护人身安全。",
+  guardBox: "虚线框是未使用工件坐标系时的工作空间；使用工件坐标系时位置不同。",
+  limits: {
+    range: (of, lowest, highest, unit) => `${of}：${lowest} 至 ${highest} ${unit}`,
+    speed: (percent) => `运动速度最高 ${percent} %（再乘以全局速度）`,
+    pathSpeed: (speed) => `路径速度最高 ${speed} mm/s`,
+    axisStep: (degrees) => `一次关节运动中每轴最多转动 ${degrees}°`,
+    distance: (mm) => `工具一次最多移动 ${mm} mm`,
+  },
 };

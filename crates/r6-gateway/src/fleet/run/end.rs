@@ -192,7 +192,8 @@ fn code(cause: &Cause) -> Code {
         Cause::NotReady(unmet) if unmet.iter().any(|unmet| matches!(unmet, Unmet::LeftoverList { .. })) => {
             Code::LeftoverList
         }
-        Cause::Step(_) | Cause::OutsideEnvelope(_) | Cause::Invalid(_) => Code::BadProgram,
+        Cause::OutsideEnvelope(_) => Code::BeyondLimits,
+        Cause::Step(_) | Cause::Invalid(_) => Code::BadProgram,
         Cause::NotSent(error) => Problem::of_request(&RequestError::NotSent(error.clone())).code,
         Cause::Refused(_) => Code::Refused,
         Cause::OutcomeUnknown(_) => Code::OutcomeUnknown,

@@ -14,7 +14,7 @@ use crate::support::{Hall, PATIENCE, signal};
 const RULES: &[(&str, RawAllow)] = &[("127.0.0.1", RawAllow::Command), ("127.0.0.2", RawAllow::Read)];
 
 /// A list as scripts send it, with blanks and a key that no controller knows.
-fn list(replace: bool, steps: &[String]) -> String {
+pub fn list(replace: bool, steps: &[String]) -> String {
     let steps = steps.join(", ");
     let empty = u8::from(replace);
     format!(
@@ -23,7 +23,7 @@ fn list(replace: bool, steps: &[String]) -> String {
 }
 
 /// A move of J1.
-fn to(j1: &str, speed: &str) -> String {
+pub fn to(j1: &str, speed: &str) -> String {
     format!(
         r#"{{"oneshot":"1","action":"4","m0":"{j1}","m1":"0","m2":"0","m3":"0","m4":"0","m5":"0","ckStatus":"0x3F","speed":"{speed}","delay":"0","smooth":"0"}}"#
     )

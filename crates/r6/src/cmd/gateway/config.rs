@@ -7,22 +7,24 @@ mod http;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_client::Address;
 use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_controller::{Profile, RobotModel};
 use r6_gateway::{
-    AuditSettings, Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule,
+    AuditSettings, Guard, Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule,
     RawSource, RobotConfig, RobotName,
 };
 use r6_program::Mistakes;
-use r6_program::form::{self, Fields, Node, Wrong};
+use r6_program::form::{self, Fields, Found, Node, Wrong};
 use r6_proto::message::instruction::PathSpeed;
 
 pub use hall::read as hall_and_shifts;
 pub use http::{HOST_NAME, HttpSettings, host_name};
 
+use crate::cmd::job::guard::file::Limits;
 use crate::exit::Failure;
 use crate::robot;
 use crate::text_file;
@@ -67,12 +69,13 @@ fn parse(text: &str) -> Result<Config, Mistakes> {
     for (number, table) in (1..).zip(fields.tables("robot")) {
         let inner = Fields::of(table, &[], format!("[[robot]] {number}: "));
         let profile = profile(&inner);
+        let guard = guard(&inner, number, &mut found);
         let read = one(&inner).and_then(|robot| {
             if robots.iter().any(|known| known.name == robot.name) {
                 return Err(inner.wrong("name", format!("two robots are called `{}`", robot.name)));
             }
             profiles.extend(profile.map(|profile| (robot.name.clone(), profile)));
-            Ok(robot)
+            Ok(RobotConfig { guard, ..robot })
         });
         robots.extend(inner.finish(read, &mut found));
     }
@@ -164,6 +167,13 @@ pub fn reading(fields: &Fields<'_>, usual: RobotConfig) -> RobotConfig {
     }
 }
 
+/// The limits of a robot: `[robot.guard]`, with the keys of a file of `r6 run --guard`.
+fn guard(fields: &Fields<'_>, number: usize, found: &mut Found<'_>) -> Option<Arc<Guard>> {
+    let table = fields.optional("guard", "a table: [robot.guard]", |value| value.table())?;
+    let place = format!("[[robot]] {number}: [robot.guard]: ");
+    Limits::of_table(table, &place, found).map(|limits| Arc::new(limits.guard()))
+}
+
 /// The profile of the firmware of a robot: what its twin answers.
 fn profile(fields: &Fields<'_>) -> Option<Profile> {
     let wanted = format!("a profile: {}", Profile::names().join(", "));
@@ -199,6 +209,20 @@ mod tests {
             profiles.iter().map(|(robot, profile)| (robot, profile.name.as_str())).collect();
         assert_eq!(profiles, [(&press.name, "legacy")]);
         assert_eq!((saw.address.as_str(), saw.period), ("saw.hall:9761", r6_gateway::USUAL_PERIOD));
+    }
+
+    #[test]
+    fn a_file_limits_the_lists_of_a_robot() {
+        let robot = "[[robot]]\nname = \"saw\"\naddress = \"a\"\n";
+        let guard = "[robot.guard]\nmax_speed = 50\n[robot.guard.workspace]\nz = [100, 900]\n";
+        let saw = parse(&format!("{robot}{guard}")).unwrap().robots.remove(0);
+        let wanted = Guard::new().max_speed(Percent::new(50.0).unwrap());
+        assert_eq!(*saw.guard.unwrap(), wanted.workspace([None, None, Some((100.0, 900.0))]));
+        assert!(parse(robot).unwrap().robots[0].guard.is_none());
+        assert_told(
+            &format!("{robot}[robot.guard]\nmax_sped = 50\n[robot.guard.axes]\nJ1 = [9, -9]\n"),
+            &[("hall.toml:5:1", "[robot.guard]: there is no key `max_sped`"), ("hall.toml:7:6", "`J1`")],
+        );
     }
 
     #[test]

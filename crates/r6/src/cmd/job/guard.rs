@@ -1,6 +1,6 @@
 //! Limits that a list is checked against before anything is sent: an envelope from a file and from options.
 
-mod file;
+pub mod file;
 
 use std::path::PathBuf;
 

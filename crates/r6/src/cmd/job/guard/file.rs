@@ -4,8 +4,9 @@ use std::path::Path;
 
 use r6_client::units::{AxisCoordinate, Degrees, Millimetres, MillimetresPerSecond, Percent};
 use r6_client::{AxisIndex, Envelope};
+use r6_gateway::Guard;
 use r6_program::Mistakes;
-use r6_program::form::{self, Fields, Found, Node};
+use r6_program::form::{self, Fields, Found, Node, Table};
 use r6_proto::message::instruction::PathSpeed;
 
 use crate::exit::Failure;
@@ -30,33 +31,44 @@ pub struct Limits {
     max_path_speed: Option<MillimetresPerSecond>,
     max_distance: Option<Millimetres>,
     axes: Vec<(AxisIndex, AxisCoordinate, AxisCoordinate)>,
-    workspace: Option<[(f64, f64); 3]>,
+    workspace: Option<[Option<(f64, f64)>; 3]>,
 }
 
 impl Limits {
     /// The limits as the client library checks them.
     pub fn envelope(&self) -> Envelope {
-        let mut envelope = Envelope::new();
+        self.guard().envelope().clone()
+    }
+
+    /// The limits as a gateway has them.
+    pub fn guard(&self) -> Guard {
+        let mut guard = Guard::new();
         if let Some(cap) = self.max_speed {
-            envelope = envelope.speed_cap(cap);
+            guard = guard.max_speed(cap);
         }
         if let Some(cap) = self.max_path_speed {
-            envelope = envelope.path_speed_cap(cap);
+            guard = guard.max_path_speed(cap);
         }
         if let Some(largest) = self.max_axis_step {
-            envelope = envelope.largest_axis_step(largest);
+            guard = guard.max_axis_step(largest);
         }
         if let Some(largest) = self.max_distance {
-            envelope = envelope.largest_distance(largest);
+            guard = guard.max_distance(largest);
         }
         for (axis, lowest, highest) in &self.axes {
-            envelope = envelope.axis_limits(*axis, *lowest, *highest);
+            guard = guard.axis(*axis, *lowest, *highest);
         }
         if let Some(workspace) = self.workspace {
-            let [lowest, highest] = [workspace.map(|(low, _)| low), workspace.map(|(_, high)| high)];
-            envelope = envelope.workspace(lowest.map(Millimetres), highest.map(Millimetres));
+            guard = guard.workspace(workspace);
         }
-        envelope
+        guard
+    }
+
+    /// The limits of a table, such as `[robot.guard]`.
+    pub fn of_table(table: &Table, place: &str, found: &mut Found<'_>) -> Option<Self> {
+        let fields = Fields::of(table, &[], place);
+        let limits = read_fields(&fields, found);
+        fields.finish(Ok(limits), found)
     }
 }
 
@@ -71,10 +83,16 @@ pub fn read(path: &Path) -> Result<Limits, Failure> {
 fn parse(text: &str) -> Result<Limits, Mistakes> {
     let (document, mut found) = form::parse(text);
     let fields = Fields::of(&document, &[], "");
+    let limits = read_fields(&fields, &mut found);
+    let limits = fields.finish(Ok(limits), &mut found);
+    found.finish(limits)
+}
+
+fn read_fields(fields: &Fields<'_>, found: &mut Found<'_>) -> Limits {
     let above_zero = |name| {
         fields.optional(name, "a number above 0", |value| value.number().filter(|number| *number > 0.0))
     };
-    let limits = Limits {
+    Limits {
         max_speed: fields.optional("max_speed", Percent::WANTED, |value| Percent::new(value.number()?).ok()),
         max_path_speed: fields.optional("max_path_speed", PathSpeed::WANTED, |value| {
             MillimetresPerSecond::new(u32::try_from(value.whole()?).ok()?).ok()
@@ -82,14 +100,12 @@ fn parse(text: &str) -> Result<Limits, Mistakes> {
         max_axis_step: above_zero("max_axis_step").map(Degrees),
         max_distance: above_zero("max_distance").map(Millimetres),
         axes: [
-            axes(&fields, "axes", &mut found, |angle| Degrees(angle).into()),
-            axes(&fields, "axes_mm", &mut found, |length| Millimetres(length).into()),
+            axes(fields, "axes", found, |angle| Degrees(angle).into()),
+            axes(fields, "axes_mm", found, |length| Millimetres(length).into()),
         ]
         .concat(),
-        workspace: workspace(&fields, &mut found),
-    };
-    let limits = fields.finish(Ok(limits), &mut found);
-    found.finish(limits)
+        workspace: workspace(fields, found),
+    }
 }
 
 /// The lowest and the highest value for each of `names` in a table; `None` if there is no such table.
@@ -124,13 +140,9 @@ fn axes(
 }
 
 /// The limits of the workspace. A component without an entry is not limited.
-fn workspace(fields: &Fields<'_>, found: &mut Found<'_>) -> Option<[(f64, f64); 3]> {
+fn workspace(fields: &Fields<'_>, found: &mut Found<'_>) -> Option<[Option<(f64, f64)>; 3]> {
     let ranges = ranges(fields, "workspace", &PLACES, found)?;
-    let mut workspace = [(f64::NEG_INFINITY, f64::INFINITY); 3];
-    for (slot, range) in workspace.iter_mut().zip(ranges) {
-        *slot = range.unwrap_or(*slot);
-    }
-    Some(workspace)
+    ranges.try_into().ok()
 }
 
 #[cfg(test)]
