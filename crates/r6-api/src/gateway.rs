@@ -29,7 +29,7 @@ pub use alarm::{
 };
 pub use audit::{Audit, AuditEntry, AuditHead, AuditRecord, Deed, RawPortRule};
 pub use command::{
-    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease, WithReason,
+    ClearRequest, CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease, WithReason,
 };
 pub use event::{CommandOutcome, Event, Happened, LeaseEnd};
 pub use history::{

@@ -220,6 +220,8 @@ codes! {
     NoLease "no_lease",
     /// Another holds the lease.
     Leased "leased",
+    /// The order came after the time until which it held.
+    TooLate "too_late",
     /// A program runs on the robot.
     RunUnderWay "run_under_way",
     /// There is no run with this number.

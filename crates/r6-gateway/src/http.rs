@@ -11,6 +11,7 @@ mod caller;
 mod commands;
 mod cookie;
 mod csv;
+mod deadline;
 mod described;
 mod etag;
 mod health;

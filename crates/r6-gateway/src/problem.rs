@@ -77,7 +77,7 @@ impl From<Denied> for Problem {
             Denied::NoLease => Code::NoLease,
             Denied::Leased { .. } | Denied::BeingTaken | Denied::RunEnding => Code::Leased,
             Denied::RunUnderWay | Denied::RunOver => Code::RunUnderWay,
-            Denied::Stopped | Denied::StopUnderWay => Code::Stopped,
+            Denied::Stopped | Denied::StopUnderWay | Denied::StoppedSince => Code::Stopped,
             Denied::IdentityChanged | Denied::AnotherIdentity => Code::IdentityChanged,
             Denied::NotUp
             | Denied::Manual

@@ -1458,11 +1458,22 @@ export interface components {
             /** @description How many points wait. */
             points: number;
         };
+        /** @description A request to let a robot move again after a stop. */
+        ClearRequest: {
+            /** @description The lease of the caller. */
+            lease: components["schemas"]["LeaseKey"];
+            /**
+             * Format: int64
+             * @description `stops_begun` of the robot, as the caller has seen it: if another stop has begun since, that one is not
+             *     cleared. Without it, whatever stop holds is cleared.
+             */
+            stops_begun?: number | null;
+        };
         /**
          * @description What kind of problem it is. The words do not change; new ones may come.
          * @enum {string}
          */
-        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "not_held" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_fault" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_panel" | "no_lease" | "leased" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "needs_if_match" | "not_this_version" | "other_text" | "store_unavailable" | "no_owner" | "unknown";
+        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "not_held" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_fault" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_panel" | "no_lease" | "leased" | "too_late" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "needs_if_match" | "not_this_version" | "other_text" | "store_unavailable" | "no_owner" | "unknown";
         /** @description The controller accepted a command. This does not mean that the arm moves. */
         CommandDone: {
             /**
@@ -2018,6 +2029,11 @@ export interface components {
             event: "stop_began";
             /** @description Whether it holds until it is cleared. A stop by which the gateway ends a run does not. */
             holds: boolean;
+            /**
+             * Format: int64
+             * @description Its number: `stops_begun` of the robot from then on. 0 of a stop that does not hold.
+             */
+            number: number;
         } | {
             /**
              * @description Whether it is proved that the arm stands; for one command that stops, or an action at the panel,
@@ -2465,6 +2481,12 @@ export interface components {
         };
         /** @description A sign of life. */
         LiveAlive: {
+            /**
+             * Format: int64
+             * @description How long ago the last look at all robots began whose messages are all sent before this one, in ms. What
+             *     was not told since then did not change before that look. `null` before the first one is over.
+             */
+            passed_ms_ago: number | null;
             /** @description The time of the gateway. */
             time: string;
         };
@@ -3194,6 +3216,12 @@ export interface components {
             stopped: boolean;
             stopped_by: components["schemas"]["ActedBy"] | null;
             /**
+             * Format: int64
+             * @description How many stops of it have begun since the gateway started, also those that were cleared: send it with
+             *     `clear-stopped`, so that a stop that you have not seen is not cleared.
+             */
+            stops_begun?: number;
+            /**
              * Format: int32
              * @description How many stops are under way now.
              */
@@ -3658,6 +3686,11 @@ export interface components {
         Stopped: {
             /** @description Always `true`: a stop that is not proved is answered with the problem `not_stopped`. */
             confirmed: boolean;
+            /**
+             * @description When it was proved, on the clock of the gateway.
+             * @example 2026-11-27T18:06:08.120394Z
+             */
+            seen_at?: string;
             /**
              * Format: double
              * @description The time until the standstill was proved.
@@ -6281,7 +6314,10 @@ export interface operations {
     clear_stopped: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description A time on the clock of the gateway: an order that comes later is refused (`too_late`) */
+                "Valid-Until"?: string | null;
+            };
             path: {
                 /** @description The name of the robot */
                 name: string;
@@ -6290,7 +6326,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["WithLease"];
+                "application/json": components["schemas"]["ClearRequest"];
             };
         };
         responses: {
@@ -6346,7 +6382,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_lease`; `stopped`: a stop is still under way */
+            /** @description `no_lease`; `stopped`: a stop is still under way, or has begun since; `too_late` */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -6408,6 +6444,8 @@ export interface operations {
             header?: {
                 /** @description 1 to 128 visible characters, drawn anew for each command, such as a UUID */
                 "Idempotency-Key"?: string | null;
+                /** @description A time on the clock of the gateway: an order that comes later is refused (`too_late`) */
+                "Valid-Until"?: string | null;
             };
             path: {
                 /** @description The name of the robot */
@@ -6475,7 +6513,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the controller), `in_progress` */
+            /** @description `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the controller), `in_progress`, `too_late` */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7223,7 +7261,10 @@ export interface operations {
     act: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description A time on the clock of the gateway: an order that comes later is refused (`too_late`) */
+                "Valid-Until"?: string | null;
+            };
             path: {
                 /** @description The name of the robot */
                 name: string;
@@ -7290,7 +7331,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_lease`, `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `leftover_list`; the machine refuses it now: `power_off`, `emergency_stop`, `alarm`, `not_homed`, `not_auto`, `not_manual`, `moving`, `not_held`, `no_global_speed`, `program`, `no_path`, `no_room` */
+            /** @description `no_lease`, `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `leftover_list`, `too_late`; the machine refuses it now: `power_off`, `emergency_stop`, `alarm`, `not_homed`, `not_auto`, `not_manual`, `moving`, `not_held`, `no_global_speed`, `program`, `no_path`, `no_room` */
             409: {
                 headers: {
                     [name: string]: unknown;
@@ -7543,6 +7584,8 @@ export interface operations {
             header: {
                 /** @description 1 to 128 visible characters, drawn anew for each run, such as a UUID */
                 "Idempotency-Key": string;
+                /** @description A time on the clock of the gateway: an order that comes later is refused (`too_late`) */
+                "Valid-Until"?: string | null;
             };
             path: {
                 /** @description The name of the robot */
@@ -7612,7 +7655,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `run_under_way`, `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the controller), `in_progress`, `no_room`, `other_text` */
+            /** @description `run_under_way`, `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the controller), `in_progress`, `no_room`, `other_text`, `too_late` */
             409: {
                 headers: {
                     [name: string]: unknown;

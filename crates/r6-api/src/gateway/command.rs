@@ -52,6 +52,19 @@ pub struct WithLease {
     pub lease: LeaseKey,
 }
 
+/// A request to let a robot move again after a stop.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct ClearRequest {
+    /// The lease of the caller.
+    pub lease: LeaseKey,
+    /// `stops_begun` of the robot, as the caller has seen it: if another stop has begun since, that one is not
+    /// cleared. Without it, whatever stop holds is cleared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stops_begun: Option<u64>,
+}
+
 /// A request that needs a reason and nothing else.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
@@ -103,4 +116,8 @@ pub struct Stopped {
     pub confirmed: bool,
     /// The time until the standstill was proved.
     pub took_ms: f64,
+    /// When it was proved, on the clock of the gateway.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(example = "2026-11-27T18:06:08.120394Z"))]
+    pub seen_at: String,
 }

@@ -64,6 +64,10 @@ pub enum Happened {
         #[serde(default)]
         #[cfg_attr(feature = "openapi", schema(required = true))]
         holds: bool,
+        /// Its number: `stops_begun` of the robot from then on. 0 of a stop that does not hold.
+        #[serde(default)]
+        #[cfg_attr(feature = "openapi", schema(required = true))]
+        number: u64,
     },
     /// A stop came to its end.
     StopEnded {

@@ -72,6 +72,10 @@ pub struct RobotSummary {
     pub stopped_by: Option<ActedBy>,
     /// How many stops are under way now.
     pub stops_under_way: u32,
+    /// How many stops of it have begun since the gateway started, also those that were cleared: send it with
+    /// `clear-stopped`, so that a stop that you have not seen is not cleared.
+    #[serde(default)]
+    pub stops_begun: u64,
     /// The global speed as it was last set over the gateway. The protocol does not tell it: a person at the
     /// pendant, or a program that is connected to the robot directly, can have set another one since. `null`
     /// if it was not set since the gateway started, if that is not sure, if the controller may have been

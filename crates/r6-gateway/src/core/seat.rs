@@ -388,12 +388,15 @@ impl Seat {
         self.stops_under_way = self.stops_under_way.saturating_sub(1);
     }
 
-    /// Lets the robot move again.
+    /// Lets the robot move again. `seen`: how many stops the caller knows of; `None` clears any.
     ///
     /// # Errors
-    /// [`Denied::NoLease`], [`Denied::StopUnderWay`].
-    pub fn clear(&mut self, now: Instant, key: Key) -> Result<(), Denied> {
+    /// [`Denied::NoLease`], [`Denied::StopUnderWay`], [`Denied::StoppedSince`].
+    pub fn clear(&mut self, now: Instant, key: Key, seen: Option<u64>) -> Result<(), Denied> {
         self.held(now, key)?;
+        if seen.is_some_and(|seen| seen != self.stops_begun) {
+            return Err(Denied::StoppedSince);
+        }
         if self.stops_under_way > 0 {
             return Err(Denied::StopUnderWay);
         }

@@ -263,6 +263,7 @@ impl Station {
             Err(_) => Err(format!("{MAX_STOPS} stops of this robot are under way: {USE_EMERGENCY_STOP}")),
         };
         drop(sending);
+        let seen_at = clock::time_of_day();
         let stopped = match answer {
             Ok(report) if report.confirmed => Ok((report.took, report.to_string())),
             Ok(report) => Err(report.to_string()),
@@ -273,7 +274,7 @@ impl Station {
         };
         self.end_stop(by, STOP, (stopped.is_ok(), detail), written);
         let (took, _) = stopped.map_err(|message| Problem::new(Code::NotStopped, message))?;
-        Ok(Stopped { confirmed: true, took_ms: clock::milliseconds(took) })
+        Ok(Stopped { confirmed: true, took_ms: clock::milliseconds(took), seen_at })
     }
 
     /// Sends one command that stops or pauses. It needs no lease, and holds as [`Self::stop`] does.
@@ -325,7 +326,8 @@ impl Station {
             seat.stop_begins();
             seat.name_stop(&by.acts());
             let record = written.then(|| {
-                self.publish(Happened::StopBegan { by: by.actor.clone(), holds: true });
+                let number = seat.stops_begun();
+                self.publish(Happened::StopBegan { by: by.actor.clone(), holds: true, number });
                 self.record(by, Deed::StopBegan { request: request.to_owned() })
             });
             ((), record)
@@ -363,14 +365,14 @@ impl Station {
         there.ok()?.ok()?.clone()
     }
 
-    /// Lets the robot move again after a stop.
+    /// Lets the robot move again after a stop. `seen`: how many stops the caller knows of; `None` clears any.
     ///
     /// # Errors
-    /// `no_lease`; `stopped` while a stop is under way.
-    pub fn clear(&self, by: &By, key: Key) -> Result<(), Problem> {
+    /// `no_lease`; `stopped` while a stop is under way, or if one has begun since.
+    pub fn clear(&self, by: &By, key: Key, seen: Option<u64>) -> Result<(), Problem> {
         // Told before the seat is free: a stop that begins next is told behind it.
         let cleared = self.seat_noting(|seat, now| {
-            let cleared = seat.clear(now, key);
+            let cleared = seat.clear(now, key, seen);
             let record = cleared.as_ref().ok().map(|()| {
                 self.publish(Happened::StopCleared {});
                 self.record(by, Deed::StopCleared { lease: key.number })

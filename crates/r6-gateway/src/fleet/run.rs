@@ -323,7 +323,7 @@ impl Station {
     async fn stop_list(&self, robot: &Robot) -> Halted {
         let by = by_itself();
         let sending = self.sending();
-        self.publish(Happened::StopBegan { by: by.actor.clone(), holds: false });
+        self.publish(Happened::StopBegan { by: by.actor.clone(), holds: false, number: 0 });
         self.note(&by, Deed::StopBegan { request: "stop".to_owned() });
         let answer = robot.stop().await;
         drop(sending);

@@ -565,6 +565,7 @@ impl Station {
                 stopped,
                 stopped_by,
                 stops_under_way,
+                stops_begun: seat.stops_begun(),
                 global_speed,
             }
         })

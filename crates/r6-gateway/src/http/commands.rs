@@ -2,7 +2,7 @@
 
 use axum::extract::State as Of;
 use axum::http::{HeaderMap, StatusCode};
-use r6_api::gateway::{CommandDone, CommandRequest, RobotIdentity, Stopped, WithLease, WithReason};
+use r6_api::gateway::{ClearRequest, CommandDone, CommandRequest, RobotIdentity, Stopped, WithReason};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
 use r6_proto::{Command, CommandName, Effect};
@@ -10,7 +10,7 @@ use r6_proto::{Command, CommandName, Effect};
 use super::body::{Json, check_reason, key};
 use super::caller::{self, AcceptIdentity, Caller, Configure, Robot, Stop};
 use super::described::{OfBody, OfChange};
-use super::{State, idempotency, refusal};
+use super::{State, deadline, idempotency, refusal};
 use crate::core::role::Right;
 use crate::core::seat::Denied;
 use crate::fleet::command::Once;
@@ -29,6 +29,11 @@ use crate::{problem, traces};
             "Idempotency-Key" = Option<String>,
             Header,
             description = "1 to 128 visible characters, drawn anew for each command, such as a UUID"
+        ),
+        (
+            "Valid-Until" = Option<String>,
+            Header,
+            description = "A time on the clock of the gateway: an order that comes later is refused (`too_late`)"
         )
     ),
     request_body = CommandRequest,
@@ -43,7 +48,7 @@ use crate::{problem, traces};
         (
             status = 409,
             description = "`no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused` (by the \
-                           controller), `in_progress`",
+                           controller), `in_progress`, `too_late`",
             body = Problem
         ),
         (status = 422, description = "`bad_command`, `bad_value`, `key_taken`", body = Problem),
@@ -86,6 +91,7 @@ pub async fn command(
             {
                 return Ok(axum::Json(done));
             }
+            deadline::check(&headers)?;
             let held = request.lease.as_ref().ok_or_else(|| Denied::NoLease.into()).and_then(key);
             let key = held.map_err(|problem: problem::Problem| {
                 station.note_refused(&by, &command.to_string(), problem.code);
@@ -142,12 +148,19 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
 #[utoipa::path(
     post,
     path = "/v1/robots/{name}/clear-stopped",
-    params(("name" = String, Path, description = "The name of the robot")),
-    request_body = WithLease,
+    params(
+        ("name" = String, Path, description = "The name of the robot"),
+        (
+            "Valid-Until" = Option<String>,
+            Header,
+            description = "A time on the clock of the gateway: an order that comes later is refused (`too_late`)"
+        )
+    ),
+    request_body = ClearRequest,
     responses(
         (status = 204, description = "Commands that move are sent again"),
         (status = 404, description = "`no_such_robot`", body = Problem),
-        (status = 409, description = "`no_lease`; `stopped`: a stop is still under way", body = Problem),
+        (status = 409, description = "`no_lease`; `stopped`: a stop is still under way, or has begun since; `too_late`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
         OfChange,
         OfBody,
@@ -155,9 +168,11 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
 )]
 pub async fn clear_stopped(
     robot: Robot<caller::Command>,
-    Json(held): Json<WithLease>,
+    headers: HeaderMap,
+    Json(ClearRequest { lease, stops_begun }): Json<ClearRequest>,
 ) -> Result<StatusCode, Refusal> {
-    let cleared = key(&held.lease).and_then(|key| robot.station.clear(&robot.caller.by(), key));
+    deadline::check(&headers)?;
+    let cleared = key(&lease).and_then(|key| robot.station.clear(&robot.caller.by(), key, stops_begun));
     cleared.map_err(refusal::of)?;
     robot.station.written().await;
     Ok(StatusCode::NO_CONTENT)

@@ -1,6 +1,7 @@
 //! The panel of a virtual robot.
 
 use axum::extract::State as Of;
+use axum::http::HeaderMap;
 use r6_api::Problem;
 use r6_api::gateway::{PanelDone, PanelRequest};
 use r6_api::panel::{Faults, Snapshot};
@@ -10,7 +11,7 @@ use r6_proto::Effect;
 use super::body::{Json, key};
 use super::caller::{Read, Robot, Stop};
 use super::described::{OfBody, OfChange, OfRight};
-use super::{State, refusal};
+use super::{State, deadline, refusal};
 use crate::core::panel::{Needs, Press};
 use crate::core::seat::Denied;
 use crate::problem;
@@ -57,14 +58,21 @@ pub async fn faults(robot: Robot<Read>) -> Result<axum::Json<Faults>, Refusal> {
 #[utoipa::path(
     post,
     path = "/v1/robots/{name}/panel",
-    params(("name" = String, Path, description = "The name of the robot")),
+    params(
+        ("name" = String, Path, description = "The name of the robot"),
+        (
+            "Valid-Until" = Option<String>,
+            Header,
+            description = "A time on the clock of the gateway: an order that comes later is refused (`too_late`)"
+        )
+    ),
     request_body = PanelRequest,
     responses(
         (status = 200, description = "Done; a move has begun", body = PanelDone),
         (status = 404, description = "`no_such_robot`; `no_panel`: it is not such a virtual robot", body = Problem),
         (
             status = 409,
-            description = "`no_lease`, `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `leftover_list`; the \
+            description = "`no_lease`, `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `leftover_list`, `too_late`; the \
                            machine refuses it now: `power_off`, `emergency_stop`, `alarm`, `not_homed`, `not_auto`, \
                            `not_manual`, `moving`, `not_held`, `no_global_speed`, `program`, `no_path`, `no_room`",
             body = Problem
@@ -84,6 +92,7 @@ pub async fn faults(robot: Robot<Read>) -> Result<axum::Json<Faults>, Refusal> {
 pub async fn act(
     robot: Robot<Stop>,
     Of(state): Of<State>,
+    headers: HeaderMap,
     body: Result<Json<PanelRequest>, Refusal>,
 ) -> Result<axum::Json<PanelDone>, Refusal> {
     let Robot { caller, station, .. } = robot;
@@ -103,6 +112,7 @@ pub async fn act(
             station.note_refused(&by, &press.to_string(), r6_api::Code::NotAllowed);
             return Err(refused);
         }
+        deadline::check(&headers)?;
         // Before the lease: a caller who wants a real robot should not look for one.
         station.panel().map_err(refusal::of)?;
         let key = if press.needs == Needs::Nothing {

@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 use super::body::{WithProgram, key};
 use super::caller::{Command, Read, Robot};
 use super::described::{OfChange, OfRight};
-use super::{State, idempotency, refusal};
+use super::{State, deadline, idempotency, refusal};
 use crate::core::library::ProgramName;
 use crate::fleet::run::Wish;
 use crate::programs::check::check_length;
@@ -38,6 +38,11 @@ const OTHER_TEXT: &str = "nothing was sent: the program has another text than wh
             "Idempotency-Key" = String,
             Header,
             description = "1 to 128 visible characters, drawn anew for each run, such as a UUID"
+        ),
+        (
+            "Valid-Until" = Option<String>,
+            Header,
+            description = "A time on the clock of the gateway: an order that comes later is refused (`too_late`)"
         )
     ),
     request_body = RunRequest,
@@ -57,7 +62,7 @@ const OTHER_TEXT: &str = "nothing was sent: the program has another text than wh
         (
             status = 409,
             description = "`run_under_way`, `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, \
-                           `refused` (by the controller), `in_progress`, `no_room`, `other_text`",
+                           `refused` (by the controller), `in_progress`, `no_room`, `other_text`, `too_late`",
             body = Problem
         ),
         (status = 422, description = "`bad_program`, `beyond_limits` of the guard, `bad_value`, `key_taken`", body = Problem),
@@ -89,6 +94,7 @@ pub async fn run(
     let run = match before {
         Some(run) => run,
         None => {
+            deadline::check(&headers)?;
             let held = key(&request.lease).map_err(|problem| {
                 station.note_refused(&caller.by(), "run a program", problem.code);
                 refusal::of(problem)

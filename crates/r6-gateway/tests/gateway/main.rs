@@ -10,6 +10,7 @@ mod happenings;
 mod heads;
 mod history;
 mod idempotency;
+mod late;
 mod leases;
 mod openapi;
 #[cfg(unix)]

@@ -193,9 +193,13 @@ async fn a_reader_that_asks_for_it_is_told_that_the_stream_is_alive() {
         let alive = socket.next().await;
         assert_eq!(alive["type"], "alive", "{alive}");
         assert!(alive["time"].as_str().unwrap().ends_with('Z') && alive.get("resume").is_none(), "{alive}");
+        // The reader has taken everything, so nothing older is on its way.
+        assert!(alive["passed_ms_ago"].as_u64().unwrap() < 1_000, "{alive}");
     }
     let mut later = Socket::open(&hall, &hall.viewer, "?subscribe=later&alive=true").await;
-    assert_eq!(later.next().await["type"], "alive", "also before the first `subscribe`");
+    let alive = later.next().await;
+    assert_eq!(alive["type"], "alive", "also before the first `subscribe`");
+    assert!(alive["passed_ms_ago"].is_null(), "nothing was told yet: {alive}");
 }
 
 #[tokio::test]

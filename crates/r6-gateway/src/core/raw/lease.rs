@@ -271,7 +271,7 @@ mod tests {
                             holder: "admin".to_owned(), lasts: USUAL_LEASE, secret: Secret(number.to_be_bytes()),
                         };
                         let granted = seat.end_taking(now, ask).unwrap();
-                        seat.clear(now, granted.key).unwrap();
+                        seat.clear(now, granted.key, None).unwrap();
                         seat.release(now, granted.key).unwrap();
                     }
                     Step::Taken => {

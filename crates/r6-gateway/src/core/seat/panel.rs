@@ -81,7 +81,7 @@ mod tests {
         seat.stop_ends();
         assert_eq!(seat.check_press(NOW, Some(key), &jog()), Err(Denied::Stopped));
         assert_eq!(seat.check_press(NOW, Some(key), &key_to_auto()), Ok(()));
-        seat.clear(NOW, key).unwrap();
+        seat.clear(NOW, key, None).unwrap();
         assert_eq!(seat.check_press(NOW, Some(key), &jog()), Ok(()));
     }
 

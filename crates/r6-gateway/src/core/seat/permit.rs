@@ -101,6 +101,8 @@ pub enum Denied {
     Stopped,
     /// A stop is still under way.
     StopUnderWay,
+    /// Another stop has begun since the caller looked.
+    StoppedSince,
     /// Another robot than before answers.
     IdentityChanged,
     /// Another robot than the accepted one answers.
@@ -152,6 +154,9 @@ impl fmt::Display for Denied {
             Self::Stopped => f.write_str(
                 "the robot was stopped: look at it, then let the holder of the lease clear the stop \
                  (POST …/clear-stopped)",
+            ),
+            Self::StoppedSince => f.write_str(
+                "another stop was made since: nothing was cleared; look at the robot, then clear the stop again",
             ),
             Self::StopUnderWay => f.write_str("a stop is still under way: wait for its end"),
             Self::IdentityChanged => f.write_str(
@@ -328,7 +333,7 @@ mod tests {
         assert_eq!(admitted(late, asked), Err(Denied::Overtaken));
         seat.stop_begins();
         seat.stop_ends();
-        seat.clear(NOW, key).unwrap();
+        seat.clear(NOW, key, None).unwrap();
         let permit = seat.permit(NOW, key, Command::StartButton).unwrap();
         assert_eq!(asked.admit(NOW, permit).map(drop), Err(Denied::Overtaken));
         assert_eq!(seat.check_asked(NOW, asked), Err(Denied::Overtaken));

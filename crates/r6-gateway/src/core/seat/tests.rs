@@ -272,7 +272,7 @@ proptest! {
                 Step::Clear { which } => {
                     let key = model.key(which);
                     let clears = model.holds(now, key) && model.stops_under_way == 0;
-                    prop_assert_eq!(seat.clear(now, key).is_ok(), clears);
+                    prop_assert_eq!(seat.clear(now, key, None).is_ok(), clears);
                     model.stopped &= !clears;
                 }
                 Step::Answers { robot: number } => {
@@ -503,7 +503,7 @@ fn a_robot_that_comes_out_of_reach_after_a_stop_was_asked_for_is_owed_one() {
     seat.stop_ends();
     assert!(seat.owes_stop() && !seat.can_make_owed_stop());
     seat.observed(now, 2, false);
-    seat.clear(now, key).unwrap();
+    seat.clear(now, key, None).unwrap();
     let order = Order::from(Command::ModifyGspd { percent: 5.0 });
     assert_eq!(seat.permit(now, key, order.clone()).unwrap_err(), Denied::ListLeft);
     assert!(seat.can_make_owed_stop());

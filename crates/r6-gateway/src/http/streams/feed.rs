@@ -35,6 +35,8 @@ pub struct Feed {
     held: Option<LiveMessage>,
     /// The number of the last pass that was sent to its end.
     passed: Option<u64>,
+    /// When that pass began.
+    passed_at: Option<Instant>,
     /// Whether to look for changes, if the last look was long enough ago.
     due: bool,
     looked_at: Option<Instant>,
@@ -70,6 +72,7 @@ impl Feed {
             pass: None,
             held: None,
             passed: None,
+            passed_at: None,
             due: true,
             looked_at: None,
             pulse,
@@ -92,6 +95,7 @@ impl Feed {
         });
         self.follower = Follower::new(subscription.begin.clone());
         (self.pass, self.held, self.event, self.passed, self.due) = (None, None, None, None, true);
+        self.passed_at = None;
         self.subscription = subscription;
     }
 
@@ -118,6 +122,15 @@ impl Feed {
             }
             self.wait().await;
         }
+    }
+
+    /// How long ago the last whole pass began of which everything was taken; `None` before the first one is
+    /// over. Nothing has changed since a pass after which there was no reason to look again.
+    pub fn passed_ago(&self) -> Option<Duration> {
+        let is_all = self.pass.is_none() && self.held.is_none() && self.event.is_none();
+        let is_still = is_all && !self.due && !self.pulse.has_changed().unwrap_or(true);
+        let ago = self.passed_at?.elapsed();
+        Some(if is_still { Duration::ZERO } else { ago })
     }
 
     /// Waits until there may be something to tell.
@@ -176,6 +189,7 @@ impl Feed {
                 None => {
                     self.follower.end_pass();
                     self.passed = self.pass.take().map(|pass| pass.number);
+                    self.passed_at = self.looked_at;
                     if let Some(message) = self.held.take() {
                         return Some(LiveSent { message, resume: self.point() });
                     }

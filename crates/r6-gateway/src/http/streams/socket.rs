@@ -165,7 +165,8 @@ async fn write(
             },
             _ = ping.tick() => Message::Ping(axum::body::Bytes::new()),
             _ = alive.tick(), if tells_alive => {
-                plain(LiveMessage::Alive(LiveAlive { time: clock::time_of_day() }))
+                let passed = feed.passed_ago().map(|ago| u64::try_from(ago.as_millis()).unwrap_or(u64::MAX));
+                plain(LiveMessage::Alive(LiveAlive { time: clock::time_of_day(), passed_ms_ago: passed }))
             }
             sent = feed.next(), if !begins_later => text(&sent),
         };
