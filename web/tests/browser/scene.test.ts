@@ -1,5 +1,6 @@
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
+import { make } from "./made.ts";
 import {
   type Cell,
   SOFTWARE_3D,
@@ -160,5 +161,30 @@ test("an arm that is not read is seen through, and then not shown", async () => 
     await page.context().close();
   } finally {
     await own.up.kill();
+  }
+});
+
+test("the space of a guard is in the picture, and all its limits are in a list beside it", async () => {
+  const guard = "[robot.guard]\nmax_speed = 50\n[robot.guard.axes]\nJ1 = [-90, 90]\n[robot.guard.workspace]\nz = [300, 900]\n";
+  // The table of the guard follows that of the last robot.
+  const more = (model: string): string => `model = "${model}"\n${guard}`;
+  const made = await make({ names: ["saw", "press"], more: more("BRTIRUS0707A") });
+  try {
+    const { page, faults } = await openPage(browser, { viewport: { width: 1280, height: 900 } });
+    await page.goto(`${made.url}/robots/press#${await made.token("viewer")}`);
+    await page.waitForSelector(SHOWN);
+    await says(page, "[data-guard]", /Z: 300 to 900 mm\s*J1: -90 to 90 °\s*Speed of a move: 50 % at most/);
+    await says(page, "[data-lines=guard]", "The dashed box is the workspace");
+    await pixels(page);
+    await picture(page, "robot-guard");
+    await isAccessible(page);
+    // Without a guard there is neither.
+    await page.goto(`${made.url}/robots/saw`);
+    await page.waitForSelector("[data-value=axis-0]");
+    expect(await page.locator("[data-guard]").count()).toBe(0);
+    expect(faults).toEqual([]);
+    await page.context().close();
+  } finally {
+    await made.end();
   }
 });
