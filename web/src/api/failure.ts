@@ -10,12 +10,9 @@ export interface Failure {
 }
 
 /** `null` if the request was carried out. */
+export function failureOf(answer: Exclude<Answer<unknown>, { kind: "ok" }>): Failure;
+export function failureOf(answer: Answer<unknown>): Failure | null;
 export function failureOf(answer: Answer<unknown>): Failure | null {
   if (answer.kind === "ok") return null;
   return answer.kind === "unknown" ? { code: "no_answer", message: "" } : answer.problem;
-}
-
-/** A refusal for people, with its code for those who look it up; empty without an answer. */
-export function problemText(answer: Exclude<Answer<unknown>, { kind: "ok" }>): string {
-  return answer.kind === "refused" ? `${answer.problem.message} (${answer.problem.code})` : "";
 }

@@ -15,6 +15,7 @@ import { menu } from "./zh/menu.ts";
 import { run } from "./zh/run.ts";
 import { teach } from "./zh/teach.ts";
 import { production } from "./zh/production.ts";
+import { refusalOf } from "./zh/refusals.ts";
 import { duration } from "./zh/say.ts";
 import { hallSettings } from "./zh/settings.ts";
 import { ui } from "./zh/ui.ts";
@@ -83,7 +84,7 @@ export const zh: typeof en = {
     replace: (who) => `结束该会话，并以 ${who} 登录`,
     hint: "`r6 up` 会打印登录链接。`r6 gateway token` 生成令牌，用户由管理员创建。",
     badLink: "地址中的链接没有有效的令牌。以前启动时的链接已失效。",
-    problem: (code, message) =>
+    problem: (code) =>
       code === "wrong_password"
         ? "用户名或密码错误，或该用户已被停用。"
         : code === "no_token"
@@ -92,7 +93,7 @@ export const zh: typeof en = {
             ? "尝试次数过多，请稍候再试。"
             : code === "unknown"
               ? "网关没有应答，请重试。"
-              : message,
+              : refusalOf(code).join(""),
   },
   role: (role) => ({ viewer: "观察员", operator: "操作员", engineer: "工程师", admin: "管理员" })[role],
   token: (number) => `令牌 ${number}`,
@@ -236,10 +237,10 @@ export const zh: typeof en = {
     unknown: (what) => `${what}：结果未知。机器人可能已动作，请查看，如有疑问请停止。不会重新发送。`,
     start: "启动",
     lease: "控制权",
-    alarmRefused: (what, said) =>
-      `${what}：被控制器拒绝。请排除原因、松开急停后重试。某些固件只接受示教器上的清除：请在示教器上清除报警。网关：${said}`,
-    startRefused: (what, said) =>
-      `${what}：被控制器拒绝。控制器只在自动模式、无报警且急停已松开时启动：请查看示教器。网关：${said}`,
+    alarmRefused: (what) =>
+      `${what}：被控制器拒绝。请排除原因、松开急停后重试。某些固件只接受示教器上的清除：请在示教器上清除报警。`,
+    startRefused: (what) =>
+      `${what}：被控制器拒绝。控制器只在自动模式、无报警且急停已松开时启动：请查看示教器。`,
   },
   stop: {
     one: (robot) => `停止 ${robot}`,
@@ -267,7 +268,7 @@ export const zh: typeof en = {
         no_session: "您已退出登录。",
         no_token: "您已退出登录。",
         not_stopped: "无法证明机械臂已静止。",
-      })[why] ?? `（${why}）`,
+      })[why] ?? refusalOf(why)[0],
   },
   robot: {
     missing: (name) => `没有名为“${name}”的机器人，或您无权查看。`,

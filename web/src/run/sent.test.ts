@@ -2,6 +2,8 @@ import { expect, test } from "vitest";
 import type { Run } from "../api/types.ts";
 import { isOpen, isUnsent, mayRun, runOf, sentBy } from "./sent.ts";
 
+const NO = { code: "not_ready" as const, message: "" };
+
 test("without a clear answer the outcome is unknown", () => {
   const run = { state: "running" } as Run;
   const refused = (status: number, code: string) =>
@@ -30,7 +32,16 @@ test("without a clear answer the outcome is unknown", () => {
 
 test("a plan is not used up only if it is certain that nothing was carried out", () => {
   const ended = (state: Run["state"]) => ({ kind: "ended", run: { state } as Run }) as const;
-  const all = [null, { kind: "sent" }, { kind: "refused", message: "" }, { kind: "unknown" }, { kind: "list_refused", message: "" }, ended("refused"), ended("failed"), ended("unknown")] as const;
+  const all = [
+    null,
+    { kind: "sent" },
+    { kind: "refused", failure: NO },
+    { kind: "unknown" },
+    { kind: "list_refused", failure: NO },
+    ended("refused"),
+    ended("failed"),
+    ended("unknown"),
+  ] as const;
   expect(all.map(isUnsent)).toEqual([false, false, true, false, false, true, false, false]);
   expect(all.map(isOpen)).toEqual([false, false, false, true, false, false, false, true]);
   expect(all.map((one) => runOf(one) !== null)).toEqual([false, false, false, false, false, true, true, true]);

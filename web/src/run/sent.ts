@@ -1,6 +1,6 @@
 /** What is known of a program that was sent. */
 import type { Answer } from "../api/client.ts";
-import { problemText } from "../api/failure.ts";
+import type { Failure } from "../api/failure.ts";
 import type { Run } from "../api/types.ts";
 
 /** `sent`: no answer yet. `unknown`: whether it was carried out is not known. */
@@ -11,9 +11,9 @@ export type Sent =
   | { kind: "unheard"; run: Run }
   | { kind: "ended"; run: Run }
   /** The gateway sent nothing. */
-  | { kind: "refused"; message: string }
+  | { kind: "refused"; failure: Failure }
   /** The controller refused the list. Its program may have been stopped by that. */
-  | { kind: "list_refused"; message: string }
+  | { kind: "list_refused"; failure: Failure }
   | { kind: "unknown" };
 
 /** What an answer to the request tells. */
@@ -26,7 +26,7 @@ export function sentBy(answer: Answer<Run>): Sent {
   }
   // With this code the list was sent.
   const kind = answer.problem.code === "refused" ? "list_refused" : "refused";
-  return { kind, message: problemText(answer) };
+  return { kind, failure: answer.problem };
 }
 
 export function ofRun(run: Run): Sent {

@@ -8,6 +8,8 @@ export interface Told {
   state: "under_way" | "done" | "bad";
   text: string;
   failure?: Failure;
+  /** The refusal that the text tells of: in another language than English, the gateway's own words stand under it. */
+  said?: Failure;
   /** Where on the page of a robot it is said. */
   part?: string;
 }

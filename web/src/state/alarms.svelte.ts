@@ -92,7 +92,10 @@ class Acts {
     const words = settings.words.alarms;
     if (answer.kind === "ok") this.told = { text: words.done(what), state: "done" };
     else if (answer.kind === "unknown" || answer.status === 504) this.told = { text: words.outcomeUnknown(what), state: "bad" };
-    else this.told = { text: words.refused(what, answer.problem.message), state: "bad" };
+    else {
+      const why = settings.words.ui.refusal(answer.problem, false);
+      this.told = { text: words.refused(what, why), state: "bad", said: answer.problem };
+    }
     return answer.kind === "ok";
   }
 

@@ -11,7 +11,6 @@ export const teach = {
     none: "No program is stored yet. Make one below.",
     loading: "Reading the programs…",
     failed: (message: string) => `The programs cannot be read: ${message}`,
-    noAnswer: "the gateway does not answer",
     again: "Try again",
     name: "Name",
     version: "Version",

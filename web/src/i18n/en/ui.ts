@@ -99,6 +99,10 @@ export const ui = {
         return "";
     }
   },
+  /** Why something was refused, in a text of its own: what the gateway says, with its code for those who look it up. */
+  refusal: ({ code, message }: Failure, withCode = true): string =>
+    message === "" ? ui.problem(code) : withCode ? `${message} (${code})` : message,
+  original: "The gateway's own words",
   said: "Gateway:",
   needsRole: (role: Role, ofAll: boolean) =>
     `This needs the role ${ROLES[role]}${role === "admin" ? "" : " or a higher one"}${ofAll ? ", for all robots" : ""}.`,

@@ -10,7 +10,6 @@ export const teach: typeof english = {
     none: "还没有保存的程序，请在下方新建。",
     loading: "正在读取程序…",
     failed: (message) => `无法读取程序：${message}`,
-    noAnswer: "网关没有应答",
     again: "重试",
     name: "名称",
     version: "版本",

@@ -48,7 +48,9 @@ export async function post<T>(
   const answer = await call<T>("POST", robotPath(robot, path), { body, csrf: session.csrf, ...with_ });
   const isByController = answer.kind === "refused" && answer.problem.code === "refused";
   if (answer.kind === "ok") told.say(robot, done(what), part);
-  else if (isByController && refused !== undefined) told.say(robot, refused(what, answer.problem.message), part, true);
+  else if (isByController && refused !== undefined) {
+    told.say(robot, refused(what, answer.problem.message), part, true, answer.problem);
+  }
   else told.answer(robot, what, answer, settings.words, part);
   return answer;
 }

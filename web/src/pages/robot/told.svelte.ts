@@ -1,6 +1,7 @@
 /** What became of the last request for each robot: it is shown on the page of that robot alone. */
 import { SvelteMap } from "svelte/reactivity";
 import type { Answer } from "../../api/client.ts";
+import type { Failure } from "../../api/failure.ts";
 import type { en } from "../../i18n/en.ts";
 import type { Told } from "../../state/act.svelte.ts";
 
@@ -20,8 +21,9 @@ class ToldOfRobots {
     this.#told.delete(robot);
   }
 
-  say(robot: string, text: string, part: Part, isBad = false): void {
-    this.#told.set(robot, { text, part, state: isBad ? "bad" : "done" });
+  /** `said`: the refusal that the text tells of. */
+  say(robot: string, text: string, part: Part, isBad = false, said?: Failure): void {
+    this.#told.set(robot, { text, part, state: isBad ? "bad" : "done", ...(said === undefined ? {} : { said }) });
   }
 
   /** Says why a request was not carried out, or that the outcome is not known. */
@@ -33,8 +35,12 @@ class ToldOfRobots {
     part: Part,
   ): void {
     const isUnknown = answer.kind === "unknown" || answer.problem.code === "outcome_unknown" || answer.status === 504;
-    if (isUnknown) this.say(robot, words.control.unknown(what), part, true);
-    else this.say(robot, words.control.refused(what, answer.problem.message), part, true);
+    if (isUnknown) {
+      this.say(robot, words.control.unknown(what), part, true);
+    } else {
+      const why = words.ui.refusal(answer.problem, false);
+      this.say(robot, words.control.refused(what, why), part, true, answer.problem);
+    }
   }
 }
 

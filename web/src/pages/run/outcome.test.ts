@@ -5,7 +5,10 @@ import { en } from "../../i18n/en.ts";
 import type { Sent } from "../../run/sent.ts";
 import { ceased, outcomeOf } from "./outcome.ts";
 
-const REFUSED: Sent = { kind: "list_refused", message: "the controller refused the instruction list" };
+const REFUSED: Sent = {
+  kind: "list_refused",
+  failure: { code: "refused", message: "the controller refused the instruction list" },
+};
 
 test("a list that the controller refused was sent, and is not told as nothing sent", () => {
   const told = outcomeOf(REFUSED, "saw", en, String);
@@ -23,7 +26,7 @@ test("a program is told as not running any more only if it ran before, and is se
   expect(ceased(REFUSED, viewLike("saw", { mode: 7 }), now), "the firmware does not tell its name").toEqual({ name: null });
   for (const [what, sent, then, seen] of [
     ["nothing was sent", ended("refused"), before, now],
-    ["nothing was sent", { kind: "refused", message: "" }, before, now],
+    ["nothing was sent", { kind: "refused", failure: { code: "not_ready", message: "" } }, before, now],
     ["it is under way", { kind: "sent" }, before, now],
     ["another page sent it", REFUSED, null, now],
     ["it did not run before", REFUSED, viewLike("saw", { mode: 2 }), now],

@@ -20,9 +20,9 @@ export function outcomeOf(sent: Sent | null, robot: string, words: typeof en, ti
     case "unheard":
       return bad(own.unheard(robot, sent.run.done, sent.run.steps));
     case "refused":
-      return bad(own.refused(sent.message));
+      return { ...bad(own.refused(words.ui.refusal(sent.failure))), said: sent.failure };
     case "list_refused":
-      return bad(own.listRefused(sent.message));
+      return { ...bad(own.listRefused(words.ui.refusal(sent.failure))), said: sent.failure };
     case "unknown":
       return bad(own.unknown(robot));
     case "ended": {

@@ -2,7 +2,7 @@
  * The preview: a plan of the gateway from where the arm stands, whether it still holds, and how it is played.
  */
 import { call } from "../../api/client.ts";
-import { problemText } from "../../api/failure.ts";
+import { type Failure, failureOf } from "../../api/failure.ts";
 import type { ProgramPlan } from "../../api/types.ts";
 import { onFrame } from "../../live/frame.ts";
 import { machineOf } from "../../robots/consent.ts";
@@ -60,8 +60,8 @@ export class Planner {
   /** Whether it was run: the arm goes elsewhere then, and the next run needs another plan. */
   isTaken = $state(false);
   isPlanning = $state(false);
-  /** Why there is no plan: the words of the gateway, or empty if it did not answer. */
-  problem = $state<string | null>(null);
+  /** Why there is no plan. */
+  problem = $state.raw<Failure | null>(null);
   /** The time that is shown, in milliseconds from the beginning of the plan. */
   time = $state(0);
   isPlaying = $state(false);
@@ -124,7 +124,7 @@ export class Planner {
     if (ticket !== this.#ticket) return;
     this.isPlanning = false;
     if (answer !== null && answer.kind !== "ok") {
-      this.problem = problemText(answer);
+      this.problem = failureOf(answer);
       return;
     }
     const plan = answer?.value ?? null;

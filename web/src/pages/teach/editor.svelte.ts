@@ -10,7 +10,7 @@ import { type Document, EMPTY, read, write } from "../../teach/document.ts";
 import { Drafted } from "../../teach/draft.ts";
 import { type History, type Selection, change, choose, historyOf, redo, undo } from "../../teach/history.ts";
 import type { Wrong } from "../../teach/toml.ts";
-import { problemText } from "../../api/failure.ts";
+import { type Failure, failureOf } from "../../api/failure.ts";
 import { shelf } from "./shelf.ts";
 
 /** A text is checked when it has not changed for this time, in milliseconds. */
@@ -29,13 +29,13 @@ export type Phase = "loading" | "ready" | "failed";
 export type Saved =
   | { kind: "saving" }
   | { kind: "saved"; version: number }
-  | { kind: "refused"; message: string }
+  | { kind: "refused"; failure: Failure }
   | { kind: "unknown" };
 
 export class Editor {
   phase = $state<Phase>("loading");
   /** Why it could not be read from the gateway. */
-  problem = $state<string | null>(null);
+  problem = $state.raw<Failure | null>(null);
   history = $state.raw<History>(historyOf(EMPTY));
   /**
    * A text that the page does not take apart: it is shown as it is, and checked, planned and run all the
@@ -58,7 +58,7 @@ export class Editor {
   conflict = $state.raw<StoredProgram | null>(null);
   check = $state.raw<{ text: string; checked: ProgramChecked } | null>(null);
   /** Why the last check failed. */
-  checkProblem = $state<string | null>(null);
+  checkProblem = $state.raw<Failure | null>(null);
   readonly text = $derived(this.raw ?? write(this.history.document));
   readonly isDirty = $derived(this.base === null || this.text !== this.stored);
   /** What the gateway says of the present text; `null` until it is there. */
@@ -131,9 +131,9 @@ export class Editor {
       // Without the gateway, the draft is still there to work on.
       this.#begin(draft.text, draft.base, "");
       this.draftOf = draft.at;
-      this.problem = problemText(answer);
+      this.problem = failureOf(answer);
     } else {
-      this.problem = problemText(answer);
+      this.problem = failureOf(answer);
       this.phase = "failed";
     }
   }
@@ -282,7 +282,7 @@ export class Editor {
       this.checkProblem = null;
       if (this.text !== text) this.#checkSoon(0);
     } else {
-      this.checkProblem = problemText(answer);
+      this.checkProblem = failureOf(answer);
       this.#checkSoon(AGAIN);
     }
   }
@@ -302,10 +302,10 @@ export class Editor {
       if (this.text === text) this.#dropDraft();
       else this.#changed();
     } else if (answer.kind === "refused" && answer.problem.code === "not_this_version") {
-      this.saved = { kind: "refused", message: problemText(answer) };
+      this.saved = { kind: "refused", failure: failureOf(answer) };
       await this.#readOther();
     } else if (answer.kind === "refused" && answer.status < 500) {
-      this.saved = { kind: "refused", message: problemText(answer) };
+      this.saved = { kind: "refused", failure: failureOf(answer) };
     } else {
       this.saved = { kind: "unknown" };
     }
@@ -344,7 +344,7 @@ export class Editor {
   }
 
   /** Removes the program with its versions. The text stays here as a draft. */
-  async remove(): Promise<string | null> {
+  async remove(): Promise<Failure | null> {
     if (this.base === null) return null;
     const headers = { "If-Match": this.base.etag };
     const answer = await call("DELETE", this.#path, { csrf: session.csrf, headers });
@@ -356,6 +356,6 @@ export class Editor {
       return null;
     }
     if (answer.kind === "refused" && answer.problem.code === "not_this_version") await this.#readOther();
-    return problemText(answer);
+    return failureOf(answer);
   }
 }

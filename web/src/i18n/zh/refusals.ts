@@ -1,0 +1,113 @@
+/**
+ * What is wrong and what to do, in Chinese, by the code of a refusal. The gateway's own message is in English and
+ * stands under it. tests/refusals.test.ts compares the codes with those of openapi/gateway.json.
+ */
+import type { Failure } from "../../api/failure.ts";
+
+const LOOK = "请查看机器人当前状态，然后重试。";
+const RELOAD = "请重新加载页面后重试。";
+const CORRECT = "请更正后重试。";
+const CHOOSE = "请刷新列表后重新选择。";
+const ADMIN = "请联系管理员。";
+
+export const REFUSALS: Record<Failure["code"], readonly [what: string, next: string]> = {
+  no_answer: ["网关没有应答。", "请检查网关是否在运行，以及本设备的网络连接。"],
+  usage: ["命令行或文件有误。", CORRECT],
+  unreachable: ["无法建立连接。", "请检查地址、电源和网络。"],
+  no_connection: ["与机器人的连接不可用，或机器人没有表明身份。", "请检查机器人和网络，等连接恢复后重试。"],
+  no_reply: ["机器人没有给出可用的应答。", "请稍候再试；如仍无应答，请检查机器人和网络。"],
+  busy: ["请求等待过久，前面还有其他请求。", "请稍候再试。"],
+  another_robot: ["应答的是另一台机器人。", "请核对地址，由工程师确认后再操作。"],
+  refused: ["控制器拒绝了该命令。", "请查看示教器：模式、报警和急停，排除后重试。"],
+  beyond_limits: ["超出了设定的限制。", "请减小数值，或由工程师修改限制。"],
+  not_ready: [
+    "机器人现在不能执行，什么都没有发送：它没有应答或状态未读到，处于手动模式，或须先停止之前的列表。",
+    "请查看下方网关原文和机器人状态，稍候再试。",
+  ],
+  leftover_list: ["指令列表中还有以前的指令，机械臂会执行它们。", "请先停止机器人以清空列表，或确认后一并运行。"],
+  alarm: ["有报警。", "请先排除原因并清除报警。"],
+  stopped: ["该机器人的停止仍然有效。", "请先查看机器人并解除停止。"],
+  restarted: ["控制器其间重新启动过。", LOOK],
+  stalled: ["没有进展。", "请查看机器人在等待什么。"],
+  not_at_target: ["机械臂不在目标位置。", LOOK],
+  interrupted: ["操作被中断。", LOOK],
+  timed_out: ["已超时。", LOOK],
+  outcome_unknown: ["是否已执行未知。", "再次操作之前，请先查看当前状态。"],
+  not_stopped: ["无法证明机械臂已静止。", "请使用机器人旁的急停按钮。"],
+  no_value: ["控制器没有该数值。", "此固件可能不提供，请选择其他数值。"],
+  not_finished: ["程序没有运行到结束。", "请检查程序和机器人状态。"],
+  problems_found: ["发现问题。", "请查看下方网关原文。"],
+  bad_request: ["网关无法读懂该请求。", RELOAD],
+  needs_tls: ["网关使用 TLS。", "请使用以 https 开头的地址。"],
+  bad_json: ["请求的内容不是 JSON。", RELOAD],
+  bad_body: ["填写的值不允许。", CORRECT],
+  not_json: ["请求的类型不是 JSON。", RELOAD],
+  too_long: ["内容过长。", "请缩短后重试。"],
+  too_slow: ["请求没有及时传完。", "请检查网络后重试。"],
+  foreign_host: ["请求使用的主机名不被允许。", "请使用网关自己的地址打开页面。"],
+  foreign_origin: ["请求来自其他网页。", "请直接打开网关的页面。"],
+  no_such_path: ["网关没有此功能，可能版本不同。", RELOAD],
+  no_such_method: ["网关不支持此操作，可能版本不同。", RELOAD],
+  no_such_controller: ["没有这个编号的控制器。", CHOOSE],
+  bad_action: ["没有这个操作。", RELOAD],
+  power_off: ["电源已断开。", "请先接通电源。"],
+  emergency_stop: ["急停已按下。", "确保工作区安全后松开急停。"],
+  not_homed: ["机器人尚未回原点。", "请先在示教器上回原点。"],
+  not_auto: ["钥匙不在自动位置。", "请将钥匙转到自动。"],
+  not_manual: ["钥匙不在手动位置。", "请将钥匙转到手动。"],
+  moving: ["机械臂正在运动。", "请等待其静止。"],
+  not_held: ["没有按住按钮的轴在运动。", "请重新按住按钮。"],
+  no_global_speed: ["全局速度为 0。", "请先设置全局速度。"],
+  program: ["该程序不能使用。", "请检查程序。"],
+  program_running: ["程序正在运行。", "请先停止程序，或等待其结束。"],
+  no_room: ["数量已达上限。", "请先删除不用的项，或稍后再试。"],
+  no_path: ["机械臂没有到达目标的路径。", "请修改目标点或运动方式。"],
+  no_such_input: ["没有这个输入。", CHOOSE],
+  no_such_axis: ["没有这个轴。", "请选择该机器人具有的轴。"],
+  no_distance: ["没有给出移动距离。", "请填写不为 0 的距离。"],
+  bad_speed: ["速度须大于 0，最大 100 %。", CORRECT],
+  no_such_alarm: ["没有这条报警，可能已结束。", CHOOSE],
+  bad_fault: ["没有这个故障，或其类型、数值有误。", CORRECT],
+  bad_program: ["程序有错误，或不能播放、运行。", "请检查程序并更正标出的错误。"],
+  no_token: ["您已退出登录。", "请重新登录。"],
+  no_session: ["您已退出登录。", "请重新登录。"],
+  wrong_password: ["密码错误。", "请核对后重试。"],
+  link_void: ["链接已失效。", "请向管理员索取新的链接。"],
+  bad_csrf: ["请求不能证明来自此会话的页面。", RELOAD],
+  too_many_requests: ["请求过于频繁。", "请稍候。"],
+  not_allowed: ["您没有执行此操作的权限。", "请向管理员申请相应角色。"],
+  no_such_user: ["没有这个用户。", CHOOSE],
+  no_such_token: ["没有这个令牌。", CHOOSE],
+  name_taken: ["该名称已被使用。", "请使用其他名称。"],
+  last_admin: ["这是最后一个可以登录的管理员。", "请先添加另一个管理员。"],
+  no_such_robot: ["没有这台机器人，或您无权查看。", "请核对名称，或联系管理员。"],
+  no_panel: ["该机器人没有可用的面板：它不是此网关自带的虚拟机器人。", "请使用设备旁的面板。"],
+  no_lease: ["您没有控制权，或控制权已结束。", "请先获取控制权。"],
+  leased: ["他人正在控制，或其程序正在停止。", "请等待其交还控制权；管理员可说明理由后接管。"],
+  run_under_way: ["机器人上正在运行程序。", "请等待其结束，或先停止。"],
+  no_such_run: ["没有这次运行，或已超过 24 小时。", CHOOSE],
+  needs_idempotency_key: ["请求缺少唯一的编号。", RELOAD],
+  in_progress: ["同一请求尚在处理。", "请等待其结果，不要重复发送。"],
+  key_taken: ["请求的编号属于另一个请求。", RELOAD],
+  identity_changed: ["应答的机器人与以前不同。", "请由工程师核对并确认这台机器人。"],
+  bad_command: ["没有此命令，或其参数有误。", CORRECT],
+  bad_value: ["填写的值不允许。", CORRECT],
+  managed_by_file: [
+    "该项由网关的配置文件管理，不能在此更改。",
+    "请修改配置文件。作为服务运行的网关收到 SIGHUP 后重新读取；`r6 up` 须重新启动。",
+  ],
+  address_taken: ["该地址已被另一台机器人使用。", "请核对地址。"],
+  overloaded: ["网关负荷过高。", "请稍候再试。"],
+  no_such_program: ["没有这个程序，或没有该版本。", CHOOSE],
+  needs_if_match: ["更改须说明针对哪个版本。", RELOAD],
+  not_this_version: ["其间已被他人更改。", "请先查看当前值，再重新更改。"],
+  other_text: ["程序的内容与检查过的不同，什么都没有发送。", "请重新准备运行。"],
+  store_unavailable: ["网关无法使用其磁盘。", "请检查网关的磁盘：是否已满、是否仍在。"],
+  no_owner: ["此网关现在不管理这些机器人，什么都没有执行。", `请稍候再试；如仍如此，${ADMIN}`],
+  unknown: ["请求没有成功，原因不明。", "请查看下方原文，检查网关和中间的网络设备。"],
+};
+
+/** The words of a code; those of a newer gateway may be unknown here. */
+export function refusalOf(code: string): readonly [what: string, next: string] {
+  return (REFUSALS as Partial<Record<string, readonly [string, string]>>)[code] ?? ["网关拒绝了该请求。", "请查看下方网关原文。"];
+}
