@@ -1,5 +1,6 @@
 /** Files for the person at this browser: what the gateway answers, in its own formats. */
 import type { Answer, File } from "./client.ts";
+import { plainTable } from "../i18n/plain.ts";
 import { file } from "./client.ts";
 import { PATIENCE } from "./patiently.ts";
 
@@ -19,9 +20,9 @@ export function save(bytes: Blob, name: string): void {
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }
 
-/** Tables of one kind as one: the line of the names stands in it once. */
+/** Tables of one kind as one: the line of the names stands in it once. Hidden characters are visible. */
 export function joined(tables: string[]): string {
-  return tables.map((table, at) => (at === 0 ? table : table.slice(table.indexOf("\n") + 1))).join("");
+  return tables.map((table, at) => plainTable(at === 0 ? table : table.slice(table.indexOf("\n") + 1))).join("");
 }
 
 /** How many pages of an answer are read. */

@@ -263,6 +263,7 @@ export const en = {
     unknown: "Which robots move is not known.",
     moving: "Robots that move, or of which that is not known",
     dismiss: "Seen",
+    dismissOf: (robot: string) => `Seen ${robot}`,
     not: "Not an emergency stop",
     key: "F9",
     waiting: (robot: string) => `${robot}: waits to be sent`,

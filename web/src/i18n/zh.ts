@@ -251,6 +251,7 @@ export const zh: typeof en = {
     unknown: "哪些机器人在运动未知。",
     moving: "正在运动或状态未知的机器人",
     dismiss: "已阅",
+    dismissOf: (robot) => `已阅 ${robot}`,
     not: "不是急停",
     key: "F9",
     waiting: (robot) => `${robot}：等待发送`,

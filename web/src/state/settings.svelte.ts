@@ -1,11 +1,12 @@
 /** What the person at this browser chose. It is kept in the browser. */
 import { en } from "../i18n/en.ts";
+import { guarded } from "../i18n/plain.ts";
 import { zh } from "../i18n/zh.ts";
 
 export type Language = "en" | "zh";
 export type Theme = "system" | "light" | "dark";
 
-const LANGUAGES = { en, zh };
+const LANGUAGES = { en: guarded(en), zh: guarded(zh) };
 const THEMES: readonly Theme[] = ["system", "light", "dark"];
 
 /** Browsers that keep nothing, in a private window for example, throw. */

@@ -5,6 +5,7 @@ export interface Words {
   one(robot: string): string;
   not: string;
   dismiss: string;
+  dismissOf(robot: string): string;
   waiting(robot: string): string;
   sending(robot: string): string;
   stopped(robot: string, at: string): string;

@@ -36,3 +36,39 @@ test("a Chinese page says a refusal in Chinese, with what the gateway said in En
   expect(faults).toEqual([]);
   await page.context().close();
 });
+
+test("a name that turns what stands around it is shown as it is, on the page, in labels and in the tab", async () => {
+  const turned = "press\u202e4\u2066";
+  const marked = "press\\u{202e}4\\u{2066}";
+  const turner = await hall.token("operator", "--name", turned);
+  expect((await hall.ask(turner, "POST", "/v1/robots/press-1/stop")).status).toBe(200);
+  expect((await hall.ask(turner, "POST", "/v1/robots/press-1/lease", {})).status).toBe(200);
+  const { page, faults } = await openPage(browser);
+  /** What is read and what is heard. */
+  const all = (): Promise<string> =>
+    page.evaluate(() => {
+      const labels = ["aria-label", "title", "alt", "placeholder"].flatMap((name) =>
+        [...document.querySelectorAll(`[${name}]`)].map((one) => one.getAttribute(name)),
+      );
+      return [document.title, document.body.textContent, ...labels].join(" ");
+    });
+  await page.goto(`${hall.url}/robots/press-1#${engineer}`);
+  await says(page, "[data-stopped-by]", `(${marked})`);
+  await says(page, "[data-lease=others]", `(${marked})`);
+  expect(await page.getAttribute("[data-lease=others] button", "title")).toContain(marked);
+  expect(await all()).not.toMatch(/[\u202e\u2066]/u);
+  await page.goto(`${hall.url}/`);
+  await says(page, "[data-robot=press-1]", marked);
+  expect(await all()).not.toMatch(/[\u202e\u2066]/u);
+  await page.goto(`${hall.url}/audit?robot=press-1`);
+  await says(page, "[role=table] td bdi", `(${marked})`);
+  expect(await all()).not.toMatch(/[\u202e\u2066]/u);
+  // The name of a robot that another one gave a link with.
+  await page.goto(`${hall.url}/robots/${encodeURIComponent(turned)}`);
+  await says(page, "h1 bdi", marked);
+  expect(await page.title()).toBe(`${marked} · r6`);
+  expect(await all()).not.toMatch(/[\u202e\u2066]/u);
+  await isAccessible(page);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});

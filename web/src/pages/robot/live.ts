@@ -1,6 +1,7 @@
 /** Values of one robot as texts, with their ages. */
 import type { AddressValue } from "../../api/types.ts";
 import { DEAD, type Shown, shown } from "../../live/age.ts";
+import { plain } from "../../i18n/plain.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { settings } from "../../state/settings.svelte.ts";
 
@@ -40,7 +41,7 @@ export function textOf(value: AddressValue, decimals?: number): string {
   const { words } = settings;
   if (typeof value === "number") return decimals === undefined ? String(value) : value.toFixed(decimals);
   if (typeof value === "boolean") return value ? words.robot.yes : words.robot.no;
-  if (typeof value === "string") return value;
+  if (typeof value === "string") return plain(value);
   if (Array.isArray(value)) return value.join(", ");
   return `${value.current} / ${value.target}`;
 }
