@@ -91,6 +91,8 @@ const WORDS = new Set([
   "who",
   // The unmet conditions of a control.
   "reason",
+  // Of a mistake that the page itself found.
+  "problem.message",
   // A share of a sum.
   "by",
 ]);

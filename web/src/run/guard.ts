@@ -140,6 +140,7 @@ export type NotSent =
   | "unread_field"
   | "checking"
   | "mistakes"
+  | "too_many_axes"
   | "taught"
   | "repeats"
   | "appends"
@@ -170,6 +171,8 @@ export interface Ready {
   unread: boolean;
   /** What the check of the present text says; `null` until it is there. */
   checked: Pick<ProgramChecked, "ok" | "kind"> | null;
+  /** Whether a step moves an axis that the robot does not have. */
+  isBeyondAxes: boolean;
   repeats: boolean;
   appends: boolean;
   /** Whether there is a plan that was not run yet; a robot without a model has one without a path. */
@@ -220,6 +223,7 @@ export const NEEDS: readonly Need[] = [
   { reason: "unread_field", stage: "program", isMet: (now) => !now.unread },
   { reason: "checking", stage: "program", isMet: (now) => now.steps === 0 || now.checked !== null },
   { reason: "mistakes", stage: "program", isMet: (now) => now.steps === 0 || now.checked?.ok !== false },
+  { reason: "too_many_axes", stage: "program", isMet: (now) => !now.isBeyondAxes },
   { reason: "taught", stage: "program", isMet: (now) => now.steps === 0 || now.checked?.kind !== "taught" },
   { reason: "repeats", stage: "program", isMet: (now) => !now.repeats },
   { reason: "appends", stage: "program", isMet: (now) => !now.appends },

@@ -101,6 +101,7 @@ export const run = {
       unread_field: "a field has a text that is no value",
       checking: "it is not checked yet",
       mistakes: "correct the mistakes first",
+      too_many_axes: "the program moves axes that this robot does not have",
       taught: "a taught program runs on a controller only: load it there",
       repeats: "it repeats without an end (repeat = true)",
       appends: "it appends to what is left in the list (append = true)",

@@ -162,6 +162,10 @@ export const teach = {
     ownNumbers: "its own numbers",
     badNumber: "This is no value. It is not taken.",
     at: (line: number, column: number | null) => (column === null ? `line ${line}` : `line ${line}, column ${column}`),
+    tooManyAxes: (axes: readonly number[], count: number) =>
+      `This robot has ${count} axes: it has no ${axes.map((axis) => `J${axis + 1}`).join(" and no ")}. Leave ${
+        axes.length === 1 ? "it" : "them"
+      } out, or write 0.`,
     number: "No.",
     what: "What it does",
     problem: "What is wrong",

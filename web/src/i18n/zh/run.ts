@@ -95,6 +95,7 @@ export const run: typeof english = {
       unread_field: "有字段的文本不是有效的值",
       checking: "尚未检查",
       mistakes: "请先改正错误",
+      too_many_axes: "程序要运动该机器人没有的轴",
       taught: "示教程序只能在控制器上运行：请加载到控制器",
       repeats: "程序无限重复（repeat = true）",
       appends: "程序追加到列表的剩余指令之后（append = true）",

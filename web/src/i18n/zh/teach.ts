@@ -161,6 +161,8 @@ export const teach: typeof english = {
     ownNumbers: "独立数值",
     badNumber: "这不是有效的值，未采用。",
     at: (line, column) => (column === null ? `第 ${line} 行` : `第 ${line} 行第 ${column} 列`),
+    tooManyAxes: (axes, count) =>
+      `该机器人有 ${count} 个轴，没有 ${axes.map((axis) => `J${axis + 1}`).join("、")}。请去掉这些数值，或写 0。`,
     number: "序号",
     what: "内容",
     problem: "错误",

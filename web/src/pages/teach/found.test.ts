@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import type { ProgramChecked } from "../../api/types.ts";
 import { read } from "../../teach/document.ts";
-import { bare, foundIn } from "./found.ts";
+import { bare, foundIn, withOwn } from "./found.ts";
 
 const TEXT = 'repeet = true\n[[instruction]]\ndo = "axis-move"\nto = [1,\n  2]\nspeed = 500\n[[instruction]]\ndo = "wait"\n';
 
@@ -22,6 +22,13 @@ test("mistakes stand at their steps and fields, the others are of the whole prog
     [1, "7 null: `seconds` is missing"],
   ]);
   expect(whole.map(({ line }) => line)).toEqual([1, null]);
+  const both = withOwn({ steps, whole }, new Map([[0, "it has no J5"]]));
+  expect(both.steps.get(0)?.map(({ line, message }) => [line, message])).toEqual([
+    [5, "`to` is wrong"],
+    [6, "`speed` is 500"],
+    [null, "it has no J5"],
+  ]);
+  expect(steps.get(0)?.length).toBe(2);
   expect(foundIn(result.ok, null)).toEqual({ steps: new Map(), whole: [] });
 });
 

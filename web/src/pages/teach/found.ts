@@ -3,7 +3,8 @@ import type { ProgramChecked } from "../../api/types.ts";
 import { type Document, locate } from "../../teach/document.ts";
 
 export interface StepProblem {
-  line: number;
+  /** `null`: the page found it, and says it in its own language. */
+  line: number | null;
   column: number | null;
   /** The field; `null` if it is about the step. */
   key: string | null;
@@ -30,6 +31,15 @@ export function foundIn(document: Document, checked: ProgramChecked | null): Fou
     found.steps.set(place.step, [...(found.steps.get(place.step) ?? []), problem]);
   }
   return found;
+}
+
+/** With what the page itself finds at the field `to` of steps, in its words. */
+export function withOwn(found: Found, own: ReadonlyMap<number, string>): Found {
+  const steps = new Map(found.steps);
+  for (const [step, message] of own) {
+    steps.set(step, [...(steps.get(step) ?? []), { line: null, column: null, key: "to", message, advice: null }]);
+  }
+  return { ...found, steps };
 }
 
 /** A message without the step that it names: it stands beside its step, and may count from another first step. */
