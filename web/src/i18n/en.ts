@@ -245,6 +245,11 @@ export const en = {
       `${what}: the controller accepted it. An alarm whose cause is still there stays or comes back: look at the alarms.`,
     done: (what: string) => `${what}: done.`,
     refused: (what: string, message: string) => `${what}: refused. ${message}`,
+    /** The gateway could not use the robot. `isSilent`: it is seen that the robot does not answer now. */
+    notReady: (what: string, isSilent: boolean, said: string) =>
+      `${what}: nothing was sent. ${
+        isSilent ? "The gateway waits for an answer of the robot." : "The gateway may wait for an answer of the robot."
+      } Try again in a moment. Gateway: ${said}`,
     unknown: (what: string) =>
       `${what}: OUTCOME UNKNOWN. The robot may have acted. Look at it, and stop it if in doubt. It is not sent again.`,
     start: "Start",

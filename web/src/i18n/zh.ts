@@ -234,6 +234,8 @@ export const zh: typeof en = {
     alarmTaken: (what) => `${what}：控制器已接受。原因仍在的报警会保留或再次出现：请看报警。`,
     done: (what) => `${what}：完成。`,
     refused: (what, message) => `${what}：被拒绝。${message}`,
+    notReady: (what, isSilent) =>
+      `${what}：什么都没有发送。${isSilent ? "网关正在等待机器人的应答。" : "网关可能正在等待机器人的应答。"}请稍候再试。`,
     unknown: (what) => `${what}：结果未知。机器人可能已动作，请查看，如有疑问请停止。不会重新发送。`,
     start: "启动",
     lease: "控制权",

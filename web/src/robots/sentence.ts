@@ -52,6 +52,8 @@ export type Unmet =
   | "other_robot"
   | "no_lease"
   | "stale"
+  /** The gateway waits for an answer of the robot. */
+  | "unanswered"
   | "manual"
   /** The mode is “stop”: a person turns the key. */
   | "mode_stop"

@@ -37,6 +37,25 @@ test("a Chinese page says a refusal in Chinese, with what the gateway said in En
   await page.context().close();
 });
 
+test("what the gateway refuses because the robot does not answer can be tried again, and the page says when", async () => {
+  const { page, faults } = await openPage(browser);
+  let isSilent = true;
+  await page.route("**/v1/robots/press-1/commands", (route) =>
+    isSilent
+      ? route.fulfill({ status: 409, json: { code: "not_ready", message: "the robot does not answer" } })
+      : route.fulfill({ status: 200, json: { command_id: 1, sent: "actionPause", after_ms: 1 } }),
+  );
+  await page.goto(`${hall.url}/robots/press-1#${engineer}`);
+  await page.click("[data-control=pause]");
+  await says(page, "[data-told-command=control]", /Pause: nothing was sent\. .* Try again in a moment\. Gateway: the robot does not/);
+  expect(await page.isEnabled("[data-control=pause]")).toBe(true);
+  isSilent = false;
+  await page.click("[data-control=pause]");
+  await says(page, "[data-told-command=control]", "Pause: accepted.");
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
 test("a name that turns what stands around it is shown as it is, on the page, in labels and in the tab", async () => {
   const turned = "press\u202e4\u2066";
   const marked = "press\\u{202e}4\\u{2066}";

@@ -8,6 +8,7 @@ export const UNMET: Record<Unmet, string> = {
   other_robot: "another robot answers: an engineer has to accept it",
   no_lease: "take control first",
   stale: "its state is old",
+  unanswered: "the gateway waits for an answer of the robot: try again in a moment",
   manual: "manual mode: the pendant leads",
   mode_stop: "turn its key to automatic first, at the pendant",
   alarm: "clear the alarm first",

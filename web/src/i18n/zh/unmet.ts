@@ -7,6 +7,7 @@ export const UNMET: Record<Unmet, string> = {
   no_link: "与机器人没有连接",
   other_robot: "应答的是另一台机器人，须由工程师确认",
   no_lease: "请先获取控制权",
+  unanswered: "网关正在等待机器人的应答：请稍候再试",
   stale: "其状态已过时",
   manual: "手动模式：由示教器操作",
   mode_stop: "请先在示教器上将钥匙转到自动",

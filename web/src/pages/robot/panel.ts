@@ -7,16 +7,30 @@ import { MODES } from "../../robots/view.ts";
 /**
  * `stop`: buttons stop and pause, the emergency stop. `move`: the buttons that start. `by_hand`: moves by
  * hand. `move_nothing`: release, clear, another program. `input`: an input, for which a program may wait.
- * `set_up`: the key, alarms, faults. `end_fault`: the end of a fault, also while no lease can be had.
+ * `set_up`: the key, alarms. `begin_fault`: also while the robot does not answer. `end_fault`: the end of a fault, also
+ * while no lease can be had.
  */
-export type PanelNeeds = "stop" | "move" | "by_hand" | "move_nothing" | "input" | "set_up" | "end_fault";
+export type PanelNeeds = "stop" | "move" | "by_hand" | "move_nothing" | "input" | "set_up" | "begin_fault" | "end_fault";
 
-export type PanelUnmet = "gateway_lost" | "no_right" | "needs_engineer" | "no_lease" | "stop_holds" | "manual" | "not_manual";
+export type PanelUnmet =
+  | "gateway_lost"
+  | "no_right"
+  | "needs_engineer"
+  | "no_lease"
+  | "unanswered"
+  | "stop_holds"
+  | "manual"
+  | "not_manual";
 
 export interface PanelHas {
   gateway: boolean;
   role: Role;
   lease: boolean;
+  /**
+   * Whether the robot answers the gateway, as far as that is seen. A panel is asked by another way: it may answer while
+   * the robot does not, and the gateway refuses what needs an answer of the robot.
+   */
+  answers: boolean;
   stopped: boolean;
   /** `null` before it was read. */
   mode: number | null;
@@ -30,10 +44,11 @@ export function panelUnmet(needs: PanelNeeds, has: PanelHas): PanelUnmet[] {
   check(has.gateway, "gateway_lost");
   check(has.role !== "viewer", "no_right");
   if (needs === "stop" || found.length > 0) return found;
-  const isSetUp = needs === "input" || needs === "set_up" || needs === "end_fault";
+  const isSetUp = needs === "input" || needs === "set_up" || needs === "begin_fault" || needs === "end_fault";
   if (isSetUp) check(has.role !== "operator", "needs_engineer");
   if (needs === "end_fault") return found;
   check(has.lease, "no_lease");
+  if (needs !== "begin_fault") check(has.answers, "unanswered");
   if (needs === "move" || needs === "by_hand" || needs === "input") check(!has.stopped, "stop_holds");
   if (needs === "by_hand") check(has.mode === MODES.manual, "not_manual");
   return found;

@@ -80,14 +80,15 @@ test("a number that is typed has three decimals at most and lies within its ends
 });
 
 test("each action at the panel needs what the gateway asks for", () => {
-  const all: PanelHas = { gateway: true, role: "engineer", lease: true, stopped: false, mode: 1 };
-  const needs = ["stop", "move", "by_hand", "move_nothing", "input", "set_up", "end_fault"] as const;
+  const all: PanelHas = { gateway: true, role: "engineer", lease: true, answers: true, stopped: false, mode: 1 };
+  const needs = ["stop", "move", "by_hand", "move_nothing", "input", "set_up", "begin_fault", "end_fault"] as const;
   const unmet = (has: Partial<PanelHas>) => needs.map((one) => panelUnmet(one, { ...all, ...has }).join(" "));
-  expect(unmet({})).toEqual(["", "", "", "", "", "", ""]);
-  expect(unmet({ lease: false })).toEqual(["", "no_lease", "no_lease", "no_lease", "no_lease", "no_lease", ""]);
-  expect(unmet({ role: "operator" })).toEqual(["", "", "", "", "needs_engineer", "needs_engineer", "needs_engineer"]);
-  expect(unmet({ stopped: true })).toEqual(["", "stop_holds", "stop_holds", "", "stop_holds", "", ""]);
-  expect(unmet({ mode: 7 })).toEqual(["", "", "not_manual", "", "", "", ""]);
+  expect(unmet({})).toEqual(["", "", "", "", "", "", "", ""]);
+  expect(unmet({ lease: false })).toEqual(["", ...Array(6).fill("no_lease"), ""]);
+  expect(unmet({ answers: false }), "its panel may answer all the same").toEqual(["", ...Array(5).fill("unanswered"), "", ""]);
+  expect(unmet({ role: "operator" })).toEqual(["", "", "", "", ...Array(4).fill("needs_engineer")]);
+  expect(unmet({ stopped: true })).toEqual(["", "stop_holds", "stop_holds", "", "stop_holds", "", "", ""]);
+  expect(unmet({ mode: 7 })).toEqual(["", "", "not_manual", "", "", "", "", ""]);
   expect(unmet({ role: "viewer", gateway: false })[0]).toBe("gateway_lost no_right");
 });
 

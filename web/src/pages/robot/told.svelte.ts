@@ -3,10 +3,17 @@ import { SvelteMap } from "svelte/reactivity";
 import type { Answer } from "../../api/client.ts";
 import type { Failure } from "../../api/failure.ts";
 import type { en } from "../../i18n/en.ts";
+import { MODES, type View, isSeen } from "../../robots/view.ts";
 import type { Told } from "../../state/act.svelte.ts";
+import { hall } from "../../state/hall.svelte.ts";
 
 /** The part of the page where a person acted: the outcome is said there, and nowhere else. */
 export type Part = "top" | "control" | "alarms" | "arm" | "io" | "numbers" | "panel";
+
+/** Whether the pendant leads: then the robot takes nothing, and answers all the same. */
+function leads(view: View | undefined): boolean {
+  return view !== undefined && isSeen(view) && (view.mode === MODES.manual || view.mode === MODES.step);
+}
 
 class ToldOfRobots {
   #told = new SvelteMap<string, Told & { part: Part }>();
@@ -37,6 +44,11 @@ class ToldOfRobots {
     const isUnknown = answer.kind === "unknown" || answer.problem.code === "outcome_unknown" || answer.status === 504;
     if (isUnknown) {
       this.say(robot, words.control.unknown(what), part, true);
+    } else if (answer.problem.code === "not_ready" && !leads(hall.view(robot))) {
+      const view = hall.view(robot);
+      const isSilent = view !== undefined && !isSeen(view);
+      const text = words.control.notReady(what, isSilent, words.ui.refusal(answer.problem, false));
+      this.say(robot, text, part, true, answer.problem);
     } else {
       const why = words.ui.refusal(answer.problem, false);
       this.say(robot, words.control.refused(what, why), part, true, answer.problem);
