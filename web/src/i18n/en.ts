@@ -103,6 +103,8 @@ export const en = {
     connecting: "Connecting to the gateway…",
     lost: (seconds: number) =>
       `No connection to the gateway for ${duration(seconds)}. Everything on this page is old. Trying again…`,
+    hangs: (seconds: number) =>
+      `Nothing was heard of the gateway for ${duration(seconds)}, and the connection did not end: the gateway or the network hangs. Everything on this page is old. Trying again…`,
     lostShort: "gateway lost",
     silent: "gateway silent",
     slow: (seconds: number) => `gateway slow: values are up to ${Math.max(1, Math.ceil(seconds))} s old`,
@@ -155,6 +157,7 @@ export const en = {
     none: "No robot yet. An admin adds one on the page of connections, or in the file of the gateway.",
     noMatch: (search: string) => `No robot matches “${search}”.`,
     loading: "Waiting for the robots…",
+    noLinkThen: (seconds: number) => `had no link, ${duration(seconds)} old`,
     noLink: (seconds: number | null) => (seconds === null ? "no link" : `no link ${duration(seconds)}`),
     alarm: (code: number) => `alarm ${code}`,
     parts: (n: number) => count(n, "part", "parts"),

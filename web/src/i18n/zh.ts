@@ -101,6 +101,8 @@ export const zh: typeof en = {
     ms: (ms) => `网关 ${ms} ms`,
     connecting: "正在连接网关…",
     lost: (seconds) => `与网关失去连接已 ${duration(seconds)}。本页所有内容均已过时，正在重试…`,
+    hangs: (seconds) =>
+      `已有 ${duration(seconds)}没有收到网关的消息，而连接没有断开：网关或网络停滞。本页所有内容均已过时，正在重试…`,
     lostShort: "网关已断开",
     silent: "网关无响应",
     slow: (seconds) => `网关缓慢：数值最多已过时 ${Math.max(1, Math.ceil(seconds))} 秒`,
@@ -152,6 +154,7 @@ export const zh: typeof en = {
     none: "还没有机器人。管理员可在“连接”页面添加，或写入网关的配置文件。",
     noMatch: (search) => `没有与“${search}”匹配的机器人。`,
     loading: "正在等待机器人数据…",
+    noLinkThen: (seconds) => `当时无连接，${duration(seconds)}前`,
     noLink: (seconds) => (seconds === null ? "无连接" : `无连接 ${duration(seconds)}`),
     alarm: (code) => `报警 ${code}`,
     parts: (n) => `${n} 件`,

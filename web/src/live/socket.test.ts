@@ -88,6 +88,7 @@ interface Started {
   link: Link;
   messages: string[];
   quiet: (number | null)[];
+  hangs: boolean[];
   slow: boolean[];
   /** When each message came, or left the gateway. */
   ats: number[];
@@ -98,6 +99,7 @@ function start(): Started {
   const told: (number | null | "out" | "forget")[] = [];
   const messages: string[] = [];
   const quiet: (number | null)[] = [];
+  const hangs: boolean[] = [];
   const [slow, ats]: [boolean[], number[]] = [[], []];
   let resume: string | null = null;
   const reader: Reader = {
@@ -106,7 +108,10 @@ function start(): Started {
       ats.push(at);
       resume = sent.resume ?? resume;
     },
-    state: (heard) => told.push(heard),
+    state: (heard, isSilent) => {
+      told.push(heard);
+      hangs.push(isSilent);
+    },
     quiet: (heard, isSlow) => {
       if (quiet.at(-1) !== heard) quiet.push(heard);
       slow.push(isSlow);
@@ -120,7 +125,7 @@ function start(): Started {
   };
   const link = new Link(world, reader);
   link.start();
-  return { world, told, link, messages, quiet, slow, ats };
+  return { world, told, link, messages, quiet, hangs, slow, ats };
 }
 
 const ALIVE = { type: "alive", time: "2026-11-25T06:00:00.000000Z" };
@@ -149,7 +154,7 @@ test("it goes on where it was lost, and waits longer each time", async () => {
 });
 
 test("10 s of silence is a lost gateway, also while the connection stays open", async () => {
-  const { world, told } = start();
+  const { world, told, hangs } = start();
   world.last.say(ALIVE);
   await world.pass(5_000);
   world.last.say(ALIVE);
@@ -158,12 +163,17 @@ test("10 s of silence is a lost gateway, also while the connection stays open", 
   const silent = world.last;
   await world.pass(1_000);
   expect(told).toEqual([null, 5_000]);
+  expect(hangs).toEqual([false, true]);
   expect(silent.isClosed).toBe(true);
   // What the old connection still says does not count.
   silent.say(ALIVE);
   expect(told).toEqual([null, 5_000]);
   await world.pass(1_000);
   expect(world.opened).toHaveLength(2);
+  // The gateway that hung ends: that is told too, and of when what was told is stays.
+  world.signedIn = null;
+  world.last.end(1006);
+  expect([told, hangs]).toEqual([[null, 5_000, 5_000], [false, true, false]]);
 });
 
 test("after 4 s of silence what was told is old, until something comes", async () => {

@@ -42,8 +42,11 @@ export interface World {
 export interface Reader {
   /** `at`: when the message came; when it left the gateway at the earliest, if that is over 4 s ago. */
   message(sent: LiveSent | Many, at: number): void;
-  /** `heard`: of when is what was told last, if the gateway is lost; `null` if it is there. */
-  state(heard: number | null): void;
+  /**
+   * `heard`: of when is what was told last, if the gateway is lost; `null` if it is there. `isSilent`: the connection did
+   * not end, and nothing comes over it.
+   */
+  state(heard: number | null, isSilent: boolean): void;
   /**
    * `heard`: of when is what was told last, if that is over 4 s ago; `null` if it is not. `isSlow`: messages come,
    * but late.
@@ -64,6 +67,8 @@ export class Link {
   /** `null` before the first message, or the first connection that failed. */
   private isLive: boolean | null = null;
   private isQuiet = false;
+  /** Whether the last connection that was lost did not end. */
+  private isSilent = false;
   private wait = FIRST_WAIT;
   private cancel: () => void = () => {};
   private cancelLook: () => void = () => {};
@@ -127,7 +132,7 @@ export class Link {
       hasSpoken = true;
       if (this.isLive !== true) {
         this.isLive = true;
-        this.reader.state(null);
+        this.reader.state(null, false);
       }
       for (const sent of read(event.data)) {
         if (sent.type === "alive") this.judge(now, this.world.left(Date.parse(sent.time), now));
@@ -137,7 +142,7 @@ export class Link {
     socket.addEventListener("close", ({ code }) => {
       if (this.socket !== socket) return;
       this.socket = null;
-      this.lost();
+      this.lost(false);
       // 1008: the session or the token has ended.
       if (code === 1008) {
         this.isOver = true;
@@ -170,10 +175,11 @@ export class Link {
     this.wait = Math.min(this.wait * 2, LONGEST_WAIT);
   }
 
-  private lost(): void {
-    if (this.isLive === false) return;
+  private lost(isSilent: boolean): void {
+    if (this.isLive === false && this.isSilent === isSilent) return;
     this.isLive = false;
-    this.reader.state(this.heard);
+    this.isSilent = isSilent;
+    this.reader.state(this.heard, isSilent);
   }
 
   private drop(): void {
@@ -196,7 +202,7 @@ export class Link {
       this.judge(now);
       if (this.socket !== null && now - Math.max(this.spoke, this.openedAt) > SILENCE) {
         this.drop();
-        this.lost();
+        this.lost(true);
         this.retry();
       }
       this.look();

@@ -113,12 +113,9 @@ test("a start needs everything, a pause no lease", () => {
   expect(unmet("start", view("saw", { alarm: 42, mode: 3 }), HAS)).toEqual(["alarm", "mode_stop"]);
   expect(unmet("clear_alarm", view("saw", { alarm: 42, mode: 3 }), HAS)).toEqual([]);
   const nothing = { gateway: false, right: false, lease: false };
-  expect(unmet("start", view("saw", {}, { link: "down" }), nothing)).toEqual([
-    "gateway_lost",
-    "no_right",
-    "no_link",
-    "no_lease",
-  ]);
+  const down = view("saw", {}, { link: "down" });
+  expect(unmet("start", down, { ...nothing, gateway: true })).toEqual(["no_right", "no_link", "no_lease"]);
+  expect(unmet("start", down, nothing), "a link of now is not known").toEqual(["gateway_lost", "no_right", "no_lease"]);
   const free = { ...HAS, lease: false };
   expect(unmet("pause", view("saw", { mode: 7 }), free)).toEqual([]);
   expect(unmet("pause", view("saw"), free)).toEqual(["not_running"]);

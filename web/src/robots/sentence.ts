@@ -82,8 +82,9 @@ export function unmet(
   };
   check(has.gateway, "gateway_lost");
   check(has.right, "no_right");
-  check(view.summary.link === "up", "no_link");
-  check(view.summary.identity_changed === null, "other_robot");
+  // Of a gateway that is not heard, links and robots of now are not known.
+  check(!has.gateway || view.summary.link === "up", "no_link");
+  check(!has.gateway || view.summary.identity_changed === null, "other_robot");
   // A pause needs no lease, as a stop.
   if (control !== "pause") check(has.lease, "no_lease");
   if (reasons.length > 0) return reasons;

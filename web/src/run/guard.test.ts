@@ -203,6 +203,8 @@ test("a program is sent only if everything is known to be ready: each need has i
 test("what is not known now is not told as a reason: first the access, then the state", () => {
   const view = waiting({ mode: 2, alarm: 7, left: 2 }, { stopped: true });
   expect(notSent({ ...READY, view, lease: false })).toEqual(["no_lease", "not_started", "list"]);
+  const down = waiting({}, { link: "down", identity_changed: OTHER });
+  expect(notSent({ ...READY, view: down, gateway: false })).toEqual(["gateway_lost"]);
   expect(notSent({ ...READY, view: { ...view, quality: "stale" } })).toEqual(["stale", "stop_holds", "alarm"]);
   expect(notSent({ ...READY, view, runs: true, isUnknown: true })).toEqual(["run_under_way"]);
 });

@@ -42,6 +42,8 @@ class Hall {
   alarms = $state.raw<RobotAlarm[] | null>(null);
   /** Of when is what is shown, on the page's clock, if the gateway is lost; `null` if it is there. */
   heard = $state<number | null>(null);
+  /** Whether it is lost and its connection did not end: gateway or network hang. */
+  isSilent = $state(false);
   /** The same, if nothing proves that it is less than 4 s old. */
   #quiet = $state<number | null>(null);
   /** When the last question left, if it had no answer in time. */
@@ -136,8 +138,9 @@ class Hall {
     };
     this.#link = new Link(world, {
       message: (sent, now) => this.#take(sent, now),
-      state: (heard) => {
+      state: (heard, isSilent) => {
         this.heard = heard;
+        this.isSilent = isSilent;
         if (heard === null) {
           this.isConnected = true;
           // The connection is an answer to a later question.

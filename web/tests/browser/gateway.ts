@@ -12,6 +12,9 @@ export interface Hall {
   token(role: string, ...more: string[]): Promise<string>;
   /** Asks the gateway with a token. */
   ask(token: string, method: string, path: string, body?: unknown): Promise<Response>;
+  /** The gateway does nothing any more, and its connections stay open. */
+  freeze(): void;
+  thaw(): void;
   end(): Promise<void>;
 }
 
@@ -37,7 +40,10 @@ export async function startHall(names: readonly string[]): Promise<Hall> {
       const headers = { Authorization: `Bearer ${token}`, "Content-Type": "application/json" };
       return fetch(`${url}${path}`, { method, headers, ...(body === undefined ? {} : { body: JSON.stringify(body) }) });
     },
+    freeze: () => void gateway.process.kill("SIGSTOP"),
+    thaw: () => void gateway.process.kill("SIGCONT"),
     end: async () => {
+      gateway.process.kill("SIGCONT");
       await gateway.kill();
       await robots.kill();
       await other.kill();

@@ -56,7 +56,8 @@ test("a lost gateway is said at once, controls go off, and the page comes back b
   network.isSilent = true;
   await page.click(STOP);
   await says(page, TOLD, "virtual: NOT CONFIRMED. Use the emergency stop at the robot.");
-  await says(page, "[role=alert]", "No connection to the gateway");
+  await says(page, "[role=alert]", "and the connection did not end: the gateway or the network hangs.");
+  expect(await page.textContent("[data-gateway]")).toContain("gateway silent");
   network.isSilent = false;
   await page.waitForSelector("[role=alert]", GONE);
   await r6("-r", cell.robot, "move", "axes", "5", "0", "0", "0", "30", "0", "--speed", "50", "--wait");
