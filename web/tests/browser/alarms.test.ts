@@ -1,7 +1,7 @@
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { type Made, make } from "./made.ts";
-import { Network, fits, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
+import { Network, fits, isAccessible, openPage, picture, r6, says, sideways, startBrowser, until } from "./support.ts";
 
 const PRESSES = ["press-01", "press-02", "press-03", "press-04"];
 const HALL = '[hall]\ntime_zone = "Asia/Shanghai"\n';
@@ -97,6 +97,9 @@ test("a viewer reads it on a phone in Chinese, and what a role does not allow is
   expect(await page.isDisabled("[data-acknowledge=pack-01]")).toBe(true);
   expect(await page.getAttribute("[data-shelve=pack-01]", "title")).toBe("搁置需要工程师角色。");
   await says(page, "[data-cost='7']", "7: 急停");
+  await page.waitForSelector("[data-day-alarm=pack-01]");
+  expect(await sideways(page), "rows are cards").toEqual([]);
+  await says(page, "[data-day-alarm=pack-01] td.whole", "7: 急停");
   await fits(page);
   await isAccessible(page);
   await picture(page, "alarms-390-zh", true);

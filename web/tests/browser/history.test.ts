@@ -2,7 +2,7 @@ import { readFileSync } from "node:fs";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { type Made, make } from "./made.ts";
-import { fits, isAccessible, openPage, picture, says, startBrowser, until } from "./support.ts";
+import { fits, isAccessible, openPage, picture, says, sideways, startBrowser, until } from "./support.ts";
 
 const DAYS = '["mon", "tue", "wed", "thu", "fri", "sat", "sun"]';
 const HALL = `[hall]
@@ -217,6 +217,8 @@ test("a shift is beside the same one of the day before, on a phone in Chinese", 
   await page.goto(`${made.url}/production?robot=pack-01&compare=shift`);
   await page.waitForSelector("[data-figures=done]");
   await says(page, "[data-by-shift=done] tbody tr:first-child", new RegExp(`${shift}，${date}，进行中[^]*%`));
+  // The figures of the hall, of each robot and of shifts are cards. The cycle times of one may be scrolled.
+  expect((await sideways(page)).filter((label) => label !== "循环时间分布")).toEqual([]);
   await fits(page);
   await isAccessible(page);
   await picture(page, "production-390-zh", true);

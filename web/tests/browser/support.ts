@@ -236,6 +236,26 @@ export async function fits(page: Page): Promise<void> {
   expect(wide).toBeLessThanOrEqual(screen);
 }
 
+/**
+ * The labels of parts that are scrolled sideways. Each of them can have the focus, which keys need, and says that it
+ * scrolls.
+ */
+export async function sideways(page: Page): Promise<string[]> {
+  const found = await page.evaluate(() =>
+    [...document.querySelectorAll("main *")]
+      .filter((one) => /auto|scroll/.test(getComputedStyle(one).overflowX) && one.scrollWidth > one.clientWidth + 1)
+      .map((one) => ({
+        label: one.getAttribute("aria-label") ?? one.outerHTML.slice(0, 80),
+        isReached: one.getAttribute("tabindex") === "0",
+        isTold: one.nextElementSibling?.matches("[data-scrolls]") === true,
+      })),
+  );
+  for (const { label, isReached, isTold } of found) {
+    expect([isReached, isTold], `${label}: is it reached with keys, and does it say that it scrolls`).toEqual([true, true]);
+  }
+  return found.map(({ label }) => label);
+}
+
 export async function picture(page: Page, name: string, fullPage = false): Promise<void> {
   const folder = process.env["R6_IMAGES"] === "1" && name.startsWith("dashboard-") ? DOCUMENTED : IMAGES;
   mkdirSync(folder, { recursive: true });

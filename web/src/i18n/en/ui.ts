@@ -108,6 +108,7 @@ export const ui = {
     `This needs the role ${ROLES[role]}${role === "admin" ? "" : " or a higher one"}${ofAll ? ", for all robots" : ""}.`,
   haveRole: (role: Role, robot: string | null) =>
     `You are signed in as ${ROLES[role]}${robot === null ? "" : ` for ${robot} only`}. Ask an admin.`,
+  scrolls: "There is more at the side: scroll sideways, or use the arrow keys. ↔",
   details: "Details",
   copy: "Copy",
   copied: "Copied",

@@ -27,6 +27,7 @@ export const ui: typeof english = {
   needsRole: (role, ofAll) =>
     `需要${ofAll ? "面向所有机器人的" : ""}“${ROLES[role]}”${role === "admin" ? "" : "或更高"}角色。`,
   haveRole: (role, robot) => `您当前的角色是“${ROLES[role]}”${robot === null ? "" : `，仅限 ${robot}`}。请联系管理员。`,
+  scrolls: "旁边还有内容：请左右滑动，或使用方向键。↔",
   details: "详情",
   copy: "复制",
   copied: "已复制",

@@ -1,0 +1,72 @@
+/** Tables on a phone: what matters stands there without scrolling sideways. */
+import type { Browser } from "playwright-core";
+import { afterAll, beforeAll, expect, test } from "vitest";
+import { type Hall, startHall } from "./gateway.ts";
+import { fits, isAccessible, openPage, picture, says, sideways, startBrowser } from "./support.ts";
+
+let hall: Hall;
+let browser: Browser;
+let admin = "";
+
+beforeAll(async () => {
+  [hall, browser] = await Promise.all([startHall(["press-01-of-line-a", "press-2"]), startBrowser()]);
+  admin = await hall.token("admin", "--name", "the screen beside the door of hall 2");
+  expect((await hall.ask(admin, "POST", "/v1/robots/press-2/stop")).status).toBe(200);
+  const program = `[[instruction]]\ndo = "axis-move"\nto = [30, 0, 0, 0, 0, 0]\nspeed = 40\n`;
+  const headers = { Authorization: `Bearer ${admin}`, "Content-Type": "application/json", "If-None-Match": "*" };
+  const stored = await fetch(`${hall.url}/v1/programs/sweep`, { method: "PUT", headers, body: JSON.stringify({ program }) });
+  expect(stored.status).toBe(201);
+});
+
+afterAll(async () => {
+  await browser?.close();
+  await hall?.end();
+});
+
+test("on a phone the tables of the hall are not scrolled sideways", async () => {
+  const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 844 }, hasTouch: true });
+  await page.goto(`${hall.url}/#${admin}`);
+  await page.waitForSelector("[data-robot=press-2]");
+  for (const [path, there] of [
+    ["production", "[data-each='press-2 1']"],
+    ["audit", "[data-what=stop]"],
+    ["connections", "[data-link=up]"],
+    ["users", "main [role=table], [data-empty]"],
+    ["tokens", "[role=row]"],
+    ["alarms", "main h2"],
+    ["robots/press-2", "[data-doing]"],
+    ["robots/press-2/teach", "[data-program=sweep]"],
+  ] as const) {
+    await page.goto(`${hall.url}/${path}`);
+    await page.waitForSelector(there, { state: "attached" });
+    expect(await sideways(page), path).toEqual([]);
+    await fits(page);
+    await isAccessible(page);
+    await picture(page, `narrow-${path.replace(/\W/g, "-")}`, true);
+  }
+  // The name of a column stands before each value.
+  const title = await page
+    .locator("[data-program=sweep] td")
+    .first()
+    .evaluate((cell) => getComputedStyle(cell, "::before").content);
+  expect(title).toContain("Version");
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+test("what is wider than its place says so, and is scrolled with keys", async () => {
+  const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 844 } });
+  await page.goto(`${hall.url}/production?one=press-2#${admin}`);
+  const part = page.getByRole("group", { name: "How long its cycles took" });
+  await says(page, "[data-scrolls]", "There is more at the side");
+  expect(await sideways(page)).toEqual(["How long its cycles took"]);
+  await part.focus();
+  await page.keyboard.press("ArrowRight");
+  await page.waitForFunction(() => [...document.querySelectorAll("[role=group]")].some((one) => one.scrollLeft > 0));
+  await isAccessible(page);
+  // With room for all of it nothing is said.
+  await page.setViewportSize({ width: 1400, height: 900 });
+  await page.waitForSelector("[data-scrolls]", { state: "detached" });
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
