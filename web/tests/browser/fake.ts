@@ -340,7 +340,7 @@ export class FakeGateway {
   }
 
   private alive(): string {
-    return JSON.stringify({ type: "alive", time: new Date(this.time).toISOString() } satisfies LiveSent);
+    return JSON.stringify({ type: "alive", time: new Date(this.time).toISOString(), passed_ms_ago: 0 } satisfies LiveSent);
   }
 
   private texts(sent: LiveSent[]): string[] {

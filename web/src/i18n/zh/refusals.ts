@@ -26,6 +26,7 @@ export const REFUSALS: Record<Failure["code"], readonly [what: string, next: str
   ],
   leftover_list: ["指令列表中还有以前的指令，机械臂会执行它们。", "请先停止机器人以清空列表，或确认后一并运行。"],
   alarm: ["有报警。", "请先排除原因并清除报警。"],
+  too_late: ["命令到达网关时已过有效时间，什么都没有发送。", LOOK],
   stopped: ["该机器人的停止仍然有效。", "请先查看机器人并解除停止。"],
   restarted: ["控制器其间重新启动过。", LOOK],
   stalled: ["没有进展。", "请查看机器人在等待什么。"],
