@@ -1,6 +1,6 @@
 import { afterEach, expect, test, vi } from "vitest";
 import { stops } from "../stop/stops.ts";
-import { call } from "./client.ts";
+import { HOLDS, call, goByClock } from "./client.ts";
 
 afterEach(() => vi.unstubAllGlobals());
 
@@ -31,4 +31,34 @@ test("beside a stop there is one question at a time, and what a person does does
   sent[3]?.answer();
   await settled();
   expect(paths().at(-1)).toBe("/6");
+});
+
+test("an order has a key of its own and says until when it holds, and a question has neither", async () => {
+  const sent: Headers[] = [];
+  vi.stubGlobal("fetch", (_path: string, init: RequestInit) => {
+    sent.push(new Headers(init.headers));
+    return Promise.resolve(Response.json({}));
+  });
+  const now = Date.parse("2026-11-27T18:06:17Z");
+  await call("POST", "/1");
+  goByClock(() => now);
+  await call("POST", "/2");
+  await call("POST", "/3", { idempotencyKey: "mine" });
+  await call("GET", "/4");
+  goByClock(() => null);
+  const [early, first, own, question] = sent;
+  expect(early?.get("Valid-Until"), "the clock of the gateway is not known").toBeNull();
+  expect(first?.get("Valid-Until")).toBe(new Date(now + HOLDS).toISOString());
+  expect(first?.get("Idempotency-Key")).toMatch(/^[0-9a-f]{32}$/);
+  expect(first?.get("Idempotency-Key")).not.toBe(early?.get("Idempotency-Key"));
+  expect(own?.get("Idempotency-Key")).toBe("mine");
+  expect([question?.get("Idempotency-Key"), question?.get("Valid-Until")]).toEqual([null, null]);
+});
+
+test("an answer that is cut off, or of somebody in between, is no answer", async () => {
+  for (const body of ['{"alarms":[', "<html>Sign in to the network</html>"]) {
+    vi.stubGlobal("fetch", () => Promise.resolve(new Response(body, { status: 200 })));
+    expect(await call("GET", "/v1/alarms")).toEqual({ kind: "unknown" });
+    expect(await call("POST", "/v1/robots/saw/lease")).toEqual({ kind: "unknown" });
+  }
 });

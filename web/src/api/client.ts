@@ -8,6 +8,11 @@ import type { Code, Problem } from "./types.ts";
 
 /** How long a request may take, in milliseconds. */
 const PATIENCE = 10_000;
+/**
+ * For how long an order may be on its way, in milliseconds: what it was given for may be over then. The page knows the
+ * clock of the gateway to a second.
+ */
+export const HOLDS = 3_000;
 const MAX_UNDER_WAY = 3;
 const MAX_BESIDE_STOPS = 1;
 
@@ -56,6 +61,14 @@ export function whenSignedOut(act: () => void): void {
 function isSignedOut(path: string, options: Options, { code }: Problem): boolean {
   const isSignIn = options.bearer !== undefined || path === "/v1/session/token";
   return !isSignIn && code !== "wrong_password";
+}
+
+/** The clock of the gateway, in milliseconds since 1970; `null` while it is not known. */
+let clock: () => number | null = () => null;
+
+/** Orders say from now on until when they hold, on this clock of the gateway. */
+export function goByClock(time: () => number | null): void {
+  clock = time;
 }
 
 let underWay = 0;
@@ -146,8 +159,13 @@ async function send<T>(method: Method, path: string, options: Options): Promise<
   } catch {
     return { kind: "unknown" };
   }
-  if (response.ok) return { kind: "ok", value: (options.isText ? text : text === "" ? undefined : JSON.parse(text)) as T };
-  return refused(path, options, text, response.status, begun);
+  if (!response.ok) return refused(path, options, text, response.status, begun);
+  try {
+    return { kind: "ok", value: (options.isText ? text : text === "" ? undefined : JSON.parse(text)) as T };
+  } catch {
+    // It was cut off, or somebody between page and gateway answered.
+    return { kind: "unknown" };
+  }
 }
 
 /** The beginning of an answer; `null` if none came. */
@@ -157,7 +175,12 @@ async function ask(method: Method, path: string, options: Options, type?: string
   if (type !== undefined) headers["Accept"] = type;
   if (method !== "GET" && options.csrf) headers["X-CSRF-Token"] = options.csrf;
   if (options.bearer !== undefined) headers["Authorization"] = `Bearer ${options.bearer}`;
-  if (options.idempotencyKey !== undefined) headers["Idempotency-Key"] = options.idempotencyKey;
+  if (method !== "GET") {
+    // A browser sends an order again by itself if its connection breaks before the answer.
+    headers["Idempotency-Key"] = options.idempotencyKey ?? freshKey();
+    const now = clock();
+    if (now !== null) headers["Valid-Until"] = new Date(now + HOLDS).toISOString();
+  }
   const patience = AbortSignal.timeout(options.patience ?? PATIENCE);
   const init: RequestInit = {
     method,

@@ -3220,7 +3220,7 @@ export interface components {
              * @description How many stops of it have begun since the gateway started, also those that were cleared: send it with
              *     `clear-stopped`, so that a stop that you have not seen is not cleared.
              */
-            stops_begun?: number;
+            stops_begun: number;
             /**
              * Format: int32
              * @description How many stops are under way now.

@@ -295,3 +295,54 @@ test("messages of a newer gateway are passed over", () => {
   world.last.say(ALIVE);
   expect(messages).toEqual(["alive"]);
 });
+
+test("after a lost connection what was told before is old until all robots had their turn", async () => {
+  const { world, quiet, ats } = start();
+  world.last.say({ type: "change", resume: "1-1" });
+  await world.pass(1_000);
+  world.last.end(1006);
+  await world.pass(15_000);
+  const again = world.last;
+  again.say({ type: "change" });
+  expect(quiet.at(-1), "the first message is of one robot").toBe(0);
+  expect(ats.at(-1), "what it says itself left after the page asked").toBeGreaterThan(10_000);
+  await world.pass(3_000);
+  again.say({ type: "alive", time: "", passed_ms_ago: null });
+  expect(quiet.at(-1)).toBe(0);
+  again.say({ type: "change", resume: "1-9" });
+  expect(quiet.at(-1), "the pass is at its end, and began after the page asked").toBeGreaterThan(10_000);
+  again.say({ type: "alive", time: "", passed_ms_ago: 20 });
+  expect(quiet.at(-1)).toBe(null);
+});
+
+test("a hall in which nothing changed has no message at the end of its pass: alive says that it is over", async () => {
+  const { world, quiet } = start();
+  world.last.say({ type: "change", resume: "1-1" });
+  world.last.end(1006);
+  await world.pass(15_000);
+  world.last.say({ type: "alive", time: "", passed_ms_ago: 0 });
+  expect(quiet.at(-1)).toBe(null);
+});
+
+test("where alive overtakes the values, they are as old as the last look at all robots", async () => {
+  const { world, quiet, link } = start();
+  world.last.say({ type: "change", resume: "1-1" });
+  for (let seconds = 0; seconds < 10; seconds += 2) {
+    await world.pass(2_000);
+    world.last.say({ type: "alive", time: "", passed_ms_ago: 7_000 });
+  }
+  expect(quiet.at(-1)).toBe(3_000);
+  expect(link.old()).toBe(3_000);
+  world.last.say({ type: "alive", time: "", passed_ms_ago: 20 });
+  expect(quiet.at(-1)).toBe(null);
+});
+
+test("after something was missed it connects anew, and begins with all robots", async () => {
+  const { world, link, messages } = start();
+  world.last.say({ type: "change", resume: "1-1" });
+  const first = world.last;
+  link.again();
+  expect(first.isClosed).toBe(true);
+  expect(world.opened.at(-1)!.path).not.toContain("resume");
+  expect(messages.at(-1), "robots that are not told of any more are gone").toBe("reset");
+});

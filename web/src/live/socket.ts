@@ -4,7 +4,9 @@
  * clock, the timers and the WebSocket come from outside, for tests.
  *
  * Two things prove when a message left the gateway at the earliest: the page asked for the connection before, and the
- * time in `alive`, with `late.ts`. Messages keep their order, so what follows left later.
+ * time in `alive`, with `late.ts`. Messages keep their order, so what follows left later. A message proves nothing of the
+ * robots that it does not tell of: after a connection was lost, what was told before counts as of now only once all
+ * robots had their turn over the next one, and `alive` says how long ago that was.
  */
 import type { LiveSent } from "../api/types.ts";
 import { decode } from "./decode.ts";
@@ -67,6 +69,10 @@ export class Link {
   /** `null` before the first message, or the first connection that failed. */
   private isLive: boolean | null = null;
   private isQuiet = false;
+  /** Whether something was told over any connection. */
+  private hasTold = false;
+  /** Whether something was told over an earlier connection that may have changed since: not all robots had their turn. */
+  private isUnpassed = false;
   /** Whether the last connection that was lost did not end. */
   private isSilent = false;
   private wait = FIRST_WAIT;
@@ -113,11 +119,23 @@ export class Link {
     this.connect();
   }
 
+  /** Connects anew, and begins anew with all robots: something was missed. */
+  again(): void {
+    if (this.isOver) return;
+    this.reader.forgetResume();
+    this.cancel();
+    this.drop();
+    this.connect();
+  }
+
   private connect(): void {
     if (this.isOver || this.socket !== null) return;
     const query = new URLSearchParams({ events: "true", alive: "true" });
     const resume = this.reader.resume();
     if (resume !== null) query.set("resume", resume);
+    // Without a place to go on at, the gateway tells of all robots that are there, and not that it does so.
+    else if (this.hasTold) this.reader.message({ type: "reset", robot: null }, this.heard);
+    this.isUnpassed = this.hasTold;
     const socket = this.world.open(`/v1/live?${query}`);
     this.openedAt = this.world.now();
     let hasSpoken = false;
@@ -128,15 +146,16 @@ export class Link {
       this.spoke = now;
       this.wait = FIRST_WAIT;
       // The gateway spoke over this connection after the page asked for it.
-      this.judge(now, hasSpoken ? null : this.openedAt);
-      hasSpoken = true;
+      this.judge(now, hasSpoken || this.isUnpassed ? null : this.openedAt);
+      hasSpoken = this.hasTold = true;
       if (this.isLive !== true) {
         this.isLive = true;
         this.reader.state(null, false);
       }
       for (const sent of read(event.data)) {
-        if (sent.type === "alive") this.judge(now, this.world.left(Date.parse(sent.time), now));
-        this.reader.message(sent, this.isQuiet ? this.heard : now);
+        if (sent.type === "alive") this.alive(sent, now);
+        this.reader.message(sent, this.isQuiet ? Math.max(this.heard, this.openedAt) : now);
+        if (this.isUnpassed && typeof sent.resume === "string") this.passed(now, this.openedAt);
       }
     });
     socket.addEventListener("close", ({ code }) => {
@@ -167,6 +186,23 @@ export class Link {
     // The gateway is there and refused: the place to go on at may be wrong.
     if (isSignedIn === true) this.reader.forgetResume();
     this.retry();
+  }
+
+  /** `passed_ms_ago` is missing in what an older gateway says, and `null` before all robots had their turn. */
+  private alive({ time, passed_ms_ago: ago }: Extract<LiveSent, { type: "alive" }>, now: number): void {
+    const left = this.world.left(Date.parse(time), now);
+    if (ago === null) return;
+    if (this.isUnpassed) {
+      if (ago !== undefined) this.passed(now, this.openedAt);
+      else return;
+    }
+    if (left !== null) this.judge(now, left - (ago ?? 0));
+  }
+
+  /** All robots had their turn over this connection, in messages that left at this time at the earliest. */
+  private passed(now: number, left: number): void {
+    this.isUnpassed = false;
+    this.judge(now, left);
   }
 
   private retry(): void {

@@ -184,6 +184,18 @@ test("of all robots nothing is known until the pass over them is at its end", ()
   expect(store.isPassing).toBe(true);
 });
 
+test("after a lost connection nothing is known of all robots, until a sign of life says that all had their turn", () => {
+  const store = new Store();
+  store.apply({ ...snapshot("saw", []), resume: "8-1" } as LiveSent, 0);
+  store.lost();
+  expect(store.isPassing).toBe(true);
+  store.apply({ type: "alive", time: "", passed_ms_ago: null }, 0);
+  expect(store.isPassing).toBe(true);
+  store.apply({ type: "alive", time: "", passed_ms_ago: 20 }, 0);
+  expect(store.isPassing).toBe(false);
+  expect([...store.robots.keys()]).toEqual(["saw"]);
+});
+
 test("a counter counts parts, and texts of old firmware count nothing", () => {
   const store = new Store();
   const counter = { id: 0, target: 100, current: 41 };

@@ -51,8 +51,9 @@ export class Store {
   /** Takes in a message. What changed is returned in order. */
   apply(sent: LiveSent | Many, now: number): Change[] {
     const changes = sent.type === "many" ? this.takeMany(sent.each(), now) : this.take(sent, now);
-    if (typeof sent.resume === "string") {
-      this.resume = sent.resume;
+    if (typeof sent.resume === "string") this.resume = sent.resume;
+    const isPassed = sent.type === "alive" && typeof sent.passed_ms_ago === "number";
+    if (isPassed || typeof sent.resume === "string") {
       this.isPass = false;
       // The pass is at its end, so a robot without a snapshot is not there any more.
       for (const name of this.unsure) {
@@ -62,6 +63,11 @@ export class Store {
       this.unsure.clear();
     }
     return changes;
+  }
+
+  /** The connection is lost: what changes until all robots had their turn over the next one is not known. */
+  lost(): void {
+    this.isPass = true;
   }
 
   /** Forgets everything: another user may see other robots. */
@@ -168,7 +174,9 @@ export class Store {
         if (!event.holds) return set({ stops_under_way: stops + 1 });
         // Of several stops that hold together, the first is named.
         const by = robot.summary.stopped_by ?? { by: event.by, at: event.time };
-        return set({ stopped: true, stopped_by: by, stops_under_way: stops + 1 });
+        // A gateway that tells no numbers cannot be asked to clear the stops up to one.
+        const stops_begun = event.number || robot.summary.stops_begun;
+        return set({ stopped: true, stopped_by: by, stops_under_way: stops + 1, stops_begun });
       }
       case "stop_ended":
         return set({ stops_under_way: Math.max(0, stops - 1) });
@@ -200,20 +208,6 @@ export class Store {
 
   private ticket(): number {
     return (this.tickets += 1);
-  }
-
-  /** Takes in what `GET /v1/robots` says, after events were lost. */
-  refresh(summaries: RobotSummary[], now: number): Change[] {
-    const changes: Change[] = [];
-    for (const summary of summaries) {
-      const robot = this.robots.get(summary.name);
-      if (robot === undefined) continue;
-      robot.summary = summary;
-      robot.ticket = this.ticket();
-      robot.downSince = summary.link === "up" ? null : (robot.downSince ?? now);
-      changes.push({ kind: "robot", name: summary.name, slow: true });
-    }
-    return changes;
   }
 }
 

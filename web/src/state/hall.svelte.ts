@@ -1,7 +1,7 @@
 /** The robots, the alarms and the connection, as the pages see them. */
-import { call, echo } from "../api/client.ts";
+import { call, echo, goByClock } from "../api/client.ts";
 import { robotPath } from "../api/paths.ts";
-import type { GatewayEvent, LiveSent, RobotAlarm, RobotAlarms, RobotState, RobotSummary, Settings } from "../api/types.ts";
+import type { GatewayEvent, LiveSent, RobotAlarm, RobotAlarms, RobotState, Settings } from "../api/types.ts";
 import { touch } from "../live/frame.ts";
 import { ANSWER, Late } from "../live/late.ts";
 import type { Many } from "../live/pack.ts";
@@ -141,7 +141,10 @@ class Hall {
       state: (heard, isSilent) => {
         this.heard = heard;
         this.isSilent = isSilent;
-        if (heard === null) {
+        if (heard !== null) {
+          this.store.lost();
+          this.isWhole = false;
+        } else {
           this.isConnected = true;
           // The connection is an answer to a later question.
           this.#unanswered = null;
@@ -229,7 +232,7 @@ class Hall {
         }
         if (link === null || link !== this.#link) return;
         this.alarms = answer.kind === "ok" ? answer.value.alarms : null;
-        const mayWork = answer.kind === "unknown" || (answer.kind === "refused" && answer.status >= 500);
+        const mayWork = answer.kind === "unknown" || (answer.kind === "refused" && (answer.status >= 500 || answer.status === 429));
         if (mayWork && this.heard === null) setTimeout(() => this.readAlarms(), AGAIN);
       });
     }, TOGETHER);
@@ -260,25 +263,27 @@ class Hall {
           break;
         case "event":
           if (change.event.event.startsWith("alarm_")) this.readAlarms();
-          if (change.event.event === "stop_cleared") stops.cleared(change.event.robot);
+          if (change.event.event === "stop_cleared") stops.cleared(change.event.robot, Date.parse(change.event.time));
           for (const read of this.#readers) read(change.event);
           break;
         case "events_lost":
-          void call<{ robots: RobotSummary[] }>("GET", "/v1/robots").then((answer) => {
-            if (answer.kind !== "ok") return;
-            for (const { name } of answer.value.robots) this.#refresh(name);
-            this.store.refresh(answer.value.robots, performance.now());
-          });
+          // What was missed is in the snapshots of a new connection, in the order of what follows.
+          this.#link?.again();
           this.readAlarms();
           break;
       }
     }
+    if (!this.isWhole && this.store.resume !== null && !this.store.isPassing) this.#settle();
     touch();
   }
 
   /** Makes the views of these robots anew, once for all messages of a moment. */
   #refresh(name: string): void {
     this.#dirty.add(name);
+    this.#settle();
+  }
+
+  #settle(): void {
     if (this.#isScheduled) return;
     this.#isScheduled = true;
     setTimeout(() => {
@@ -355,3 +360,4 @@ class Hall {
 export const hall = new Hall();
 
 goBy(() => new Date(hall.time(hall.now())));
+goByClock(() => (hall.hasClock ? hall.time(hall.now()) : null));

@@ -1,5 +1,5 @@
 import { afterEach, expect, test, vi } from "vitest";
-import { SOON, type StopState, type World, goBy, stop } from "./stop.ts";
+import { AGAIN, SOON, type StopState, type World, goBy, stop } from "./stop.ts";
 
 const AT = new Date(0);
 
@@ -40,7 +40,12 @@ class Fake implements World {
 async function told(respond: Fake["respond"], isLost = false): Promise<StopState[]> {
   const states: StopState[] = [];
   const world = new Fake(respond);
-  await stop("press-4", "proof", (state) => states.push(state), { world, isLost });
+  let isOver = false;
+  void stop("press-4", "proof", (state) => states.push(state), { world, isLost }).then(() => (isOver = true));
+  for (let steps = 0; steps < 1_000 && !isOver; steps += 1) {
+    await new Promise((next) => setTimeout(next));
+    if (!isOver) world.pass(100);
+  }
   world.pass(60_000);
   return states;
 }
@@ -166,4 +171,42 @@ test("a stop is told with the time of the hall, whatever the clock of the browse
   const states: StopState[] = [];
   await stop("press-4", null, (state) => states.push(state));
   expect(states.at(-1)).toEqual({ kind: "stopped", at: inHall, took: 9 });
+});
+
+test("a stop without an answer is sent again, and the first proof counts", async () => {
+  const world = new Fake(() => Promise.resolve(new Response()));
+  const sent: number[] = [];
+  // The first connection is dead. The second request gets an answer.
+  const dead = (init: RequestInit): Promise<Response> =>
+    new Promise((_, fail) => init.signal?.addEventListener("abort", () => fail(new DOMException("", "AbortError"))));
+  const fetch: World["fetch"] = (_path, init) => {
+    sent.push(world.time);
+    return sent.length === 1 ? dead(init ?? {}) : answer(200, { confirmed: true, took_ms: 9, seen_at: "2026-11-25T06:00:08.9Z" })();
+  };
+  const states: StopState[] = [];
+  const outside: World = { fetch, after: world.after.bind(world), now: () => world.time, hallTime: () => AT };
+  const ended = stop("press-4", null, (state) => states.push(state), { world: outside });
+  world.pass(AGAIN[0]!);
+  await ended;
+  expect(sent).toEqual([0, AGAIN[0]]);
+  expect(states).toEqual([{ kind: "sending" }, { kind: "stopped", at: new Date("2026-11-25T06:00:08.9Z"), took: 9 }]);
+  world.pass(60_000);
+  expect(sent, "after the proof nothing is sent").toHaveLength(2);
+});
+
+test("what a later request is refused says nothing of one that may have arrived", async () => {
+  const world = new Fake(() => Promise.resolve(new Response()));
+  let count = 0;
+  const fetch: World["fetch"] = () => ((count += 1) === 1 ? broken() : answer(401, { code: "no_session" })());
+  const states: StopState[] = [];
+  const outside: World = { fetch, after: world.after.bind(world), now: () => world.time, hallTime: () => AT };
+  let isOver = false;
+  void stop("press-4", null, (state) => states.push(state), { world: outside }).then(() => (isOver = true));
+  for (let steps = 0; steps < 100 && !isOver; steps += 1) {
+    await new Promise((next) => setTimeout(next));
+    world.pass(100);
+  }
+  expect(isOver).toBe(true);
+  expect(states.map(({ kind }) => kind)).not.toContain("not_sent");
+  expect(states.at(-1)).toEqual({ kind: "not_confirmed", why: "no_session" });
 });

@@ -21,6 +21,8 @@ export const SOON = 3_000;
  * it. Otherwise it may have: a browser does not say whether a connection was refused or broke.
  */
 const AT_ONCE = 1_000;
+/** When a stop without a proof is sent again, after it was pressed. */
+export const AGAIN: readonly number[] = [700, 2_000];
 /** The gateway answers a stop within 20 s. */
 const PATIENCE = 25_000;
 
@@ -57,58 +59,119 @@ const WORLD: World = {
 export interface Options {
   /** Whether the page knows already that the gateway is lost. */
   isLost?: boolean;
-  /** Ends the request: another stop needs its connection. */
+  /** Ends the requests: another stop needs their connections. */
   signal?: AbortSignal;
+  /** When it is sent again, in milliseconds. */
+  again?: readonly number[];
   world?: World;
 }
 
-/** Stops a robot. `tell` is called with each state, `sending` first, before this returns. */
+/**
+ * Stops a robot. `tell` is called with each state, `sending` first, before this returns. A connection may be dead
+ * while new ones work, and a stop may be carried out twice: without a proof it is sent again at the times of `again`,
+ * in milliseconds. The first proof counts.
+ */
 export async function stop(
   robot: string,
   csrf: string | null,
   tell: (state: StopState) => void,
-  { isLost = false, signal, world = WORLD }: Options = {},
+  { isLost = false, signal, world = WORLD, again = AGAIN }: Options = {},
 ): Promise<void> {
   tell({ kind: "sending" });
-  const cancel = world.after(SOON, () => tell({ kind: "not_confirmed", why: "no_answer" }));
   const abort = new AbortController();
   const giveUp = (): void => abort.abort();
   signal?.addEventListener("abort", giveUp);
+  const cancels: (() => void)[] = [];
+  let [underWay, waiting, isOver] = [0, again.length, false];
+  // Whether a request may have arrived whose answer did not come.
+  let mayBeSent = false;
+  let last: StopState | null = null;
+  let finish = (): void => {};
+  const finished = new Promise<void>((done) => (finish = done));
+  const cancelSoon = world.after(SOON, () => tell({ kind: "not_confirmed", why: "no_answer" }));
+  cancels.push(cancelSoon, world.after(PATIENCE, giveUp));
+  const attempt = async (): Promise<void> => {
+    underWay += 1;
+    const state = await once(robot, csrf, { isLost, abort, isGivenUp: () => signal?.aborted === true, world });
+    underWay -= 1;
+    if (isOver) return;
+    mayBeSent ||= state.kind === "not_confirmed";
+    const isRefused = state.kind === "not_sent" && state.why !== "no_gateway" && !mayBeSent && underWay === 0;
+    const isEnd = state.kind === "stopped" || isRefused;
+    // Of a stop that is on its way too, nothing is known yet.
+    if (isEnd || underWay === 0) {
+      cancelSoon();
+      const known: StopState = state.kind === "not_sent" && mayBeSent ? { kind: "not_confirmed", why: state.why } : state;
+      if (JSON.stringify(known) !== JSON.stringify(last)) tell(known);
+      last = known;
+    }
+    if (isEnd || abort.signal.aborted || (underWay === 0 && waiting === 0)) {
+      isOver = true;
+      finish();
+    }
+  };
+  for (const ms of again) {
+    cancels.push(
+      world.after(ms, () => {
+        waiting -= 1;
+        if (!isOver && !abort.signal.aborted) void attempt();
+      }),
+    );
+  }
+  void attempt();
+  await finished;
+  for (const cancel of cancels) cancel();
+  abort.abort();
+  signal?.removeEventListener("abort", giveUp);
+}
+
+interface Once {
+  isLost: boolean;
+  abort: AbortController;
+  /** Whether another stop needs its connection. */
+  isGivenUp(): boolean;
+  world: World;
+}
+
+/** Sends it once: what became of that. */
+async function once(robot: string, csrf: string | null, { isLost, abort, isGivenUp, world }: Once): Promise<StopState> {
   const begun = world.now();
-  const cancelAll = world.after(PATIENCE, giveUp);
+  const path = `/v1/robots/${encodeURIComponent(robot)}/stop`;
+  const send = async (proof: string | null): Promise<[Response, unknown]> => {
+    const response = await world.fetch(path, {
+      method: "POST",
+      headers: proof === null ? {} : { "X-CSRF-Token": proof },
+      signal: abort.signal,
+      cache: "no-store",
+      keepalive: true,
+      priority: "high",
+    });
+    return [response, await response.json().catch(() => null)];
+  };
   try {
-    const path = `/v1/robots/${encodeURIComponent(robot)}/stop`;
-    const send = async (proof: string | null): Promise<[Response, unknown]> => {
-      const response = await world.fetch(path, {
-        method: "POST",
-        headers: proof === null ? {} : { "X-CSRF-Token": proof },
-        signal: abort.signal,
-        cache: "no-store",
-        keepalive: true,
-        priority: "high",
-      });
-      return [response, await response.json().catch(() => null)];
-    };
     let [response, body] = await send(csrf);
     if (response.status === 403 && codeOf(body) === "bad_csrf") {
       // Another tab has begun another session. A stop that was refused for that never left the gateway.
       const proof = await proofNow(world, abort.signal);
       if (proof !== null && proof !== csrf) [response, body] = await send(proof);
     }
-    cancel();
-    if (response.ok && isStopped(body)) tell({ kind: "stopped", at: world.hallTime(), took: body.took_ms });
-    else if (NOT_SENT.has(response.status)) tell({ kind: "not_sent", why: codeOf(body) });
-    else tell({ kind: "not_confirmed", why: codeOf(body) });
+    if (response.ok && isStopped(body)) return { kind: "stopped", at: seenAt(response, body, world), took: body.took_ms };
+    return { kind: NOT_SENT.has(response.status) ? "not_sent" : "not_confirmed", why: codeOf(body) };
   } catch {
-    cancel();
     const isAtOnce = world.now() - begun < AT_ONCE;
-    if (signal?.aborted) tell({ kind: "not_confirmed", why: "given_up" });
-    else if (abort.signal.aborted) tell({ kind: "not_confirmed", why: "no_answer" });
-    else tell({ kind: isLost && isAtOnce ? "not_sent" : "not_confirmed", why: "no_gateway" });
-  } finally {
-    cancelAll();
-    signal?.removeEventListener("abort", giveUp);
+    if (isGivenUp()) return { kind: "not_confirmed", why: "given_up" };
+    if (abort.signal.aborted) return { kind: "not_confirmed", why: "no_answer" };
+    return { kind: isLost && isAtOnce ? "not_sent" : "not_confirmed", why: "no_gateway" };
   }
+}
+
+/** When it was seen that the arm stands, on the gateway's clock: the answer may be late. */
+function seenAt(response: Response, body: { seen_at?: unknown }, world: World): Date {
+  for (const told of [body.seen_at, response.headers.get("Date")]) {
+    const at = typeof told === "string" ? new Date(told) : null;
+    if (at !== null && !Number.isNaN(at.getTime())) return at;
+  }
+  return world.hallTime();
 }
 
 /** The proof of the session that is open now; `null` if there is no session. */
@@ -119,7 +182,7 @@ async function proofNow(world: World, signal: AbortSignal): Promise<string | nul
   return typeof body.csrf === "string" ? body.csrf : null;
 }
 
-function isStopped(body: unknown): body is { confirmed: true; took_ms: number } {
+function isStopped(body: unknown): body is { confirmed: true; took_ms: number; seen_at?: unknown } {
   return typeof body === "object" && body !== null && "confirmed" in body && body.confirmed === true;
 }
 

@@ -142,8 +142,18 @@ test("a proved stop goes when it is cleared; what was not proved stays until it 
   stops.one("b", BY);
   await sent[0]!.end(STOPPED);
   await sent[1]!.end({ kind: "not_confirmed", why: "not_stopped" });
-  stops.cleared("a");
-  stops.cleared("b");
-  stops.cleared("c");
+  for (const robot of ["a", "b", "c"]) stops.cleared(robot, 0);
   expect([stops.of("a"), stops.of("b")?.kind, stops.of("c")]).toEqual([null, "not_confirmed", null]);
+});
+
+test("a proof from before the stop was cleared proves nothing of now; a later one does", async () => {
+  const { stops, sent } = start();
+  stops.show("a");
+  stops.one("a", BY);
+  stops.cleared("a", 5_000);
+  await sent[0]!.end({ kind: "stopped", at: new Date(4_000), took: 1 });
+  expect(stops.of("a")).toEqual({ kind: "not_confirmed", why: "cleared" });
+  stops.one("a", BY);
+  await sent[1]!.end({ kind: "stopped", at: new Date(6_000), took: 1 });
+  expect(stops.of("a")?.kind).toBe("stopped");
 });

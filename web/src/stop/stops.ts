@@ -56,6 +56,8 @@ export class Stops {
   private singles = 0;
   private readonly readers = new Set<() => void>();
   private readonly shown = new Map<string, number>();
+  /** When a stop of a robot was cleared last, on the gateway's clock: a proof from before says nothing of now. */
+  private readonly clearedAt = new Map<string, number>();
 
   constructor(private readonly world: World = WORLD) {}
 
@@ -130,9 +132,11 @@ export class Stops {
   }
 
   /**
-   * The stop was cleared: that the arm stood says nothing of now. What was not proved stays until it is read.
+   * The stop was cleared at this time of the gateway: that the arm stood says nothing of now. What was not proved stays
+   * until it is read.
    */
-  cleared(robot: string): void {
+  cleared(robot: string, at: number): void {
+    this.clearedAt.set(robot, at);
     if (this.known.get(robot)?.kind !== "stopped") return;
     this.known.delete(robot);
     this.changed();
@@ -165,7 +169,8 @@ export class Stops {
       this.underWay.add(job);
       const { csrf, isLost } = job.by;
       const tell = (state: StopState): void => this.tell(job.robot, job, state);
-      void this.world.stop(job.robot, csrf, tell, { isLost, signal: job.abort.signal }).finally(() => {
+      // A second request would take one more of the browser's six connections.
+      void this.world.stop(job.robot, csrf, tell, { isLost, signal: job.abort.signal, again: [] }).finally(() => {
         this.underWay.delete(job);
         this.next();
         this.changed();
@@ -175,6 +180,9 @@ export class Stops {
 
   private tell(robot: string, by: object, state: StopState): void {
     if (this.latest.get(robot) !== by) return;
+    if (state.kind === "stopped" && state.at.getTime() <= (this.clearedAt.get(robot) ?? -Infinity)) {
+      state = { kind: "not_confirmed", why: "cleared" };
+    }
     if (state.kind === "stopped" && !this.shown.has(robot)) this.known.delete(robot);
     else this.known.set(robot, state);
     this.changed();

@@ -162,6 +162,7 @@ class FakeRobot {
       stopped: false,
       stopped_by: null,
       stops_under_way: 0,
+      stops_begun: 0,
       global_speed: null,
     };
   }

@@ -75,6 +75,7 @@ pub struct RobotSummary {
     /// How many stops of it have begun since the gateway started, also those that were cleared: send it with
     /// `clear-stopped`, so that a stop that you have not seen is not cleared.
     #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true))]
     pub stops_begun: u64,
     /// The global speed as it was last set over the gateway. The protocol does not tell it: a person at the
     /// pendant, or a program that is connected to the robot directly, can have set another one since. `null`

@@ -39,6 +39,9 @@ const SILENCE: Duration = Duration::from_secs(30);
 /// after five of them.
 const ALIVE: Duration = Duration::from_secs(2);
 
+/// When the first one comes: after a connection was lost, it says that nothing has changed.
+const FIRST_ALIVE: Duration = Duration::from_millis(200);
+
 /// How long the end may take: the last frame, and that of the peer.
 const CLOSE_TIME: Duration = Duration::from_secs(1);
 
@@ -149,7 +152,7 @@ async fn write(
     Manner { mut begins_later, tells_alive }: Manner,
 ) -> End {
     let mut ping = interval_at(Instant::now() + PING, PING);
-    let mut alive = interval_at(Instant::now() + ALIVE, ALIVE);
+    let mut alive = interval_at(Instant::now() + FIRST_ALIVE, ALIVE);
     let plain = |message| text(&LiveSent { message, resume: None });
     loop {
         let message = tokio::select! {
