@@ -15,6 +15,7 @@ async function start() {
   const asked: { method: string; path: string; body: unknown }[] = [];
   let answer = (_path: string): Answer<Run> => ({ kind: "unknown" });
   vi.doMock("../../api/client.ts", () => ({
+    goByClock: () => {},
     call: async (method: string, path: string, more: { body?: unknown } = {}) => {
       asked.push({ method, path, body: more.body });
       return answer(path);

@@ -12,6 +12,7 @@ async function start() {
   vi.resetModules();
   const answers: Record<string, Answer<unknown>> = {};
   vi.doMock("../../api/client.ts", () => ({
+    goByClock: () => {},
     call: async (_method: string, path: string) => answers[path] ?? { kind: "unknown" },
     freshKey: () => "key",
     whenSignedOut: () => {},
