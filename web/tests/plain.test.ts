@@ -3,7 +3,7 @@ import { parse } from "svelte/compiler";
 import { expect, test } from "vitest";
 import { joined } from "../src/api/save.ts";
 import { en } from "../src/i18n/en.ts";
-import { guarded, plain, plainTable, visibly } from "../src/i18n/plain.ts";
+import { guarded, inFileName, plain, plainTable, visibly } from "../src/i18n/plain.ts";
 import { whoOf } from "../src/ui/who.ts";
 
 const TURNED = "press\u202e4\u200b";
@@ -55,6 +55,7 @@ test("no sentence is turned by what it is given, however deep that stands", () =
 test("a file that the page saves keeps its lines, and hides nothing", () => {
   const table = `robot,program\r\nsaw,${TURNED}\r\n`;
   expect(plainTable(table)).toBe(`robot,program\r\nsaw,${MARKED}\r\n`);
+  expect(inFileName("pick\u202elmth.toml")).toBe("pick_lmth.toml");
   expect(joined([table, table])).toBe(`robot,program\r\nsaw,${MARKED}\r\nsaw,${MARKED}\r\n`);
 });
 

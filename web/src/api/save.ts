@@ -1,6 +1,6 @@
 /** Files for the person at this browser: what the gateway answers, in its own formats. */
 import type { Answer, File } from "./client.ts";
-import { plainTable } from "../i18n/plain.ts";
+import { inFileName, plainTable } from "../i18n/plain.ts";
 import { file } from "./client.ts";
 import { PATIENCE } from "./patiently.ts";
 
@@ -11,7 +11,7 @@ export const PARQUET = "application/vnd.apache.parquet";
 export function save(bytes: Blob, name: string): void {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(bytes);
-  link.download = name;
+  link.download = inFileName(name);
   link.target = "_blank";
   document.body.append(link);
   link.click();

@@ -48,6 +48,11 @@ function outside(text: string): string {
   return RIGHT_TO_LEFT.test(shown) ? ISOLATE + shown + END : shown;
 }
 
+/** A text of others in the name of a file. */
+export function inFileName(text: string): string {
+  return text.replace(ALL_HIDDEN, "_");
+}
+
 /** A table as a file: its lines stay. */
 export function plainTable(table: string): string {
   return table.split(/(\r?\n)/).map((part, at) => (at % 2 === 1 ? part : visibly(part))).join("");
