@@ -34,7 +34,8 @@ test("a frozen gateway is not told as a lost link of a robot", async () => {
   await says(page, "[data-gateway]", "gateway silent");
   expect(await tile("press-1")).not.toContain("link");
   expect(await tile("saw"), "what was known then").toMatch(/had no link, \d+ s old$/);
-  await says(page, "[data-needs=unknown]", "The gateway is not heard.");
+  await says(page, "[data-needs=unknown]", /The gateway is not heard\.[^]*Last known:/);
+  expect(await page.getAttribute("[aria-labelledby=needs] li", "class")).toContain("hatched");
   // How long it waits is as of when the gateway was heard.
   const waits = await page.textContent("[aria-labelledby=needs] ol");
   await page.waitForTimeout(2_100);
