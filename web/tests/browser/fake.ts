@@ -92,12 +92,14 @@ class FakeRobot {
     private readonly at: number,
     public runs: boolean,
     private readonly isVirtual: boolean,
+    private readonly behind: string,
   ) {
     this.readings = (at * 37) % CYCLE;
     const first: Record<string, AddressValue> = { curMode: runs ? 7 : 2, curAlarm: 0, isMoving: runs, origin: true, RemoteCmdLen: 0 };
     for (const [address] of UNITS) this.values.set(address, first[address] ?? 0);
     // This firmware does not tell it.
-    this.values.delete("curMold");
+    if (behind === "") this.values.delete("curMold");
+    else this.values.set("curMold", `pick${behind}`);
     this.values.set("counter-0", this.counter());
     this.values.set("lastCycle", 18);
     this.move();
@@ -138,7 +140,8 @@ class FakeRobot {
   fail(time: number, id: number): { signals: Signal[]; events: Happened[] } {
     const since = new Date(time).toISOString();
     const about = { axis: "J6", begin_seen: true, acknowledged: null, shelved: null, until: null };
-    this.alarm = { id, robot: this.name, ...ALARM, ...about, since, state: "active" };
+    const text = ALARM.text + this.behind;
+    this.alarm = { id, robot: this.name, ...ALARM, text, ...about, since, state: "active" };
     this.alarmed = 0;
     const events: Happened[] = [{ event: "alarm_began", ...ALARM }, this.mode(3)];
     return { signals: this.signals(this.set({ curAlarm: ALARM.code, curMode: 3, isMoving: false })), events };
@@ -151,14 +154,14 @@ class FakeRobot {
       managed_by: "file",
       model: MODEL,
       link: this.link,
-      identity: { firmware: "HC-QC-RX-7.8.07-master-F5.2.1", machine_name: this.isVirtual ? `r6 virtual ${MODEL}` : MODEL, axis_count: AXES },
+      identity: { firmware: "HC-QC-RX-7.8.07-master-F5.2.1", machine_name: (this.isVirtual ? `r6 virtual ${MODEL}` : MODEL) + this.behind, axis_count: AXES },
       identity_changed: null,
       virtual: this.isVirtual,
       panel: false,
       twin: null,
       guard: null,
       twin_of: null,
-      lease: null,
+      lease: this.behind === "" ? null : { number: 1, holder: `op-1${this.behind}`, expires_in_ms: 60_000 },
       stopped: false,
       stopped_by: null,
       stops_under_way: 0,
@@ -215,6 +218,8 @@ export interface Wanted {
   alarmed?: number;
   /** After how many readings of the hall another robot raises an alarm for a minute. */
   alarmEvery?: number;
+  /** What stands behind all names and texts of robots. */
+  behind?: string;
   /** The models of a real gateway: without them there is no picture of an arm. */
   models?: ArmModel[];
 }
@@ -238,7 +243,8 @@ export class FakeGateway {
     const kinds = ["press", "pack", "saw", "weld", "lathe"];
     this.robots = Array.from({ length: wanted.robots }, (_, at) => {
       const name = `${kinds[Math.floor((at * kinds.length) / wanted.robots)]}-${String(at + 1).padStart(3, "0")}`;
-      return new FakeRobot(name, at, at < wanted.running, at % 10 === 9);
+      const { behind = "" } = wanted;
+      return new FakeRobot(name + behind, at, at < wanted.running, at % 10 === 9, behind);
     });
     this.robots.sort((a, b) => (a.name < b.name ? -1 : 1));
     for (const robot of this.robots.slice(-(wanted.lost ?? 0) || Infinity)) robot.link = "down";

@@ -1,6 +1,7 @@
 /** What the page says of refusals, and of names that others gave. */
-import type { Browser } from "playwright-core";
+import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
+import { FakeGateway, openSignedIn } from "./fake.ts";
 import { type Hall, startHall } from "./gateway.ts";
 import { fits, isAccessible, openPage, picture, says, startBrowser } from "./support.ts";
 
@@ -17,6 +18,16 @@ afterAll(async () => {
   await browser?.close();
   await hall?.end();
 });
+
+/** What is read and what is heard. */
+function texts(page: Page): Promise<string> {
+  return page.evaluate(() => {
+    const labels = ["aria-label", "title", "alt", "placeholder"].flatMap((name) =>
+      [...document.querySelectorAll(`[${name}]`)].map((one) => one.getAttribute(name)),
+    );
+    return [document.title, document.body.textContent, ...labels].join(" ");
+  });
+}
 
 test("a Chinese page says a refusal in Chinese, with what the gateway said in English under it", async () => {
   const { page, faults } = await openPage(browser, { locale: "zh-CN", viewport: { width: 390, height: 844 } });
@@ -63,14 +74,7 @@ test("a name that turns what stands around it is shown as it is, on the page, in
   expect((await hall.ask(turner, "POST", "/v1/robots/press-1/stop")).status).toBe(200);
   expect((await hall.ask(turner, "POST", "/v1/robots/press-1/lease", {})).status).toBe(200);
   const { page, faults } = await openPage(browser);
-  /** What is read and what is heard. */
-  const all = (): Promise<string> =>
-    page.evaluate(() => {
-      const labels = ["aria-label", "title", "alt", "placeholder"].flatMap((name) =>
-        [...document.querySelectorAll(`[${name}]`)].map((one) => one.getAttribute(name)),
-      );
-      return [document.title, document.body.textContent, ...labels].join(" ");
-    });
+  const all = (): Promise<string> => texts(page);
   await page.goto(`${hall.url}/robots/press-1#${engineer}`);
   await says(page, "[data-stopped-by]", `(${marked})`);
   await says(page, "[data-lease=others]", `(${marked})`);
@@ -90,4 +94,32 @@ test("a name that turns what stands around it is shown as it is, on the page, in
   await isAccessible(page);
   expect(faults).toEqual([]);
   await page.context().close();
+});
+
+test("robots, programs, alarms and people of another gateway turn no sentence, on any page", async () => {
+  const fake = new FakeGateway({ robots: 12, running: 6, lost: 2, alarmed: 2, behind: "\u202e\u200b" });
+  await fake.begin();
+  const marked = "\\u{202e}\\u{200b}";
+  const { page, faults } = await openSignedIn(browser);
+  const [first, second] = [fake.robots[0]?.name ?? "", fake.robots[1]?.name ?? ""];
+  const of = (name: string): string => `robots/${encodeURIComponent(name)}`;
+  const history = `history?robot=${encodeURIComponent(second)}&signal=axis-0,curMold&span=1m`;
+  const paths = ["", of(first), of(second), `${of(second)}/teach`, "alarms", "production", "connections", history];
+  for (const language of ["en", "zh"]) {
+    await page.addInitScript((chosen) => localStorage.setItem("r6-language", chosen), language);
+    for (const path of paths) {
+      await page.goto(`${fake.url}/${path}`);
+      await says(page, "body", marked);
+      // The parts that come later are there.
+      await page.waitForTimeout(300);
+      expect(await texts(page), path).not.toMatch(/[\u202e\u200b]/u);
+    }
+  }
+  await page.goto(`${fake.url}/`);
+  await page.click("text=停止…");
+  await says(page, "[role=group]", marked);
+  expect(await texts(page)).not.toMatch(/[\u202e\u200b]/u);
+  expect(faults).toEqual([]);
+  await page.context().close();
+  await fake.end();
 });
