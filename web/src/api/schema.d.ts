@@ -1464,7 +1464,7 @@ export interface components {
             lease: components["schemas"]["LeaseKey"];
             /**
              * Format: int64
-             * @description `stops_begun` of the robot, as the caller has seen it: if another stop has begun since, that one is not
+             * @description `stops_begun` of the robot, as the caller has seen it: if another stop was told since, that one is not
              *     cleared. Without it, whatever stop holds is cleared.
              */
             stops_begun?: number | null;
@@ -3217,8 +3217,9 @@ export interface components {
             stopped_by: components["schemas"]["ActedBy"] | null;
             /**
              * Format: int64
-             * @description How many stops of it have begun since the gateway started, also those that were cleared: send it with
-             *     `clear-stopped`, so that a stop that you have not seen is not cleared.
+             * @description How many stops of it were told since the gateway started (`stop_began`), also those that were cleared:
+             *     send it with `clear-stopped`, so that a stop that you have not seen is not cleared. A caller that stops a
+             *     stopped robot again within a minute is told of once.
              */
             stops_begun: number;
             /**

@@ -10,6 +10,8 @@ export interface Consent {
   virtual: boolean | null;
   /** Which machine it was, as one text. */
   machine: string;
+  /** The global speed in percent: as its panel says, or as it was set last; `null` if it is not known. */
+  speed: number | null;
 }
 
 /** The machine that answers behind a name, as one text: another one for another machine of the same name. */
@@ -17,19 +19,22 @@ export function machineOf({ summary: { identity, identity_changed, virtual }, wh
   return JSON.stringify([who, identity, identity_changed, virtual]);
 }
 
-export type Changed = "robot" | "program" | "left";
+export type Changed = "robot" | "program" | "left" | "speed";
 
-export function consentOf(view: View): Consent {
-  return { name: view.name, program: view.program, left: view.left, virtual: view.summary.virtual, machine: machineOf(view) };
+/** `ofPanel`: the global speed that the panel of a virtual robot says; `null` without one. */
+export function consentOf(view: View, ofPanel: number | null = null): Consent {
+  const speed = ofPanel ?? view.summary.global_speed?.percent ?? null;
+  return { name: view.name, program: view.program, left: view.left, virtual: view.summary.virtual, machine: machineOf(view), speed };
 }
 
 /** What is not any more as the person was told. */
-export function changed(consent: Consent, view: View): Changed | null {
-  const now = consentOf(view);
+export function changed(consent: Consent, view: View, ofPanel: number | null = null): Changed | null {
+  const now = consentOf(view, ofPanel);
   if (now.name !== consent.name || now.machine !== consent.machine || now.virtual !== consent.virtual) return "robot";
   if (now.program !== consent.program) return "program";
   // To an empty list nothing was added with this consent: the gateway refuses if there is something.
   if (now.left !== consent.left && !(consent.left === 0 && now.left === null)) return "left";
+  if (now.speed !== consent.speed) return "speed";
   return null;
 }
 

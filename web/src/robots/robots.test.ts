@@ -90,6 +90,11 @@ test("a consent holds for what was said, and for nothing else", () => {
   expect(changed(empty, view("saw", { left: 2 }))).toBe("left");
   expect(changed(empty, view("saw", { left: null })), "the gateway refuses what is left").toBeNull();
   expect(mayRunLeftover(consentOf(view("saw", { left: null }))), "the dialog said that it may run").toBe(true);
+  const slow = { percent: 10, by: "anna", at: "2026-11-25T06:00:00Z" };
+  const at10 = consentOf(view("saw", {}, { global_speed: slow }));
+  expect(changed(at10, view("saw", {}, { global_speed: { ...slow, percent: 100 } }))).toBe("speed");
+  expect(changed(at10, view("saw", {}, { global_speed: null })), "it is not known any more").toBe("speed");
+  expect(changed(at10, view("saw", {}, { global_speed: slow }), 100), "the panel says another one").toBe("speed");
 });
 
 test("of robots whose state is not known it is not said that they need no person", () => {

@@ -60,6 +60,12 @@ class SessionState {
     return session.robot === null || session.robot === robot;
   }
 
+  /** A link was put into the address of a page that is open. */
+  linkCame(): void {
+    const text = location.hash.slice(1);
+    if (secretOf(text) !== null || oneTimeLinkOf(text) !== null) void this.begin();
+  }
+
   /** Takes the secret out of the address, signs in with it, or finds the session that is open. */
   async begin(): Promise<void> {
     const secret = location.hash.slice(1);

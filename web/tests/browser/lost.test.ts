@@ -47,6 +47,8 @@ test("a lost gateway is said at once, controls go off, and the page comes back b
   await page.click("[data-span='8h']");
   await page.waitForSelector("[data-problem=no_answer]");
 
+  // For 2 s the stop is sent again: it would reach the arm now.
+  await page.waitForTimeout(2_500);
   await network.open();
   await page.waitForSelector("[role=alert]", GONE);
   await says(page, "[data-value=axis-0]", /^0\.000$/);
@@ -127,4 +129,35 @@ test("a killed gateway is said, a stop is not sent, and the next start asks to s
   await page.waitForSelector("[data-outcome]", GONE);
   expect(faults).toEqual([]);
   await page.context().close();
+});
+
+test("an order is carried out once, also if its connection breaks before the answer", async () => {
+  const own = await startCell();
+  const { hostname, port, hash } = new URL(own.link);
+  const network = new Network({ host: hostname, port: Number(port) });
+  const { page, faults } = await openPage(browser);
+  try {
+    await page.goto(`${await network.open()}/robots/virtual${hash}`);
+    await page.click("text=Take control");
+    await page.waitForSelector("[data-lease=mine]");
+    // Answers to questions leave connections open, over which the order goes. The browser sends it again by itself.
+    await page.waitForTimeout(1_000);
+    network.breaks = "POST /v1/robots/virtual/commands";
+    let requests = 0;
+    page.on("request", (request) => (requests += request.url().endsWith("/commands") ? 1 : 0));
+    await page.click("[data-control=pause]");
+    await says(page, "[data-told-command]", "Pause: accepted");
+    expect([network.breaks, requests]).toEqual([null, 1]);
+
+    network.breaks = "POST /v1/robots/virtual/clear-stopped";
+    await page.click("[data-control=clear_stop]");
+    // The second request finds no stop that it may clear, or the first one's answer.
+    await says(page, "[data-told-command]", /Clear stop/);
+    await page.waitForSelector("[data-control=clear_stop]:disabled");
+    expect(faults.filter((fault) => !fault.includes("409"))).toEqual([]);
+  } finally {
+    await network.cut();
+    await page.context().close();
+    await own.up.kill();
+  }
 });

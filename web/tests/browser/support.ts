@@ -115,6 +115,8 @@ export class Network {
   isSilent = false;
   /** How late what the gateway says comes, in milliseconds. */
   delay = 0;
+  /** The next request with this in its head reaches the gateway, and its connection breaks before the answer. */
+  breaks: string | null = null;
 
   constructor(private readonly target: { host: string; port: number }) {
     this.server = this.make();
@@ -123,6 +125,7 @@ export class Network {
   private make(): Server {
     return createServer((near) => {
       const far = connect(this.target);
+      let isBroken = false;
       for (const [from, to] of [
         [near, far],
         [far, near],
@@ -131,6 +134,13 @@ export class Network {
         let way = Promise.resolve();
         from.on("data", (bytes) => {
           if (this.isSilent) return;
+          if (from === near && this.breaks !== null && bytes.includes(this.breaks)) {
+            this.breaks = null;
+            isBroken = true;
+          } else if (from === far && isBroken) {
+            near.destroy();
+            return;
+          }
           const due = Date.now() + (from === far ? this.delay : 0);
           // Bytes keep their order.
           way = way.then(async () => {

@@ -149,6 +149,8 @@ pub struct Seat {
     stops_under_way: u32,
     /// How many stops have begun.
     stops_begun: u64,
+    /// How many of them were told to all who follow the robot.
+    stops_told: u64,
     /// The robot that answers, if it is another than expected.
     stranger: Option<RobotIdentity>,
     link: Option<Link>,
@@ -193,6 +195,7 @@ impl Seat {
             taking: false,
             stops_under_way: 0,
             stops_begun: 0,
+            stops_told: 0,
             stranger: None,
             link: None,
             closed: false,
@@ -388,13 +391,26 @@ impl Seat {
         self.stops_under_way = self.stops_under_way.saturating_sub(1);
     }
 
-    /// Lets the robot move again. `seen`: how many stops the caller knows of; `None` clears any.
+    /// The stop that has just begun is told to all who follow the robot. Returns its number. Not each one is: a
+    /// caller that stops a stopped robot again and again must not push the events of others out.
+    pub fn stop_is_told(&mut self) -> u64 {
+        self.stops_told += 1;
+        self.stops_told
+    }
+
+    /// How many stops were told.
+    #[must_use]
+    pub fn stops_told(&self) -> u64 {
+        self.stops_told
+    }
+
+    /// Lets the robot move again. `seen`: how many stops the caller was told of; `None` clears any.
     ///
     /// # Errors
     /// [`Denied::NoLease`], [`Denied::StopUnderWay`], [`Denied::StoppedSince`].
     pub fn clear(&mut self, now: Instant, key: Key, seen: Option<u64>) -> Result<(), Denied> {
         self.held(now, key)?;
-        if seen.is_some_and(|seen| seen != self.stops_begun) {
+        if seen.is_some_and(|seen| seen != self.stops_told) {
             return Err(Denied::StoppedSince);
         }
         if self.stops_under_way > 0 {

@@ -326,7 +326,7 @@ impl Station {
             seat.stop_begins();
             seat.name_stop(&by.acts());
             let record = written.then(|| {
-                let number = seat.stops_begun();
+                let number = seat.stop_is_told();
                 self.publish(Happened::StopBegan { by: by.actor.clone(), holds: true, number });
                 self.record(by, Deed::StopBegan { request: request.to_owned() })
             });
@@ -365,7 +365,7 @@ impl Station {
         there.ok()?.ok()?.clone()
     }
 
-    /// Lets the robot move again after a stop. `seen`: how many stops the caller knows of; `None` clears any.
+    /// Lets the robot move again after a stop. `seen`: how many stops the caller was told of; `None` clears any.
     ///
     /// # Errors
     /// `no_lease`; `stopped` while a stop is under way, or if one has begun since.

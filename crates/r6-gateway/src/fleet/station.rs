@@ -565,7 +565,7 @@ impl Station {
                 stopped,
                 stopped_by,
                 stops_under_way,
-                stops_begun: seat.stops_begun(),
+                stops_begun: seat.stops_told(),
                 global_speed,
             }
         })
