@@ -37,7 +37,7 @@ pub fn check(headers: &HeaderMap) -> Result<(), Refusal> {
         return Ok(());
     }
     let message = format!(
-        "nothing was sent: this order was valid until {until} and came {} ms later; look at the robot, then give it again",
+        "this order was valid until {until} and came {} ms later; look at the robot, then give it again",
         late / 1_000
     );
     Err(refusal::of(Problem::new(Code::TooLate, message)))
