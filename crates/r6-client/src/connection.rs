@@ -20,6 +20,7 @@ use std::time::Duration;
 use r6_proto::time::Instant;
 
 use crate::backoff::Backoff;
+use crate::conditions::Permission;
 use crate::error::{Effect, NotSent};
 use crate::event::Event;
 use crate::hub::Hub;
@@ -261,8 +262,12 @@ impl Connection {
         }
     }
 
-    /// The bytes that wait to be written, without those of withdrawn requests.
+    /// The bytes that wait to be written, without those of withdrawn requests. None without the permission of
+    /// the settings.
     pub fn output(&mut self, now: Instant) -> &[u8] {
+        if self.settings.permission.as_ref().is_some_and(Permission::is_withdrawn) {
+            return &[];
+        }
         match &mut self.phase {
             Phase::Up { link, .. } | Phase::Closing { link, .. } => {
                 if !link.output().is_empty() {
@@ -583,6 +588,21 @@ mod tests {
         connection.give(Lane::Ordinary, query);
         connection.go_on(now);
         assert!(!connection.output(now).is_empty());
+    }
+
+    #[test]
+    fn without_the_permission_of_the_settings_not_even_a_stop_leaves() {
+        let permission = Permission::new();
+        let settings = RobotSettings { permission: Some(permission.clone()), ..RobotSettings::default() };
+        let backoff = Backoff::new(settings.reconnect, || 0);
+        let mut connection = Connection::new(("robot".to_owned(), false), settings, Arc::default(), backoff);
+        let now = Instant::ORIGIN;
+        let (to, _answer) = Places::default().open();
+        connection.give(Lane::Urgent, Job::new(Work::Command(Command::ActionStop), now, to));
+        connection.go_on(now);
+        assert!(!connection.output(now).is_empty());
+        permission.withdraw();
+        assert!(connection.output(now).is_empty());
     }
 
     #[test]

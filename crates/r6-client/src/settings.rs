@@ -6,6 +6,8 @@ use r6_proto::dialect::{Addressing, DsIdForm};
 use r6_proto::message::TypeKey;
 use r6_proto::request::LONGEST_ADD_RCC;
 
+use crate::conditions::Permission;
+
 /// The longest possible `packID`, in digits; frame lengths are computed with it.
 pub(crate) const LONGEST_PACK_ID: &str = "18446744073709551615";
 
@@ -35,6 +37,11 @@ pub struct RobotSettings {
     /// ([`crate::StandProof::EmptyList`]). A taught program that waits for longer then counts as standing,
     /// and moves the arm later.
     pub stays_in_mode_7: bool,
+    /// Only while this permission stands, something is written to the controller: no query, no heartbeat and
+    /// no stop either. The client asks it in the call that writes, also over a second connection. The
+    /// connection stays open. Default `None`: always. An example is a program that may have lost the right to
+    /// use the robot while it was frozen.
+    pub permission: Option<Permission>,
 }
 
 impl Default for RobotSettings {
@@ -49,6 +56,7 @@ impl Default for RobotSettings {
             type_key: TypeKey::ReqType,
             ds_id: DsIdForm::Long,
             stays_in_mode_7: false,
+            permission: None,
         }
     }
 }

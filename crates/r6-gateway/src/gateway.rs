@@ -444,16 +444,12 @@ pub(crate) fn begin(store: &mut dyn Store, robots: Vec<RobotConfig>) -> Result<B
     store.append(&records)?;
     // A link that an earlier start printed ends with it.
     store.remove_setup_link()?;
-    for run in store.open_runs()? {
-        let (run, record) = run::killed(run);
-        store.end_run(&run, true, &[record])?;
-    }
+    let ends: Vec<_> = store.open_runs()?.into_iter().map(run::killed).collect();
+    store.end_runs(&ends)?;
     let owed = store.owed_stops()?.into_iter().collect();
-    let kept = robots.into_iter().map(|robot| {
-        let (seat, alarms) = (store.seat(&robot.name)?, store.alarms(&robot.name)?);
-        Ok((Kept { seat, alarms }, robot))
-    });
-    Ok((kept.collect::<Result<_, StoreError>>()?, owed))
+    let names: Vec<_> = robots.iter().map(|robot| robot.name.clone()).collect();
+    let kept = store.kept(&names)?.into_iter().map(|(seat, alarms)| Kept { seat, alarms });
+    Ok((kept.zip(robots).collect(), owed))
 }
 
 /// Starts to look after these robots, for the routes.

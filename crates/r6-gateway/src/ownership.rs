@@ -81,6 +81,19 @@ impl Ownership {
         self.phase() == Phase::Owns
     }
 
+    /// Whether the store is this gateway's alone.
+    #[must_use]
+    pub fn is_alone(&self) -> bool {
+        matches!(&*self.standing(), Standing::Alone)
+    }
+
+    /// Whether anything may leave for a robot now, a stop or a query too. It is asked in the call that
+    /// writes.
+    #[must_use]
+    pub fn may_send(&self) -> bool {
+        self.phase() < Phase::Over
+    }
+
     /// Whether another gateway owns the robots, as far as this one knows.
     #[must_use]
     pub fn is_other(&self) -> bool {

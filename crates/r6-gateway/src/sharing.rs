@@ -338,11 +338,11 @@ async fn take(
     served: &mut Served,
     looked: &mut Option<oneshot::Sender<()>>,
 ) -> (u64, r6_proto::time::Instant) {
-    let mut look = tokio::time::interval(LOOK);
-    look.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let mut has_failed = false;
+    let mut pause = Duration::ZERO;
     loop {
-        look.tick().await;
+        tokio::time::sleep(pause).await;
+        pause = LOOK;
         let (seen, name) = match row.look().await {
             Ok(looked) => looked,
             Err(error) => {
@@ -361,7 +361,10 @@ async fn take(
             present.set(state);
             *served = serve(sharing, present);
         }
-        match watch.look(clock::now(), seen) {
+        let now = clock::now();
+        let verdict = watch.look(now, seen);
+        pause = watch.pause(now);
+        match verdict {
             Verdict::Wait => {
                 let is_alive = seen.state == crate::core::owner::RowState::Alive;
                 present.state().shared.ownership.set_other(if is_alive { name } else { String::new() });

@@ -12,6 +12,7 @@ mod heads;
 pub mod history;
 mod keeper;
 mod library;
+mod link;
 #[cfg(test)]
 mod memory;
 pub mod postgres;
@@ -34,6 +35,7 @@ use commands::{KeptCommand, NewCommand, Noted};
 pub use heads::{Ends, Heads};
 pub use keeper::Keeper;
 pub use library::{Kept, LibraryError, NewVersion};
+pub use link::Link;
 #[cfg(test)]
 pub use memory::Memory;
 use runs::{Begun, KeptRun, NewRun};
@@ -287,6 +289,22 @@ pub trait Store: Send {
     /// [`StoreError`].
     fn answer_run(&mut self, id: u64, answer: &str) -> Result<(), StoreError>;
 
+    /// What was saved of the seat and of the alarms of each of these robots, in their order.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn kept(&mut self, robots: &[RobotName]) -> Result<Vec<(Saved, alarms::Saved)>, StoreError> {
+        robots.iter().map(|robot| Ok((self.seat(robot)?, self.alarms(robot)?))).collect()
+    }
+
+    /// Keeps the ends of these runs, for each of which a stop is owed, and appends a record of each.
+    ///
+    /// # Errors
+    /// [`StoreError`]: some may be kept.
+    fn end_runs(&mut self, ends: &[(Run, AuditRecord)]) -> Result<(), StoreError> {
+        ends.iter().try_for_each(|(run, record)| self.end_run(run, true, std::slice::from_ref(record)))
+    }
+
     /// Keeps the end of a run, and whether a stop is still owed for it, and appends records to the audit log,
     /// all or nothing.
     ///
@@ -413,39 +431,6 @@ pub struct UserChange {
     pub link: Option<([u8; 32], u64)>,
     /// Only if the user has this stamp.
     pub if_stamp: Option<u64>,
-}
-
-/// For how long a one-time link is valid, in seconds: long enough to carry it to another screen.
-const LINK_LASTS: u64 = 3_600;
-
-/// How far the clock may be set back before a link that was just made counts as one of the future, in
-/// seconds.
-const CLOCK_TOLERANCE: u64 = 60;
-
-/// A one-time link.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Link {
-    /// SHA-256 of its secret.
-    pub hash: [u8; 32],
-    /// Whose password it sets; `None` for the link that makes the first admin.
-    pub user: Option<UserName>,
-    /// When it was made, in seconds since 1970.
-    pub made: u64,
-}
-
-impl Link {
-    fn is_valid(&self, now: u64) -> bool {
-        now < self.made.saturating_add(LINK_LASTS) && self.made <= now.saturating_add(CLOCK_TOLERANCE)
-    }
-
-    /// Whether it is for this change.
-    fn allows(&self, change: &UserChange) -> bool {
-        match (&self.user, &change.wish) {
-            (None, Wish::FirstAdmin(_)) => true,
-            (Some(user), Wish::Password(_)) => *user == change.name,
-            _ => false,
-        }
-    }
 }
 
 /// A token to add.

@@ -6428,7 +6428,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_owner` */
+            /** @description `store_unavailable`: the stop is cleared, and a database that gateways share did not confirm that it has that; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7162,7 +7162,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_owner` */
+            /** @description `store_unavailable`: the lease has ended, and a database that gateways share did not confirm that it has that; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;
@@ -7940,7 +7940,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_owner` */
+            /** @description `store_unavailable`: the arm stands, and a database that gateways share did not confirm that it has the stop: at another gateway it may not hold; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;

@@ -2,10 +2,10 @@
 //!
 //! The owner writes a beat each [`BEAT`] into the store, and counts from the *start* of its last good one, on
 //! a clock that goes on while the machine sleeps: no new move after [`NO_MOVES`], our lists are stopped at
-//! [`STOP_LISTS`], the connections are closed at [`CLOSE`]. Another gateway looks each [`LOOK`] and takes the
-//! robots at [`EXPIRES`] by the store's clock, if it has seen the same beat for [`WATCHED`] by its own: then
-//! a clock of the store that is set cannot take robots from an owner that lives. A fence that only grows
-//! tells one owner from the next.
+//! [`STOP_LISTS`], the connections are closed at [`CLOSE`]. Another gateway looks each [`LOOK`], more often
+//! while beats are missing. It takes the robots at [`EXPIRES`] by the store's clock, if it has seen the same
+//! beat for [`WATCHED`] by its own: then a clock of the store that is set cannot take robots from an owner
+//! that lives. A fence that only grows tells one owner from the next.
 
 use std::time::Duration;
 
@@ -31,6 +31,13 @@ pub const WATCHED: Duration = Duration::from_millis(2_500);
 
 /// How often others look.
 pub const LOOK: Duration = Duration::from_millis(500);
+
+/// After this time with the same beat, by the clock of the gateway that looks, beats are missing.
+pub const MISSING: Duration = Duration::from_millis(1_500);
+
+/// How often others look while beats are missing: the robots are without a gateway until one of them takes
+/// them.
+pub const LOOK_CLOSELY: Duration = Duration::from_millis(100);
 
 /// What the owner may do now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -151,6 +158,15 @@ impl Watch {
     pub fn had(&mut self, fence: u64) {
         self.highest = self.highest.max(fence);
         self.beat = None;
+    }
+
+    /// How long to wait before the next look.
+    #[must_use]
+    pub fn pause(&self, now: Instant) -> Duration {
+        match self.beat {
+            Some((_, _, since)) if now.since(since) >= MISSING => LOOK_CLOSELY,
+            _ => LOOK,
+        }
     }
 
     /// The row was seen. `now` is when the answer came, so that no beat seems to be known for longer than it

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use r6_api::gateway::RobotIdentity;
 use r6_client::{
-    Address, Identity, NotSubscribed, OperationMode, OutcomeUnknown, Quality, Reading, RequestError, Robot,
-    Snapshot, Subscription,
+    Address, Identity, NotSubscribed, OperationMode, OutcomeUnknown, Permission, Quality, Reading,
+    RequestError, Robot, RobotSettings, Snapshot, Subscription,
 };
 use r6_proto::time::Instant;
 use tokio::sync::watch;
@@ -136,8 +136,13 @@ type Introduction<'r> = Pin<Box<dyn Future<Output = Option<u64>> + Send + 'r>>;
 
 async fn connect(station: &Station, config: &RobotConfig) -> Robot {
     let (mut wait, longest) = WAITS;
+    let ownership = station.shared.ownership.clone();
+    // The client asks this in the call that writes: a process that was frozen in the middle of a stop sends
+    // no more of it when it goes on.
+    let permission = Some(Permission::new().only_while(move || ownership.may_send()));
+    let settings = RobotSettings { permission, ..config.settings.clone() };
     loop {
-        match station.shared.roads.connect(&config.address, config.settings.clone()).await {
+        match station.shared.roads.connect(&config.address, settings.clone()).await {
             Ok(robot) => return robot,
             Err(error) => tracing::debug!(robot = station.name(), %error, "no connection yet"),
         }

@@ -81,8 +81,8 @@ pub async fn command(
         Effect::Stops => traces::spawn(async move {
             let written = station.is_stop_written(&by, command.name().word());
             let done = station.stop_command(&by, command, written).await;
-            station.written().await;
-            done
+            let written = station.written_for_others().await;
+            done.and_then(|done| written.map(|()| done))
         }),
         Effect::Reads | Effect::Changes | Effect::Moves => {
             let once = once(&caller, station.name(), &headers, &request)?;
@@ -131,6 +131,12 @@ fn once(
         (status = 401, description = "`no_token`, `no_session`", body = Problem),
         (status = 403, description = "`not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin`", body = Problem),
         (status = 404, description = "`no_such_robot`", body = Problem),
+        (
+            status = 503,
+            description = "`store_unavailable`: the arm stands, and a database that gateways share did not confirm that \
+                           it has the stop: at another gateway it may not hold",
+            body = Problem
+        ),
         (status = 504, description = "`not_stopped`: it is NOT proved that the arm stands", body = Problem),
     )
 )]
@@ -138,8 +144,8 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
     let Robot { caller, station, .. } = robot;
     let work = traces::spawn(async move {
         let stopped = station.stop(&caller.by()).await;
-        station.written().await;
-        stopped
+        let written = station.written_for_others().await;
+        stopped.and_then(|stopped| written.map(|()| stopped))
     });
     work.await.map_err(refusal::of_lost_work)?.map(axum::Json).map_err(refusal::of)
 }
@@ -162,6 +168,12 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
         (status = 404, description = "`no_such_robot`", body = Problem),
         (status = 409, description = "`no_lease`; `stopped`: a stop is still under way, or has begun since; `too_late`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
+        (
+            status = 503,
+            description = "`store_unavailable`: the stop is cleared, and a database that gateways share did not \
+                           confirm that it has that",
+            body = Problem
+        ),
         OfChange,
         OfBody,
     )
@@ -174,7 +186,7 @@ pub async fn clear_stopped(
     deadline::check(&headers)?;
     let cleared = key(&lease).and_then(|key| robot.station.clear(&robot.caller.by(), key, stops_begun));
     cleared.map_err(refusal::of)?;
-    robot.station.written().await;
+    robot.station.written_for_others().await.map_err(refusal::of)?;
     Ok(StatusCode::NO_CONTENT)
 }
 

@@ -81,6 +81,12 @@ pub async fn acquire(
         (status = 409, description = "`no_lease`", body = Problem),
         (status = 422, description = "`bad_value`", body = Problem),
         (
+            status = 503,
+            description = "`store_unavailable`: the lease has ended, and a database that gateways share did not \
+                           confirm that it has that",
+            body = Problem
+        ),
+        (
             status = 504,
             description = "`not_stopped`: it is NOT proved that the arm stands; `outcome_unknown`: the gateway ends",
             body = Problem
@@ -93,8 +99,8 @@ pub async fn release(robot: Robot<Command>, Json(held): Json<WithLease>) -> Resu
     let key = key(&held.lease).map_err(refusal::of)?;
     let work = traces::spawn(async move {
         let released = robot.station.give_back(&robot.caller.by(), key).await;
-        robot.station.written().await;
-        released
+        let written = robot.station.written_for_others().await;
+        released.and(written)
     });
     let released = work.await.map_err(refusal::of_lost_work)?;
     released.map(|()| StatusCode::NO_CONTENT).map_err(refusal::of)

@@ -103,8 +103,8 @@ pub async fn act(
         tokio::spawn(async move {
             let written = station.is_stop_written(&by, &press.to_string());
             let done = station.panel_stop(&by, &press, written).await;
-            station.written().await;
-            done
+            let written = station.written_for_others().await;
+            done.and_then(|done| written.map(|()| done))
         })
     } else {
         caller.count(&state)?;

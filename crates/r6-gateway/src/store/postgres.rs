@@ -364,6 +364,29 @@ impl Store for Postgres {
         self.session.write(async |client| runs::answer(client, id, answer).await)
     }
 
+    fn kept(&mut self, robots: &[RobotName]) -> Result<Vec<(Saved, alarms::Saved)>, StoreError> {
+        // All questions are sent at once: a hall of robots must not wait for hundreds of answers in turn.
+        self.session.read(async |client| {
+            let one = |robot| async move {
+                futures_util::future::try_join(robots::seat(client, robot), robots::alarms(client, robot))
+                    .await
+            };
+            futures_util::future::try_join_all(robots.iter().map(one)).await
+        })
+    }
+
+    fn end_runs(&mut self, ends: &[(Run, AuditRecord)]) -> Result<(), StoreError> {
+        if ends.is_empty() {
+            return Ok(());
+        }
+        self.session.write(async |client| {
+            for (run, record) in ends {
+                runs::end(client, run, true, std::slice::from_ref(record)).await?;
+            }
+            Ok(())
+        })
+    }
+
     fn end_run(&mut self, run: &Run, owed: bool, records: &[AuditRecord]) -> Result<(), StoreError> {
         self.session.write(async |client| runs::end(client, run, owed, records).await)
     }

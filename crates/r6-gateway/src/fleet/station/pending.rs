@@ -5,11 +5,14 @@ use std::net::SocketAddr;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use r6_api::Code;
 use r6_api::gateway::{AuditRecord, Deed};
 
 use super::{By, Station};
 use crate::clock;
+use crate::core::owner::Phase;
 use crate::core::refusals::Refusals;
+use crate::problem::Problem;
 use crate::store::StoreError;
 
 /// How many records wait to be written. If the store fails for long, refusals are lost first, then the oldest
@@ -19,6 +22,13 @@ const MAX_PENDING: usize = 1_000;
 /// How long an answer waits until the disk has what it tells: a write takes milliseconds, and a person who
 /// stops a robot must not wait for a disk that is full.
 const ANSWERS_WITHIN: Duration = Duration::from_millis(250);
+
+/// How long an answer waits until a database that gateways share has what it tells. An owner without a
+/// database ends by then.
+const SHARED_WITHIN: Duration = Duration::from_secs(2);
+
+/// How often to look whether it has.
+const LOOK_AT_STORE: Duration = Duration::from_millis(10);
 
 impl Station {
     /// Notes something for the audit log, to be written soon.
@@ -106,6 +116,32 @@ impl Station {
         };
         if tokio::time::timeout(ANSWERS_WITHIN, written).await.is_err() {
             tracing::warn!(robot = self.name(), "an answer is given before the disk has what it tells");
+        }
+    }
+
+    /// The same, and with a store that others share [`SHARED_WITHIN`] at most: another gateway may go on from
+    /// that store at any time.
+    ///
+    /// # Errors
+    /// `store_unavailable`: it holds here, and the shared store did not confirm that it has it.
+    pub async fn written_for_others(&self) -> Result<(), Problem> {
+        self.written().await;
+        let ownership = &self.shared.ownership;
+        if ownership.is_alone() {
+            return Ok(());
+        }
+        let begun = clock::now();
+        loop {
+            // In this order: what a gateway that lost the robots did not write any more does not count.
+            if self.is_written() && ownership.may_move() {
+                return Ok(());
+            }
+            if clock::now().since(begun) >= SHARED_WITHIN || ownership.phase() >= Phase::StopLists {
+                let message = "it was done here, but the database did not confirm it in time: read the robot again \
+                               before you go on";
+                return Err(Problem::new(Code::StoreUnavailable, message));
+            }
+            tokio::time::sleep(LOOK_AT_STORE).await;
         }
     }
 

@@ -1,19 +1,19 @@
 //! Virtual controllers that remember which gateway sent them what, and when.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::future::poll_fn;
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
 use std::task::Poll;
-use std::time::SystemTime;
+use std::thread;
+use std::time::{Duration, Instant, SystemTime};
 
 use r6_controller::event::Event;
 use r6_sim::{ControllerHandle, VirtualController};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::{Builder, Runtime};
-
-/// What a stop sends: three commands, and an empty list.
-const STOPS: [&str; 4] = ["actionStop", "stopButton", "actionPause", "a list of 0"];
 
 /// A process of a gateway, and where it listens. They stay in the list after their end.
 #[derive(Clone, Debug)]
@@ -39,21 +39,73 @@ pub struct Frame {
     pub at: SystemTime,
     pub connection: Connection,
     pub what: String,
-    /// Whether it is a means of a stop.
-    pub is_of_stop: bool,
 }
 
 #[derive(Debug, Default)]
 struct Seen {
     /// By the number that the controller gives the connection, from 0.
     connections: Vec<Connection>,
-    frames: Vec<Frame>,
+    /// When, over which connection, and what.
+    frames: Vec<(SystemTime, usize, String)>,
+}
+
+/// How long looking up gateways may take.
+const LOOK_UP: Duration = Duration::from_secs(60);
+
+/// A connection whose gateway is not known yet.
+struct Asked {
+    seen: Arc<Mutex<Seen>>,
+    number: usize,
+    /// Both ends, that of the gateway first: the system uses a port again for another controller.
+    ends: (SocketAddr, SocketAddr),
+}
+
+/// Looks up which gateways connections are from, on a thread of its own: the table of the system can be long,
+/// and no controller must wait for it.
+#[derive(Clone)]
+struct LookUp {
+    asked: mpsc::Sender<Asked>,
+    /// How many are not looked up yet.
+    waiting: Arc<AtomicUsize>,
+}
+
+impl LookUp {
+    fn start(processes: Processes) -> Self {
+        let (asked, asks) = mpsc::channel::<Asked>();
+        let waiting = Arc::<AtomicUsize>::default();
+        let done = Arc::clone(&waiting);
+        thread::spawn(move || {
+            while let Ok(first) = asks.recv() {
+                let all: Vec<_> = std::iter::once(first).chain(asks.try_iter()).collect();
+                let gateways = gateways(&processes.lock().unwrap().clone());
+                for Asked { seen, number, ends } in &all {
+                    seen.lock().unwrap().connections[*number].gateway = gateways.get(ends).cloned();
+                }
+                done.fetch_sub(all.len(), Ordering::SeqCst);
+            }
+        });
+        Self { asked, waiting }
+    }
+
+    fn ask(&self, asked: Asked) {
+        self.waiting.fetch_add(1, Ordering::SeqCst);
+        self.asked.send(asked).unwrap();
+    }
+
+    fn wait(&self) {
+        let begun = Instant::now();
+        while self.waiting.load(Ordering::SeqCst) > 0 {
+            assert!(begun.elapsed() < LOOK_UP, "the gateways of connections are looked up");
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
 }
 
 /// The controllers, on their own thread.
 pub struct Robots {
     pub addresses: Vec<SocketAddr>,
     seen: Vec<Arc<Mutex<Seen>>>,
+    look_up: LookUp,
     _controllers: Vec<VirtualController>,
     _runtime: Runtime,
 }
@@ -62,6 +114,7 @@ impl Robots {
     /// Starts this many.
     pub fn start(count: usize, processes: &Processes) -> Self {
         let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+        let look_up = LookUp::start(Arc::clone(processes));
         let (mut addresses, mut seen, mut controllers) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..count {
             let (controller, listener) = runtime.block_on(async {
@@ -71,20 +124,23 @@ impl Robots {
             let of_one = Arc::new(Mutex::new(Seen::default()));
             watch(controller.handle(), Arc::clone(&of_one));
             addresses.push(listener.local_addr().unwrap());
-            let accepts =
-                accept(listener, controller.handle().clone(), Arc::clone(&of_one), processes.clone());
+            let accepts = accept(listener, controller.handle().clone(), Arc::clone(&of_one), look_up.clone());
             runtime.spawn(accepts);
             seen.push(of_one);
             controllers.push(controller);
         }
-        Self { addresses, seen, _controllers: controllers, _runtime: runtime }
+        Self { addresses, seen, look_up, _controllers: controllers, _runtime: runtime }
     }
 
     /// The frames since the last call, with the number of the controller.
     pub fn frames(&self) -> Vec<(usize, Frame)> {
         let of = |(robot, seen): (usize, &Arc<Mutex<Seen>>)| {
             let frames = std::mem::take(&mut seen.lock().unwrap().frames);
-            frames.into_iter().map(move |frame| (robot, frame))
+            self.look_up.wait();
+            let connections = seen.lock().unwrap().connections.clone();
+            frames.into_iter().map(move |(at, number, what)| {
+                (robot, Frame { at, connection: connections[number].clone(), what })
+            })
         };
         self.seen.iter().enumerate().flat_map(of).collect()
     }
@@ -104,10 +160,8 @@ fn watch(controller: &ControllerHandle, seen: Arc<Mutex<Seen>>) {
             };
             let mut seen = seen.lock().unwrap();
             let number = line.connection.map_or(usize::MAX, |id| usize::try_from(id.number()).unwrap());
-            let connection = seen.connections.get(number).cloned();
-            let connection = connection.unwrap_or_else(|| panic!("{what} over connection {number}"));
-            let is_of_stop = STOPS.contains(&what.as_str());
-            seen.frames.push(Frame { at: SystemTime::now(), connection, what, is_of_stop });
+            assert!(number < seen.connections.len(), "{what} over connection {number}");
+            seen.frames.push((SystemTime::now(), number, what));
         }
     });
 }
@@ -117,12 +171,17 @@ async fn accept(
     listener: TcpListener,
     controller: ControllerHandle,
     seen: Arc<Mutex<Seen>>,
-    processes: Processes,
+    look_up: LookUp,
 ) {
     loop {
         let (stream, peer) = listener.accept().await.unwrap();
-        let gateway = gateway_of(peer, &processes.lock().unwrap());
-        seen.lock().unwrap().connections.push(Connection { opened: SystemTime::now(), gateway });
+        let number = {
+            let mut seen = seen.lock().unwrap();
+            seen.connections.push(Connection { opened: SystemTime::now(), gateway: None });
+            seen.connections.len() - 1
+        };
+        let ends = (peer, stream.local_addr().unwrap());
+        look_up.ask(Asked { seen: Arc::clone(&seen), number, ends });
         let mut served = Box::pin(serve(controller.clone(), stream));
         // It gets the next number of the controller now.
         poll_fn(|context| {
@@ -135,22 +194,30 @@ async fn accept(
 }
 
 async fn serve(controller: ControllerHandle, stream: TcpStream) {
-    stream.set_nodelay(true).unwrap();
+    // It may have ended already.
+    stream.set_nodelay(true).ok();
     controller.serve(stream).await;
 }
 
-/// Which of the processes has the socket with this address.
-fn gateway_of(peer: SocketAddr, processes: &[Process]) -> Option<String> {
-    let SocketAddr::V4(peer) = peer else { return None };
-    let address = format!("{:08X}:{:04X}", u32::from(*peer.ip()).swap_bytes(), peer.port());
-    let table = fs::read_to_string("/proc/net/tcp").unwrap();
-    let mut lines = table.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
-    let inode = lines.find(|words| words.get(1) == Some(&address.as_str()))?.get(9)?.to_string();
-    let socket = format!("socket:[{inode}]");
-    let has = |process: &&Process| {
+/// Which gateway has the socket with each two ends, as far as it is one of these processes.
+fn gateways(processes: &[Process]) -> BTreeMap<(SocketAddr, SocketAddr), String> {
+    let mut sockets = BTreeMap::new();
+    for process in processes.iter().rev() {
         let files = fs::read_dir(format!("/proc/{}/fd", process.pid)).into_iter().flatten().flatten();
-        let mut links = files.filter_map(|file| fs::read_link(file.path()).ok());
-        links.any(|link| link.as_os_str() == socket.as_str())
+        for link in files.filter_map(|file| fs::read_link(file.path()).ok()) {
+            sockets.entry(link.display().to_string()).or_insert_with(|| process.url.clone());
+        }
+    }
+    let table = fs::read_to_string("/proc/net/tcp").unwrap();
+    let address = |text: &str| {
+        let (host, port) = text.split_once(':')?;
+        let host = u32::from_str_radix(host, 16).ok()?.swap_bytes();
+        Some(SocketAddr::from((host.to_be_bytes(), u16::from_str_radix(port, 16).ok()?)))
     };
-    processes.iter().rev().find(has).map(|process| process.url.clone())
+    let of = |line: &str| {
+        let words: Vec<_> = line.split_whitespace().collect();
+        let ends = (address(words.get(1)?)?, address(words.get(2)?)?);
+        Some((ends, sockets.get(&format!("socket:[{}]", words.get(9)?))?.clone()))
+    };
+    table.lines().filter_map(of).collect()
 }
