@@ -60,12 +60,6 @@ class SessionState {
     return session.robot === null || session.robot === robot;
   }
 
-  /** A link was put into the address of a page that is open. */
-  linkCame(): void {
-    const text = location.hash.slice(1);
-    if (secretOf(text) !== null || oneTimeLinkOf(text) !== null) void this.begin();
-  }
-
   /** Takes the secret out of the address, signs in with it, or finds the session that is open. */
   async begin(): Promise<void> {
     const secret = location.hash.slice(1);
@@ -76,17 +70,28 @@ class SessionState {
       return;
     }
     const by = secretOf(secret);
-    const known = mayBeOpen() ? await call<Session>("GET", "/v1/session") : null;
+    const known = this.phase === "in" || mayBeOpen() ? await call<Session>("GET", "/v1/session") : null;
     if (known?.kind === "ok") {
       if (by === null) this.#enter(known.value);
       else await this.#ask(known.value, by);
       return;
     }
     if (known?.kind === "refused" && known.status === 401) opened(false);
+    // A session that is open stays: without an answer it is not known to have ended.
+    else if (known !== null && this.phase === "in") return;
     if (known?.kind !== "unknown" && by !== null && (await this.signIn(by))) return;
     this.phase = "out";
     if (known?.kind === "unknown") this.problem = { code: "unknown", message: "" };
     else if (secret !== "" && by === null) this.problem = { code: "bad_link", message: "" };
+  }
+
+  /** A link was opened in the tab of this page: only the text behind `#` is another one. Another text changes nothing. */
+  async follow(): Promise<void> {
+    const secret = location.hash.slice(1);
+    if (secret === "") return;
+    const isLink = oneTimeLinkOf(secret) !== null || secretOf(secret) !== null;
+    if (isLink || this.phase === "out") await this.begin();
+    else history.replaceState(null, "", location.pathname + location.search);
   }
 
   /** The one-time link was used, or is left. A session that is open in this browser goes on, unless it was of this user. */
@@ -151,7 +156,17 @@ class SessionState {
     this.#used = performance.now();
     if (this.phase !== "in" || this.#used - this.#told < TELL) return;
     this.#told = this.#used;
-    void call<Session>("GET", "/v1/session");
+    void this.#look();
+  }
+
+  /** The role may be another one by now. */
+  async #look(): Promise<void> {
+    const { session } = this;
+    const answer = await call<Session>("GET", "/v1/session");
+    if (answer.kind !== "ok" || this.phase !== "in" || this.session !== session || session === null) return;
+    // Another tab may have signed somebody else in: what is shown here is not theirs.
+    const isSame = answer.value.user === session.user && answer.value.token === session.token;
+    if (isSame) this.session = answer.value;
   }
 
   /** Returns whether it is sure that the session has ended. */

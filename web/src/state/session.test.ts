@@ -190,3 +190,55 @@ test("a one-time link asks for a password before anything else, and leads to the
   await first.session.leaveLink("ben");
   expect([first.session.phase, first.session.session?.user]).toEqual(["in", "anna"]);
 });
+
+test("a link that is opened in the tab of the page is taken out of the address, and signs in as at the start", async () => {
+  let isOpen = false;
+  const { session, asked } = await begin("", ({ method }) => {
+    if (method === "POST") isOpen = true;
+    return isOpen ? Response.json(TOKEN_7) : refused(401);
+  });
+  expect(session.phase).toBe("out");
+  const kept = vi.fn();
+  vi.stubGlobal("history", { replaceState: kept });
+  const open = (hash: string) => vi.stubGlobal("location", { hash, pathname: "/", search: "?q=a" });
+  open(`#${LINK}`);
+  await session.follow();
+  expect([session.phase, asked.at(-1)?.path, kept.mock.calls]).toEqual(["in", "/v1/session/link", [[null, "", "/?q=a"]]]);
+  // While a session is open, the link of another one is asked about, and a text that is no link changes nothing.
+  open("#something");
+  await session.follow();
+  expect([session.phase, kept.mock.calls.length]).toEqual(["in", 2]);
+  open("");
+  await session.follow();
+  expect(kept.mock.calls.length).toBe(2);
+  open("#link=5d0c&ben");
+  await session.follow();
+  expect([session.phase, session.link?.name, kept.mock.calls.length]).toEqual(["link", "ben", 3]);
+});
+
+test("a link that is opened while the gateway does not answer ends no session", async () => {
+  let isThere = true;
+  const { session } = await begin("", () => (isThere ? Response.json(ANNA) : null));
+  isThere = false;
+  vi.stubGlobal("location", { hash: `#${TOKEN}`, pathname: "/", search: "" });
+  await session.follow();
+  expect([session.phase, session.session?.user]).toEqual(["in", "anna"]);
+});
+
+test("the role of somebody who uses the page is the one that the gateway told last", async () => {
+  let told: object = ANNA;
+  const { session, asked } = await begin("", () => Response.json(told));
+  expect(session.has("admin", null)).toBe(true);
+  const now = vi.spyOn(performance, "now").mockReturnValue(performance.now() + 61_000);
+  // Another tab signed somebody else in.
+  told = TOKEN_7;
+  session.use();
+  await vi.waitFor(() => expect(asked.length).toBe(2));
+  await new Promise((next) => setTimeout(next, 10));
+  expect(session.session?.user).toBe("anna");
+  told = { ...ANNA, role: "viewer" };
+  now.mockReturnValue(performance.now() + 61_000);
+  session.use();
+  await vi.waitFor(() => expect(session.has("operator", null)).toBe(false));
+  vi.restoreAllMocks();
+});

@@ -173,16 +173,3 @@ test("each page in Chinese on a phone", async () => {
   expect(faults).toEqual([]);
   await page.context().close();
 });
-
-test("a link that is put into the address of an open page signs in, and leaves the address", async () => {
-  const { page, faults } = await openPage(browser);
-  await page.goto(hall.url);
-  await page.waitForSelector("form");
-  await page.evaluate((secret) => {
-    location.hash = secret;
-  }, admin);
-  await page.waitForSelector("[data-robot=press-1]");
-  expect(page.url()).toBe(`${hall.url}/`);
-  expect(faults).toEqual([]);
-  await page.context().close();
-});

@@ -99,6 +99,40 @@ test("an operator signs in with the link, sees an axis move, stops the arm and s
   await page.context().close();
 });
 
+test("the question before a start tells the global speed that the page tells, and closes if it is another one", async () => {
+  await r6("panel", "--panel", cell.panel, "button", "stop");
+  await r6("-r", cell.robot, "command", "modifyGSPD", "10");
+  const { page, faults } = await openPage(browser);
+  await page.goto(`${cell.gateway}/robots/virtual${new URL(cell.link).hash}`);
+  await page.click("text=Take control");
+  await page.waitForSelector("[data-lease=mine]");
+  await says(page, "[data-speed]", /\b10 %/);
+  await page.click("[data-control=start]");
+  await says(page, "[data-told-speed]", /\b10 %/);
+  await r6("-r", cell.robot, "command", "modifyGSPD", "100");
+  await page.waitForSelector("[role=dialog]", { state: "detached" });
+  await says(page, "[data-told-command]", "Not started: the global speed is another one now");
+  await page.click("[data-control=start]");
+  await says(page, "[data-told-speed]", /\b100 %/);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+test("the link that signs in works in a tab that shows the page already, and is taken out of the address", async () => {
+  const { page, faults } = await openPage(browser);
+  await page.goto(`${cell.gateway}/`);
+  await page.waitForSelector("input");
+  await page.evaluate((hash) => void (location.hash = hash), new URL(cell.link).hash);
+  await page.waitForSelector("[data-robot=virtual]");
+  expect(page.url()).toBe(`${cell.gateway}/`);
+  // The same link again changes nothing.
+  await page.evaluate((hash) => void (location.hash = hash), new URL(cell.link).hash);
+  await page.waitForFunction(() => location.hash === "");
+  await page.waitForSelector("[data-robot=virtual]");
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
 test("an alarm stands first in the hall, is explained, acknowledged and cleared", async () => {
   const { page, faults } = await openPage(browser);
   await page.goto(cell.link);
