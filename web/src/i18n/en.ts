@@ -107,6 +107,7 @@ export const en = {
       `Nothing was heard of the gateway for ${duration(seconds)}, and the connection did not end: the gateway or the network hangs. Everything on this page is old. Trying again…`,
     lostShort: "gateway lost",
     silent: "gateway silent",
+    ageUnknown: "not known how old the values are",
     slow: (seconds: number) => `gateway slow: values are up to ${Math.max(1, Math.ceil(seconds))} s old`,
   },
   mode: (mode: number | null) => (mode === null ? "mode unknown" : (MODES[mode] ?? `mode ${mode}`)),

@@ -105,6 +105,7 @@ export const zh: typeof en = {
       `已有 ${duration(seconds)}没有收到网关的消息，而连接没有断开：网关或网络停滞。本页所有内容均已过时，正在重试…`,
     lostShort: "网关已断开",
     silent: "网关无响应",
+    ageUnknown: "数值已过时多久尚不清楚",
     slow: (seconds) => `网关缓慢：数值最多已过时 ${Math.max(1, Math.ceil(seconds))} 秒`,
   },
   mode: (mode) => (mode === null ? "模式未知" : (MODES[mode] ?? `模式 ${mode}`)),

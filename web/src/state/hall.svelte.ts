@@ -52,6 +52,8 @@ class Hall {
   #backAt = 0;
   /** Whether messages come, but too late. */
   #isLate = $state(false);
+  /** Whether a clock was set, or the computer slept: until something is proved anew, ages are not known. */
+  isAgeUnknown = $state(false);
   /** Whether something came over the connection yet. */
   isConnected = $state(false);
   latency = $state<number | null>(null);
@@ -155,6 +157,7 @@ class Hall {
       },
       quiet: (heard, isSlow) => {
         this.#quiet = heard;
+        if (heard === null) this.isAgeUnknown = false;
         this.#isLate = isSlow;
         touch();
       },
@@ -204,6 +207,7 @@ class Hall {
     this.alarms = null;
     this.heard = null;
     this.#quiet = null;
+    this.isAgeUnknown = false;
     this.#unanswered = null;
     this.isConnected = false;
     this.hasClock = false;
@@ -324,6 +328,7 @@ class Hall {
     this.#apart = apart;
     if (Math.abs(slept) > SLEPT) {
       this.#late.forget();
+      if (slept > 0) this.isAgeUnknown = true;
       this.#link?.slept(Math.max(0, slept));
     }
     touch();

@@ -92,3 +92,45 @@ test("where the browser does not know the zone of the hall, times are in UTC, an
   expect(faults).toEqual([]);
   await page.context().close();
 });
+
+test("after the clock of the computer was set, the page says that ages are not known, until something is proved", async () => {
+  const { page, faults } = await openPage(browser);
+  await page.goto(cell.link);
+  await page.waitForSelector("[data-robot=virtual]");
+  await says(page, "[data-gateway]", /ms/);
+  await page.evaluate((by) => {
+    const said: string[] = [];
+    const bar = document.querySelector("[data-gateway]")!;
+    new MutationObserver(() => said.push(bar.textContent ?? "")).observe(bar, { childList: true, subtree: true, characterData: true });
+    const now = Date.now.bind(Date);
+    Date.now = () => now() + by;
+    (window as unknown as { said: string[] }).said = said;
+  }, 3 * HOUR);
+  await says(page, "[data-gateway]", "not known how old the values are");
+  await says(page, "[data-gateway]", /ms/);
+  const said = await page.evaluate(() => (window as unknown as { said: string[] }).said);
+  expect(said.filter((text) => text.includes("s old"))).toEqual([]);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+test("a number is said to be read when it was asked for, however late the answer came", async () => {
+  const { page, faults } = await openPage(browser);
+  await page.route("**/query?address=counter-*", async (route) => {
+    const answer = await route.fetch();
+    await new Promise((next) => setTimeout(next, 3_000));
+    await route.fulfill({ response: answer });
+  });
+  await page.goto(cell.link);
+  await page.click("[data-robot=virtual]");
+  const zone = await page.evaluate(async () => ((await (await fetch("/v1/settings")).json()) as { time_zone: string }).time_zone);
+  const clock = (at: number): string => new Date(at).toLocaleTimeString("en-GB", { timeZone: zone });
+  const asked = Date.now();
+  await page.locator("section[aria-labelledby=numbers] button", { hasText: /read/i }).first().click();
+  await says(page, "[data-number=counter]", "read");
+  // The page knows the clock of the gateway to a second.
+  const text = await page.textContent("[data-number=counter]");
+  expect([-1, 0, 1, 2].map((more) => clock(asked + more * 1_000))).toContain(/read (\S+)/.exec(text ?? "")?.[1]);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
