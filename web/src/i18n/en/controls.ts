@@ -130,9 +130,7 @@ export const controls = {
   take: "Take over…",
   takeTitle: (robot: string, holder: string) => `Take ${robot} from ${holder}?`,
   takeChanged: (before: string, now: string | null) =>
-    now === before
-      ? `${before} has ended its control and taken it anew. Cancel, and ask again.`
-      : `${before} does not control it any more: ${now === null ? "it is free" : `${now} does`}. Cancel, and ask again.`,
+    `${before} does not control it any more: ${now === null ? "it is free" : `${now} does`}. Cancel, and ask again.`,
   takeWhat: "The gateway stops the robot first, and the stop holds. A program that it runs ends.",
   takeReason: "Reason, for the audit log",
   takeDo: (robot: string) => `Stop ${robot} and take control`,

@@ -123,10 +123,7 @@ export const controls: typeof english = {
   registerHint: "单元的程序可能会因寄存器而开始运动。",
   take: "接管…",
   takeTitle: (robot, holder) => `从 ${holder} 接管 ${robot}？`,
-  takeChanged: (before, now) =>
-    now === before
-      ? `${before} 已结束控制并重新取得控制。请取消后重新询问。`
-      : `${before} 已不再控制它：${now === null ? "现在空闲" : `现在由 ${now} 控制`}。请取消后重新询问。`,
+  takeChanged: (before, now) => `${before} 已不再控制它：${now === null ? "现在空闲" : `现在由 ${now} 控制`}。请取消后重新询问。`,
   takeWhat: "网关会先停止机器人，且停止保持有效。网关正在运行的程序会结束。",
   takeReason: "原因（写入审计日志）",
   takeDo: (robot) => `停止 ${robot} 并接管`,
