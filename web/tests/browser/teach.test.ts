@@ -157,7 +157,7 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   // A speed that was set makes the preview void, and the next one is for it.
   await r6("-g", url, "--token-file", tokenFile, "-r", "press-4-twin", "command", "modifyGSPD", "90");
   await page.waitForSelector("[data-void=speed]");
-  expect(await page.inputValue("[data-speed]")).toBe("90");
+  await until("the speed that was set", async () => (await page.inputValue("[data-speed]")) === "90");
   await page.click("[data-make]");
   await page.waitForSelector("[data-preview=done]");
 
