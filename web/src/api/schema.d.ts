@@ -2483,8 +2483,8 @@ export interface components {
         LiveAlive: {
             /**
              * Format: int64
-             * @description How long ago the last look at all robots began whose messages are all sent before this one, in ms. What
-             *     was not told since then did not change before that look. `null` before the first one is over.
+             * @description How long ago the last look at all robots began whose messages are all sent before this one, in ms.
+             *     What was not told since then did not change before that look. `null` before the first one is over.
              */
             passed_ms_ago: number | null;
             /** @description The time of the gateway. */
@@ -3217,9 +3217,9 @@ export interface components {
             stopped_by: components["schemas"]["ActedBy"] | null;
             /**
              * Format: int64
-             * @description How many stops of it were told since the gateway started (`stop_began`), also those that were cleared:
-             *     send it with `clear-stopped`, so that a stop that you have not seen is not cleared. A caller that stops a
-             *     stopped robot again within a minute is told of once.
+             * @description How many stops of it were told since the gateway started (`stop_began`), also those that were
+             *     cleared: send it with `clear-stopped`, so that a stop that you have not seen is not cleared. A
+             *     caller that stops a stopped robot again within a minute is told of once.
              */
             stops_begun: number;
             /**

@@ -72,9 +72,9 @@ pub struct RobotSummary {
     pub stopped_by: Option<ActedBy>,
     /// How many stops are under way now.
     pub stops_under_way: u32,
-    /// How many stops of it were told since the gateway started (`stop_began`), also those that were cleared:
-    /// send it with `clear-stopped`, so that a stop that you have not seen is not cleared. A caller that stops a
-    /// stopped robot again within a minute is told of once.
+    /// How many stops of it were told since the gateway started (`stop_began`), also those that were
+    /// cleared: send it with `clear-stopped`, so that a stop that you have not seen is not cleared. A
+    /// caller that stops a stopped robot again within a minute is told of once.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub stops_begun: u64,

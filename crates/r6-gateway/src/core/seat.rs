@@ -391,8 +391,8 @@ impl Seat {
         self.stops_under_way = self.stops_under_way.saturating_sub(1);
     }
 
-    /// The stop that has just begun is told to all who follow the robot. Returns its number. Not each one is: a
-    /// caller that stops a stopped robot again and again must not push the events of others out.
+    /// The stop that has just begun is told to all who follow the robot. Returns its number. Not each one
+    /// is: a caller that stops a stopped robot again and again must not push the events of others out.
     pub fn stop_is_told(&mut self) -> u64 {
         self.stops_told += 1;
         self.stops_told

@@ -367,7 +367,8 @@ impl Station {
         there.ok()?.ok()?.clone()
     }
 
-    /// Lets the robot move again after a stop. `seen`: how many stops the caller was told of; `None` clears any.
+    /// Lets the robot move again after a stop. `seen`: how many stops the caller was told of; `None` clears
+    /// any.
     ///
     /// # Errors
     /// `no_lease`; `stopped` while a stop is under way, or if one has begun since.

@@ -90,7 +90,8 @@ impl RobotConfig {
         address.map_err(|error| r6_client::RequestError::Invalid(error).to_string())
     }
 
-    /// Whether the robot is the same, is read in the same way, and has the same model, limits, twin and panel.
+    /// Whether the robot is the same, is read in the same way, and has the same model, limits, twin and
+    /// panel.
     #[must_use]
     pub fn is_as(&self, other: &Self) -> bool {
         let read = (&self.addresses, self.parts) == (&other.addresses, other.parts);

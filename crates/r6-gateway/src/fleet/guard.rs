@@ -4,8 +4,8 @@ use r6_api::gateway::{GuardRange, RobotGuard};
 use r6_client::units::{AxisCoordinate, Degrees, Millimetres, MillimetresPerSecond, Percent};
 use r6_client::{AxisIndex, Envelope};
 
-/// Limits of lists, as the client checks them and as the API tells them. They compare numbers with numbers, and
-/// protect no people (`docs/SAFETY.md`).
+/// Limits of lists, as the client checks them and as the API tells them. They compare numbers with numbers,
+/// and protect no people (`docs/SAFETY.md`).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Guard {
     envelope: Envelope,

@@ -24,8 +24,8 @@ impl Station {
         }
     }
 
-    /// The robot behind its guard, if it has one: lists with a step beyond a limit are not sent. Its workspace is
-    /// that of the tool and the work frame that are in use now.
+    /// The robot behind its guard, if it has one: lists with a step beyond a limit are not sent. Its
+    /// workspace is that of the tool and the work frame that are in use now.
     pub(super) fn guarded(&self, robot: &Robot) -> Robot {
         match &self.config().guard {
             Some(guard) => robot.with_guard(guard.envelope().clone()),
