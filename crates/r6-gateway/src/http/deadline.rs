@@ -1,8 +1,8 @@
 //! How long an order may be on its way.
 //!
 //! A network can deliver an order long after it was given, and a browser sends one again if its connection
-//! breaks before the answer. Meanwhile the arm, the program or who stopped it may be another. A caller who knows
-//! the clock of the gateway says until when the order holds. Stops always pass.
+//! breaks before the answer. Meanwhile the arm, the program or who stopped it may be another. A caller who
+//! knows the clock of the gateway says until when the order holds. Stops always pass.
 
 use axum::http::HeaderMap;
 use jiff::Timestamp;

@@ -22,7 +22,8 @@ fn guard() -> Guard {
         .max_speed(Percent::new(50.0).unwrap())
 }
 
-/// A gateway with one robot behind this guard, and its raw port, over which scripts of this machine command it.
+/// A gateway with one robot behind this guard, and its raw port, over which scripts of this machine command
+/// it.
 async fn hall(guard: Guard) -> Hall {
     let robot = VirtualController::start().await.unwrap();
     let period = Duration::from_millis(20);
