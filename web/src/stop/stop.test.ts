@@ -210,3 +210,29 @@ test("what a later request is refused says nothing of one that may have arrived"
   expect(states.map(({ kind }) => kind)).not.toContain("not_sent");
   expect(states.at(-1)).toEqual({ kind: "not_confirmed", why: "no_session" });
 });
+
+test("where connections are few, a stop that is sent again gives up the request before", async () => {
+  const world = new Fake(() => Promise.resolve(new Response()));
+  const signals: AbortSignal[] = [];
+  const fetch: World["fetch"] = (_path, init) => {
+    signals.push(init?.signal as AbortSignal);
+    if (signals.length > 1) return answer(200, { confirmed: true, took_ms: 9, seen_at: "2026-11-25T06:00:08Z" })();
+    return new Promise((_, fail) => init?.signal?.addEventListener("abort", () => fail(new DOMException("", "AbortError"))));
+  };
+  const states: StopState[] = [];
+  const outside: World = { fetch, after: world.after.bind(world), now: () => world.time, hallTime: () => AT };
+  const ended = stop("press-4", null, (state) => states.push(state), { world: outside, again: [2_000], atATime: 1 });
+  world.pass(2_000);
+  expect(signals.map(({ aborted }) => aborted)).toEqual([true, false]);
+  await ended;
+  expect(states.map(({ kind }) => kind)).toEqual(["sending", "stopped"]);
+});
+
+test("a stop that is given up between two requests has ended", async () => {
+  const world = new Fake(broken);
+  const abort = new AbortController();
+  const ended = stop("press-4", null, () => {}, { world, signal: abort.signal });
+  await new Promise((next) => setTimeout(next));
+  abort.abort();
+  await ended;
+});

@@ -63,6 +63,11 @@ export interface Options {
   signal?: AbortSignal;
   /** When it is sent again, in milliseconds. */
   again?: readonly number[];
+  /**
+   * How many of the browser's six connections it takes at most: if it is sent again, the oldest request is given up. What
+   * arrived is carried out all the same, because the gateway does not wait for its caller.
+   */
+  atATime?: number;
   world?: World;
 }
 
@@ -75,11 +80,14 @@ export async function stop(
   robot: string,
   csrf: string | null,
   tell: (state: StopState) => void,
-  { isLost = false, signal, world = WORLD, again = AGAIN }: Options = {},
+  { isLost = false, signal, world = WORLD, again = AGAIN, atATime = 2 }: Options = {},
 ): Promise<void> {
   tell({ kind: "sending" });
   const abort = new AbortController();
-  const giveUp = (): void => abort.abort();
+  const giveUp = (): void => {
+    abort.abort();
+    if (underWay === 0) end();
+  };
   signal?.addEventListener("abort", giveUp);
   const cancels: (() => void)[] = [];
   let [underWay, waiting, isOver] = [0, again.length, false];
@@ -88,12 +96,21 @@ export async function stop(
   let last: StopState | null = null;
   let finish = (): void => {};
   const finished = new Promise<void>((done) => (finish = done));
+  const end = (): void => {
+    isOver = true;
+    finish();
+  };
+  const requests: AbortController[] = [];
   const cancelSoon = world.after(SOON, () => tell({ kind: "not_confirmed", why: "no_answer" }));
   cancels.push(cancelSoon, world.after(PATIENCE, giveUp));
   const attempt = async (): Promise<void> => {
+    const own = new AbortController();
+    const ending = AbortSignal.any([abort.signal, own.signal]);
     underWay += 1;
-    const state = await once(robot, csrf, { isLost, abort, isGivenUp: () => signal?.aborted === true, world });
+    if (requests.push(own) > atATime) requests.shift()?.abort();
+    const state = await once(robot, csrf, { isLost, ending, isGivenUp: () => signal?.aborted === true, world });
     underWay -= 1;
+    if (requests.includes(own)) requests.splice(requests.indexOf(own), 1);
     if (isOver) return;
     mayBeSent ||= state.kind === "not_confirmed";
     const isRefused = state.kind === "not_sent" && state.why !== "no_gateway" && !mayBeSent && underWay === 0;
@@ -105,10 +122,7 @@ export async function stop(
       if (JSON.stringify(known) !== JSON.stringify(last)) tell(known);
       last = known;
     }
-    if (isEnd || abort.signal.aborted || (underWay === 0 && waiting === 0)) {
-      isOver = true;
-      finish();
-    }
+    if (isEnd || abort.signal.aborted || (underWay === 0 && waiting === 0)) end();
   };
   for (const ms of again) {
     cancels.push(
@@ -127,21 +141,22 @@ export async function stop(
 
 interface Once {
   isLost: boolean;
-  abort: AbortController;
+  /** Ends the request. */
+  ending: AbortSignal;
   /** Whether another stop needs its connection. */
   isGivenUp(): boolean;
   world: World;
 }
 
 /** Sends it once: what became of that. */
-async function once(robot: string, csrf: string | null, { isLost, abort, isGivenUp, world }: Once): Promise<StopState> {
+async function once(robot: string, csrf: string | null, { isLost, ending, isGivenUp, world }: Once): Promise<StopState> {
   const begun = world.now();
   const path = `/v1/robots/${encodeURIComponent(robot)}/stop`;
   const send = async (proof: string | null): Promise<[Response, unknown]> => {
     const response = await world.fetch(path, {
       method: "POST",
       headers: proof === null ? {} : { "X-CSRF-Token": proof },
-      signal: abort.signal,
+      signal: ending,
       cache: "no-store",
       keepalive: true,
       priority: "high",
@@ -152,7 +167,7 @@ async function once(robot: string, csrf: string | null, { isLost, abort, isGiven
     let [response, body] = await send(csrf);
     if (response.status === 403 && codeOf(body) === "bad_csrf") {
       // Another tab has begun another session. A stop that was refused for that never left the gateway.
-      const proof = await proofNow(world, abort.signal);
+      const proof = await proofNow(world, ending);
       if (proof !== null && proof !== csrf) [response, body] = await send(proof);
     }
     if (response.ok && isStopped(body)) return { kind: "stopped", at: seenAt(response, body, world), took: body.took_ms };
@@ -160,7 +175,7 @@ async function once(robot: string, csrf: string | null, { isLost, abort, isGiven
   } catch {
     const isAtOnce = world.now() - begun < AT_ONCE;
     if (isGivenUp()) return { kind: "not_confirmed", why: "given_up" };
-    if (abort.signal.aborted) return { kind: "not_confirmed", why: "no_answer" };
+    if (ending.aborted) return { kind: "not_confirmed", why: "no_answer" };
     return { kind: isLost && isAtOnce ? "not_sent" : "not_confirmed", why: "no_gateway" };
   }
 }

@@ -24,6 +24,8 @@ export interface By {
 /** So many stops of many robots are under way at a time; of those without a link. */
 export const AT_A_TIME = 4;
 export const WITHOUT_LINK = 2;
+/** When a stop of many is sent again, in milliseconds: a robot that answers has stood still for long by then. */
+const AGAIN_OF_MANY: readonly number[] = [2_000];
 
 interface Job {
   robot: string;
@@ -169,8 +171,9 @@ export class Stops {
       this.underWay.add(job);
       const { csrf, isLost } = job.by;
       const tell = (state: StopState): void => this.tell(job.robot, job, state);
-      // A second request would take one more of the browser's six connections.
-      void this.world.stop(job.robot, csrf, tell, { isLost, signal: job.abort.signal, again: [] }).finally(() => {
+      const again = job.hasLink ? AGAIN_OF_MANY : [];
+      const options = { isLost, signal: job.abort.signal, again, atATime: 1 };
+      void this.world.stop(job.robot, csrf, tell, options).finally(() => {
         this.underWay.delete(job);
         this.next();
         this.changed();
