@@ -101,6 +101,8 @@ impl RobotSettings {
             type_key,
             ds_id,
             stays_in_mode_7,
+            // Python has no permissions.
+            permission: _,
         } = &self.0;
         let given = PyDict::new(py);
         given.set_item("reply_timeout", reply_timeout.as_secs_f64())?;

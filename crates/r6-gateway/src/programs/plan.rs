@@ -12,6 +12,7 @@ use r6_plot::play::{self, Cell, Limits};
 use r6_plot::{Ending, PlayError, Recording, Sample, Turn, words};
 use r6_program::MotionProgram;
 use r6_program::check::{AnyProgram, Checked};
+use r6_proto::message::Action;
 
 use super::check::{self, in_frames};
 use crate::problem::Problem;
@@ -56,6 +57,9 @@ pub fn plan(wish: Wish) -> Result<ProgramPlan, Problem> {
     let cell = Cell { limits: LIMITS, ..Cell::of_model(model.clone(), global_speed, from) };
     let recording = match program {
         AnyProgram::Motion(motion) => {
+            if let Some(wrong) = missing_axis(&motion, model) {
+                return Err(bad_program(wrong));
+            }
             if motion.lists.iter().flat_map(|list| &list.instructions).any(|step| !step.oneshot) {
                 remarks.push("this list repeats until it is stopped; it was played once".to_owned());
             }
@@ -84,6 +88,21 @@ pub fn plan(wish: Wish) -> Result<ProgramPlan, Problem> {
         sample_ms,
         samples,
         remarks,
+    })
+}
+
+/// The first step that moves an axis which the model does not have: the player leaves such numbers out, and a
+/// robot refuses them. Zeros are allowed, because people write all six.
+fn missing_axis(motion: &MotionProgram, model: &RobotModel) -> Option<String> {
+    let steps = motion.lists.iter().flat_map(|list| &list.instructions);
+    (1..).zip(steps).find_map(|(number, step)| {
+        let Action::AxisMove(to) = &step.action else { return None };
+        let has = model.axis_count();
+        let asked = to.manner.mask.map_or(to.target.given(), |mask| mask.and(to.target.given()));
+        let axis = asked
+            .axes()
+            .find(|axis| axis.index() >= has && to.target.at(*axis).is_some_and(|place| place != 0.0))?;
+        Some(format!("step {number} moves J{}, and {} has {has} axes", axis.index() + 1, model.name))
     })
 }
 
@@ -363,6 +382,18 @@ mod tests {
         assert!(matches!(endless.ended, PlanEnd::Endless | PlanEnd::TooLong), "{:?}", endless.ended);
         assert_eq!(endless.problems[0].kind, PlanProblemType::NoEnd);
         assert!(endless.samples.len() <= MAX_SAMPLES && endless.steps.len() <= LIMITS.instructions);
+    }
+
+    #[test]
+    fn a_step_that_moves_an_axis_which_the_model_lacks_is_told() {
+        let scara = |text: &str| Wish { model: super::super::model("GENERIC-SCARA").unwrap(), ..wish(text) };
+        let step = |to: &str| format!("[[instruction]]\ndo = \"axis-move\"\nto = {to}\nspeed = 10\n");
+        let six = step("[5, 0, 0, 0, 0, 0]") + &step("[5, 0, 0, 0, -30, 0]");
+        let problem = plan(scara(&six)).unwrap_err();
+        assert_eq!(problem.code, Code::BadProgram);
+        assert_eq!(problem.message, "step 2 moves J5, and GENERIC-SCARA has 4 axes");
+        assert_eq!(plan(scara(&step("[5, 0, 0, 0, 0, 0]"))).unwrap().ended, PlanEnd::Done);
+        assert_eq!(plan(wish(&six)).unwrap().ended, PlanEnd::Done);
     }
 
     #[test]
