@@ -59,7 +59,7 @@ class Fake implements World {
 
 class FakeSocket implements Socket {
   isClosed = false;
-  private message: (event: { data: unknown }) => void = () => {};
+  message: (event: { data: unknown }) => void = () => {};
   private closed: (event: { code: number }) => void = () => {};
 
   addEventListener(kind: "message", act: (event: { data: unknown }) => void): void;
@@ -107,6 +107,7 @@ function start(): Started {
       messages.push(sent.type);
       ats.push(at);
       resume = sent.resume ?? resume;
+      if (sent.type === "events_lost") link.again();
     },
     state: (heard, isSilent) => {
       told.push(heard);
@@ -123,7 +124,7 @@ function start(): Started {
       told.push("forget");
     },
   };
-  const link = new Link(world, reader);
+  const link: Link = new Link(world, reader);
   link.start();
   return { world, told, link, messages, quiet, hangs, slow, ats };
 }
@@ -345,4 +346,20 @@ test("after something was missed it connects anew, and begins with all robots", 
   expect(first.isClosed).toBe(true);
   expect(world.opened.at(-1)!.path).not.toContain("resume");
   expect(messages.at(-1), "robots that are not told of any more are gone").toBe("reset");
+});
+
+test("what stands behind a message that made it connect anew says nothing of the new connection", async () => {
+  const { world, quiet, messages } = start();
+  world.last.say({ type: "change", resume: "1-1" });
+  await world.pass(3_000);
+  const first = world.last;
+  // The worker hands several messages over at once.
+  first.message({ data: [{ type: "events_lost", resume: "1-2" }, { type: "change", resume: "1-3" }] });
+  expect(messages.slice(-2), "then all robots are in doubt").toEqual(["events_lost", "reset"]);
+  expect(world.opened.at(-1)!.path).not.toContain("resume");
+  await world.pass(2_000);
+  world.last.say({ type: "event" });
+  expect(quiet.at(-1), "no robot had its turn yet").toBe(0);
+  world.last.say({ type: "change", resume: "1-9" });
+  expect(quiet.at(-1)).toBe(null);
 });

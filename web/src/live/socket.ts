@@ -155,6 +155,8 @@ export class Link {
       for (const sent of read(event.data)) {
         if (sent.type === "alive") this.alive(sent, now);
         this.reader.message(sent, this.isQuiet ? Math.max(this.heard, this.openedAt) : now);
+        // It made the page connect anew: what else this connection says is not of the new one.
+        if (this.socket !== socket) return;
         if (this.isUnpassed && typeof sent.resume === "string") this.passed(now, this.openedAt);
       }
     });
