@@ -141,7 +141,7 @@ FIELDS: list[tuple[str, str, Any, Table]] = [
         "settings.rs",
         "RobotSettings",
         r6.RobotSettings,
-        {"reconnect": "reconnect_cap", "liveness": "dead_after"},
+        {"reconnect": "reconnect_cap", "liveness": "dead_after", "permission": " the gateway sends under it"},
     ),
     (
         "settings.rs",
