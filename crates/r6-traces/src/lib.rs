@@ -86,8 +86,11 @@ impl Traces {
     /// # Errors
     /// [`TracesError`].
     pub fn begin(service: &'static str) -> Result<Option<Self>, TracesError> {
-        let named = ADDRESSES.iter().find_map(|name| Some((*name, std::env::var(name).ok()?)));
-        match named.filter(|(_, value)| !value.is_empty()) {
+        let named = ADDRESSES.iter().find_map(|name| {
+            let address = std::env::var(name).ok()?;
+            (!address.is_empty()).then_some((*name, address))
+        });
+        match named {
             None => return Ok(None),
             Some((_, address)) if is_plain(&address) => {}
             Some((variable, address)) => return Err(TracesError::Address(variable, address)),

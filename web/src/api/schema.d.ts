@@ -1464,10 +1464,10 @@ export interface components {
             lease: components["schemas"]["LeaseKey"];
             /**
              * Format: int64
-             * @description `stops_begun` of the robot, as the caller has seen it: if another stop was told since, that one is not
+             * @description `stops_told` of the robot, as the caller has seen it: if another stop was told since, that one is not
              *     cleared. Without it, whatever stop holds is cleared.
              */
-            stops_begun?: number | null;
+            stops_told?: number | null;
         };
         /**
          * @description What kind of problem it is. The words do not change; new ones may come.
@@ -2031,7 +2031,7 @@ export interface components {
             holds: boolean;
             /**
              * Format: int64
-             * @description Its number: `stops_begun` of the robot from then on. 0 of a stop that does not hold.
+             * @description Its number: `stops_told` of the robot from then on. 0 of a stop that does not hold.
              */
             number: number;
         } | {
@@ -2483,8 +2483,8 @@ export interface components {
         LiveAlive: {
             /**
              * Format: int64
-             * @description How long ago the last look at all robots began whose messages are all sent before this one, in ms.
-             *     What was not told since then did not change before that look. `null` before the first one is over.
+             * @description How old what the reader has may be, in ms: whatever changed before that is in the messages before this
+             *     one. `null` until all robots were told once.
              */
             passed_ms_ago: number | null;
             /** @description The time of the gateway. */
@@ -3221,7 +3221,7 @@ export interface components {
              *     cleared: send it with `clear-stopped`, so that a stop that you have not seen is not cleared. A
              *     caller that stops a stopped robot again within a minute is told of once.
              */
-            stops_begun: number;
+            stops_told: number;
             /**
              * Format: int32
              * @description How many stops are under way now.

@@ -89,8 +89,8 @@ pub struct LiveNothing {}
 pub struct LiveAlive {
     /// The time of the gateway.
     pub time: String,
-    /// How long ago the last look at all robots began whose messages are all sent before this one, in ms.
-    /// What was not told since then did not change before that look. `null` before the first one is over.
+    /// How old what the reader has may be, in ms: whatever changed before that is in the messages before this
+    /// one. `null` until all robots were told once.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub passed_ms_ago: Option<u64>,

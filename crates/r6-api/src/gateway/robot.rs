@@ -77,7 +77,7 @@ pub struct RobotSummary {
     /// caller that stops a stopped robot again within a minute is told of once.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
-    pub stops_begun: u64,
+    pub stops_told: u64,
     /// The global speed as it was last set over the gateway. The protocol does not tell it: a person at the
     /// pendant, or a program that is connected to the robot directly, can have set another one since. `null`
     /// if it was not set since the gateway started, if that is not sure, if the controller may have been

@@ -1,6 +1,7 @@
 //! What the gateway knows of one robot, and who may send commands to it.
 
 mod pending;
+mod told;
 
 use std::cmp::Ordering::{Equal, Greater, Less};
 use std::collections::VecDeque;
@@ -9,11 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_api::AddressValue;
-use r6_api::gateway::{
-    ActedBy, AuditRecord, Deed, Happened, LeaseEnd, LeaseHolder, RobotLink, RobotState, RobotSummary, Run,
-    Signal, SignalQuality,
-};
-use r6_api::status::is_virtual;
+use r6_api::gateway::{ActedBy, AuditRecord, Deed, Happened, LeaseEnd, Run, Signal, SignalQuality};
 use r6_client::{Address, Permission, Robot};
 use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
@@ -21,8 +18,7 @@ use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
 use self::pending::push;
 use crate::clock;
 use crate::core::alarms;
-use crate::core::live::follower::{Step, Top};
-use crate::core::live::numbers::Span;
+use crate::core::live::follower::Top;
 use crate::core::name::RobotName;
 use crate::core::raw::fresh::Freshness;
 use crate::core::refusals::Refusals;
@@ -528,75 +524,6 @@ impl Station {
 
     fn held(&self) -> MutexGuard<'_, Held> {
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// The robot without its values.
-    pub fn summary(&self) -> RobotSummary {
-        let RobotConfig { address, managed_by, model, guard, twin_of, twin, panel, .. } = self.config();
-        self.seat(|seat, now| {
-            let (stopped, stops_under_way) = seat.stops();
-            let identity_changed = seat.identity_change();
-            let is_met = self.is_met.load(Ordering::SeqCst) || identity_changed.is_some();
-            let present = identity_changed.as_ref().map(|change| change.found.clone());
-            let identity = present.or_else(|| seat.saved().identity.clone());
-            let lease = seat.lease(now).map(|lease| LeaseHolder {
-                number: lease.number,
-                holder: lease.holder,
-                expires_in_ms: millis(lease.left),
-            });
-            let stopped_by = seat.saved().stopped_by.clone();
-            let global_speed = seat.global_speed(now).cloned();
-            let named = identity.as_ref().and_then(|robot| robot.machine_name.as_deref().map(is_virtual));
-            RobotSummary {
-                name: self.name().to_owned(),
-                address,
-                managed_by,
-                model,
-                guard: guard.map(|guard| guard.told().clone()),
-                link: if seat.is_up() { RobotLink::Up } else { RobotLink::Down },
-                // What another machine of this name was says nothing about what is at this address.
-                r#virtual: if twin_of.is_some() { Some(true) } else { named.filter(|_| is_met) },
-                twin_of: twin_of.map(|name| name.to_string()),
-                twin: twin.map(|name| name.to_string()),
-                panel: panel.is_some(),
-                identity,
-                identity_changed,
-                lease,
-                stopped,
-                stopped_by,
-                stops_under_way,
-                stops_begun: seat.stops_told(),
-                global_speed,
-            }
-        })
-    }
-
-    /// The robot with its values.
-    pub fn state(&self) -> RobotState {
-        let (span, signals) = {
-            let board = self.board();
-            (board.span(), board.all(clock::now()))
-        };
-        self.state_with(span.number, signals)
-    }
-
-    /// The robot with these values.
-    pub fn state_with(&self, number: u64, signals: Vec<Signal>) -> RobotState {
-        let period_ms = millis(self.config().period);
-        RobotState { summary: self.summary(), period_ms, epoch: self.shared.epoch, number, signals }
-    }
-
-    /// What a reader gets, and the values for it: all for a snapshot, and those that changed for changes.
-    pub fn tell_reader(&self, step: impl FnOnce(Span) -> Step) -> (Span, Step, Vec<Signal>) {
-        let board = self.board();
-        let span = board.span();
-        let step = step(span);
-        let signals = match step {
-            Step::Nothing => Vec::new(),
-            Step::Snapshot { .. } => board.all(clock::now()),
-            Step::Changes { after } => board.since(clock::now(), after),
-        };
-        (span, step, signals)
     }
 
     /// Notes that the robot can be seen from now on. To be called under the lock of the list of robots.

@@ -30,11 +30,7 @@ use crate::{problem, traces};
             Header,
             description = "1 to 128 visible characters, drawn anew for each command, such as a UUID"
         ),
-        (
-            "Valid-Until" = Option<String>,
-            Header,
-            description = "A time on the clock of the gateway: an order that comes later is refused (`too_late`)"
-        )
+        deadline::Deadline
     ),
     request_body = CommandRequest,
     responses(
@@ -156,11 +152,7 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
     path = "/v1/robots/{name}/clear-stopped",
     params(
         ("name" = String, Path, description = "The name of the robot"),
-        (
-            "Valid-Until" = Option<String>,
-            Header,
-            description = "A time on the clock of the gateway: an order that comes later is refused (`too_late`)"
-        )
+        deadline::Deadline
     ),
     request_body = ClearRequest,
     responses(
@@ -181,10 +173,10 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
 pub async fn clear_stopped(
     robot: Robot<caller::Command>,
     headers: HeaderMap,
-    Json(ClearRequest { lease, stops_begun }): Json<ClearRequest>,
+    Json(ClearRequest { lease, stops_told }): Json<ClearRequest>,
 ) -> Result<StatusCode, Refusal> {
     deadline::check(&headers)?;
-    let cleared = key(&lease).and_then(|key| robot.station.clear(&robot.caller.by(), key, stops_begun));
+    let cleared = key(&lease).and_then(|key| robot.station.clear(&robot.caller.by(), key, stops_told));
     cleared.map_err(refusal::of)?;
     robot.station.written_for_others().await.map_err(refusal::of)?;
     Ok(StatusCode::NO_CONTENT)

@@ -8,6 +8,7 @@ use axum::http::HeaderMap;
 use jiff::Timestamp;
 use r6_api::Code;
 use r6_http::Refusal;
+use utoipa::IntoParams;
 
 use super::refusal::{self, bad_value};
 use crate::clock;
@@ -15,6 +16,16 @@ use crate::problem::Problem;
 
 /// The header that says until when an order holds.
 const VALID_UNTIL: &str = "valid-until";
+
+/// That header in the description of the API.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "describes the header, which `check` reads")]
+pub struct Deadline {
+    /// A time on the clock of the gateway: an order that comes later is refused (`too_late`)
+    #[param(rename = "Valid-Until")]
+    valid_until: Option<String>,
+}
 
 /// Refuses an order that came too late. Without the header, none does.
 ///

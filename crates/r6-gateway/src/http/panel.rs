@@ -60,11 +60,7 @@ pub async fn faults(robot: Robot<Read>) -> Result<axum::Json<Faults>, Refusal> {
     path = "/v1/robots/{name}/panel",
     params(
         ("name" = String, Path, description = "The name of the robot"),
-        (
-            "Valid-Until" = Option<String>,
-            Header,
-            description = "A time on the clock of the gateway: an order that comes later is refused (`too_late`)"
-        )
+        deadline::Deadline
     ),
     request_body = PanelRequest,
     responses(

@@ -39,11 +39,7 @@ const OTHER_TEXT: &str = "nothing was sent: the program has another text than wh
             Header,
             description = "1 to 128 visible characters, drawn anew for each run, such as a UUID"
         ),
-        (
-            "Valid-Until" = Option<String>,
-            Header,
-            description = "A time on the clock of the gateway: an order that comes later is refused (`too_late`)"
-        )
+        deadline::Deadline
     ),
     request_body = RunRequest,
     responses(

@@ -63,23 +63,23 @@ async fn a_stop_that_the_caller_has_not_seen_is_not_cleared() {
     let hall = Hall::with(vec![ready_to_start().await]).await;
     let lease = hall.lease(&hall.operator, "press").await;
     let state = hall.get(&hall.viewer, "/v1/robots/press").await;
-    assert_eq!(state["stops_begun"], 0);
+    assert_eq!(state["stops_told"], 0);
     let (status, stopped) = hall.stop(&hall.engineer, "press").await;
     assert_eq!(status, 200, "{stopped}");
     assert!(stopped["seen_at"].as_str().unwrap().ends_with('Z'), "{stopped}");
-    let seen = hall.get(&hall.viewer, "/v1/robots/press").await["stops_begun"].clone();
+    let seen = hall.get(&hall.viewer, "/v1/robots/press").await["stops_told"].clone();
     assert_eq!(seen, 1);
 
     // The request to clear it is on its way when somebody stops again.
     assert_eq!(hall.stop(&hall.operator, "press").await.0, 200);
     // A page sends its stop again until it is proved: that is no other stop.
     assert_eq!(hall.stop(&hall.operator, "press").await.0, 200);
-    let clear = json!({ "lease": lease, "stops_begun": seen });
+    let clear = json!({ "lease": lease, "stops_told": seen });
     let refused = post(&hall, CLEAR, "", &clear).await;
     assert_eq!((refused.status, &refused.body["code"]), (409, &json!("stopped")), "{}", refused.body);
     assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stopped"], true);
 
-    let clear = json!({ "lease": lease, "stops_begun": 2 });
+    let clear = json!({ "lease": lease, "stops_told": 2 });
     assert_eq!(post(&hall, CLEAR, "", &clear).await.status, 204);
     // A browser sends it again. In between, somebody has stopped the robot.
     assert_eq!(hall.stop(&hall.engineer, "press").await.0, 200);

@@ -128,7 +128,9 @@ impl Feed {
     /// over. Nothing has changed since a pass after which there was no reason to look again.
     pub fn passed_ago(&self) -> Option<Duration> {
         let is_all = self.pass.is_none() && self.held.is_none() && self.event.is_none();
-        let is_still = is_all && !self.due && !self.pulse.has_changed().unwrap_or(true);
+        let has_events =
+            self.events.as_ref().is_some_and(|events| *events.last.borrow() > events.reading.at());
+        let is_still = is_all && !has_events && !self.due && !self.pulse.has_changed().unwrap_or(true);
         let ago = self.passed_at?.elapsed();
         Some(if is_still { Duration::ZERO } else { ago })
     }
