@@ -225,7 +225,7 @@ test("a link that is opened while the gateway does not answer ends no session", 
   expect([session.phase, session.session?.user]).toEqual(["in", "anna"]);
 });
 
-test("the role of somebody who uses the page is the one that the gateway told last", async () => {
+test("after the gateway changed the role of a person, the page uses the new one", async () => {
   let told: object = ANNA;
   const { session, asked } = await begin("", () => Response.json(told));
   expect(session.has("admin", null)).toBe(true);

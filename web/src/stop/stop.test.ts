@@ -194,7 +194,7 @@ test("a stop without an answer is sent again, and the first proof counts", async
   expect(sent, "after the proof nothing is sent").toHaveLength(2);
 });
 
-test("what a later request is refused says nothing of one that may have arrived", async () => {
+test("a later request that is refused does not prove that an earlier one was refused too", async () => {
   const world = new Fake(() => Promise.resolve(new Response()));
   let count = 0;
   const fetch: World["fetch"] = () => ((count += 1) === 1 ? broken() : answer(401, { code: "no_session" })());

@@ -1,6 +1,6 @@
 /**
- * Moves of axes that a robot does not have. The gateway's check knows no robot, a plan leaves such numbers out, and a
- * run is refused only when it is to begin.
+ * Moves of axes that a robot does not have. The gateway's check knows no robot. It refuses the plan and the run: here
+ * the mistake stands beside its step before that.
  */
 import { type Document, doOf, numbers, valueAt } from "./document.ts";
 

@@ -1,13 +1,10 @@
 /** A program for more axes than the arm has: it is said before anything is prepared. */
-import { writeFileSync } from "node:fs";
-import { join } from "node:path";
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
-import { Running, folder, hasThisPage, isAccessible, openPage, picture, r6, says, startBrowser } from "./support.ts";
+import { type Made, make } from "./made.ts";
+import { isAccessible, openPage, picture, says, startBrowser } from "./support.ts";
 
-const data = folder();
-let robots: Running;
-let gateway: Running;
+let made: Made;
 let browser: Browser;
 let url = "";
 let engineer = "";
@@ -15,18 +12,11 @@ let engineer = "";
 const move = (...to: number[]): string => `[[instruction]]\ndo = "axis-move"\nto = [${to.join(", ")}]\nspeed = 40\n`;
 
 beforeAll(async () => {
-  const here = "127.0.0.1:0";
-  robots = new Running("sim", "--listen", here, "--listen", here, "--model", "GENERIC-SCARA");
-  const [modelled, bare] = await robots.all(/listening on (\S+)/g, 2);
-  const config = join(data.path, "hall.toml");
-  const robot = (name: string, address: string | undefined, more = ""): string =>
-    `[[robot]]\nname = "${name}"\naddress = "${address}"\nperiod_ms = 50\n${more}`;
-  writeFileSync(config, robot("pack", modelled, 'model = "GENERIC-SCARA"\n') + robot("bare", bare));
-  const kept = join(data.path, "data");
-  gateway = new Running("gateway", "--listen", here, "--data", kept, "--config", config);
-  url = await gateway.said(/gateway on (http:\/\/[^\s,]+)/);
-  await hasThisPage(url);
-  engineer = (await r6("gateway", "token", "--data", kept, "--role", "engineer")).trim();
+  // The model of the last one is known to the gateway, too.
+  const wanted = { names: ["bare", "pack"], sim: ["--model", "GENERIC-SCARA"], more: 'model = "GENERIC-SCARA"\n' };
+  [made, browser] = await Promise.all([make(wanted), startBrowser()]);
+  url = made.url;
+  engineer = await made.token("engineer");
   for (const [name, program] of [
     ["six", move(5, 0, 0, 0, 0, 0) + move(10, 0, 0, 0, 30, 5)],
     ["four", move(5, 0, 0, 0)],
@@ -35,14 +25,11 @@ beforeAll(async () => {
     const stored = await fetch(`${url}/v1/programs/${name}`, { method: "PUT", headers, body: JSON.stringify({ program }) });
     expect(stored.status).toBe(201);
   }
-  browser = await startBrowser();
 });
 
 afterAll(async () => {
   await browser?.close();
-  await gateway?.kill();
-  await robots?.kill();
-  data.remove();
+  await made?.end();
 });
 
 test("a program for six axes has a mistake beside its step on an arm of four, and is not prepared", async () => {

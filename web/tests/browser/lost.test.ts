@@ -41,14 +41,16 @@ test("a lost gateway is said at once, controls go off, and the page comes back b
   await says(page, "[data-value=axis-0]", /^-$/);
   await isAccessible(page);
   await picture(page, "lost");
+  let failed = 0;
+  page.on("requestfailed", (request) => (failed += request.url().endsWith("/stop") ? 1 : 0));
   await page.click(STOP);
   await says(page, TOLD, "virtual: NOT SENT. Use the emergency stop at the robot.");
   // Questions of a chart have no answer now. They are asked again when the gateway is back.
   await page.click("[data-span='8h']");
   await page.waitForSelector("[data-problem=no_answer]");
 
-  // For 2 s the stop is sent again: it would reach the arm now.
-  await page.waitForTimeout(2_500);
+  // The stop is sent twice more: with the network, it would reach the arm now.
+  await expect.poll(() => failed, { timeout: 20_000 }).toBe(3);
   await network.open();
   await page.waitForSelector("[role=alert]", GONE);
   await says(page, "[data-value=axis-0]", /^0\.000$/);
@@ -141,7 +143,7 @@ test("an order is carried out once, also if its connection breaks before the ans
     await page.click("text=Take control");
     await page.waitForSelector("[data-lease=mine]");
     // Answers to questions leave connections open, over which the order goes. The browser sends it again by itself.
-    await page.waitForTimeout(1_000);
+    await page.waitForResponse((answer) => answer.url().endsWith("/healthz"));
     network.breaks = "POST /v1/robots/virtual/commands";
     let requests = 0;
     page.on("request", (request) => (requests += request.url().endsWith("/commands") ? 1 : 0));

@@ -18,17 +18,19 @@ interface Wanted {
   old?: string[];
   /** The program that the robots run, in TOML; a usual one if it is missing. */
   program?: string;
+  /** Further words for `r6 sim` of the robots of `names`, such as a model. */
+  sim?: string[];
   /** What else is in the file of the gateway. */
   more: string;
 }
 
-export async function make({ names, old = [], program, more }: Wanted): Promise<Made> {
+export async function make({ names, old = [], program, sim: words = [], more }: Wanted): Promise<Made> {
   const data = folder();
   const listen = (of: string[]): string[] => of.flatMap(() => ["--listen", "127.0.0.1:0"]);
   const taught = join(data.path, "taught.toml");
   if (program !== undefined) writeFileSync(taught, program);
   const runs = program === undefined ? [] : ["--program", taught];
-  const sims = [new Running("sim", ...listen(names), "--panel", "127.0.0.1:0", ...runs)];
+  const sims = [new Running("sim", ...listen(names), "--panel", "127.0.0.1:0", ...runs, ...words)];
   if (old.length > 0) sims.push(new Running("sim", ...listen(old), "--profile", "legacy"));
   const addresses = await Promise.all(sims.map((sim, at) => sim.all(/listening on (\S+)/g, [names, old][at]?.length ?? 0)));
   const robot = (name: string, at: number, of: number): string =>
