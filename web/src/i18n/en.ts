@@ -144,7 +144,7 @@ export const en = {
         case "no_link":
           return robots === 1 ? "link lost" : `link lost: ${robots} robots`;
         case "stop_holds":
-          return "a stop holds until a person takes control and clears it";
+          return `a stop${cause.by === null ? "" : ` of ${cause.by}`} holds until a person takes control and clears it`;
         case "runs_although_stopped":
           return "runs although a stop holds: it holds back what comes through the gateway, not the machine's own buttons";
       }
@@ -161,7 +161,7 @@ export const en = {
     noLinkThen: (seconds: number) => `had no link, ${duration(seconds)} old`,
     noLink: (seconds: number | null) => (seconds === null ? "no link" : `no link ${duration(seconds)}`),
     alarm: (code: number) => `alarm ${code}`,
-    parts: (n: number) => count(n, "part", "parts"),
+    parts: (n: number) => `counter ${n}`,
     old: (seconds: number) => `${duration(seconds)} old`,
     held: (holder: string) => `${holder} controls it`,
     stopHolds: "stop holds",
@@ -179,7 +179,7 @@ export const en = {
         return `Alarm ${doing.code}${doing.text === null ? "" : `: ${doing.text}`}. It waits for a person.`;
       case "stop_holds":
         return `${doing.stands ? "A stop holds, and the arm stands." : "A stop holds; whether the arm stands is not known."} ${
-          doing.mine ? "It waits for you to clear the stop." : "It waits for the person in control to clear the stop."
+          doing.mine ? "It waits for you to clear the stop." : "It waits until a person in control clears the stop."
         }`;
       case "manual":
         return "Manual: the person at the pendant leads. Commands from here are refused.";
@@ -222,7 +222,7 @@ export const en = {
     clearStop: "Clear stop",
     prepare: "Prepare start…",
     run: (robot: string) => `Hold to run ${robot}`,
-    runHint: "Hold for 1 s, or press Enter twice.",
+    runHint: "Hold the button for 1 s, or press Enter twice on it.",
     cancel: "Cancel",
     close: "Close",
     prepareTitle: (robot: string) => `Start ${robot}?`,
@@ -245,6 +245,8 @@ export const en = {
       }[what]}. Prepare it again.`,
     becameUnready: "It cannot be started now:",
     sending: (what: string) => `${what}: sending…`,
+    /** An alarm came after the start. */
+    startAlarm: (code: number) => `Start: accepted. Then alarm ${code} came: see above.`,
     accepted: (what: string) => `${what}: accepted. The values show whether it moves.`,
     alarmTaken: (what: string) =>
       `${what}: the controller accepted it. An alarm whose cause is still there stays or comes back: look at the alarms.`,
@@ -260,7 +262,7 @@ export const en = {
     start: "Start",
     lease: "Control",
     alarmRefused: (what: string, said: string) =>
-      `${what}: the controller refused it. Remove the cause, release the emergency stop, and try again. Some firmware takes this command from the pendant alone: then clear the alarm there. Gateway: ${said}`,
+      `${what}: the controller refused it. Clear the alarm at the pendant, or remove its cause and try again. Gateway: ${said}`,
     startRefused: (what: string, said: string) =>
       `${what}: the controller refused it. It starts in automatic mode, without an alarm, with the emergency stop released: look at the pendant. Gateway: ${said}`,
   },
@@ -269,11 +271,11 @@ export const en = {
     many: "STOP…",
     open: "Choose what to stop",
     all: (n: number) => `Hold to stop all ${n}`,
-    others: "The others are not seen to move.",
+    others: "Robots that are not seen to move can be stopped too.",
     every: (n: number) => `Hold to stop every robot (${n})`,
     none: "No robot moves.",
     unknown: "Which robots move is not known.",
-    moving: "Robots that move, or of which that is not known",
+    moving: "Robots that run, or may move",
     dismiss: "Seen",
     dismissOf: (robot: string) => `Seen ${robot}`,
     not: "Not an emergency stop",

@@ -16,7 +16,7 @@ import { run } from "./zh/run.ts";
 import { teach } from "./zh/teach.ts";
 import { production } from "./zh/production.ts";
 import { refusalOf } from "./zh/refusals.ts";
-import { duration } from "./zh/say.ts";
+import { duration, who } from "./zh/say.ts";
 import { hallSettings } from "./zh/settings.ts";
 import { ui } from "./zh/ui.ts";
 import { UNMET } from "./zh/unmet.ts";
@@ -141,12 +141,12 @@ export const zh: typeof en = {
         case "no_link":
           return robots === 1 ? "连接丢失" : `连接丢失：${robots} 台机器人`;
         case "stop_holds":
-          return "停止仍然有效，须由控制权持有者解除";
+          return `${cause.by === null ? "" : `${who(cause.by)} 的`}停止仍然有效，须取得控制权后解除`;
         case "runs_although_stopped":
           return "停止有效，但机器人仍在运行：停止只拦截经网关的命令，拦不住设备上的按钮";
       }
     },
-    acknowledged: (by) => `${by} 已确认`,
+    acknowledged: (by) => `${who(by)} 已确认`,
   },
   robots: {
     title: "所有机器人",
@@ -158,9 +158,9 @@ export const zh: typeof en = {
     noLinkThen: (seconds) => `当时无连接，${duration(seconds)}前`,
     noLink: (seconds) => (seconds === null ? "无连接" : `无连接 ${duration(seconds)}`),
     alarm: (code) => `报警 ${code}`,
-    parts: (n) => `${n} 件`,
+    parts: (n) => `计数 ${n}`,
     old: (seconds) => `${duration(seconds)}前`,
-    held: (holder) => `${holder} 正在控制`,
+    held: (holder) => `${who(holder)} 正在控制`,
     stopHolds: "停止有效",
     moves: "正在运动",
   },
@@ -176,7 +176,7 @@ export const zh: typeof en = {
         return `报警 ${doing.code}${doing.text === null ? "" : `：${codeText(doing.code, doing.text)}`}。等待人员处理。`;
       case "stop_holds":
         return `${doing.stands ? "停止有效，机械臂静止。" : "停止有效；机械臂是否静止未知。"}${
-          doing.mine ? "等待您解除停止。" : "等待控制权持有者解除停止。"
+          doing.mine ? "等待您解除停止。" : "等待控制者解除停止。"
         }`;
       case "manual":
         return "手动模式：由示教器旁的人员操作，此处的命令会被拒绝。";
@@ -201,7 +201,7 @@ export const zh: typeof en = {
     taking: "正在获取控制权…",
     give: "交还",
     mine: (left) => `由您控制，${left}`,
-    others: (holder) => `${holder} 正在控制`,
+    others: (holder) => `${who(holder)} 正在控制`,
     free: "无人控制",
     unknown: "控制者未知",
     ended: "您的控制权已结束。",
@@ -213,7 +213,7 @@ export const zh: typeof en = {
     clearStop: "解除停止",
     prepare: "准备启动…",
     run: (robot) => `按住以运行 ${robot}`,
-    runHint: "按住 1 秒，或按两次 Enter。",
+    runHint: "按住按钮 1 秒，或在按钮上按两次 Enter。",
     cancel: "取消",
     close: "关闭",
     prepareTitle: (robot) => `启动 ${robot}？`,
@@ -235,6 +235,7 @@ export const zh: typeof en = {
       }[what]}。请重新准备。`,
     becameUnready: "现在不能启动：",
     sending: (what) => `${what}：正在发送…`,
+    startAlarm: (code) => `启动：已接受。随后出现报警 ${code}：见上方。`,
     accepted: (what) => `${what}：已接受。是否运动请看数值。`,
     alarmTaken: (what) => `${what}：控制器已接受。原因仍在的报警会保留或再次出现：请看报警。`,
     done: (what) => `${what}：完成。`,
@@ -245,7 +246,7 @@ export const zh: typeof en = {
     start: "启动",
     lease: "控制权",
     alarmRefused: (what) =>
-      `${what}：被控制器拒绝。请排除原因、松开急停后重试。某些固件只接受示教器上的清除：请在示教器上清除报警。`,
+      `${what}：被控制器拒绝。请在示教器上清除报警，或排除原因后重试。`,
     startRefused: (what) =>
       `${what}：被控制器拒绝。控制器只在自动模式、无报警且急停已松开时启动：请查看示教器。`,
   },
@@ -254,11 +255,11 @@ export const zh: typeof en = {
     many: "停止…",
     open: "选择要停止的机器人",
     all: (n) => `按住以停止全部 ${n} 台`,
-    others: "未看到其余机器人运动。",
+    others: "未看到运动的机器人也可以停止。",
     every: (n) => `按住以停止车间所有机器人（${n} 台）`,
     none: "没有机器人在运动。",
     unknown: "哪些机器人在运动未知。",
-    moving: "正在运动或状态未知的机器人",
+    moving: "正在运行或可能运动的机器人",
     dismiss: "已阅",
     dismissOf: (robot) => `已阅 ${robot}`,
     not: "不是急停",

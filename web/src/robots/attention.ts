@@ -15,7 +15,8 @@ export type Cause =
   | { kind: "alarm"; code: number; text: string | null; acknowledged: string | null }
   | { kind: "other_robot" }
   | { kind: "no_link" }
-  | { kind: "stop_holds" }
+  /** `by`: who made it. */
+  | { kind: "stop_holds"; by: string | null }
   /** A stop holds, and the values say that the robot runs or moves: a stop of the gateway holds no pendant. */
   | { kind: "runs_although_stopped" };
 
@@ -64,7 +65,9 @@ export function attention(
         const key = `${name} runs`;
         entries.push({ key, priority: 1, robots: [name], since: null, kind: "runs_although_stopped" });
       } else {
-        entries.push({ key: `${name} stop`, priority: 2, robots: [name], since: null, kind: "stop_holds" });
+        const { stopped_by: made } = summary;
+        const since = made === null ? null : Date.parse(made.at);
+        entries.push({ key: `${name} stop`, priority: 2, robots: [name], since, kind: "stop_holds", by: made?.by ?? null });
       }
     }
   }

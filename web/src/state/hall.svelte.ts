@@ -2,6 +2,7 @@
 import { call, echo, goByClock } from "../api/client.ts";
 import { robotPath } from "../api/paths.ts";
 import type { GatewayEvent, LiveSent, RobotAlarm, RobotAlarms, RobotState, Settings } from "../api/types.ts";
+import { clock } from "../i18n/format.ts";
 import { touch } from "../live/frame.ts";
 import { ANSWER, Late } from "../live/late.ts";
 import type { Many } from "../live/pack.ts";
@@ -110,6 +111,15 @@ class Hall {
   /** A time of the page's clock as one of the gateway's, in milliseconds since 1970. */
   time(pageMillis: number): number {
     return pageMillis + this.#ahead;
+  }
+
+  /**
+   * A time of the gateway on the clock of the hall; with its date if it is not of today. `from`: it is the end of a span
+   * that begins there, and has its date if it is not of the same day.
+   */
+  clock(at: number | string, from: number | string | null = null): string {
+    const millis = (of: number | string): number => (typeof of === "number" ? of : Date.parse(of));
+    return clock(millis(at), this.zone, from === null ? this.time(this.now()) : millis(from));
   }
 
   view(name: string): View | undefined {

@@ -1,10 +1,11 @@
 import { expect, test } from "vitest";
-import { AGAIN, GAP, HOLD, Holding } from "./hold.ts";
+import { AGAIN, GAP, HOLD, Holding, type Lack } from "./hold.ts";
 
-function start(): { hold: Holding; pass(ms: number): void; acted(): number; isHeld(): boolean; leave(): void } {
+function start(): { hold: Holding; pass(ms: number): void; acted(): number; isHeld(): boolean; lack(): Lack | null; leave(): void } {
   let time = 0;
   let acted = 0;
   let isHeld = false;
+  let lack: Lack | null = null;
   let isAttended = true;
   let timers: { at: number; act: () => void }[] = [];
   const hold = new Holding({
@@ -17,6 +18,7 @@ function start(): { hold: Holding; pass(ms: number): void; acted(): number; isHe
     isAttended: () => isAttended,
     act: () => void (acted += 1),
     held: (is) => void (isHeld = is),
+    lacks: (what) => void (lack = what),
   });
   const pass = (ms: number): void => {
     time += ms;
@@ -24,7 +26,7 @@ function start(): { hold: Holding; pass(ms: number): void; acted(): number; isHe
     timers = timers.filter(({ at }) => at > time);
     for (const { act } of due) act();
   };
-  return { hold, pass, acted: () => acted, isHeld: () => isHeld, leave: () => void (isAttended = false) };
+  return { hold, pass, acted: () => acted, isHeld: () => isHeld, lack: () => lack, leave: () => void (isAttended = false) };
 }
 
 const finger = (pointerId: number, isPrimary = true) => ({ pointerId, isPrimary, button: 0 });
@@ -43,6 +45,31 @@ test("it acts once after it was held, and not after a shorter press", () => {
   hold.up(2);
   pass(HOLD);
   expect(acted()).toBe(1);
+});
+
+test("a press that does not act says what it lacks, until it acts or for some seconds", () => {
+  const { hold, pass, acted, lack } = start();
+  hold.down(finger(1));
+  pass(HOLD / 2);
+  hold.up(1);
+  expect(lack()).toBe("longer");
+  hold.down(finger(2));
+  expect(lack()).toBeNull();
+  pass(HOLD);
+  hold.up(2);
+  expect([acted(), lack()]).toEqual([1, null]);
+  hold.keyDown("Enter", false);
+  hold.keyUp("Enter");
+  expect(lack()).toBe("again");
+  pass(AGAIN);
+  expect(lack()).toBeNull();
+  hold.click();
+  pass(GAP);
+  hold.click();
+  expect([acted(), lack()]).toEqual([2, null]);
+  hold.click();
+  hold.clear();
+  expect(lack()).toBeNull();
 });
 
 test("a tap with two fingers starts nothing", () => {

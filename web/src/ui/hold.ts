@@ -22,7 +22,14 @@ export interface World {
   act(): void;
   /** The button is held, or is not any more. */
   held(isHeld: boolean): void;
+  /** What a press that did not act lacks: to be held for longer, or another press of the key. `null`: nothing now. */
+  lacks(what: Lack | null): void;
 }
+
+export type Lack = "longer" | "again";
+
+/** How long it is said what a press lacks, in milliseconds: a second press of a key counts for as long. */
+const SAID = AGAIN;
 
 export interface Pointer {
   pointerId: number;
@@ -37,6 +44,7 @@ export class Holding {
   private keyDownAt = 0;
   /** The first press with a key, when it has ended. */
   private first: { down: number; up: number } | null = null;
+  private unsay: () => void = () => {};
 
   constructor(private readonly world: World) {}
 
@@ -44,6 +52,7 @@ export class Holding {
     if (!isPrimary || button !== 0 || this.pointer !== null) return;
     this.cancel();
     this.pointer = pointerId;
+    this.say(null);
     this.world.held(true);
     this.cancel = this.world.after(HOLD, () => {
       if (this.pointer !== pointerId) return;
@@ -54,7 +63,9 @@ export class Holding {
 
   /** The pointer was lifted, left the button, or was lost. */
   up(pointerId: number): void {
-    if (this.pointer === pointerId) this.drop();
+    if (this.pointer !== pointerId) return;
+    this.drop();
+    this.say("longer");
   }
 
   keyDown(key: string, isRepeat: boolean): void {
@@ -83,6 +94,7 @@ export class Holding {
     this.drop();
     this.key = null;
     this.first = null;
+    this.say(null);
   }
 
   private press(): void {
@@ -90,10 +102,18 @@ export class Holding {
     const now = this.keyDownAt;
     if (first !== null && now - first.down < AGAIN && now - first.up >= GAP && this.world.isAttended()) {
       this.first = null;
+      this.say(null);
       this.world.act();
     } else {
       this.first = { down: now, up: Infinity };
+      this.say("again");
     }
+  }
+
+  private say(what: Lack | null): void {
+    this.unsay();
+    this.world.lacks(what);
+    this.unsay = what === null ? () => {} : this.world.after(SAID, () => this.world.lacks(null));
   }
 
   private drop(): void {

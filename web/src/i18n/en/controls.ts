@@ -138,7 +138,7 @@ export const controls = {
   run: "Run a program",
   runNone: "The gateway keeps no program yet. An engineer stores one on the page “Teach”, or with PUT /v1/programs/NAME.",
   lookAgain: "Look again",
-  teach: "Teach",
+  teach: "Teach a program",
   program: "Program",
   choose: "Choose…",
   cannotRun: { mistakes: "has mistakes", no_step: "no step yet", taught: "runs on a controller only" },

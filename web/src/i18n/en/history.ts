@@ -19,8 +19,8 @@ const KINDS: Record<string, string> = {
   all: "All",
 };
 
-/** `mode`: the name of a mode. `time`: a time of the hall as a text. */
-function event(of: HistoryEvent, mode: (number: number) => string, time: (at: string) => string): string {
+/** `mode`: the name of a mode. `time`: a time of the hall as a text; behind `from`, as the end of a span. */
+function event(of: HistoryEvent, mode: (number: number) => string, time: (at: string, from?: string | null) => string): string {
   switch (of.event) {
     case "alarm_began":
       return `Alarm ${of.code} began: ${of.text}`;
@@ -41,7 +41,7 @@ function event(of: HistoryEvent, mode: (number: number) => string, time: (at: st
     case "link_back":
       return "Link back";
     case "unseen":
-      return `Not seen ${of.from === null ? "" : `from ${time(of.from)} `}to ${time(of.to)}: ${BECAUSE[of.because] ?? of.because}`;
+      return `Not seen ${of.from === null ? "" : `from ${time(of.from)} `}to ${time(of.to, of.from)}: ${BECAUSE[of.because] ?? of.because}`;
     default:
       return of.event;
   }

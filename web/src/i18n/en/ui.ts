@@ -18,6 +18,8 @@ export const ui = {
   },
   loading: "Loading…",
   again: "Try again",
+  /** What a press of a button that has to be held lacks. */
+  lacks: { longer: "Hold it for 1 s.", again: "Press once more." },
   asOf: (at: string) => `As of ${at}. It may have changed since.`,
   /** What is wrong, in a sentence. The gateway's own message stands behind it. */
   problem: (code: Failure["code"]): string => {

@@ -1,6 +1,6 @@
 /** Alarms of all robots in Chinese. */
 import type { alarms as english } from "../en/alarms.ts";
-import { duration } from "./say.ts";
+import { duration, who } from "./say.ts";
 import { codeRemedy, codeText } from "./codes.ts";
 
 const OVER: Record<string, string> = { "8h": "8 小时", "24h": "24 小时", "7d": "7 天", "30d": "30 天" };
@@ -18,7 +18,7 @@ export const alarms: typeof english = {
   flood: (code, robots) => `报警 ${code}：2 秒内 ${robots} 台机器人`,
   who: (n) => `${n} 台机器人`,
   remedy: "处理方法",
-  seen: (by, at) => `${by} 已确认，${at}`,
+  seen: (by, at) => `${who(by)} 已确认，${at}`,
   said: (comment) => `“${comment}”`,
   unseen: "这是最后一次读数，目前读不到该机器人。",
   beginUnseen: (at) => `自 ${at} 或更早`,
@@ -49,7 +49,7 @@ export const alarms: typeof english = {
   outcomeUnknown: (what) => `${what}：没有应答。请查看列表，不会自动重发。`,
   shelved: "已搁置",
   noShelved: "没有搁置的报警。",
-  shelvedBy: (by, at) => `${by}，${at}`,
+  shelvedBy: (by, at) => `${who(by)}，${at}`,
   shelvedUntil: (at) => `至 ${at}`,
   unshelve: "取消搁置",
   unshelveOf: (what) => `取消搁置 ${what}`,

@@ -1,4 +1,5 @@
 /** Words of the audit log. */
+import { who } from "./say.ts";
 import type { Role } from "../../api/types.ts";
 import type { audit as english } from "../en/audit.ts";
 
@@ -94,7 +95,7 @@ export const audit: typeof english = {
       case "lease_began":
         return entry.taken_because === null ? "取得控制权。" : `从他人处接管控制权，原因：“${entry.taken_because}”。`;
       case "lease_ended":
-        return `${entry.holder ? `${entry.holder} 的` : ""}控制权结束：${CAUSES[entry.cause] ?? entry.cause}。`;
+        return `${entry.holder ? `${who(entry.holder)} 的` : ""}控制权结束：${CAUSES[entry.cause] ?? entry.cause}。`;
       case "command_intent":
         return `将发送命令 ${entry.command}。`;
       case "command_outcome":

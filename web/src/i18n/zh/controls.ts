@@ -2,7 +2,7 @@
 import type { CommandEnd, Deed } from "../../robots/around.ts";
 import type { controls as english } from "../en/controls.ts";
 import { RUN_ENDS } from "./run.ts";
-import { duration } from "./say.ts";
+import { duration, who } from "./say.ts";
 
 const OUTCOMES: Record<CommandEnd, string> = {
   accepted: "控制器已接受",
@@ -24,11 +24,11 @@ const LEASE_ENDS: Record<Extract<Deed, { event: "lease_ended" }>["cause"], strin
 function deed(of: Deed, outcome: CommandEnd | null): string {
   switch (of.event) {
     case "lease_began":
-      return `${of.holder} 获取控制权`;
+      return `${who(of.holder)} 获取控制权`;
     case "lease_ended":
-      return `${of.holder} 的控制权结束：${LEASE_ENDS[of.cause]}`;
+      return `${who(of.holder)} 的控制权结束：${LEASE_ENDS[of.cause]}`;
     case "stop_began":
-      return `${of.by} 发出停止`;
+      return `${who(of.by)} 发出停止`;
     case "stop_ended":
       return of.confirmed ? "停止：已按要求完成" : "停止：未确认";
     case "stop_cleared":
@@ -40,11 +40,11 @@ function deed(of: Deed, outcome: CommandEnd | null): string {
     case "run_ended":
       return `运行结束（${RUN_ENDS[of.because]}）：已看到完成 ${of.done} 步`;
     case "global_speed":
-      return of.set === null ? "所设的全局速度已不再可知" : `全局速度 ${of.set.percent} %，由 ${of.set.by} 设定`;
+      return of.set === null ? "所设的全局速度已不再可知" : `全局速度 ${of.set.percent} %，由 ${who(of.set.by)} 设定`;
     case "alarm_acknowledged":
-      return `${of.by} 确认报警 ${of.code}`;
+      return `${who(of.by)} 确认报警 ${of.code}`;
     case "alarm_shelved":
-      return `${of.by} 搁置报警 ${of.code}`;
+      return `${who(of.by)} 搁置报警 ${of.code}`;
     case "alarm_unshelved":
       return `报警 ${of.code} 取消搁置`;
     case "identity_changed":
@@ -76,15 +76,15 @@ export const controls: typeof english = {
   limits: "软限位",
   limitsOf: (low, high) => `${low} 至 ${high}`,
   nearness: { near: "接近限位", beyond: "超出限位" },
-  stoppedBy: (by, at) => `由 ${by} 于 ${at} 停止`,
+  stoppedBy: (by, at) => `由 ${who(by)} 于 ${at} 停止`,
   stopNotProved: "当时未能证明机械臂静止。",
   cleared: "停止已解除。",
   twin: "孪生",
   twinOf: "所孪生的机器人",
   speed: "全局速度",
-  speedSet: (percent, by, at) => `${percent} %，由 ${by} 于 ${at} 设定；控制器不报告此值`,
+  speedSet: (percent, by, at) => `${percent} %，由 ${who(by)} 于 ${at} 设定；控制器不报告此值`,
   speedOfPanel: (percent) => `${percent} %（来自此虚拟机器人的面板）`,
-  speedOfPanelSet: (percent, by, at) => `${percent} %，由 ${by} 于 ${at} 设定；此虚拟机器人的面板显示相同的值`,
+  speedOfPanelSet: (percent, by, at) => `${percent} %，由 ${who(by)} 于 ${at} 设定；此虚拟机器人的面板显示相同的值`,
   speedUnknown: "未知：控制器不报告此值，也不知道是否仍为上次设定的值。",
   percent: "全速的百分比",
   setSpeed: (robot) => `设定 ${robot} 的速度`,
@@ -122,7 +122,7 @@ export const controls: typeof english = {
   wholeNumber: "请输入整数。",
   registerHint: "单元的程序可能会因寄存器而开始运动。",
   take: "接管…",
-  takeTitle: (robot, holder) => `从 ${holder} 接管 ${robot}？`,
+  takeTitle: (robot, holder) => `从 ${who(holder)} 接管 ${robot}？`,
   takeChanged: (before, now) => `${before} 已不再控制它：${now === null ? "现在空闲" : `现在由 ${now} 控制`}。请取消后重新询问。`,
   takeWhat: "网关会先停止机器人，且停止保持有效。网关正在运行的程序会结束。",
   takeReason: "原因（写入审计日志）",

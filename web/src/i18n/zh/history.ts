@@ -21,7 +21,7 @@ const KINDS: Record<string, string> = {
   all: "全部",
 };
 
-function event(of: HistoryEvent, mode: (number: number) => string, time: (at: string) => string): string {
+function event(of: HistoryEvent, mode: (number: number) => string, time: (at: string, from?: string | null) => string): string {
   switch (of.event) {
     case "alarm_began":
       return `报警 ${of.code} 开始：${codeText(of.code, of.text)}`;
@@ -42,7 +42,7 @@ function event(of: HistoryEvent, mode: (number: number) => string, time: (at: st
     case "link_back":
       return "连接恢复";
     case "unseen":
-      return `未看到：${of.from === null ? "" : `自 ${time(of.from)} `}至 ${time(of.to)}，${BECAUSE[of.because] ?? of.because}`;
+      return `未看到：${of.from === null ? "" : `自 ${time(of.from)} `}至 ${time(of.to, of.from)}，${BECAUSE[of.because] ?? of.because}`;
     default:
       return of.event;
   }

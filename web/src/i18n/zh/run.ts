@@ -1,7 +1,7 @@
 /** The words of runs of programs: on the page of a robot, and on the page that teaches it. */
 import type { Run } from "../../api/types.ts";
 import type { run as english } from "../en/run.ts";
-import { seconds } from "./say.ts";
+import { seconds, who } from "./say.ts";
 import { UNMET } from "./unmet.ts";
 
 /** Why a run ended. */
@@ -43,7 +43,7 @@ export const run: typeof english = {
       ? `${program}：全部 ${total} 个步骤。`
       : `${program}：共 ${total} 个步骤中的${from === to ? `步骤 ${from}` : `步骤 ${from} 至 ${to}`}。之前的步骤不运行：它们设置的输出、工作台和路径速度不会生效。`,
   path: (mm, ms, speed) => `工具行程 ${mm}，用时 ${seconds(ms)}（全局速度为 ${speed} % 时）。`,
-  speedSet: (percent, by, at) => `由 ${by} 于 ${at} 设为 ${percent} %。控制器不报告此值：示教器旁的人员可能已更改。`,
+  speedSet: (percent, by, at) => `由 ${who(by)} 于 ${at} 设为 ${percent} %。控制器不报告此值：示教器旁的人员可能已更改。`,
   speedUnknown: (speed) => `按 ${speed} % 规划：已设定的速度未知，实际可能${speed < 100 ? "更快或" : ""}更慢。`,
   list: "列表中没有剩余指令。",
   listUnknown: "列表中是否还有指令未知：其固件不报告。网关发送前会查询。",
@@ -54,7 +54,7 @@ export const run: typeof english = {
   preparing: "正在检查和规划…",
   taken: "已发送运行。如需再次运行，请从机械臂届时的位置重新预览。",
   nameless: "以文本发送的程序",
-  by: (program, by, done, steps) => `${program}，由 ${by} 运行。已确认完成 ${done} / ${steps} 步。`,
+  by: (program, by, done, steps) => `${program}，由 ${who(by)} 运行。已确认完成 ${done} / ${steps} 步。`,
   frames: "使用当前的工具和工作坐标系运行。",
   waits: (steps) => `步骤 ${steps.join("、")}：机械臂在此等待信号，信号到来后继续。`,
   stay: "请停留在本页：离开本页、隐藏 30 秒或 5 分钟不使用，网关会停止机械臂。",

@@ -12,3 +12,8 @@ export function duration(seconds: number): string {
 export function seconds(ms: number): string {
   return ms < 60_000 ? `${(ms / 1000).toFixed(2)} 秒` : duration(ms / 1000);
 }
+
+/** Who did something, as the gateway names them. Names of users begin with a letter: `token 2` is none. */
+export function who(by: string): string {
+  return by.replace(/^token (?=\d+( \(|$))/, "令牌 ");
+}

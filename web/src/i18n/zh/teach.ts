@@ -1,6 +1,6 @@
 /** The words of the teach page. */
 import type { teach as english } from "../en/teach.ts";
-import { seconds } from "./say.ts";
+import { seconds, who } from "./say.ts";
 
 export const teach: typeof english = {
   back: (robot) => `返回 ${robot}`,
@@ -52,7 +52,7 @@ export const teach: typeof english = {
     offline: (message) => `无法读取已保存的程序（${message}）。这是此浏览器中的草稿。`,
     open: "打开",
     compare: "比较",
-    versionBy: (by, at) => `${by}，${at}`,
+    versionBy: (by, at) => `${who(by)}，${at}`,
     noVersions: "没有保存的版本。",
     versionsFailed: "无法读取版本。",
     delete: "删除此程序…",
@@ -63,7 +63,7 @@ export const teach: typeof english = {
     cancel: "取消",
     compareTitle: (version) => `第 ${version} 版与当前内容`,
     conflictTitle: (name) => `${name} 的另一个版本已被保存`,
-    conflictBy: (version, by, at) => `第 ${version} 版由 ${by} 于 ${at} 保存。请比较后选择。`,
+    conflictBy: (version, by, at) => `第 ${version} 版由 ${who(by)} 于 ${at} 保存。请比较后选择。`,
     conflictOpen: "比较并选择",
     theirs: (version) => `采用第 ${version} 版`,
     theirsHint: "当前内容可用“撤销”恢复。",

@@ -18,6 +18,7 @@ export const ui: typeof english = {
   },
   loading: "正在加载…",
   again: "重试",
+  lacks: { longer: "请按住 1 秒。", again: "请再按一次。" },
   asOf: (at) => `数据截至 ${at}，之后可能已变化。`,
   problem: (code) => refusalOf(code)[0],
   next: (code) => refusalOf(code)[1],
