@@ -54,6 +54,47 @@ test("on a phone the tables of the hall are not scrolled sideways", async () => 
   await page.context().close();
 });
 
+test("a finger that scrolls the list of stops stops nothing, and one that taps or rests on a button does", async () => {
+  const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 420 }, hasTouch: true });
+  await page.goto(`${hall.url}/#${admin}`);
+  await page.waitForSelector("[data-robot=press-2]");
+  const stopped: string[] = [];
+  page.on("request", (request) => {
+    if (request.url().endsWith("/stop")) stopped.push(new URL(request.url()).pathname);
+  });
+  await page.tap("text=STOP…");
+  const button = page.locator("[role=group] [data-stop=saw]");
+  await button.waitFor();
+  const finger = await page.context().newCDPSession(page);
+  const touch = (type: "touchStart" | "touchMove" | "touchEnd", at?: { x: number; y: number }) =>
+    finger.send("Input.dispatchTouchEvent", { type, touchPoints: at === undefined ? [] : [at] });
+  const middle = async (): Promise<{ x: number; y: number }> => {
+    const { x, y, width, height } = (await button.boundingBox())!;
+    return { x: x + width / 2, y: y + height / 2 };
+  };
+  const from = await middle();
+  await touch("touchStart", from);
+  for (const up of [8, 20, 40, 60]) await touch("touchMove", { x: from.x, y: from.y - up });
+  await new Promise((next) => setTimeout(next, 500));
+  await touch("touchEnd");
+  await new Promise((next) => setTimeout(next, 500));
+  expect(stopped).toEqual([]);
+  await button.scrollIntoViewIfNeeded();
+  await touch("touchStart", await middle());
+  await touch("touchEnd");
+  await expect.poll(() => stopped.length).toBeGreaterThan(0);
+  // A finger that is not lifted.
+  const before = stopped.length;
+  await page.waitForSelector("[role=group] [data-told=not_confirmed], [role=group] [data-told=not_sent]");
+  await page.locator("[role=group] [data-stop=saw]").scrollIntoViewIfNeeded();
+  await touch("touchStart", await middle());
+  await expect.poll(() => stopped.length).toBeGreaterThan(before);
+  await touch("touchEnd");
+  expect(new Set(stopped)).toEqual(new Set(["/v1/robots/saw/stop"]));
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
 test("what is wider than its place says so, and is scrolled with keys", async () => {
   const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 844 } });
   await page.goto(`${hall.url}/production?one=press-2#${admin}`);

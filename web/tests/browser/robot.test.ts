@@ -83,14 +83,21 @@ test("an operator signs in with the link, sees an axis move, stops the arm and s
   // What moves takes two steps. A short press starts nothing.
   await page.click("[data-control=start]");
   await page.click("text=Hold to run virtual");
-  await page.waitForSelector("[role=dialog]");
+  await says(page, "[data-lack=longer]", "Hold it for 1 s.");
   expect(await page.getAttribute("[data-mode]", "data-mode")).not.toBe("7");
   const hold = (await page.locator("text=Hold to run virtual").boundingBox())!;
   await page.mouse.move(hold.x + 5, hold.y + 5);
   await page.mouse.down();
   await page.waitForSelector("[data-mode='7']");
   await page.mouse.up();
-  await says(page, "[data-told-command]", "Start: accepted.");
+  await says(page, "[data-told-command]", "Start: accepted. The values");
+
+  // An alarm that follows is said where the start was.
+  await r6("panel", "--panel", cell.panel, "alarm", "850");
+  await says(page, "[data-told-command]", "Start: accepted. Then alarm 850 came");
+  await page.click("[data-control=clear_alarm]");
+  await says(page, "[data-told-command]", "Clear alarm: the controller accepted it.");
+  await says(page, "[data-doing]", /^(?!.*Alarm 850)/s);
 
   await page.click("text=Give back");
   await page.waitForSelector("[data-lease=free]");
@@ -173,11 +180,10 @@ test("the start also works with keys: Enter twice, and a phone in Chinese shows 
   await page.tap("[data-control=start]");
   await says(page, "[role=dialog]", "启动 virtual？");
   await isAccessible(page);
-  await page.getByRole("button", { name: "按住以运行 virtual" }).focus();
-  // One long press is one press, however often the key repeats.
+  // The dialog gives the focus to the button, whatever opened it. One long press is one press, however often the key repeats.
   for (let at = 0; at < 5; at += 1) await page.keyboard.down("Enter");
   await page.keyboard.up("Enter");
-  await page.waitForSelector("[role=dialog]");
+  await says(page, "[data-lack=again]", "请再按一次。");
   expect(await page.getAttribute("[data-mode]", "data-mode")).not.toBe("7");
   // Between the presses the key is up for a moment.
   await page.waitForTimeout(200);
