@@ -162,6 +162,7 @@ export const en = {
     noLink: (seconds: number | null) => (seconds === null ? "no link" : `no link ${duration(seconds)}`),
     alarm: (code: number) => `alarm ${code}`,
     parts: (n: number) => `counter ${n}`,
+    stands: (seconds: number) => `stands for ${duration(seconds)}`,
     old: (seconds: number) => `${duration(seconds)} old`,
     held: (holder: string) => `${holder} controls it`,
     stopHolds: "stop holds",

@@ -159,6 +159,7 @@ export const zh: typeof en = {
     noLink: (seconds) => (seconds === null ? "无连接" : `无连接 ${duration(seconds)}`),
     alarm: (code) => `报警 ${code}`,
     parts: (n) => `计数 ${n}`,
+    stands: (seconds) => `静止 ${duration(seconds)}`,
     old: (seconds) => `${duration(seconds)}前`,
     held: (holder) => `${who(holder)} 正在控制`,
     stopHolds: "停止有效",
