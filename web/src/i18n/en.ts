@@ -315,6 +315,7 @@ export const en = {
     io: "Inputs and outputs",
     on: "On",
     off: "Off",
+    notRead: "Nothing was read yet.",
     ioPaused: "Not read while nobody uses this page.",
     ioFailed: (message: string) => `They cannot be read: ${message}`,
     alarms: "Alarms",

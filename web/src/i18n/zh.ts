@@ -299,6 +299,7 @@ export const zh: typeof en = {
     io: "输入和输出",
     on: "通",
     off: "断",
+    notRead: "还没有读到任何数据。",
     ioPaused: "无人使用本页时不读取。",
     ioFailed: (message) => `无法读取：${message}`,
     alarms: "报警",
