@@ -83,7 +83,7 @@ export const en = {
     linkUnknown: "The link in the address is not valid, or the gateway does not answer.",
     keep: (who: string) => `Go on as ${who}`,
     replace: (who: string) => `End that session and sign in as ${who}`,
-    hint: "`r6 up` prints a link that signs in. `r6 gateway token` makes tokens, and an admin makes users.",
+    hint: "The command r6 up prints a link that signs in. The command r6 gateway token makes tokens. An admin makes users.",
     badLink: "The link in the address has no valid token. The link of an earlier start is not valid any more.",
     problem: (code: string, message: string) =>
       code === "wrong_password"

@@ -82,7 +82,7 @@ export const zh: typeof en = {
     linkUnknown: "地址中的链接无效，或网关没有应答。",
     keep: (who) => `继续使用 ${who}`,
     replace: (who) => `结束该会话，并以 ${who} 登录`,
-    hint: "`r6 up` 会打印登录链接。`r6 gateway token` 生成令牌，用户由管理员创建。",
+    hint: "命令 r6 up 会打印登录链接。命令 r6 gateway token 生成令牌，用户由管理员创建。",
     badLink: "地址中的链接没有有效的令牌。以前启动时的链接已失效。",
     problem: (code) =>
       code === "wrong_password"

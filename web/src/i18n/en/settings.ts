@@ -5,7 +5,7 @@ const DAYS: Record<Weekday, string> = { mon: "Mon", tue: "Tue", wed: "Wed", thu:
 
 export const hallSettings = {
   hall: "Time zone and shifts of the hall",
-  byFile: "The file of the gateway or of the cell has these. Change them there. A gateway that runs as a service reads its file again with SIGHUP; `r6 up` has to be started again.",
+  byFile: "The file of the gateway or of the cell has these. Change them there. A gateway that runs as a service reads its file again with SIGHUP. A cell, which the command r6 up runs, has to be started again.",
   needsAdmin: "An admin of all robots changes these.",
   zone: "Time zone",
   zoneHint: "A name of the IANA database, such as Europe/Berlin or Asia/Shanghai. All times of the dashboard are in it.",

@@ -88,7 +88,7 @@ export const ui = {
       case "outcome_unknown":
         return "Look at what is there now before you do it again.";
       case "managed_by_file":
-        return "Change the file. A gateway that runs as a service reads it again with SIGHUP; `r6 up` has to be started again.";
+        return "Change the file. A gateway that runs as a service reads it again with SIGHUP. A cell, which the command r6 up runs, has to be started again.";
       case "not_this_version":
         return "Look at the present values, then change them again.";
       case "last_admin":

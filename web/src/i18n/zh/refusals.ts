@@ -95,7 +95,7 @@ export const REFUSALS: Record<Failure["code"], readonly [what: string, next: str
   bad_value: ["填写的值不允许。", CORRECT],
   managed_by_file: [
     "该项由网关的配置文件管理，不能在此更改。",
-    "请修改配置文件。作为服务运行的网关收到 SIGHUP 后重新读取；`r6 up` 须重新启动。",
+    "请修改配置文件。作为服务运行的网关收到 SIGHUP 后重新读取；r6 up 则须重新启动。",
   ],
   address_taken: ["该地址已被另一台机器人使用。", "请核对地址。"],
   overloaded: ["网关负荷过高。", "请稍候再试。"],

@@ -14,7 +14,7 @@ const DAYS: Record<Weekday, string> = {
 
 export const hallSettings: typeof english = {
   hall: "车间的时区与班次",
-  byFile: "这些设置由网关或单元的配置文件管理。请在文件中修改。作为服务运行的网关收到 SIGHUP 后重新读取；`r6 up` 须重新启动。",
+  byFile: "这些设置由网关或单元的配置文件管理。请在文件中修改。作为服务运行的网关收到 SIGHUP 后重新读取；r6 up 则须重新启动。",
   needsAdmin: "由面向所有机器人的管理员更改。",
   zone: "时区",
   zoneHint: "IANA 数据库中的名称，例如 Asia/Shanghai 或 Europe/Berlin。看板的所有时间均按此时区显示。",
