@@ -10,7 +10,7 @@ export const hallSettings = {
   zone: "Time zone",
   zoneHint: "A name of the IANA database, such as Europe/Berlin or Asia/Shanghai. All times of the dashboard are in it.",
   zoneUnknown: "This browser does not know the zone. The gateway may know it.",
-  now: (at: string) => `There it is ${at} now.`,
+  now: (at: string) => `Time there now: ${at}`,
   shifts: "Shifts",
   one: "Shift",
   noShift: "No shift. Production is then shown by the day only.",
