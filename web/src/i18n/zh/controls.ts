@@ -71,7 +71,7 @@ export const controls: typeof english = {
     deed,
   },
   parts: "本页各部分",
-  tabs: { live: "实时", axes: "各轴", io: "输入/输出", charts: "曲线", more: "更多" },
+  tabs: { live: "实时", axes: "各轴", io: "输入输出", charts: "曲线", more: "更多" },
   taken: (what) => `${what}：控制器已接受。`,
   limits: "软限位",
   limitsOf: (low, high) => `${low} 至 ${high}`,
