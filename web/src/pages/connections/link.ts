@@ -1,4 +1,5 @@
 /** Which is at fault: robot, network or gateway. It says no more than the links tell. */
+import type { RobotIdentity } from "../../api/types.ts";
 import type { HistoryEvent } from "./types.ts";
 
 export type Fault =
@@ -45,4 +46,9 @@ export function sinceOf(events: readonly HistoryEvent[], isUp: boolean): Since {
 /** How often the link was lost in these events. */
 export function lossesIn(events: readonly HistoryEvent[]): number {
   return events.filter(({ event }) => event === "link_lost").length;
+}
+
+/** What answers: its name and its firmware. */
+export function machineOf(identity: RobotIdentity | null): string {
+  return identity === null ? "-" : `${identity.machine_name ?? "?"}, ${identity.firmware ?? "?"}`;
 }
