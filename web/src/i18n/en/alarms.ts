@@ -12,7 +12,7 @@ export const alarms = {
   lastEnd: (at: string) => `The last alarm that was seen ended ${at}.`,
   noneInDay: "No alarm of the last day is known.",
   unknown: (n: number) => `Of ${count(n, "robot", "robots")} it is not known.`,
-  noRobots: "No robot yet. An admin adds one with PUT /v1/robots/{name}, or in the file of the gateway.",
+  noRobots: "No robot yet. An admin adds one on the page of connections, or in the file of the gateway.",
   old: "The gateway is not heard. What stops us now is not known.",
   flood: (code: number, robots: number) => `alarm ${code}: ${robots} robots within 2 s`,
   who: (n: number) => count(n, "robot", "robots"),

@@ -53,7 +53,7 @@ export const history = {
   signals: "Signals",
   empty: "Choose a robot and a signal.",
   noSignals: "Choose a signal.",
-  noRobots: "No robot yet. An admin adds one with PUT /v1/robots/{name}, or in the file of the gateway.",
+  noRobots: "No robot yet. An admin adds one on the page of connections, or in the file of the gateway.",
   most: (n: number) => `${count(n, "robot", "robots")} at most.`,
   missing: (robot: string) => `${robot} is not there, or you may not see it.`,
   charts: (robot: string) => `Charts of ${robot}`,

@@ -26,7 +26,7 @@ export const production = {
   badDay: "This day has not begun, or is no day.",
   noShift: "No shift began in the last 14 days.",
   noSettings: "The time zone and the shifts",
-  noRobots: "No robot yet. An admin adds one with PUT /v1/robots/{name}, or in the file of the gateway.",
+  noRobots: "No robot yet. An admin adds one on the page of connections, or in the file of the gateway.",
   read: (robots: number) => `Read the figures of ${count(robots, "robot", "robots")}`,
   again: "Read again",
   progress: (done: number, all: number) => `Read ${done} of ${all}…`,

@@ -13,7 +13,7 @@ export const alarms: typeof english = {
   lastEnd: (at) => `最近一次看到的报警结束于 ${at}。`,
   noneInDay: "最近一天没有已知报警。",
   unknown: (n) => `${n} 台机器人的情况未知。`,
-  noRobots: "还没有机器人。管理员可通过 PUT /v1/robots/{name} 或网关配置文件添加。",
+  noRobots: "还没有机器人。管理员可在“连接”页面添加，或写入网关的配置文件。",
   old: "收不到网关的数据，当前停机原因未知。",
   flood: (code, robots) => `报警 ${code}：2 秒内 ${robots} 台机器人`,
   who: (n) => `${n} 台机器人`,

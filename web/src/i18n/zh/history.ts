@@ -54,7 +54,7 @@ export const history: typeof english = {
   signals: "信号",
   empty: "请选择机器人和信号。",
   noSignals: "请选择信号。",
-  noRobots: "还没有机器人。管理员可通过 PUT /v1/robots/{name} 或网关配置文件添加。",
+  noRobots: "还没有机器人。管理员可在“连接”页面添加，或写入网关的配置文件。",
   most: (n) => `最多 ${n} 台机器人。`,
   missing: (robot) => `${robot} 不存在，或您无权查看。`,
   charts: (robot) => `${robot} 的曲线`,

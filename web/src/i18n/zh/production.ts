@@ -27,7 +27,7 @@ export const production: typeof english = {
   badDay: "该日期尚未开始，或不是有效日期。",
   noShift: "最近 14 天没有班次开始。",
   noSettings: "时区和班次",
-  noRobots: "还没有机器人。管理员可通过 PUT /v1/robots/{name} 或网关配置文件添加。",
+  noRobots: "还没有机器人。管理员可在“连接”页面添加，或写入网关的配置文件。",
   read: (robots) => `读取 ${robots} 台机器人的数据`,
   again: "重新读取",
   progress: (done, all) => `已读取 ${done}/${all}…`,
