@@ -113,8 +113,14 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await take(page, 30, 20, -30, 0, -80, 0);
   await says(page, '[data-point-name="P2"]', "30, 10, -20, 0, -80, 0");
   await says(page, "[data-check='']", "No step yet: nothing to check");
+  // Points are offered in the order in which they were taken, and the button stays where it is.
+  const place = (): Promise<number> => page.locator("[data-add]").evaluate((node) => node.getBoundingClientRect().top + scrollY);
+  const before = await place();
   for (const point of ["P1", "P2", "P3"]) {
-    await add(page, "axis-move", point);
+    expect(await page.inputValue("[data-to]")).toBe(point);
+    await add(page, "axis-move");
+    await says(page, "[data-step] .row[aria-current=true]", `Axis move ${point}`);
+    expect(await place()).toBe(before);
     await set(page, "speed", "60");
   }
   expect(await page.evaluate(() => document.activeElement?.closest("[data-fields]") !== null), "the focus goes on").toBe(true);
