@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { type Command, apply, copied, freeName, putPoint, removePoint, withField, withoutField } from "./commands.ts";
+import { type Command, apply, copied, freeName, putPoint, putPointAndMove, removePoint, withField, withoutField } from "./commands.ts";
 import { type Document, EMPTY, fieldOf, fieldWith, linked, newStep, pointsOf, read, valueAt, write } from "./document.ts";
 import { MAX_ENTRIES, change, choose, historyOf, redo, undo } from "./history.ts";
 
@@ -41,6 +41,7 @@ function commands(document: Document): Command[] {
     putPoint(document, null, { name: "P2", axes: [0, 0, 0], pose: null }),
     putPoint(document, "P1", { name: "above", axes: [9, 9, 9], pose: [1, 1, 1, 1, 1, 1] }),
     removePoint(document, "P1"),
+    putPointAndMove(document, { name: "P2", axes: [0, 0, 0], pose: null }, 1),
     { kind: "replace", document: EMPTY },
     { kind: "all", commands: [{ kind: "remove", at: 1, count: 1 }, { kind: "insert", at: 0, steps: [wait] }] },
   ];
@@ -101,6 +102,17 @@ test("a new point goes behind the others, with a name that is free", () => {
   expect(write(apply(EMPTY, putPoint(EMPTY, null, { name: '下 "1"', axes: [1], pose: null })).document)).toBe(
     '# point "下 \\"1\\"" = axes [1]\n',
   );
+});
+
+test("a point and the move to it are one change", () => {
+  let now = choose(historyOf(start()), { step: 0 });
+  now = change(now, putPointAndMove(now.document, { name: "P2", axes: [7, 8, 9], pose: null }, 1), { step: 1 });
+  expect([now.done.length, now.document.steps.length, linked(now.document, now.document.steps[1]!, "to")?.name]).toEqual([1, 4, "P2"]);
+  expect(write(now.document)).toContain('do = "axis-move"\nto = [7, 8, 9] # point "P2"\nspeed = 20\n');
+  now = undo(now);
+  expect([write(now.document), now.selection]).toEqual([TEXT, { step: 0 }]);
+  const posed = apply(EMPTY, putPointAndMove(EMPTY, { name: "P1", axes: null, pose: [1, 2, 3, 4, 5, 6] }, 0)).document;
+  expect(write(posed)).toContain('do = "linear-move"\nto = [1, 2, 3, 4, 5, 6] # point "P1"');
 });
 
 test("a changed field keeps its comments, also those within a list", () => {

@@ -12,6 +12,7 @@ import {
   fieldWith,
   linked,
   newId,
+  newStep,
   pointLine,
   pointsOf,
   wants,
@@ -145,4 +146,22 @@ export function removePoint(document: Document, name: string): Command {
 export function freeName(document: Document): string {
   const names = new Set(pointsOf(document).map(({ name }) => name));
   for (let number = 1; ; number += 1) if (!names.has(`P${number}`)) return `P${number}`;
+}
+
+/** The speed of a new move, in percent. */
+const MOVE_SPEED = 20;
+
+/** A new move to a point: an axis move, or a linear one if only the pose of the point is known. */
+export function moveTo(document: Document, { name, axes, pose }: Point): Step {
+  return newStep(document.steps[0]?.table ?? "instruction", [
+    { key: "do", value: axes === null ? "linear-move" : "axis-move" },
+    { key: "to", value: [...(axes ?? pose ?? [])], point: name },
+    { key: "speed", value: MOVE_SPEED },
+  ]);
+}
+
+/** A new point, and a move to it that becomes the step `at`, from 0: one change. */
+export function putPointAndMove(document: Document, point: Point, at: number): Command {
+  const insert: Command = { kind: "insert", at, steps: [moveTo(document, point)] };
+  return { kind: "all", commands: [putPoint(document, null, point), insert] };
 }

@@ -253,6 +253,36 @@ async function robotAddress(): Promise<string> {
   return robot.said(/listening on (\S+)/);
 }
 
+test("a point and a move to it are one press and one entry, and a number of it is changed in one more", async () => {
+  const { page, faults } = await openPage(browser, SMALL);
+  await signIn(page, operator, "/robots/press-4/teach/quick");
+  for (const n of [1, 2, 3]) {
+    await page.waitForSelector("[data-take-move]:not([disabled])");
+    await page.click("[data-take-move]");
+    await says(page, `[data-step="${n}"] .row[aria-current=true]`, `Axis move P${n}, 20 %`);
+  }
+  await page.waitForSelector("[data-check=true]");
+  // The numbers of the point of the chosen step are there.
+  await setJ1(page, "-25");
+  await says(page, '[data-point-name="P3"]', /-25, /);
+  await page.click('[data-point-name="P2"] button');
+  await setJ1(page, "25");
+  await says(page, '[data-point-name="P2"]', /25, /);
+  await page.click("text=Undo");
+  await page.click("text=Undo");
+  await page.click("text=Undo");
+  expect(await page.locator("[data-steps='2'], [data-points='2']").count(), "step and point went together").toBe(2);
+  await page.waitForSelector('[data-step="2"] .row[aria-current=true]');
+  await isAccessible(page);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+async function setJ1(page: Page, text: string): Promise<void> {
+  await page.fill('[data-axis="1"]', text);
+  await page.press('[data-axis="1"]', "Enter");
+}
+
 test("on a phone in Chinese points are taken and the preview is seen; steps are read only", async () => {
   const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 844 }, locale: "zh-CN", hasTouch: true });
   await signIn(page, operator, "/robots/press-4/teach/pick");

@@ -109,10 +109,13 @@ export const teach = {
   },
   points: {
     title: "Points",
-    none: "No point yet. Move the arm with its pendant, then take its position.",
+    none: "No point yet. Move the arm with its pendant, then take its position. Or take it, and type other numbers.",
     take: (robot: string) => `Take point from ${robot}`,
+    takeAndMove: (robot: string) => `Take point from ${robot} and add a move`,
+    becomes: (step: number) => `The move becomes step ${step}.`,
     taking: "Reading the position…",
     taken: (name: string) => `${name} taken.`,
+    takenAndMoved: (name: string, step: number) => `${name} taken. Step ${step} moves there.`,
     not: (why: NoPoint) =>
       `Not taken: ${{
         no_answer: "the gateway or the robot gives no answer",
@@ -138,7 +141,7 @@ export const teach = {
   },
   steps: {
     title: "Steps",
-    none: "No step yet. Take points, then add moves to them.",
+    none: "No step yet. Take a point with a move, or add a step.",
     runs: "Twin, arm",
     sent: "can be sent",
     controller: "on a controller only",

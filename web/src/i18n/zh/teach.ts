@@ -108,10 +108,13 @@ export const teach: typeof english = {
   },
   points: {
     title: "示教点",
-    none: "还没有示教点。请用示教器移动机械臂，然后记录其位置。",
+    none: "还没有示教点。请用示教器移动机械臂，然后记录其位置。也可先记录，再输入其他数值。",
     take: (robot) => `记录 ${robot} 的当前点`,
+    takeAndMove: (robot) => `记录 ${robot} 的当前点并添加移动`,
+    becomes: (step) => `移动将成为步骤 ${step}。`,
     taking: "正在读取位置…",
     taken: (name) => `已记录 ${name}。`,
+    takenAndMoved: (name, step) => `已记录 ${name}，步骤 ${step} 移动到此点。`,
     not: (why) =>
       `未记录：${{
         no_answer: "网关或机器人没有应答",
@@ -137,7 +140,7 @@ export const teach: typeof english = {
   },
   steps: {
     title: "步骤",
-    none: "还没有步骤。请先记录示教点，再添加移动。",
+    none: "还没有步骤。请记录示教点并添加移动，或添加步骤。",
     runs: "孪生、机械臂",
     sent: "可发送",
     controller: "仅限控制器",
