@@ -112,7 +112,7 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await take(page, 30, 10, -20, 0, -80, 0);
   await take(page, 30, 20, -30, 0, -80, 0);
   await says(page, '[data-point-name="P2"]', "30, 10, -20, 0, -80, 0");
-  await says(page, "[data-check='']", "No step yet: nothing to check");
+  await says(page, "[data-check='']", "Checked after each change");
   // Points are offered in the order in which they were taken, and the button stays where it is.
   const place = (): Promise<number> => page.locator("[data-add]").evaluate((node) => node.getBoundingClientRect().top + scrollY);
   const before = await place();

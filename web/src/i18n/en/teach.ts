@@ -99,7 +99,7 @@ export const teach = {
       })[what],
   },
   target: {
-    title: "Works with",
+    title: "Points from, preview and run on",
     twin: (name: string) => `${name} (twin)`,
     virtual: (name: string) => `${name} (virtual)`,
     real: (name: string) => `${name} (real arm)`,
@@ -230,13 +230,13 @@ export const teach = {
   },
   check: {
     waiting: "Checking…",
-    ok: "No mistake found",
-    mistakes: (n: number) => count(n, "mistake", "mistakes"),
+    ok: "Checked: no mistake found",
+    mistakes: (n: number) => `Checked: ${count(n, "mistake", "mistakes")}`,
     failed: (message: string) => `Not checked: ${message}`,
     more: (n: number) => `and ${count(n, "more mistake", "more mistakes")}`,
     whole: "Of the whole program",
     remarks: "Hints",
-    nothing: "No step yet: nothing to check",
+    nothing: "Checked after each change",
     loose: (name: string, n: number) => `Step ${n} names ${name}, and has other numbers.`,
   },
   preview: {

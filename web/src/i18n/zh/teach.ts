@@ -98,7 +98,7 @@ export const teach: typeof english = {
       })[what],
   },
   target: {
-    title: "操作对象",
+    title: "取点、预览和运行于",
     twin: (name) => `${name}（孪生）`,
     virtual: (name) => `${name}（虚拟）`,
     real: (name) => `${name}（真实机械臂）`,
@@ -227,13 +227,13 @@ export const teach: typeof english = {
   },
   check: {
     waiting: "正在检查…",
-    ok: "未发现错误",
-    mistakes: (n) => `${n} 个错误`,
+    ok: "已检查：未发现错误",
+    mistakes: (n) => `已检查：${n} 个错误`,
     failed: (message) => `未检查：${message}`,
     more: (n) => `还有 ${n} 个错误`,
     whole: "整个程序",
     remarks: "提示",
-    nothing: "还没有步骤，无需检查",
+    nothing: "每次更改后自动检查",
     loose: (name, n) => `步骤 ${n} 注明 ${name}，但数值不同。`,
   },
   preview: {
