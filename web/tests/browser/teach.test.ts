@@ -362,7 +362,7 @@ test("a text that the page does not take apart is kept, with the place", async (
 
 test("the picture shows the path, and a second arm that is played along it", async () => {
   const drawing = await startBrowser(SOFTWARE_3D);
-  const { page, faults } = await openPage(drawing, SMALL);
+  const { page, faults } = await openPage(drawing, { viewport: { width: 1440, height: 900 } });
   await signIn(page, operator, "/robots/press-4");
   await page.click('a[href="/robots/press-4/teach"]');
   await page.click("[data-program=pick] a");
@@ -390,6 +390,7 @@ test("the picture shows the path, and a second arm that is played along it", asy
   expect(await page.textContent("[data-planned-axis='0']")).toBe("30.000 deg");
   const moved = await still();
   expect(moved === planned, "the second arm stands where the step ends").toBe(false);
+  await page.waitForSelector("[data-lease=free]");
   await picture(page, "dashboard-teach");
   await isAccessible(page);
   expect(faults).toEqual([]);

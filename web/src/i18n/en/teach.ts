@@ -251,7 +251,7 @@ export const teach = {
     from: (n: number) => `from step ${n}`,
     one: (n: number) => `step ${n} alone`,
     speed: "Global speed, %",
-    speedHint: (speed: number) => `Planned at ${speed} %: the speed that is set is not known. Give it if you know it.`,
+    speedHint: (speed: number) => `The set speed is not known: planned at ${speed} %. Give it if you know it.`,
     void: (why: string) => `VOID: ${why}. Preview again.`,
     isVoid: "VOID",
     waits: (steps: number[]) =>
@@ -269,6 +269,7 @@ export const teach = {
     at: (ms: number, end: number) => `${(ms / 1000).toFixed(2)} of ${(end / 1000).toFixed(2)} s`,
     inStep: (n: number) => `step ${n}`,
     atStart: "before the first step",
+    details: "Preview in numbers",
     sample: "The arm at this instant",
     axis: "Axis",
     position: "Position",
@@ -281,6 +282,6 @@ export const teach = {
     ends: (step: number | null, message: string) => `${step === null ? "" : `Step ${step}: `}${message}`,
     marks: { near: "near a limit", beyond: "beyond a limit", singular: "singular" },
     assumes: "Made for the numbers of the model, without loads. All inputs are off. A real controller may plan otherwise.",
-    picture: "The arm and its path. The table beside it says the same.",
+    picture: "The numbers below say the same.",
   },
 };
