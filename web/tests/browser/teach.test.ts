@@ -84,17 +84,17 @@ async function set(page: Page, field: string, text: string): Promise<void> {
   await page.press(`[data-field=${field}]`, "Tab");
 }
 
-/** Prepares, and presses the button that has to be held. */
-async function hold(page: Page, name: string): Promise<void> {
-  await page.click("[data-prepare]");
+/** Prepares, and presses the button that has to be held. `by`: what prepares. */
+async function hold(page: Page, name: string, by = "[data-prepare]"): Promise<void> {
+  await page.click(by);
   await says(page, "[role=dialog]", `Run on ${name}?`);
   const button = (await page.locator(`text=Hold to run on ${name}`).boundingBox())!;
   await page.mouse.move(button.x + 5, button.y + 5);
   await page.mouse.down();
 }
 
-async function run(page: Page, name: string): Promise<void> {
-  await hold(page, name);
+async function run(page: Page, name: string, by?: string): Promise<void> {
+  await hold(page, name, by);
   await page.waitForSelector('[data-sent="accepted"], [data-sent="done"]');
   await page.mouse.up();
 }
@@ -210,14 +210,10 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   await page.waitForSelector("[data-preview=taken] [data-taken]");
   expect(await page.locator("[data-void]").count()).toBe(0);
 
-  // Then on the arm, from where it stands.
-  await page.click("[data-choose=press-4]");
-  await page.click("text=Take control");
-  await page.waitForSelector("[data-lease=mine]");
-  await page.click("[data-make]");
-  await page.waitForSelector("[data-preview=done]");
-  await page.waitForSelector("[data-prepare]:not([disabled])");
-  await run(page, "press-4");
+  // Then on the arm, from where it stands: one press takes control, makes the preview and prepares. It has to be held all the same.
+  await run(page, "press-4", "[data-run-next=press-4]");
+  await page.waitForSelector("[data-choose=press-4][aria-pressed=true]");
+  await page.waitForSelector("[data-target=press-4] [data-lease=mine]");
   await says(page, "[data-sent=done]", "Done on press-4, seen: the arm stands where the last move ends");
   expect(await r6("-r", await robotAddress(), "status")).toMatch(/30\.0/);
 
@@ -273,6 +269,16 @@ test("a point and a move to it are one press and one entry, and a number of it i
   await page.click("text=Undo");
   expect(await page.locator("[data-steps='2'], [data-points='2']").count(), "step and point went together").toBe(2);
   await page.waitForSelector('[data-step="2"] .row[aria-current=true]');
+  // One press prepares, with control and a preview. Nothing is sent without the hold.
+  const sent: string[] = [];
+  page.on("request", (request) => {
+    if (request.url().endsWith("/programs/run")) sent.push(request.url());
+  });
+  await page.click("text=Take control and prepare run on press-4-twin");
+  await says(page, "[role=dialog]", "Run on press-4-twin?");
+  await page.waitForSelector("[data-lease=mine]");
+  await page.click("[role=dialog] >> text=Cancel");
+  expect([sent, await page.locator("[data-run-next]").count()]).toEqual([[], 0]);
   await isAccessible(page);
   expect(faults).toEqual([]);
   await page.context().close();
@@ -392,6 +398,19 @@ test("the picture shows the path, and a second arm that is played along it", asy
   expect(moved === planned, "the second arm stands where the step ends").toBe(false);
   await page.waitForSelector("[data-lease=free]");
   await picture(page, "dashboard-teach");
+  // While it runs, the picture, its controls and the run are in view together.
+  await page.click("text=Take control and prepare");
+  await page.waitForSelector("[role=dialog]");
+  await picture(page, "teach-1440-asked");
+  await page.keyboard.press("Escape");
+  await run(page, "press-4-twin");
+  await page.waitForSelector("[data-sent=done]");
+  const parts = page.locator("canvas, [data-play], [data-make], [data-prepare], [data-sent=done]");
+  const boxes = await Promise.all((await parts.all()).map((part) => part.boundingBox()));
+  expect(boxes.map((box) => box!.x > 700 && box!.y >= 0 && box!.y + box!.height <= 900)).toEqual([true, true, true, true, true]);
+  await picture(page, "teach-1440-done");
+  await page.emulateMedia({ colorScheme: "dark" });
+  await picture(page, "teach-1440-dark");
   await isAccessible(page);
   expect(faults).toEqual([]);
   await drawing.close();

@@ -32,6 +32,8 @@ export const RUN_ENDS: Record<NonNullable<Run["because"]>, string> = {
 export const run = {
   title: (robot: string) => `Run on ${robot}`,
   prepare: (robot: string) => `Prepare run on ${robot}…`,
+  takeAndPrepare: (robot: string) => `Take control and prepare run on ${robot}…`,
+  next: (robot: string) => `Run it on ${robot}: take control and prepare…`,
   hold: (robot: string) => `Hold to run on ${robot}`,
   ask: (robot: string) => `Run on ${robot}?`,
   isTwin: "This is the twin, a virtual controller. No real arm moves.",

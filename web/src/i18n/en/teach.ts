@@ -243,7 +243,7 @@ export const teach = {
     title: "Preview",
     make: "Preview",
     making: "Planning…",
-    none: "No preview yet. It shows what the arm would do from where it stands now.",
+    none: "No preview yet. It begins where the arm stands. Preparing a run makes one.",
     noModel: "The gateway does not know the model of this arm: an admin sets it.",
     failed: (message: string) => `No preview: ${message}`,
     scope: "Steps",

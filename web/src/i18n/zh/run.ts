@@ -32,6 +32,8 @@ export const RUN_ENDS: Record<NonNullable<Run["because"]>, string> = {
 export const run: typeof english = {
   title: (robot) => `在 ${robot} 上运行`,
   prepare: (robot) => `准备在 ${robot} 上运行…`,
+  takeAndPrepare: (robot) => `获取控制权并准备在 ${robot} 上运行…`,
+  next: (robot) => `在 ${robot} 上运行：获取控制权并准备…`,
   hold: (robot) => `按住以在 ${robot} 上运行`,
   ask: (robot) => `在 ${robot} 上运行？`,
   isTwin: "这是孪生，即虚拟控制器。真实机械臂不会运动。",

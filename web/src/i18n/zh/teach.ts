@@ -240,7 +240,7 @@ export const teach: typeof english = {
     title: "预览",
     make: "预览",
     making: "正在规划…",
-    none: "还没有预览。预览显示机械臂从当前位置将如何运动。",
+    none: "还没有预览。预览从机械臂当前位置开始，准备运行时也会预览。",
     noModel: "网关不知道此机械臂的型号：请管理员设置。",
     failed: (message) => `没有预览：${message}`,
     scope: "步骤",
