@@ -268,8 +268,8 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   expect(await page.locator("[data-program] option", { hasText: "broken" }).isDisabled()).toBe(true);
   await page.click("[data-prepare]");
   await says(page, "[data-prepared]", /sweep, version 1: 1 step, 1 time\./);
-  await says(page, "[data-prepared]", /The tool goes \d+ mm in \d+\.\d\d s, if the global speed is 100 %\./);
-  await says(page, "[data-prepared]", "Planned at 100 %: the speed that is set is not known.");
+  await says(page, "[data-prepared]", /\d+ mm in \d+\.\d\d s at 100 %\./);
+  await says(page, "[data-prepared]", "The set speed is not known: it may be slower.");
   await says(page, "[data-prepared]", "Stay here");
   await picture(page, "robot-run-1920-light");
   await isAccessible(page);

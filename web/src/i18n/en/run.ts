@@ -36,24 +36,25 @@ export const run = {
   next: (robot: string) => `Run it on ${robot}: take control and prepare…`,
   hold: (robot: string) => `Hold to run on ${robot}`,
   ask: (robot: string) => `Run on ${robot}?`,
-  isTwin: "This is the twin, a virtual controller. No real arm moves.",
-  isVirtual: "This is a virtual robot. No real arm moves.",
-  isReal: "This is the real arm.",
-  isUnknown: "Whether this is a real arm is not known. Treat it as one.",
+  isTwin: "The twin: no real arm moves.",
+  isVirtual: "Virtual: no real arm moves.",
+  isReal: "The real arm.",
+  isUnknown: "It may be a real arm: treat it as one.",
   what: (program: string, from: number, to: number, total: number) =>
     from === 1 && to === total
       ? `${program}: all ${count(total, "step", "steps")}.`
-      : `${program}: step${from === to ? ` ${from}` : `s ${from} to ${to}`} of ${total}. Steps before do not run: outputs, workbench and path speed that they set are not set.`,
-  path: (mm: string, ms: number, speed: number) =>
-    `The tool goes ${mm} in ${seconds(ms)}, if the global speed is ${speed} %.`,
+      : `${program}: step${from === to ? ` ${from}` : `s ${from} to ${to}`} of ${total}. Outputs, workbench and path speed of the steps before are not set.`,
+  /** `set`: who set this speed; `null` if nobody did. */
+  path: (mm: string, ms: number, speed: number, set: { by: string; at: string } | null) =>
+    `${mm} in ${seconds(ms)} at ${speed} %${set === null ? "" : `, set by ${set.by}, ${set.at}, not read back`}.`,
   speedSet: (percent: number, by: string, at: string) =>
-    `Set to ${percent} % by ${by}, ${at}. The controller does not report it: somebody at the pendant may have changed it.`,
+    `${percent} % set by ${by}, ${at}: the controller does not tell whether that still holds.`,
   /** `speed`: what the plan is made for. */
   speedUnknown: (speed: number) =>
-    `Planned at ${speed} %: the speed that is set is not known. It may be ${speed < 100 ? "faster or slower" : "slower"}.`,
-  list: "No instruction is left in its list.",
-  listUnknown: "Whether instructions are left in its list is not known: its firmware does not tell it. The gateway asks before it sends.",
-  noPath: "The model of the arm is not configured: where it goes is not shown. Expect any path, at full speed.",
+    `The set speed is not known: it may be ${speed < 100 ? "faster or slower" : "slower"}.`,
+  list: "Its list is empty.",
+  listUnknown: "Its firmware does not tell whether its list is empty: the gateway asks before it sends.",
+  noPath: "The model of the arm is not set: expect any path, at full speed.",
   drawn: "The path is drawn in the picture of the arm.",
   kept: (program: string, version: number, steps: number, repeat: number) =>
     `${program}, version ${version}: ${count(steps, "step", "steps")}, ${count(repeat, "time", "times")}.`,
@@ -65,9 +66,9 @@ export const run = {
   frames: "It runs with the tool and the work frame that are in use.",
   waits: (steps: number[]) =>
     `${steps.length === 1 ? "Step" : "Steps"} ${steps.join(", ")}: the arm waits for a signal there, and goes on when it comes.`,
-  stay: "Stay here: the gateway stops the arm if this page is left, hidden for 30 s, or not used for 5 minutes.",
+  stay: "Stay here: the arm stops if this page is left, hidden for 30 s, or not used for 5 min.",
   noFrames: "Not prepared: tool and work frame cannot be read. Try again.",
-  person: "Look at the arm: nobody may be near it.",
+  person: "Look: nobody may be near it.",
   notRun: (why: string) => `Not run: ${why}. Prepare it again.`,
   notRead: "the stored program, or tool and work frame, cannot be read again",
   replaced: "the program is another one now",
@@ -129,7 +130,7 @@ export const run = {
   refused: (message: string) => `Refused, nothing was sent: ${message}`,
   listRefused: (message: string) => `The controller refused the list: ${message}`,
   mayCease: (program: string | null) =>
-    `${program === null ? "The program of the controller" : `The program ${program} of the controller`} runs. Whether it waits for instructions is not known. If it does not, the controller refuses this run, and the gateway stops the machine: its production ends until somebody starts the program again.`,
+    `If its program${program === null ? "" : ` ${program}`} does not wait for instructions, this run is refused, and the machine stops producing until somebody starts it again.`,
   ceased: (program: string | null) =>
     `Before this run ${program === null ? "the program of the controller" : `the program ${program} of the controller`} ran. It does not run now: start it again, if it is to produce.`,
   done: (robot: string, proof: string) => `Done on ${robot}, seen: ${proof}.`,
