@@ -209,6 +209,7 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   // The arm stands elsewhere now, and that is no fault.
   await page.waitForSelector("[data-preview=taken] [data-taken]");
   expect(await page.locator("[data-void]").count()).toBe(0);
+  await says(page, "[data-run=done]", "pick, run by");
 
   // Then on the arm, from where it stands: one press takes control, makes the preview and prepares. It has to be held all the same.
   await run(page, "press-4", "[data-run-next=press-4]");
@@ -359,6 +360,7 @@ test("a text that the page does not take apart is kept, with the place", async (
   await says(page, "[data-sent=unknown]", "OUTCOME UNKNOWN");
   await page.mouse.up();
   await isAccessible(page);
+  await page.getByRole("button", { name: "I have looked at the arm" }).waitFor();
   expect([requests, await page.locator("text=Look at press-4-twin").count(), await page.locator("[data-stop=press-4-twin]").count()]).toEqual([
     1, 1, 1,
   ]);

@@ -60,8 +60,8 @@ export const run = {
     `${program}, version ${version}: ${count(steps, "step", "steps")}, ${count(repeat, "time", "times")}.`,
   notPrepared: (message: string) => `Not prepared: ${message}`,
   preparing: "Checking and planning…",
-  taken: "It was sent to run. For another run, preview it again from where the arm stands then.",
-  nameless: "a program that was sent as text",
+  taken: "It was sent to run. The next run is previewed anew, from where the arm stands then.",
+  nameless: "a program that is not stored",
   by: (program: string, by: string, done: number, steps: number) => `${program}, run by ${by}. Steps seen to be done: ${done} of ${steps}.`,
   frames: "It runs with the tool and the work frame that are in use.",
   waits: (steps: number[]) =>
@@ -143,5 +143,5 @@ export const run = {
   because: (why: Run["because"]) => (why === null ? "for no reason that was told" : RUN_ENDS[why]),
   look: (robot: string) => `Look at ${robot}`,
   tried: "It ran on the twin to its end. Now it can run on the arm.",
-  seen: "Seen",
+  seen: "I have looked at the arm",
 };

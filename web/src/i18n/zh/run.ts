@@ -55,8 +55,8 @@ export const run: typeof english = {
   kept: (program, version, steps, repeat) => `${program}，版本 ${version}：${steps} 步，运行 ${repeat} 次。`,
   notPrepared: (message) => `未准备：${message}`,
   preparing: "正在检查和规划…",
-  taken: "已发送运行。如需再次运行，请从机械臂届时的位置重新预览。",
-  nameless: "以文本发送的程序",
+  taken: "已发送运行。下次运行将从机械臂届时的位置重新预览。",
+  nameless: "未保存的程序",
   by: (program, by, done, steps) => `${program}，由 ${who(by)} 运行。已确认完成 ${done} / ${steps} 步。`,
   frames: "使用当前的工具和工作坐标系运行。",
   waits: (steps) => `步骤 ${steps.join("、")}：机械臂在此等待信号，信号到来后继续。`,
@@ -141,5 +141,5 @@ export const run: typeof english = {
   because: (why) => (why === null ? "未说明原因" : RUN_ENDS[why]),
   look: (robot) => `查看 ${robot}`,
   tried: "已在孪生上运行到末尾，现在可以在机械臂上运行。",
-  seen: "已阅",
+  seen: "我已查看机械臂",
 };
