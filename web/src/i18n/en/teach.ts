@@ -161,6 +161,7 @@ export const teach = {
     readOnly: "On a narrow screen steps are shown, and not changed.",
     edit: (n: number) => `Step ${n}`,
     addField: "Add a field",
+    addThis: (key: string) => `Add ${key}`,
     removeField: (key: string) => `Remove ${key}`,
     ownNumbers: "its own numbers",
     badNumber: "This is no value. It is not taken.",

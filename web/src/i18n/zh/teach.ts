@@ -160,6 +160,7 @@ export const teach: typeof english = {
     readOnly: "窄屏上只显示步骤，不能修改。",
     edit: (n) => `步骤 ${n}`,
     addField: "添加字段",
+    addThis: (key) => `添加 ${key}`,
     removeField: (key) => `删除 ${key}`,
     ownNumbers: "独立数值",
     badNumber: "这不是有效的值，未采用。",
