@@ -84,17 +84,25 @@ async function set(page: Page, field: string, text: string): Promise<void> {
   await page.press(`[data-field=${field}]`, "Tab");
 }
 
-/** Prepares, and presses the button that has to be held. `by`: what prepares. */
-async function hold(page: Page, name: string, by = "[data-prepare]"): Promise<void> {
-  await page.click(by);
+/** Prepares, and presses the button that has to be held. */
+async function hold(page: Page, name: string): Promise<void> {
+  await page.click("[data-prepare]");
+  await press(page, name);
+}
+
+async function press(page: Page, name: string): Promise<void> {
   await says(page, "[role=dialog]", `Run on ${name}?`);
   const button = (await page.locator(`text=Hold to run on ${name}`).boundingBox())!;
   await page.mouse.move(button.x + 5, button.y + 5);
   await page.mouse.down();
 }
 
-async function run(page: Page, name: string, by?: string): Promise<void> {
-  await hold(page, name, by);
+async function run(page: Page, name: string): Promise<void> {
+  await hold(page, name);
+  await letGo(page);
+}
+
+async function letGo(page: Page): Promise<void> {
   await page.waitForSelector('[data-sent="accepted"], [data-sent="done"]');
   await page.mouse.up();
 }
@@ -211,10 +219,22 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   expect(await page.locator("[data-void]").count()).toBe(0);
   await says(page, "[data-run=done]", "pick, run by");
 
-  // Then on the arm, from where it stands: one press takes control, makes the preview and prepares. It has to be held all the same.
-  await run(page, "press-4", "[data-run-next=press-4]");
+  // Then on the arm, from where it stands: one press takes control, makes the preview and prepares. Nothing runs
+  // before the button was held there too.
+  const ran: string[] = [];
+  page.on("request", (request) => {
+    if (request.url().endsWith("/programs/run")) ran.push(new URL(request.url()).pathname);
+  });
+  await page.click("[data-run-next=press-4]");
+  await says(page, "[role=dialog]", "Run on press-4?");
   await page.waitForSelector("[data-choose=press-4][aria-pressed=true]");
   await page.waitForSelector("[data-target=press-4] [data-lease=mine]");
+  expect(await page.getAttribute("[data-preview]", "data-preview")).toBe("done");
+  await page.waitForTimeout(500);
+  expect(ran).toEqual([]);
+  await press(page, "press-4");
+  await letGo(page);
+  expect(ran).toEqual(["/v1/robots/press-4/programs/run"]);
   await says(page, "[data-sent=done]", "Done on press-4, seen: the arm stands where the last move ends");
   expect(await r6("-r", await robotAddress(), "status")).toMatch(/30\.0/);
 
