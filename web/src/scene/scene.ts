@@ -28,7 +28,7 @@ import { LENS, Orbit, type ViewName } from "./camera.ts";
 import { type Colours, coloursOf } from "./colours.ts";
 import { type Box, Workspace } from "./guard.ts";
 import { Late } from "./late.ts";
-import { ORIGIN, type Standing, type Vector, floorOf, linksOf, spaceOf } from "./model.ts";
+import { ORIGIN, type Standing, type Vector, floorOf, linksOf, rangeOf, spaceOf } from "./model.ts";
 import { type PathPoint, Planned, Trail } from "./path.ts";
 
 /** The grid of the floor, in mm. */
@@ -79,10 +79,14 @@ export class Scene {
     this.workspace = new Workspace(this.size * 0.03);
     this.frames = [new Frames(this.size * 0.3), new Frames(this.size * 0.15)];
     const [low, high] = spaceOf(model);
-    const isMachine = model.geometry.kind === "cartesian";
+    const { kind } = model.geometry;
+    const isMachine = kind === "cartesian";
+    // The slide of a SCARA stands above the links when it is up.
+    const [slideLow, slideHigh] = rangeOf(model, 2);
+    const top = high[2] + (kind === "scara" ? slideHigh - slideLow + 0.4 * this.size : 0);
     const [down, up] = isMachine ? [0.4, 0.6] : [0.6, 0.4];
-    const centre: Vector = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2] * down + high[2] * up];
-    const radius = Math.hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]) / 2;
+    const centre: Vector = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2] * down + top * up];
+    const radius = Math.hypot(high[0] - low[0], high[1] - low[1], top - low[2]) / 2;
     // The corners of the space that an arm reaches are empty.
     this.orbit = new Orbit(centre, radius * (isMachine ? 1.1 : 0.6));
     this.camera.up.set(0, 0, 1);
