@@ -20,7 +20,7 @@ export function viewLike(name: string, part: Partial<View> = {}, summary: Partia
     stopped: false,
     stopped_by: null,
     stops_under_way: 0,
-    stops_told: 0,
+    stop_number: 0,
     global_speed: null,
     ...summary,
   };

@@ -1464,10 +1464,10 @@ export interface components {
             lease: components["schemas"]["LeaseKey"];
             /**
              * Format: int64
-             * @description `stops_told` of the robot, as the caller has seen it: if another stop was told since, that one is not
+             * @description `stop_number` of the robot, as the caller has seen it: if another stop was told since, that one is not
              *     cleared. Without it, whatever stop holds is cleared.
              */
-            stops_told?: number | null;
+            stop_number?: number | null;
         };
         /**
          * @description What kind of problem it is. The words do not change; new ones may come.
@@ -2031,7 +2031,7 @@ export interface components {
             holds: boolean;
             /**
              * Format: int64
-             * @description Its number: `stops_told` of the robot from then on. 0 of a stop that does not hold.
+             * @description Its number: `stop_number` of the robot from then on. 0 of a stop that does not hold.
              */
             number: number;
         } | {
@@ -3212,16 +3212,17 @@ export interface components {
              *     one.
              */
             panel: boolean;
+            /**
+             * Format: int64
+             * @description The number of its last stop that was told (`stop_began`), also if it was cleared: send it with
+             *     `clear-stopped`, so that a stop that you have not seen is not cleared. Numbers only grow, and none comes
+             *     twice, also not after a restart. A caller that stops a stopped robot again within a minute is told of
+             *     once. Before the first one it is a number that no stop has.
+             */
+            stop_number: number;
             /** @description Whether a stop was asked for and not cleared: commands that can move the robot are refused. */
             stopped: boolean;
             stopped_by: components["schemas"]["ActedBy"] | null;
-            /**
-             * Format: int64
-             * @description How many stops of it were told since the gateway started (`stop_began`), also those that were
-             *     cleared: send it with `clear-stopped`, so that a stop that you have not seen is not cleared. A
-             *     caller that stops a stopped robot again within a minute is told of once.
-             */
-            stops_told: number;
             /**
              * Format: int32
              * @description How many stops are under way now.

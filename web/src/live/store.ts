@@ -175,8 +175,8 @@ export class Store {
         // Of several stops that hold together, the first is named.
         const by = robot.summary.stopped_by ?? { by: event.by, at: event.time };
         // A gateway that tells no numbers cannot be asked to clear the stops up to one.
-        const stops_told = event.number || robot.summary.stops_told;
-        return set({ stopped: true, stopped_by: by, stops_under_way: stops + 1, stops_told });
+        const stop_number = event.number || robot.summary.stop_number;
+        return set({ stopped: true, stopped_by: by, stops_under_way: stops + 1, stop_number });
       }
       case "stop_ended":
         return set({ stops_under_way: Math.max(0, stops - 1) });

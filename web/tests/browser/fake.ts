@@ -165,7 +165,7 @@ class FakeRobot {
       stopped: false,
       stopped_by: null,
       stops_under_way: 0,
-      stops_told: 0,
+      stop_number: 0,
       global_speed: null,
     };
   }

@@ -59,10 +59,10 @@ pub struct WithLease {
 pub struct ClearRequest {
     /// The lease of the caller.
     pub lease: LeaseKey,
-    /// `stops_told` of the robot, as the caller has seen it: if another stop was told since, that one is not
+    /// `stop_number` of the robot, as the caller has seen it: if another stop was told since, that one is not
     /// cleared. Without it, whatever stop holds is cleared.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stops_told: Option<u64>,
+    pub stop_number: Option<u64>,
 }
 
 /// A request that needs a reason and nothing else.

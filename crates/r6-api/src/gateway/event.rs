@@ -64,7 +64,7 @@ pub enum Happened {
         #[serde(default)]
         #[cfg_attr(feature = "openapi", schema(required = true))]
         holds: bool,
-        /// Its number: `stops_told` of the robot from then on. 0 of a stop that does not hold.
+        /// Its number: `stop_number` of the robot from then on. 0 of a stop that does not hold.
         #[serde(default)]
         #[cfg_attr(feature = "openapi", schema(required = true))]
         number: u64,

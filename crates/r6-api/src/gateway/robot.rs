@@ -72,12 +72,13 @@ pub struct RobotSummary {
     pub stopped_by: Option<ActedBy>,
     /// How many stops are under way now.
     pub stops_under_way: u32,
-    /// How many stops of it were told since the gateway started (`stop_began`), also those that were
-    /// cleared: send it with `clear-stopped`, so that a stop that you have not seen is not cleared. A
-    /// caller that stops a stopped robot again within a minute is told of once.
+    /// The number of its last stop that was told (`stop_began`), also if it was cleared: send it with
+    /// `clear-stopped`, so that a stop that you have not seen is not cleared. Numbers only grow, and none comes
+    /// twice, also not after a restart. A caller that stops a stopped robot again within a minute is told of
+    /// once. Before the first one it is a number that no stop has.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
-    pub stops_told: u64,
+    pub stop_number: u64,
     /// The global speed as it was last set over the gateway. The protocol does not tell it: a person at the
     /// pendant, or a program that is connected to the robot directly, can have set another one since. `null`
     /// if it was not set since the gateway started, if that is not sure, if the controller may have been

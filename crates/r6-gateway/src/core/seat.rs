@@ -149,8 +149,8 @@ pub struct Seat {
     stops_under_way: u32,
     /// How many stops have begun.
     stops_begun: u64,
-    /// How many of them were told to all who follow the robot.
-    stops_told: u64,
+    /// The number of the last one that was told to all who follow the robot.
+    stop_number: u64,
     /// The robot that answers, if it is another than expected.
     stranger: Option<RobotIdentity>,
     link: Option<Link>,
@@ -195,7 +195,7 @@ impl Seat {
             taking: false,
             stops_under_way: 0,
             stops_begun: 0,
-            stops_told: 0,
+            stop_number: 0,
             stranger: None,
             link: None,
             closed: false,
@@ -208,6 +208,14 @@ impl Seat {
             generation: 0,
             noticed: VecDeque::new(),
         }
+    }
+
+    /// Stops get numbers behind this one. Give a number that no stop of the robot had yet, also not before a
+    /// restart or at another gateway: else a caller could clear a stop that it has not seen.
+    #[must_use]
+    pub fn with_stops_behind(mut self, number: u64) -> Self {
+        self.stop_number = number;
+        self
     }
 
     /// What has to be saved.
@@ -394,23 +402,24 @@ impl Seat {
     /// The stop that has just begun is told to all who follow the robot. Returns its number. Not each one
     /// is: a caller that stops a stopped robot again and again must not push the events of others out.
     pub fn stop_is_told(&mut self) -> u64 {
-        self.stops_told += 1;
-        self.stops_told
+        self.stop_number += 1;
+        self.stop_number
     }
 
-    /// How many stops were told.
+    /// The number of the last stop that was told.
     #[must_use]
-    pub fn stops_told(&self) -> u64 {
-        self.stops_told
+    pub fn stop_number(&self) -> u64 {
+        self.stop_number
     }
 
-    /// Lets the robot move again. `seen`: how many stops the caller was told of; `None` clears any.
+    /// Lets the robot move again. `seen`: the number of the last stop that the caller was told of; `None` clears
+    /// any.
     ///
     /// # Errors
     /// [`Denied::NoLease`], [`Denied::StopUnderWay`], [`Denied::StoppedSince`].
     pub fn clear(&mut self, now: Instant, key: Key, seen: Option<u64>) -> Result<(), Denied> {
         self.held(now, key)?;
-        if seen.is_some_and(|seen| seen != self.stops_told) {
+        if seen.is_some_and(|seen| seen != self.stop_number) {
             return Err(Denied::StoppedSince);
         }
         if self.stops_under_way > 0 {

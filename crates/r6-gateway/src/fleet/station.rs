@@ -243,7 +243,9 @@ impl Station {
     #[must_use]
     pub fn new(config: RobotConfig, saved: Kept, shared: Arc<Shared>) -> Self {
         let Kept { seat: saved, alarms } = saved;
-        let mut seat = Seat::new(saved.clone(), FRESH_FOR);
+        // More microseconds pass between two begins of a robot than it has stops in between.
+        let begun = u64::try_from(clock::system().0).unwrap_or_default();
+        let mut seat = Seat::new(saved.clone(), FRESH_FOR).with_stops_behind(begun);
         if config.twin_of.is_some() {
             // The process has just started it.
             seat.forget_identity();

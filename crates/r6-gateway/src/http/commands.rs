@@ -173,10 +173,10 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
 pub async fn clear_stopped(
     robot: Robot<caller::Command>,
     headers: HeaderMap,
-    Json(ClearRequest { lease, stops_told }): Json<ClearRequest>,
+    Json(ClearRequest { lease, stop_number }): Json<ClearRequest>,
 ) -> Result<StatusCode, Refusal> {
     deadline::check(&headers)?;
-    let cleared = key(&lease).and_then(|key| robot.station.clear(&robot.caller.by(), key, stops_told));
+    let cleared = key(&lease).and_then(|key| robot.station.clear(&robot.caller.by(), key, stop_number));
     cleared.map_err(refusal::of)?;
     robot.station.written_for_others().await.map_err(refusal::of)?;
     Ok(StatusCode::NO_CONTENT)

@@ -1,8 +1,9 @@
 //! Orders that were long on their way, or that came twice: nothing moves, and no stop is cleared, for them.
 
+use r6_gateway::RobotConfig;
 use serde_json::{Value, json};
 
-use crate::support::{Hall, Reply, call_with, commands, ready_to_start};
+use crate::support::{Hall, Reply, call_with, commands, name, ready_to_start};
 
 const COMMANDS: &str = "/v1/robots/press/commands";
 const CLEAR: &str = "/v1/robots/press/clear-stopped";
@@ -63,26 +64,43 @@ async fn a_stop_that_the_caller_has_not_seen_is_not_cleared() {
     let hall = Hall::with(vec![ready_to_start().await]).await;
     let lease = hall.lease(&hall.operator, "press").await;
     let state = hall.get(&hall.viewer, "/v1/robots/press").await;
-    assert_eq!(state["stops_told"], 0);
+    let none = state["stop_number"].as_u64().unwrap();
     let (status, stopped) = hall.stop(&hall.engineer, "press").await;
     assert_eq!(status, 200, "{stopped}");
     assert!(stopped["seen_at"].as_str().unwrap().ends_with('Z'), "{stopped}");
-    let seen = hall.get(&hall.viewer, "/v1/robots/press").await["stops_told"].clone();
-    assert_eq!(seen, 1);
+    let seen = hall.get(&hall.viewer, "/v1/robots/press").await["stop_number"].clone();
+    assert_eq!(seen, none + 1);
 
     // The request to clear it is on its way when somebody stops again.
     assert_eq!(hall.stop(&hall.operator, "press").await.0, 200);
     // A page sends its stop again until it is proved: that is no other stop.
     assert_eq!(hall.stop(&hall.operator, "press").await.0, 200);
-    let clear = json!({ "lease": lease, "stops_told": seen });
+    let clear = json!({ "lease": lease, "stop_number": seen });
     let refused = post(&hall, CLEAR, "", &clear).await;
     assert_eq!((refused.status, &refused.body["code"]), (409, &json!("stopped")), "{}", refused.body);
     assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stopped"], true);
 
-    let clear = json!({ "lease": lease, "stops_told": 2 });
+    let clear = json!({ "lease": lease, "stop_number": none + 2 });
     assert_eq!(post(&hall, CLEAR, "", &clear).await.status, 204);
     // A browser sends it again. In between, somebody has stopped the robot.
     assert_eq!(hall.stop(&hall.engineer, "press").await.0, 200);
     assert_eq!(post(&hall, CLEAR, "", &clear).await.status, 409);
+    assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stopped"], true);
+}
+
+#[tokio::test]
+async fn a_number_of_a_stop_from_before_a_restart_clears_no_later_stop() {
+    let hall = Hall::with(vec![ready_to_start().await]).await;
+    assert_eq!(hall.stop(&hall.engineer, "press").await.0, 200);
+    let seen = hall.get(&hall.viewer, "/v1/robots/press").await["stop_number"].clone();
+    let config = RobotConfig::new(name("press"), hall.robots[0].address().to_string());
+    let mut hall = hall;
+    let robots = std::mem::take(&mut hall.robots);
+    let hall = hall.again(vec![config], robots).await;
+    hall.until_up("press").await;
+    assert_eq!(hall.stop(&hall.operator, "press").await.0, 200);
+    let lease = hall.lease(&hall.operator, "press").await;
+    let late = post(&hall, CLEAR, "", &json!({ "lease": lease, "stop_number": seen })).await;
+    assert_eq!((late.status, &late.body["code"]), (409, &json!("stopped")), "{}", late.body);
     assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["stopped"], true);
 }

@@ -47,7 +47,7 @@ impl Station {
                 stopped,
                 stopped_by,
                 stops_under_way,
-                stops_told: seat.stops_told(),
+                stop_number: seat.stop_number(),
                 global_speed,
             }
         })
