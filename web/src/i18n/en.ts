@@ -122,6 +122,7 @@ export const en = {
     noLink: (n: number) => `${n} no link`,
     run: (n: number) => count(n, "runs", "run"),
     rest: (n: number) => `${n} at rest`,
+    manual: (n: number) => `${n} in manual`,
     twins: (n: number) => count(n, "twin", "twins"),
   },
   needs: {
@@ -247,7 +248,7 @@ export const en = {
     becameUnready: "It cannot be started now:",
     sending: (what: string) => `${what}: sending…`,
     /** An alarm came after the start. */
-    startAlarm: (code: number) => `Start: accepted. Then alarm ${code} came: see above.`,
+    startAlarm: (code: number) => `Start: accepted. Within half a minute alarm ${code} came: see above.`,
     accepted: (what: string) => `${what}: accepted. The values show whether it moves.`,
     alarmTaken: (what: string) =>
       `${what}: the controller accepted it. An alarm whose cause is still there stays or comes back: look at the alarms.`,

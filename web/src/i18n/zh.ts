@@ -120,6 +120,7 @@ export const zh: typeof en = {
     noLink: (n) => `${n} 台无连接`,
     run: (n) => `${n} 台运行`,
     rest: (n) => `${n} 台待机`,
+    manual: (n) => `${n} 台手动`,
     twins: (n) => `${n} 台孪生机器人`,
   },
   needs: {
@@ -236,7 +237,7 @@ export const zh: typeof en = {
       }[what]}。请重新准备。`,
     becameUnready: "现在不能启动：",
     sending: (what) => `${what}：正在发送…`,
-    startAlarm: (code) => `启动：已接受。随后出现报警 ${code}：见上方。`,
+    startAlarm: (code) => `启动：已接受。半分钟内出现报警 ${code}：见上方。`,
     accepted: (what) => `${what}：已接受。是否运动请看数值。`,
     alarmTaken: (what) => `${what}：控制器已接受。原因仍在的报警会保留或再次出现：请看报警。`,
     done: (what) => `${what}：完成。`,

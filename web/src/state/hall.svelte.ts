@@ -9,7 +9,7 @@ import type { Many } from "../live/pack.ts";
 import { connect } from "../live/remote.ts";
 import { Link } from "../live/socket.ts";
 import { Store } from "../live/store.ts";
-import { type View, viewOf } from "../robots/view.ts";
+import { type View, isRunning, isSeen, viewOf } from "../robots/view.ts";
 import { goBy } from "../stop/stop.ts";
 import { stops } from "../stop/stops.ts";
 import { session } from "./session.svelte.ts";
@@ -72,6 +72,7 @@ class Hall {
   era = 0;
   #link: Link | null = null;
   #dirty = new Set<string>();
+  readonly #standing = new Map<string, number>();
   #isScheduled = false;
   #timers: ReturnType<typeof setInterval>[] = [];
   #alarmTimer: ReturnType<typeof setTimeout> | null = null;
@@ -155,6 +156,8 @@ class Hall {
         this.isSilent = isSilent;
         if (heard !== null) {
           this.store.lost();
+          // What they did meanwhile was not seen.
+          this.#standing.clear();
           this.isWhole = false;
         } else {
           this.isConnected = true;
@@ -212,6 +215,7 @@ class Hall {
     this.#timers.forEach((timer) => clearInterval(timer));
     this.#timers = [];
     this.store.clear();
+    this.#standing.clear();
     this.views = null;
     this.isWhole = false;
     this.alarms = null;
@@ -307,11 +311,23 @@ class Hall {
         const robot = this.store.robots.get(one);
         if (robot === undefined) views.delete(one);
         else views.set(one, viewOf(robot));
+        this.#noteStanding(views.get(one));
       }
       this.#dirty.clear();
       this.views = [...views.values()].sort((a, b) => (a.name < b.name ? -1 : 1));
       if (this.store.resume !== null && !this.store.isPassing) this.isWhole = true;
     }, 30);
+  }
+
+  #noteStanding(view: View | undefined): void {
+    if (view === undefined) return;
+    if (!isSeen(view) || view.moving !== false || !isRunning(view)) this.#standing.delete(view.name);
+    else if (!this.#standing.has(view.name)) this.#standing.set(view.name, this.now());
+  }
+
+  /** Since when the arm of a robot is seen to stand while its program runs, on the page's clock. */
+  standsSince(robot: string): number | null {
+    return this.isThere ? (this.#standing.get(robot) ?? null) : null;
   }
 
   /** Asks what answers behind a name now, until that is known or asked for anew; some times at most. */

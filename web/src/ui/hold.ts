@@ -8,10 +8,12 @@ export const HOLD = 1_000;
 /** With keys it is pressed twice, within this time. */
 export const AGAIN = 3_000;
 /**
- * Between the two presses the key is up for so long, in milliseconds: some remote desktops send the repeats of
- * one long press as presses.
+ * Between the two presses the key is up for so long, in milliseconds: keys bounce, and some remote desktops send the
+ * repeats of one long press as presses.
  */
-export const GAP = 100;
+export const GAP = 300;
+/** A press of a key counts once the button is there for so long, in milliseconds: what opened its dialog is none. */
+export const SETTLE = 700;
 
 export interface World {
   now(): number;
@@ -45,8 +47,13 @@ export class Holding {
   /** The first press with a key, when it has ended. */
   private first: { down: number; up: number } | null = null;
   private unsay: () => void = () => {};
+  /** Takes back what two presses are about to do. */
+  private undo: () => void = () => {};
+  private readonly born: number;
 
-  constructor(private readonly world: World) {}
+  constructor(private readonly world: World) {
+    this.born = world.now();
+  }
 
   down({ pointerId, isPrimary, button }: Pointer): void {
     if (!isPrimary || button !== 0 || this.pointer !== null) return;
@@ -68,30 +75,39 @@ export class Holding {
     this.say("longer");
   }
 
-  keyDown(key: string, isRepeat: boolean): void {
+  /** `at`: when the key was pressed. A busy page hears of it later. */
+  keyDown(key: string, isRepeat: boolean, at: number): void {
     if (isRepeat || this.key !== null) return;
     this.key = key;
-    this.keyDownAt = this.world.now();
+    this.keyDownAt = at;
     this.press();
   }
 
-  keyUp(key: string): void {
+  keyUp(key: string, at: number): void {
     if (this.key !== key) return;
     this.key = null;
-    if (this.first !== null) this.first.up = this.world.now();
+    if (this.first !== null) this.first.up = at;
+  }
+
+  /** Another key, or one together with Ctrl and the like: what a scanner types, or a shortcut, is no press. */
+  otherKey(): void {
+    this.undo();
+    this.first = null;
+    this.say(null);
   }
 
   /** A press without a pointer or a key: by a tool of a person who can use neither. */
-  click(): void {
+  click(at: number): void {
     if (this.key !== null) return;
-    this.keyDownAt = this.world.now();
+    this.keyDownAt = at;
     this.press();
-    if (this.first !== null) this.first.up = this.keyDownAt;
+    if (this.first !== null) this.first.up = at;
   }
 
   /** Forgets what was begun: the page lost the focus, the button was switched off or is gone. */
   clear(): void {
     this.drop();
+    this.undo();
     this.key = null;
     this.first = null;
     this.say(null);
@@ -100,10 +116,15 @@ export class Holding {
   private press(): void {
     const { first } = this;
     const now = this.keyDownAt;
-    if (first !== null && now - first.down < AGAIN && now - first.up >= GAP && this.world.isAttended()) {
+    this.undo();
+    if (now - this.born < SETTLE) return;
+    if (first !== null && now - first.down < AGAIN && now - first.up >= GAP) {
       this.first = null;
       this.say(null);
-      this.world.act();
+      // Repeats that look like presses follow each other faster: then it was one long press.
+      this.undo = this.world.after(GAP, () => {
+        if (this.world.isAttended()) this.world.act();
+      });
     } else {
       this.first = { down: now, up: Infinity };
       this.say("again");

@@ -113,7 +113,7 @@ export const run = {
       plan_fails: "the preview does not run to its end without a problem",
       not_homed: "the robot is not homed",
       not_started: "the program of the controller does not run: start it on the page of the robot",
-      moves: "the arm moves",
+      moves: "the arm moves. If its own program works: stop the robot, choose the program that waits for instructions at its pendant, and start that",
       moves_unknown: "whether the arm moves is not known",
       list: "instructions are left in its list",
       list_unknown: "what is left in its list is not known",

@@ -135,7 +135,7 @@ export const teach = {
     pose: "Pose",
     poseUnknown: "The pose of these axes is not known: no linear move can use this point.",
     axesUnknown: "The axes are not known: no axis move can use this point.",
-    posed: "X Y Z U V W, as the robot told it",
+    posed: "X Y Z U V W, as told by the robot that it was taken from",
     used: (n: number) => (n === 0 ? "no move uses it" : `${count(n, "move uses", "moves use")} it`),
     noNumber: "This is no number.",
   },

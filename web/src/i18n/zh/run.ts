@@ -107,7 +107,7 @@ export const run: typeof english = {
       plan_fails: "预览不能无误地运行到末尾",
       not_homed: "机器人未回原点",
       not_started: "控制器的程序没有运行：请在机器人页面启动",
-      moves: "机械臂正在运动",
+      moves: "机械臂正在运动。若其自身程序正在工作：请停止机器人，在示教器上选择等待指令的程序，再启动",
       moves_unknown: "机械臂是否运动未知",
       list: "列表中还有指令",
       list_unknown: "列表中是否还有指令未知",

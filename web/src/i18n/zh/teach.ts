@@ -134,7 +134,7 @@ export const teach: typeof english = {
     pose: "位姿",
     poseUnknown: "这组轴值的位姿未知：直线移动不能使用此点。",
     axesUnknown: "轴值未知：轴移动不能使用此点。",
-    posed: "X Y Z U V W（机器人给出）",
+    posed: "X Y Z U V W（由取点的机器人给出）",
     used: (n) => (n === 0 ? "没有移动使用" : `${n} 个移动使用`),
     noNumber: "这不是数字。",
   },
