@@ -264,7 +264,7 @@ export const en = {
     start: "Start",
     lease: "Control",
     alarmRefused: (what: string, said: string) =>
-      `${what}: the controller refused it. Clear the alarm at the pendant, or remove its cause and try again. Gateway: ${said}`,
+      `${what}: the controller refused it. Remove the cause, release the emergency stop, and try again; some firmware clears alarms at the pendant alone. Gateway: ${said}`,
     startRefused: (what: string, said: string) =>
       `${what}: the controller refused it. It starts in automatic mode, without an alarm, with the emergency stop released: look at the pendant. Gateway: ${said}`,
   },

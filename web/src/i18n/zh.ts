@@ -248,7 +248,7 @@ export const zh: typeof en = {
     start: "启动",
     lease: "控制权",
     alarmRefused: (what) =>
-      `${what}：被控制器拒绝。请在示教器上清除报警，或排除原因后重试。`,
+      `${what}：被控制器拒绝。请排除原因、松开急停后重试；某些固件只能在示教器上清除报警。`,
     startRefused: (what) =>
       `${what}：被控制器拒绝。控制器只在自动模式、无报警且急停已松开时启动：请查看示教器。`,
   },

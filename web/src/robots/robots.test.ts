@@ -4,7 +4,7 @@ import { viewLike } from "../../tests/view.ts";
 import { attention, frozen } from "./attention.ts";
 import { changed, consentOf, mayRunLeftover } from "./consent.ts";
 import { doing, unmet } from "./sentence.ts";
-import { type View, mayMove } from "./view.ts";
+import { type View, inOrder, mayMove } from "./view.ts";
 
 function view(name: string, part: Partial<View> = {}, summary: Partial<RobotSummary> = {}): View {
   return viewLike(name, part, summary);
@@ -200,4 +200,19 @@ test("a robot may move unless it is seen that it does not", () => {
   expect(mayMove(view("a", { moving: true }))).toBe(true);
   expect(mayMove(view("a", { quality: "stale" }))).toBe(true);
   expect(mayMove(view("a", {}, { link: "down" }))).toBe(true);
+});
+
+test("a stop that holds is told with who made it and since when, if that is known", () => {
+  const stopped_by = { by: "token 3 (shift)", at: "2026-11-25T06:00:00Z" };
+  const { entries } = attention([view("a", {}, { stopped: true, stopped_by }), view("b", {}, { stopped: true })], [], (at) => at);
+  expect(entries.map(({ robots, since, ...more }) => [robots[0], since, "by" in more ? more.by : undefined])).toEqual([
+    ["a", Date.parse(stopped_by.at), stopped_by.by],
+    ["b", null, null],
+  ]);
+});
+
+test("real arms stand first in the list of stops, and twins last", () => {
+  const of = (name: string, virtual: boolean | null, twin_of: string | null = null): View => view(name, {}, { virtual, twin_of });
+  const views = [of("a-twin", true, "a"), of("b", true), of("c", null), of("a", false)];
+  expect(inOrder(views).map(({ name }) => name)).toEqual(["c", "a", "b", "a-twin"]);
 });

@@ -83,3 +83,9 @@ export function isSeen(view: View): boolean {
 export function mayMove(view: View): boolean {
   return !isSeen(view) || view.moving !== false || isRunning(view);
 }
+
+/** Real arms and those of which that is not known first, then virtual robots, then twins; else in the order that they had. */
+export function inOrder(views: View[]): View[] {
+  const rank = ({ summary }: View): number => (summary.twin_of !== null ? 2 : summary.virtual === true ? 1 : 0);
+  return [...views].sort((a, b) => rank(a) - rank(b));
+}

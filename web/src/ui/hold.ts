@@ -13,7 +13,7 @@ export const AGAIN = 3_000;
  */
 export const GAP = 300;
 /** A press of a key counts once the button is there for so long, in milliseconds: what opened its dialog is none. */
-export const SETTLE = 700;
+export const SETTLE = 1_000;
 
 export interface World {
   now(): number;

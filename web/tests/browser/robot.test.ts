@@ -182,7 +182,7 @@ test("the start also works with keys: Enter twice, and a phone in Chinese shows 
   await isAccessible(page);
   // The dialog gives the focus to the button, whatever opened it. Presses count from then on when it was there for a
   // moment. One long press is one press, however often the key repeats.
-  await page.waitForTimeout(800);
+  await page.waitForTimeout(1_200);
   for (let at = 0; at < 5; at += 1) await page.keyboard.down("Enter");
   await page.keyboard.up("Enter");
   await says(page, "[data-lack=again]", "请再按一次。");

@@ -130,7 +130,7 @@ export const run = {
   refused: (message: string) => `Refused, nothing was sent: ${message}`,
   listRefused: (message: string) => `The controller refused the list: ${message}`,
   mayCease: (program: string | null) =>
-    `If its program${program === null ? "" : ` ${program}`} does not wait for instructions, this run is refused, and the machine stops producing until somebody starts it again.`,
+    `If its program${program === null ? "" : ` ${program}`} does not wait for instructions, this run is refused and the gateway stops the machine: it produces nothing until somebody starts that program again.`,
   ceased: (program: string | null) =>
     `Before this run ${program === null ? "the program of the controller" : `the program ${program} of the controller`} ran. It does not run now: start it again, if it is to produce.`,
   done: (robot: string, proof: string) => `Done on ${robot}, seen: ${proof}.`,

@@ -123,7 +123,7 @@ export const run: typeof english = {
   refused: (message) => `被拒绝，没有发送任何内容：${message}`,
   listRefused: (message) => `控制器拒绝了指令列表：${message}`,
   mayCease: (program) =>
-    `如果控制器的程序${program === null ? "" : ` ${program} `}不在等待指令，本次运行会被拒绝，机器停止生产，直到有人重新启动。`,
+    `如果控制器的程序${program === null ? "" : ` ${program} `}不在等待指令，本次运行会被拒绝，网关会停止机器：在有人重新启动该程序之前不生产。`,
   ceased: (program) =>
     `本次运行之前，控制器的程序${program === null ? "" : ` ${program} `}在运行。现在它没有运行：如需继续生产，请重新启动。`,
   done: (robot, proof) => `${robot} 已完成并确认：${proof}。`,
