@@ -3216,8 +3216,9 @@ export interface components {
              * Format: int64
              * @description The number of its last stop that was told (`stop_began`), also if it was cleared: send it with
              *     `clear-stopped`, so that a stop that you have not seen is not cleared. Numbers only grow, and none
-             *     comes twice, also not after a restart. A caller that stops a stopped robot again within a minute is
-             *     told of once. Before the first one it is a number that no stop has.
+             *     comes twice, also not after a restart, unless the clock of the system was set back. A caller that
+             *     stops a stopped robot again within a minute is told of once. Before the first one it is a number that
+             *     no stop has.
              */
             stop_number: number;
             /** @description Whether a stop was asked for and not cleared: commands that can move the robot are refused. */
