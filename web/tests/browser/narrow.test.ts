@@ -1,6 +1,7 @@
 /** Tables on a phone: what matters stands there without scrolling sideways. */
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
+import { REST, RUNS } from "../../src/stop/finger.ts";
 import { type Hall, startHall } from "./gateway.ts";
 import { fits, isAccessible, openPage, picture, says, sideways, startBrowser } from "./support.ts";
 
@@ -54,7 +55,7 @@ test("on a phone the tables of the hall are not scrolled sideways", async () => 
   await page.context().close();
 });
 
-test("a finger that scrolls the list of stops stops nothing, and one that taps or rests on a button does", async () => {
+test("scrolling the list of stops sends none; a tap, a press and a jab at a button do", async () => {
   const { page, faults } = await openPage(browser, { viewport: { width: 390, height: 420 }, hasTouch: true });
   await page.goto(`${hall.url}/#${admin}`);
   await page.waitForSelector("[data-robot=press-2]");
@@ -72,21 +73,27 @@ test("a finger that scrolls the list of stops stops nothing, and one that taps o
     const { x, y, width, height } = (await button.boundingBox())!;
     return { x: x + width / 2, y: y + height / 2 };
   };
+  const reach = async (): Promise<void> => {
+    await button.scrollIntoViewIfNeeded();
+    // A touch of a list that still runs holds the list.
+    await page.waitForTimeout(2 * RUNS);
+  };
   const from = await middle();
   await touch("touchStart", from);
   for (const up of [8, 20, 40, 60]) await touch("touchMove", { x: from.x, y: from.y - up });
-  await new Promise((next) => setTimeout(next, 500));
+  await page.waitForFunction(() => [...document.querySelectorAll("[role=group]")].some((one) => one.scrollTop > 0));
   await touch("touchEnd");
-  await new Promise((next) => setTimeout(next, 500));
+  // Nothing is to come: for so long a press could still follow.
+  await page.waitForTimeout(2 * REST);
   expect(stopped).toEqual([]);
-  await button.scrollIntoViewIfNeeded();
+  await reach();
   await touch("touchStart", await middle());
   await touch("touchEnd");
   // It is sent again by itself, since nothing answers: three times in all.
   await expect.poll(() => stopped.length, { timeout: 20_000 }).toBe(3);
   // A finger that is not lifted.
   await page.waitForSelector("[role=group] [data-told=not_confirmed], [role=group] [data-told=not_sent]");
-  await page.locator("[role=group] [data-stop=saw]").scrollIntoViewIfNeeded();
+  await reach();
   await touch("touchStart", await middle());
   await expect.poll(() => stopped.length, { timeout: 20_000 }).toBeGreaterThan(3);
   await touch("touchEnd");
