@@ -287,6 +287,16 @@ test("a point and a move to it are one press and one entry, and a number of it i
   await page.click('[data-point-name="P2"] button');
   await setJ1(page, "25");
   await says(page, '[data-point-name="P2"]', /25, /);
+  // A text that is no number is said, also after another field was filled, and nothing runs with the number before.
+  await setJ1(page, "0-20");
+  await page.fill('[data-axis="2"]', "11");
+  await page.press('[data-axis="2"]', "Enter");
+  await says(page, "[role=group] [role=alert]", "J1: This is no number.");
+  expect(await page.isDisabled("[data-prepare]")).toBe(true);
+  await page.waitForSelector("[data-reasons~=unread_field]");
+  await page.click("text=Undo");
+  await page.waitForSelector("[data-prepare]:not([disabled])");
+  expect(await page.inputValue('[data-axis="1"]')).toBe("25");
   await page.click("text=Undo");
   await page.click("text=Undo");
   await page.click("text=Undo");
