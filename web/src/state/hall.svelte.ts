@@ -9,7 +9,8 @@ import type { Many } from "../live/pack.ts";
 import { connect } from "../live/remote.ts";
 import { Link } from "../live/socket.ts";
 import { Store } from "../live/store.ts";
-import { type View, isRunning, isSeen, viewOf } from "../robots/view.ts";
+import { Standing } from "../robots/standing.ts";
+import { type View, viewOf } from "../robots/view.ts";
 import { goBy } from "../stop/stop.ts";
 import { stops } from "../stop/stops.ts";
 import { session } from "./session.svelte.ts";
@@ -72,7 +73,7 @@ class Hall {
   era = 0;
   #link: Link | null = null;
   #dirty = new Set<string>();
-  readonly #standing = new Map<string, number>();
+  readonly #standing = new Standing();
   #isScheduled = false;
   #timers: ReturnType<typeof setInterval>[] = [];
   #alarmTimer: ReturnType<typeof setTimeout> | null = null;
@@ -309,9 +310,13 @@ class Hall {
       const views = new Map((this.views ?? []).map((view) => [view.name, view]));
       for (const one of this.#dirty) {
         const robot = this.store.robots.get(one);
-        if (robot === undefined) views.delete(one);
-        else views.set(one, viewOf(robot));
-        this.#noteStanding(views.get(one));
+        if (robot === undefined) {
+          views.delete(one);
+        } else {
+          const view = viewOf(robot);
+          views.set(one, view);
+          this.#standing.note(view, this.now());
+        }
       }
       this.#dirty.clear();
       this.views = [...views.values()].sort((a, b) => (a.name < b.name ? -1 : 1));
@@ -319,15 +324,9 @@ class Hall {
     }, 30);
   }
 
-  #noteStanding(view: View | undefined): void {
-    if (view === undefined) return;
-    if (!isSeen(view) || view.moving !== false || !isRunning(view)) this.#standing.delete(view.name);
-    else if (!this.#standing.has(view.name)) this.#standing.set(view.name, this.now());
-  }
-
   /** Since when the arm of a robot is seen to stand while its program runs, on the page's clock. */
   standsSince(robot: string): number | null {
-    return this.isThere ? (this.#standing.get(robot) ?? null) : null;
+    return this.isThere ? this.#standing.since(robot) : null;
   }
 
   /** Asks what answers behind a name now, until that is known or asked for anew; some times at most. */

@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { AGAIN, GAP, HOLD, Holding, type Lack, SETTLE } from "./hold.ts";
 
-function start(): { hold: Holding; pass(ms: number): void; acted(): number; isHeld(): boolean; lack(): Lack | null; leave(): void; now(): number } {
+function start(): { hold: Holding; pass(ms: number): void; acted(): number; isHeld(): boolean; lack(): Lack | null; leave(): void; now(): number; press(): void } {
   let time = 0;
   let acted = 0;
   let isHeld = false;
@@ -28,7 +28,12 @@ function start(): { hold: Holding; pass(ms: number): void; acted(): number; isHe
   };
   // The button is there for a while.
   pass(SETTLE);
-  return { hold, pass, acted: () => acted, isHeld: () => isHeld, lack: () => lack, leave: () => void (isAttended = false), now: () => time };
+  /** A press of a key that ends at once. */
+  const press = (): void => {
+    hold.keyDown("Enter", false, time);
+    hold.keyUp("Enter", time);
+  };
+  return { hold, pass, press, acted: () => acted, isHeld: () => isHeld, lack: () => lack, leave: () => void (isAttended = false), now: () => time };
 }
 
 const finger = (pointerId: number, isPrimary = true) => ({ pointerId, isPrimary, button: 0 });
@@ -186,11 +191,7 @@ test("a key that bounces, also on a page that hears of it late, is one press", (
 });
 
 test("one long press that a remote desktop sends as presses, after its first pause too, starts nothing", () => {
-  const { hold, pass, acted, now } = start();
-  const press = (): void => {
-    hold.keyDown("Enter", false, now());
-    hold.keyUp("Enter", now());
-  };
+  const { pass, press, acted } = start();
   press();
   pass(500);
   for (let at = 0; at < 40; at += 1) {
@@ -202,11 +203,7 @@ test("one long press that a remote desktop sends as presses, after its first pau
 });
 
 test("what opened its dialog is no press of the button, and neither is what a scanner types", () => {
-  const { hold, pass, acted, now } = start();
-  const press = (): void => {
-    hold.keyDown("Enter", false, now());
-    hold.keyUp("Enter", now());
-  };
+  const { hold, pass, press, acted, now } = start();
   const early = new Holding({
     now,
     after: () => () => {},

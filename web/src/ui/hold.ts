@@ -30,9 +30,6 @@ export interface World {
 
 export type Lack = "longer" | "again";
 
-/** How long it is said what a press lacks, in milliseconds: a second press of a key counts for as long. */
-const SAID = AGAIN;
-
 export interface Pointer {
   pointerId: number;
   isPrimary: boolean;
@@ -134,7 +131,8 @@ export class Holding {
   private say(what: Lack | null): void {
     this.unsay();
     this.world.lacks(what);
-    this.unsay = what === null ? () => {} : this.world.after(SAID, () => this.world.lacks(null));
+    // A second press of a key counts for as long as it is said.
+    this.unsay = what === null ? () => {} : this.world.after(AGAIN, () => this.world.lacks(null));
   }
 
   private drop(): void {

@@ -1,3 +1,4 @@
+import { GAP, SETTLE } from "../../src/ui/hold.ts";
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import { type Cell, fits, isAccessible, openPage, picture, r6, says, startBrowser, startCell, until } from "./support.ts";
@@ -182,13 +183,13 @@ test("the start also works with keys: Enter twice, and a phone in Chinese shows 
   await isAccessible(page);
   // The dialog gives the focus to the button, whatever opened it. Presses count from then on when it was there for a
   // moment. One long press is one press, however often the key repeats.
-  await page.waitForTimeout(1_200);
+  await page.waitForTimeout(SETTLE + 100);
   for (let at = 0; at < 5; at += 1) await page.keyboard.down("Enter");
   await page.keyboard.up("Enter");
   await says(page, "[data-lack=again]", "请再按一次。");
   expect(await page.getAttribute("[data-mode]", "data-mode")).not.toBe("7");
   // Between the presses the key is up for a moment.
-  await page.waitForTimeout(400);
+  await page.waitForTimeout(GAP + 100);
   await page.keyboard.press("Enter");
   await page.waitForSelector("[data-mode='7']");
   await says(page, "[data-doing]", "正在运行");

@@ -1,4 +1,5 @@
-/** Spans of time in Chinese. */
+/** Spans of time, and who did something, in Chinese. */
+import { tokenOf } from "../actor.ts";
 
 /** A time span for people: `12 秒`. */
 export function duration(seconds: number): string {
@@ -13,7 +14,8 @@ export function seconds(ms: number): string {
   return ms < 60_000 ? `${(ms / 1000).toFixed(2)} 秒` : duration(ms / 1000);
 }
 
-/** Who did something, as the gateway names them. Names of users begin with a letter: `token 2` is none. */
+/** Who did something. */
 export function who(by: string): string {
-  return by.replace(/^token (?=\d+( \(|$))/, "令牌 ");
+  const token = tokenOf(by);
+  return token === null ? by : `令牌 ${token.number}${token.name}`;
 }

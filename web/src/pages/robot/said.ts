@@ -1,11 +1,10 @@
 /** The speed of a robot in words, with times of the hall. */
-import { clock } from "../../i18n/format.ts";
 import type { en } from "../../i18n/en.ts";
 import type { RobotSummary } from "../../api/types.ts";
 import { hall } from "../../state/hall.svelte.ts";
 
 export function timeOf(at: number): string {
-  return clock(at, hall.zone, hall.time(hall.now()));
+  return hall.clock(at);
 }
 
 /**
