@@ -243,42 +243,17 @@ impl FromRequestParts<State> for Caller {
     async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
         let caller = Self::known(parts, state).await?;
         caller.count(state)?;
-        check_owner(parts, state, false)?;
         Ok(caller)
     }
 }
 
-/// What a gateway answers that does not own the robots: what is in the store alone, and what needs neither a
-/// robot nor the store. All below these paths is meant.
-const ANSWERED_BY_ALL: [&str; 9] = [
-    "/v1/audit",
-    "/v1/models",
-    "/v1/openapi.json",
-    "/v1/programs",
-    "/v1/session",
-    "/v1/settings",
-    "/v1/tokens",
-    "/v1/users",
-    "/metrics",
-];
-
-/// Refuses what another gateway has to do, because it owns the robots.
-fn check_owner(parts: &Parts, state: &State, is_stop: bool) -> Result<(), Refusal> {
-    let ownership = &state.shared.ownership;
-    let path = parts.uri.path();
+/// Refuses what the gateway may not do with a robot now, because it is about to lose it.
+fn check_owner(parts: &Parts, station: &Station, is_stop: bool) -> Result<(), Refusal> {
+    let ownership = &station.term.ownership;
     let is_read = matches!(parts.method, Method::GET | Method::HEAD);
-    let is_computed = matches!(path, "/v1/programs/check" | "/v1/programs/plan");
-    // An owner that lets go has no robots any more, and does not say that there are none.
-    let is_for_all = if ownership.phase() >= Phase::StopLists {
-        let is_below = |known: &str| {
-            path.strip_prefix(known).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
-        };
-        path == "/readyz" || is_computed || (is_read && ANSWERED_BY_ALL.iter().any(|known| is_below(known)))
-    } else {
-        // A stop may leave for as long as the robots have not been let go of.
-        is_read || is_stop || is_computed
-    };
-    if is_for_all { Ok(()) } else { ownership.check().map_err(refusal::of) }
+    // A stop may leave for as long as the robot has not been let go of.
+    let passes = (is_read || is_stop) && ownership.phase() < Phase::StopLists;
+    if passes { Ok(()) } else { ownership.check().map_err(refusal::of) }
 }
 
 /// What a route needs, as a type: a route about a robot cannot be written without it.
@@ -338,7 +313,7 @@ impl<R: Needs> FromRequestParts<State> for Manager<R> {
         let caller = Caller::from_request_parts(parts, state).await?;
         // No robot has this name, so it is covered by all robots alone.
         if let Err(refusal) = caller.must(R::RIGHT, "") {
-            if let Some(source) = caller.source.filter(|_| !state.shared.ownership.is_other()) {
+            if let Some(source) = caller.source {
                 let request = parts.uri.path().chars().take(MAX_TOLD).collect();
                 state.accounts.ledger.refused(&caller.by(), source.ip(), request, Code::NotAllowed);
             }
@@ -405,7 +380,6 @@ impl<R: Needs> FromRequestParts<State> for Named<R> {
         if R::RIGHT != Right::Stop {
             caller.count(state)?;
         }
-        check_owner(parts, state, R::RIGHT == Right::Stop)?;
         let names = Path::<BTreeMap<String, String>>::from_request_parts(parts, state).await;
         let name = match names {
             Ok(Path(mut names)) => names.remove("name").unwrap_or_default(),
@@ -449,7 +423,7 @@ impl<R: Needs> FromRequestParts<State> for Robot<R> {
     async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
         let Named { caller, name, right } = Named::<R>::from_request_parts(parts, state).await?;
         let station = state.fleet.station(&name).ok_or_else(|| {
-            if let Err(problem) = state.shared.ownership.check() {
+            if let Some(problem) = state.shared.owners.absent(&name) {
                 return refusal::of(problem);
             }
             let name: String = name.chars().take(40).collect();
@@ -461,6 +435,7 @@ impl<R: Needs> FromRequestParts<State> for Robot<R> {
                 r6_proto::nearest(&name, known).map_or(String::new(), |near| format!("; nearest: `{near}`"));
             Refusal::not_found(Code::NoSuchRobot, format!("there is no robot `{name}`{nearest}"))
         })?;
+        check_owner(parts, &station, R::RIGHT == Right::Stop)?;
         Ok(Self { caller, station, right })
     }
 }
