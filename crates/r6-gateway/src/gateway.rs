@@ -249,14 +249,15 @@ impl Gateway {
         let raw_policy = SharedPolicy::new(settings.raw_policy);
         let sharing = Sharing {
             database,
-            name: sharing::name(address, certificate.is_some(), &settings.names),
+            url: sharing::url(address, certificate.is_some(), &settings.names),
+            certificate: certificate.clone(),
             data: settings.data,
             audit: settings.audit,
             history: settings.history,
             robot_settings: settings.robot_settings,
             configured: Mutex::new(Configured { robots: settings.robots, hall: settings.hall }),
         };
-        let (running, state) = Running::start(sharing, (address.port(), certificate.clone())).await?;
+        let (running, state) = Running::start(sharing, address.port()).await?;
         let mut server = JoinSet::new();
         let site = site(address, settings.names, &state);
         let tls = certificate.as_ref().map(Certificate::tls);

@@ -14,6 +14,7 @@ mod csv;
 mod deadline;
 mod described;
 mod etag;
+mod forward;
 mod health;
 mod history;
 mod idempotency;
@@ -209,6 +210,7 @@ pub fn router(state: State, site: Site) -> Router {
         .fallback(no_such_path)
         .method_not_allowed_fallback(no_such_method)
         .layer(DefaultBodyLimit::max(body::MAX_BYTES))
+        .layer(middleware::from_fn_with_state(state.clone(), forward::pass_on))
         .layer(middleware::from_fn(traces::of_request))
         .layer(middleware::from_fn_with_state(site, guard))
         .with_state(state)

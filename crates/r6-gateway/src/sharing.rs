@@ -33,6 +33,7 @@ use crate::history::{HistorySettings, Recorder};
 use crate::http::State;
 use crate::ownership::Ownership;
 use crate::ownership::owners::Owners;
+use crate::peers::{Door, Peers};
 use crate::secret;
 use crate::store::history::Place as HistoryPlace;
 use crate::store::postgres::owner::{Looked, OwnerRows};
@@ -56,8 +57,9 @@ const LAST_LOOK: Duration = Duration::from_millis(10);
 #[derive(Debug)]
 pub(crate) struct Sharing {
     pub database: Database,
-    /// How the others call it.
-    pub name: String,
+    /// Where callers and the other gateways find it.
+    pub url: String,
+    pub certificate: Option<Certificate>,
     pub data: PathBuf,
     pub audit: AuditSettings,
     pub history: HistorySettings,
@@ -86,6 +88,7 @@ struct Inner {
     sharing: Sharing,
     /// The number of this gateway, of this start: drawn, so that no copy of the store gives it to another one.
     number: u64,
+    door: Door,
     state: State,
     owners: Owners,
     /// For giving back.
@@ -103,10 +106,7 @@ impl Running {
     ///
     /// # Errors
     /// [`GatewayError`]: the store cannot be used.
-    pub async fn start(
-        sharing: Sharing,
-        doors: (u16, Option<Certificate>),
-    ) -> Result<(Self, State), GatewayError> {
+    pub async fn start(sharing: Sharing, port: u16) -> Result<(Self, State), GatewayError> {
         let database = sharing.database.clone();
         let mut bytes = [0; 8];
         secret::fill(&mut bytes)
@@ -124,8 +124,14 @@ impl Running {
         for told in told.await? {
             tracing::warn!("{told}");
         }
+        let peers = Peers::new().map_err(StoreError::Unavailable)?;
+        let door = Door {
+            url: sharing.url.clone(),
+            key: peers.public_key(),
+            certificate: sharing.certificate.as_ref().map(Certificate::fingerprint_now),
+        };
         let mut rows = OwnerRows::new(database.clone());
-        rows.register(number, &sharing.name).await?;
+        rows.register(number, &door).await?;
         let (keeper, history) = {
             let settings = sharing.history.clone();
             blocking(move || {
@@ -138,17 +144,19 @@ impl Running {
             .await?
         };
         keeper.append(vec![gateway::started()]).await?;
-        let owners = Owners::shared();
+        let owners = Owners::shared(peers);
         owners.set_number(number);
         let shared = Shared::new(keeper, Roads::Tcp, history, gateway::epoch()).with_owners(owners.clone());
         let hall = sharing.configured().hall.clone();
         let begun = (Vec::new(), BTreeSet::new());
         let robot_settings = sharing.robot_settings.clone();
+        let doors = (port, sharing.certificate.clone());
         let state = gateway::look_after(begun, shared, doors, robot_settings, hall, None).await?;
         let (end, ends) = watch::channel(false);
         let inner = Arc::new(Inner {
             sharing,
             number,
+            door,
             state: state.clone(),
             owners,
             rows: AsyncMutex::new(rows),
@@ -396,8 +404,8 @@ impl Inner {
     }
 }
 
-/// How the others call this gateway: where callers find it.
-pub(crate) fn name(address: std::net::SocketAddr, is_secure: bool, names: &[String]) -> String {
+/// Where callers and the other gateways find this one.
+pub(crate) fn url(address: std::net::SocketAddr, is_secure: bool, names: &[String]) -> String {
     let scheme = if is_secure { "https" } else { "http" };
     let of_system = || {
         let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();

@@ -6,6 +6,7 @@ use std::time::Duration;
 use tokio::task::JoinHandle;
 
 use super::Inner;
+use crate::certificate::Certificate;
 use crate::clock;
 use crate::core::owner::BEAT;
 use crate::store::postgres::owner::OwnerRows;
@@ -34,12 +35,13 @@ async fn beat(inner: Arc<Inner>) {
     let mut rows = OwnerRows::new(inner.sharing.database.clone());
     loop {
         let sent = clock::now();
-        let wait = match rows.beat(inner.number).await {
+        let certificate = inner.sharing.certificate.as_ref().map(Certificate::fingerprint_now);
+        let wait = match rows.beat(inner.number, certificate.as_deref()).await {
             Ok(owned) => {
                 inner.owners.beaten(sent, owned.as_ref());
                 if owned.is_none() {
                     tracing::error!("the store has no row of this gateway any more: it makes one");
-                    if let Err(error) = rows.register(inner.number, &inner.sharing.name).await {
+                    if let Err(error) = rows.register(inner.number, &inner.door).await {
                         tracing::error!(%error, "the store takes no row of this gateway");
                     }
                 }

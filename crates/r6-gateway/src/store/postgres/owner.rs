@@ -12,6 +12,7 @@ use tokio_postgres::{Client, Row};
 use super::session::{Durable, Hand, connect, name_of_gateway};
 use super::{Database, signed, unsigned};
 use crate::core::owner::{Claim, EXPIRES, Life, Owned, Seen, SeenGateway, SeenOwner};
+use crate::peers::Door;
 use crate::store::{StoreError, StoredRobot};
 
 /// How long one question about the rows may take. A beat that takes longer is made anew over another
@@ -27,8 +28,8 @@ const FORGOTTEN_AFTER: i32 = 1;
 pub struct Looked {
     /// The rows.
     pub seen: Seen,
-    /// How callers find each gateway.
-    pub names: BTreeMap<u64, String>,
+    /// How to find each gateway.
+    pub doors: BTreeMap<u64, Door>,
     /// The robots that were added over the API.
     pub robots: Vec<StoredRobot>,
 }
@@ -56,8 +57,8 @@ impl OwnerRows {
     ///
     /// # Errors
     /// [`StoreError`].
-    pub async fn register(&mut self, own: u64, name: &str) -> Result<(), StoreError> {
-        let name = super::plain(name);
+    pub async fn register(&mut self, own: u64, door: &Door) -> Result<(), StoreError> {
+        let name = super::plain(&door.url);
         self.ask(async |client| {
             client
                 .execute(
@@ -69,8 +70,9 @@ impl OwnerRows {
                 .await?;
             client
                 .execute(
-                    "INSERT INTO gateway (id, name, beat, beat_at) VALUES ($1, $2, 0, clock_timestamp())",
-                    &[&signed(own), &name],
+                    "INSERT INTO gateway (id, name, key, certificate, beat, beat_at)
+                     VALUES ($1, $2, $3, $4, 0, clock_timestamp())",
+                    &[&signed(own), &name, &door.key, &door.certificate],
                 )
                 .await?;
             Ok(())
@@ -88,7 +90,8 @@ impl OwnerRows {
             let gateways = client
                 .query(
                     "SELECT id, name, beat, beat_at IS NULL,
-                     beat_at <= clock_timestamp() - make_interval(secs => $1) FROM gateway",
+                     beat_at <= clock_timestamp() - make_interval(secs => $1), key, certificate
+                     FROM gateway",
                     &[&EXPIRES.as_secs_f64()],
                 )
                 .await?;
@@ -98,7 +101,8 @@ impl OwnerRows {
             let mut looked = Looked { robots, ..Looked::default() };
             for row in &gateways {
                 let number = unsigned(row.try_get(0)?);
-                looked.names.insert(number, row.try_get(1)?);
+                let door = Door { url: row.try_get(1)?, key: row.try_get(5)?, certificate: row.try_get(6)? };
+                looked.doors.insert(number, door);
                 looked.seen.gateways.insert(number, seen_gateway(row)?);
             }
             for row in &owners {
@@ -156,18 +160,22 @@ impl OwnerRows {
         .await
     }
 
-    /// Says that this gateway lives. Returns what it owns, with the fences; `None` if its row is gone: then it
-    /// has to register again.
+    /// Says that this gateway lives, and which certificate it has now. Returns what it owns, with the fences;
+    /// `None` if its row is gone: then it has to register again.
     ///
     /// # Errors
     /// [`StoreError`]: it is not known whether the beat is there.
-    pub async fn beat(&mut self, own: u64) -> Result<Option<BTreeMap<Owned, u64>>, StoreError> {
+    pub async fn beat(
+        &mut self,
+        own: u64,
+        certificate: Option<&str>,
+    ) -> Result<Option<BTreeMap<Owned, u64>>, StoreError> {
         self.ask(async |client| {
             let changed = client
                 .execute(
-                    "UPDATE gateway SET beat = beat + 1, beat_at = clock_timestamp()
+                    "UPDATE gateway SET beat = beat + 1, beat_at = clock_timestamp(), certificate = $2
                      WHERE id = $1 AND beat_at IS NOT NULL",
-                    &[&signed(own)],
+                    &[&signed(own), &certificate],
                 )
                 .await?;
             if changed == 0 {

@@ -9,6 +9,7 @@ use super::*;
 use crate::core::chain::Verifier;
 use crate::core::owner::{Life, Owned, SeenOwner};
 use crate::core::role::Grant;
+use crate::peers::Door;
 use crate::store::Keeper;
 
 fn started() -> AuditRecord {
@@ -40,6 +41,10 @@ fn name(name: &str) -> RobotName {
 
 fn robot(of: &str) -> Owned {
     Owned::Robot(name(of))
+}
+
+fn door(url: &str) -> Door {
+    Door { url: url.to_owned(), ..Door::default() }
 }
 
 fn claim(of: &str, fence: u64) -> Claim {
@@ -204,31 +209,35 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     let made = tokio::task::spawn_blocking(|| database("the test of the owner")).await.unwrap();
     let Some((server, url, database)) = made else { return };
     let (mut one, mut other) = (OwnerRows::new(database.clone()), OwnerRows::new(database));
-    one.register(1, "one").await.unwrap();
-    other.register(2, "other").await.unwrap();
+    one.register(1, &door("one")).await.unwrap();
+    other.register(2, &door("other")).await.unwrap();
     let both = [robot("press"), robot("saw")];
     let none = one.look().await.unwrap();
-    assert_eq!((none.seen.owners.len(), none.names.len()), (0, 2));
+    assert_eq!((none.seen.owners.len(), none.doors.len()), (0, 2));
     assert_eq!(one.take(1, &both[..1], &none.seen).await.unwrap(), [claim("press", 1)]);
     let taken = other.take(2, &both, &none.seen).await.unwrap();
     assert_eq!(taken, [claim("saw", 1)], "the row of the other one is another by now");
     let alive = other.look().await.unwrap();
     assert_eq!(alive.seen.owners[&robot("press")], SeenOwner { fence: 1, gateway: Some(1) });
-    assert_eq!((alive.seen.gateways[&1].life, alive.names[&1].as_str()), (Life::Alive, "one"));
+    assert_eq!((alive.seen.gateways[&1].life, alive.doors[&1].url.as_str()), (Life::Alive, "one"));
     assert_eq!(other.take(2, &both[..1], &alive.seen).await.unwrap(), [], "it lives");
-    assert_eq!(one.beat(1).await.unwrap(), Some([(robot("press"), 1)].into()));
+    assert_eq!(one.beat(1, None).await.unwrap(), Some([(robot("press"), 1)].into()));
     assert!(other.look().await.unwrap().seen.gateways[&1].beat > alive.seen.gateways[&1].beat);
 
     let silent = "UPDATE r6_gateway.gateway SET beat_at = now() - interval '3.1 seconds' WHERE id = 1";
     server.sql(&url, silent);
     let expired = other.look().await.unwrap();
     assert_eq!(expired.seen.gateways[&1].life, Life::Expired);
-    one.beat(1).await.unwrap();
+    one.beat(1, None).await.unwrap();
     assert_eq!(other.take(2, &both[..1], &expired.seen).await.unwrap(), [], "it has just said that it lives");
     server.sql(&url, silent);
     let expired = other.look().await.unwrap();
     assert_eq!(other.take(2, &both[..1], &expired.seen).await.unwrap(), [claim("press", 2)]);
-    assert_eq!(one.beat(1).await.unwrap(), Some([].into()), "it learns with its beat that it has it no more");
+    assert_eq!(
+        one.beat(1, None).await.unwrap(),
+        Some([].into()),
+        "it learns with its beat that it has it no more"
+    );
     one.release(1, &claim("press", 1)).await.unwrap();
     let seen = other.look().await.unwrap().seen;
     assert_eq!(seen.owners[&robot("press")].gateway, Some(2), "it gives back what is not its own");
@@ -238,14 +247,14 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     // What a gateway has let go of without giving it back, it takes anew.
     assert_eq!(other.take(2, &both[1..], &seen).await.unwrap(), [claim("saw", 2)]);
     other.end(2).await.unwrap();
-    assert_eq!(other.beat(2).await.unwrap(), None, "it has ended");
+    assert_eq!(other.beat(2, None).await.unwrap(), None, "it has ended");
     let seen = one.look().await.unwrap().seen;
     assert_eq!(other.take(2, &both, &seen).await.unwrap(), [], "and takes nothing any more");
     let taken = one.take(1, &both, &seen).await.unwrap();
     assert_eq!(taken.len(), 2, "what one that ended had is free at once: {taken:?}");
     // Rows of gateways that ended and have nothing go.
-    one.register(3, "three").await.unwrap();
-    assert_eq!(one.look().await.unwrap().names.into_keys().collect::<Vec<_>>(), [1, 3]);
+    one.register(3, &door("three")).await.unwrap();
+    assert_eq!(one.look().await.unwrap().doors.into_keys().collect::<Vec<_>>(), [1, 3]);
 }
 
 #[test]
