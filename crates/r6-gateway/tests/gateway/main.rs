@@ -5,6 +5,8 @@ mod alarms;
 mod browsers;
 mod commands;
 mod fleet;
+#[cfg(unix)]
+mod forward;
 mod guard;
 mod happenings;
 mod heads;
