@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, UNIX_EPOCH};
 
-use r6_api::gateway::Deed;
+use r6_api::gateway::{Deed, ManagedBy};
 use r6_client::RobotSettings;
 use r6_http::access::Site;
 use tokio::net::TcpListener;
@@ -366,11 +366,33 @@ impl Gateway {
         let state = &self.state;
         let Some(sharing) = &self.sharing else { return state.fleet.reload(robots).await };
         roster::check(&robots)?;
+        self.check_elsewhere(&robots).await?;
         // What other gateways own is theirs to change. What is new has no owner yet.
         let is_here = |robot: &&RobotConfig| state.fleet.station(robot.name.as_str()).is_some();
         let changes = state.fleet.reload(robots.iter().filter(is_here).cloned().collect()).await?;
         sharing.configure(|configured| configured.robots = robots);
         Ok(changes)
+    }
+
+    /// Refuses to take from its arm the name of a robot that is not here, while a stop holds at it or is owed.
+    async fn check_elsewhere(&self, robots: &[RobotConfig]) -> Result<(), Problem> {
+        let (fleet, shared) = (&self.state.fleet, &self.state.shared);
+        let goes = |known: &RobotConfig| match robots.iter().find(|robot| robot.name == known.name) {
+            Some(robot) => robot.place() != known.place(),
+            None => known.managed_by == ManagedBy::File,
+        };
+        let known = shared.owners.robots().into_iter();
+        let known = known.filter(|known| fleet.station(known.name.as_str()).is_none() && goes(known));
+        let gone: Vec<_> = known.map(|known| known.name).collect();
+        let look = move |store: &mut dyn Store| {
+            let owed = store.owed_stops()?;
+            let stopped = store.kept(&gone)?.into_iter().map(|(seat, _)| seat.stopped);
+            let tied =
+                gone.iter().zip(stopped).map(|(name, stopped)| (name.clone(), stopped, owed.contains(name)));
+            Ok(tied.collect::<Vec<_>>())
+        };
+        let tied = shared.keeper.work(look).await?;
+        tied.iter().try_for_each(|(name, stopped, owed)| roster::refuse_tied(name.as_str(), *stopped, *owed))
     }
 
     /// Ends the gateway in order: no new requests, then the outcomes of commands and stops that are under

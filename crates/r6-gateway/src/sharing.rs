@@ -36,7 +36,7 @@ use crate::ownership::owners::Owners;
 use crate::peers::{Door, Peers};
 use crate::secret;
 use crate::store::history::Place as HistoryPlace;
-use crate::store::postgres::owner::{Looked, OwnerRows};
+use crate::store::postgres::owner::{Looked, OwnerRows, Wanted};
 use crate::store::postgres::session::Hand;
 use crate::store::postgres::{Database, Postgres, look_at_server};
 use crate::store::{Keeper, StoreError, StoredRobot};
@@ -269,6 +269,8 @@ struct Look {
     failed: bool,
     /// The added robots that do not fit, as they were told of last.
     unfit: BTreeSet<RobotName>,
+    /// What could not be taken because an arm has one name, and why, as it was told of last.
+    tied: BTreeMap<Owned, String>,
 }
 
 impl Look {
@@ -298,15 +300,20 @@ impl Look {
         }
         self.unfit = unfit;
         inner.owners.looked(Some((&looked, &robots)));
+        let places = places(&robots);
+        let rivals = rivals(&places, &looked.addresses);
         let known: BTreeSet<_> = robots.into_keys().map(Owned::Robot).chain([Owned::Hall]).collect();
         let held = inner.owners.held();
         let shunned = inner.shunned(now);
-        let own = Own { number: inner.number, known: &known, held: &held, shunned: &shunned };
+        let own =
+            Own { number: inner.number, known: &known, held: &held, shunned: &shunned, rivals: &rivals };
         match self.watch.look(now, &looked.seen, own) {
             Verdict::Behind { of, highest } => {
                 tracing::error!(%of, highest, "the store is older than what it said before: nothing is taken from it");
             }
             Verdict::Take(wanted) if !wanted.is_empty() => {
+                let placed = wanted.into_iter().map(|owned| (owned.clone(), places.get(&owned).cloned()));
+                let wanted = placed.collect();
                 begun.extend(self.take(inner, rows, &wanted, &looked).await);
             }
             Verdict::Take(_) => {}
@@ -321,20 +328,32 @@ impl Look {
         &mut self,
         inner: &Arc<Inner>,
         rows: &mut OwnerRows,
-        wanted: &[Owned],
+        wanted: &Wanted,
         looked: &Looked,
     ) -> Option<tokio::task::JoinHandle<()>> {
         let asked = clock::now();
-        let claims = match rows.take(inner.number, wanted, &looked.seen).await {
-            // Another gateway was faster.
-            Ok(claims) if claims.is_empty() => return None,
-            Ok(claims) => claims,
+        let taken = match rows.take(inner.number, wanted, &looked.seen).await {
+            Ok(taken) => taken,
             Err(error) => {
                 tracing::warn!(%error, "what has no owner could not be taken");
                 return None;
             }
         };
         let answered = clock::now();
+        self.tied.retain(|owned, _| !wanted.contains_key(owned) || taken.tied.contains_key(owned));
+        for (owned, why) in taken.tied {
+            inner.shun(&owned);
+            let why = why.to_string();
+            if self.tied.get(&owned) != Some(&why) {
+                tracing::error!(of = %owned, "no gateway takes it: {why}");
+                self.tied.insert(owned, why);
+            }
+        }
+        let claims = taken.claims;
+        // Another gateway was faster.
+        if claims.is_empty() {
+            return None;
+        }
         let mut begins = Vec::new();
         for claim in claims {
             tracing::info!(of = %claim.of, fence = claim.fence, "this gateway owns it from now on");
@@ -346,6 +365,27 @@ impl Look {
         }
         Some(tokio::spawn(term::begin(Arc::clone(inner), begins)))
     }
+}
+
+/// Where this gateway would reach each robot.
+fn places(robots: &BTreeMap<RobotName, RobotConfig>) -> BTreeMap<Owned, String> {
+    robots.iter().map(|(name, robot)| (Owned::Robot(name.clone()), robot.place())).collect()
+}
+
+/// For each robot the other names under which a gateway had its arm last.
+fn rivals(
+    places: &BTreeMap<Owned, String>,
+    addresses: &BTreeMap<Owned, String>,
+) -> BTreeMap<Owned, Vec<Owned>> {
+    let mut names = BTreeMap::<&str, Vec<&Owned>>::new();
+    for (owned, address) in addresses {
+        names.entry(address).or_default().push(owned);
+    }
+    let of = |(owned, place): (&Owned, &String)| {
+        let others = names.get(place.as_str()).into_iter().flatten().filter(|other| **other != owned);
+        (owned.clone(), others.map(|other| (*other).clone()).collect())
+    };
+    places.iter().map(of).collect()
 }
 
 async fn join_all(begun: Vec<tokio::task::JoinHandle<()>>) {

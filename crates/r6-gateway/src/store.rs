@@ -54,6 +54,15 @@ pub trait Store: Send {
     /// writes only while all of the claims hold.
     fn hold(&mut self, _claims: &[Claim]) {}
 
+    /// Notes at which addresses these robots are from now on, if no arm there has another name. Those that leave
+    /// give their addresses up. A store of one gateway notes nothing.
+    ///
+    /// # Errors
+    /// [`StoreError::AddressTaken`].
+    fn tie(&mut self, _robots: &[(RobotName, String)], _leaving: &[RobotName]) -> Result<(), StoreError> {
+        Ok(())
+    }
+
     /// Appends entries to the audit log, all or none. Returns the number of the first one. Without entries it
     /// adds nothing, but fails as with them.
     ///

@@ -249,6 +249,8 @@ pub struct Own<'a> {
     pub held: &'a BTreeSet<Owned>,
     /// What it leaves to others for now.
     pub shunned: &'a BTreeSet<Owned>,
+    /// For what it knows, other names of the same arm.
+    pub rivals: &'a BTreeMap<Owned, Vec<Owned>>,
 }
 
 /// What a gateway takes next.
@@ -315,7 +317,10 @@ impl Watch {
         let mut taken = Vec::new();
         let mut free = BTreeMap::new();
         for owned in own.known {
-            if own.held.contains(owned) || !self.is_free(now, seen, own.number, owned) {
+            let has_arm =
+                |name: &Owned| own.held.contains(name) || !self.is_free(now, seen, own.number, name);
+            // An arm has one name: it is taken under the next one when no gateway has it under the last.
+            if has_arm(owned) || own.rivals.get(owned).is_some_and(|names| names.iter().any(has_arm)) {
                 continue;
             }
             let since = self.free.get(owned).copied().unwrap_or(now);

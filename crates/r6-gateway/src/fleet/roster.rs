@@ -18,7 +18,7 @@ use super::{Fleet, Post, Work, link};
 use crate::clock;
 use crate::core::name::RobotName;
 use crate::problem::Problem;
-use crate::store::{Keeper, StoreError, StoredRobot};
+use crate::store::{Keeper, Store, StoreError, StoredRobot};
 
 /// The most robots of one gateway: each has a task, a connection and some hundred kilobytes.
 pub const MAX_ROBOTS: usize = 1_000;
@@ -216,6 +216,7 @@ impl Fleet {
         let moved = changed.iter().filter(is_moved).map(|robot| &robot.name);
         let parted: Vec<_> = gone.iter().chain(moved).cloned().collect();
         let _parted = self.part(&parted).await?;
+        self.tie(&changed, &gone).await?;
         let changes = Changes { added: added.len(), changed: changed.len(), removed: gone.len() };
         let records = gone.iter().map(|name| record(&by, name, Deed::RobotRemoved {}));
         let news = added.iter().chain(&changed).map(|robot| record(&by, &robot.name, configured(robot)));
@@ -259,6 +260,23 @@ impl Fleet {
             ));
         }
         Ok(parted)
+    }
+
+    /// Notes the addresses of robots that change, in a store that others share. Robots that go give theirs up.
+    async fn tie(&self, changed: &[RobotConfig], gone: &[RobotName]) -> Result<(), Problem> {
+        if self.shared.owners.is_alone() || changed.is_empty() {
+            return Ok(());
+        }
+        let keepers = changed.iter().map(|robot| self.keeper_of(&robot.name));
+        let keepers = keepers.collect::<Result<Vec<_>, _>>()?;
+        let claims: Vec<_> = keepers.iter().filter_map(Keeper::claim).cloned().collect();
+        let places: Vec<_> = changed.iter().map(|robot| (robot.name.clone(), robot.place())).collect();
+        let gone = gone.to_vec();
+        let work = move |store: &mut dyn Store| {
+            store.hold(&claims);
+            store.tie(&places, &gone)
+        };
+        Ok(self.shared.keeper.work(work).await?)
     }
 
     /// What writes about this robot.
@@ -360,8 +378,15 @@ impl Drop for Parted {
 
 /// Refuses to take the name of this robot from its arm ([`Fleet::part`]).
 fn refuse_if_tied(station: &Station) -> Result<(), Problem> {
-    let name = station.name();
     let (is_stopped, is_owed) = station.seat(|seat, _| (seat.stops().0, seat.owes_stop()));
+    refuse_tied(station.name(), is_stopped, is_owed)
+}
+
+/// The same, of a robot that another gateway may have.
+///
+/// # Errors
+/// Those of [`Fleet::part`].
+pub fn refuse_tied(name: &str, is_stopped: bool, is_owed: bool) -> Result<(), Problem> {
     if is_owed {
         let message = format!(
             "a list of a run may still move the arm of `{name}`, so `{name}` is not removed and keeps its address: the \

@@ -23,8 +23,8 @@ pub async fn begin(inner: Arc<Inner>, begins: Vec<(Claim, Ownership)>) {
     }
     match begin_robots(&inner, &robots).await {
         Ok(()) => {}
-        Err(StoreError::NotOwner) if robots.len() > 1 => {
-            // One of them is another gateway's by now.
+        Err(StoreError::NotOwner | StoreError::AddressTaken(_)) if robots.len() > 1 => {
+            // One of them is another gateway's by now, or was given another address since it was taken.
             for robot in robots {
                 if let Err(error) = begin_robots(&inner, std::slice::from_ref(&robot)).await {
                     give_up(&inner, &robot.0, &robot.1, &error).await;
@@ -59,7 +59,9 @@ async fn begin_robots(inner: &Arc<Inner>, robots: &[(Claim, Ownership)]) -> Resu
             store.hold(&all);
             // As they are now, under the fence.
             let (mut known, _) = of_store.sharing.robots(&store.robots()?);
-            let configs = all.iter().filter_map(|claim| known.remove(claim.of.robot()?)).collect();
+            let configs: Vec<_> = all.iter().filter_map(|claim| known.remove(claim.of.robot()?)).collect();
+            let places: Vec<_> = configs.iter().map(|robot| (robot.name.clone(), robot.place())).collect();
+            store.tie(&places, &[])?;
             gateway::take_over(store, configs)
         })
         .await?;

@@ -108,6 +108,12 @@ impl Keeper {
         Self { jobs: self.jobs.clone(), claim: Some(claim) }
     }
 
+    /// What has to hold so that this handle writes.
+    #[must_use]
+    pub fn claim(&self) -> Option<&Claim> {
+        self.claim.as_ref()
+    }
+
     /// Does several things in one turn of the thread.
     ///
     /// # Errors

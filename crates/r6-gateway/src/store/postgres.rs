@@ -5,6 +5,7 @@
 //!
 //! [`session`]: the connection. `tables`: the tables. The other files have what their tables are about.
 
+mod arms;
 mod audit;
 mod commands;
 mod database;
@@ -205,6 +206,10 @@ impl Store for Postgres {
         self.claims = claims.to_vec();
     }
 
+    fn tie(&mut self, robots: &[(RobotName, String)], leaving: &[RobotName]) -> Result<(), StoreError> {
+        self.write(async |client| arms::tie(client, robots, leaving).await)
+    }
+
     fn append(&mut self, records: &[AuditRecord]) -> Result<u64, StoreError> {
         self.write(async |client| {
             if records.is_empty() {
@@ -327,6 +332,9 @@ impl Store for Postgres {
     fn put_robot(&mut self, robot: &StoredRobot, record: &AuditRecord) -> Result<(), StoreError> {
         self.write(async |client| {
             robots::put(client, robot).await?;
+            if let Ok(address) = r6_client::address_with_port(&robot.address) {
+                arms::tie(client, &[(robot.name.clone(), address)], &[]).await?;
+            }
             audit::append(client, std::slice::from_ref(record)).await?;
             Ok(())
         })

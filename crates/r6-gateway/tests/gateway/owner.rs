@@ -256,6 +256,51 @@ async fn robots_that_are_added_over_the_api_go_to_the_gateway_that_has_the_fewes
     other.gateway.shutdown().await.unwrap();
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_arm_gets_no_second_name_at_a_gateway_that_does_not_own_it() {
+    let Some((_server, url, token)) = database("the test of an arm with two names").await else { return };
+    let press = ready_to_start().await;
+    let one = Here::start(&url, &token, &[("press", press.address())]).await;
+    one.until_up("press").await;
+    let other = Here::start(&url, &token, &[("press", press.address())]).await;
+    assert_eq!(one.call("POST", "/v1/robots/press/stop", None).await.0, 200);
+    let renamed = || settings_of(&url, Path::new("/"), &[("drill".to_owned(), press.address())]).robots;
+    let refused = other.gateway.reload(renamed()).await.unwrap_err();
+    assert_eq!(refused.code, r6_api::Code::Stopped, "the stop holds at another gateway: {refused:?}");
+    let key = one.lease("press").await;
+    let clear = json!({ "lease": key });
+    assert_eq!(one.call("POST", "/v1/robots/press/clear-stopped", Some(&clear)).await.0, 204);
+
+    // Without a stop it reads the file, and waits until the owner has read it, too.
+    other.gateway.reload(renamed()).await.unwrap();
+    assert_eq!(one.call("POST", "/v1/robots/press/stop", None).await.0, 200);
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    let (status, problem) = other.call("GET", "/v1/robots/drill", None).await;
+    assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "{problem}");
+    assert_eq!(press.handle().snapshot().connections, 1);
+    let (_, state) = one.call("GET", "/v1/robots/press", None).await;
+    assert_eq!((&state["link"], &state["stopped"]), (&json!("up"), &json!(true)));
+    assert_eq!(one.gateway.reload(renamed()).await.unwrap_err().code, r6_api::Code::Stopped);
+    // The owner ends: whoever has the new file does not take the arm that was stopped.
+    one.gateway.shutdown().await.unwrap();
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    assert_eq!(press.handle().snapshot().connections, 0);
+    // Under its own name it was looked at. Now it gets the other one.
+    let one = Here::start(&url, &token, &[("press", press.address())]).await;
+    assert_eq!(one.until_up("press").await["stopped"], true);
+    let key = one.lease("press").await;
+    let clear = json!({ "lease": key });
+    assert_eq!(one.call("POST", "/v1/robots/press/clear-stopped", Some(&clear)).await.0, 204);
+    one.gateway.reload(renamed()).await.unwrap();
+    let begun = Instant::now();
+    while !one.owns("drill").await && !other.owns("drill").await {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    one.gateway.shutdown().await.unwrap();
+    other.gateway.shutdown().await.unwrap();
+}
+
 /// A gateway in a process of its own.
 pub struct There {
     pub child: Child,

@@ -39,6 +39,8 @@ fn a_beat_counts_from_its_start_and_brings_nothing_back() {
 /// The number of the gateway that looks.
 const ME: u64 = 9;
 
+static NO_RIVALS: BTreeMap<Owned, Vec<Owned>> = BTreeMap::new();
+
 fn robot(name: &str) -> Owned {
     Owned::Robot(RobotName::new(name).unwrap())
 }
@@ -58,7 +60,7 @@ fn seen(fence: u64, beat: u64, life: Life) -> Seen {
 
 fn look(watch: &mut Watch, now: Instant, seen: &Seen, known: &BTreeSet<Owned>) -> Verdict {
     let none = BTreeSet::new();
-    watch.look(now, seen, Own { number: ME, known, held: &none, shunned: &none })
+    watch.look(now, seen, Own { number: ME, known, held: &none, shunned: &none, rivals: &NO_RIVALS })
 }
 
 /// Whether `press` is taken.
@@ -103,7 +105,7 @@ fn what_a_gateway_had_and_let_go_of_it_takes_anew() {
     let known = BTreeSet::from([robot("press")]);
     let none = BTreeSet::new();
     let mut watch = Watch::default();
-    let held = Own { number: ME, known: &known, held: &known, shunned: &none };
+    let held = Own { number: ME, known: &known, held: &known, shunned: &none, rivals: &NO_RIVALS };
     assert_eq!(watch.look(START, &own, held), Verdict::Take(Vec::new()), "it has it, or lets go of it still");
     assert!(takes(&mut watch, at(1), &own));
     let shunned = Own { held: &none, shunned: &known, ..held };
@@ -133,7 +135,7 @@ fn free_robots_go_to_the_gateways_that_have_the_fewest() {
     let held = BTreeSet::from([robot("r00")]);
     let share = |seen: &Seen, number| {
         let held = if number == 3 { &held } else { &none };
-        let own = Own { number, known: &known, held, shunned: &none };
+        let own = Own { number, known: &known, held, shunned: &none, rivals: &NO_RIVALS };
         let Verdict::Take(taken) = Watch::default().look(START, seen, own) else { panic!() };
         taken
     };
@@ -143,7 +145,7 @@ fn free_robots_go_to_the_gateways_that_have_the_fewest() {
 
     // Gateway 3 takes none: it is frozen, or does not know them.
     let mut watch = Watch::default();
-    let own = Own { number: ME, known: &known, held: &none, shunned: &none };
+    let own = Own { number: ME, known: &known, held: &none, shunned: &none, rivals: &NO_RIVALS };
     watch.look(START, &seen, own);
     assert_eq!(watch.pause(START), LOOK_CLOSELY, "until each has an owner");
     seen.owners.extend(nine.iter().map(|robot| (robot.clone(), owner(Some(ME)))));
@@ -164,7 +166,11 @@ fn a_gateway_gives_robots_to_one_that_has_two_less_and_has_lived_for_a_while() {
     let mut watch = Watch::default();
     let mut surplus = |time, seen: &Seen| {
         let none = BTreeSet::new();
-        watch.look(at(time), seen, Own { number: ME, known: &known, held: &known, shunned: &none });
+        watch.look(
+            at(time),
+            seen,
+            Own { number: ME, known: &known, held: &known, shunned: &none, rivals: &NO_RIVALS },
+        );
         watch.surplus(at(time), seen, ME)
     };
     assert_eq!(surplus(0, &seen), 0, "there is no other");
@@ -185,7 +191,7 @@ fn a_gateway_gives_robots_to_one_that_has_two_less_and_has_lived_for_a_while() {
     seen.gateways.insert(3, SeenGateway { beat: 4, life: Life::Alive });
     seen.owners.remove(&robot("r05"));
     let none = BTreeSet::new();
-    let own = Own { number: ME, known: &known, held: &none, shunned: &known };
+    let own = Own { number: ME, known: &known, held: &none, shunned: &known, rivals: &NO_RIVALS };
     watch.look(at(13_000), &seen, own);
     assert_eq!(watch.surplus(at(13_000), &seen, ME), 0, "what has no owner comes first");
 }
@@ -290,4 +296,24 @@ proptest! {
         // It expires at 3 s. A look is at most 100 ms later, and its way takes up to 30 ms.
         prop_assert!(take.is_some_and(|take| (3_000..3_160).contains(&take)), "{take:?}");
     }
+}
+
+#[test]
+fn an_arm_with_another_name_is_free_once_nobody_has_it_under_the_last() {
+    let (known, none): (BTreeSet<_>, _) = ([robot("new")].into(), BTreeSet::new());
+    let rivals: BTreeMap<_, _> = [(robot("new"), vec![robot("press")])].into();
+    let own = Own { number: ME, known: &known, held: &none, shunned: &none, rivals: &rivals };
+    let mut watch = Watch::default();
+    let take = Verdict::Take(vec![robot("new")]);
+    assert_eq!(watch.look(at(0), &seen(1, 1, Life::Alive), own), Verdict::Take(Vec::new()));
+    assert_eq!(watch.look(at(500), &seen(1, 1, Life::Expired), own), Verdict::Take(Vec::new()));
+    assert_eq!(watch.look(at(3_000), &seen(1, 1, Life::Expired), own), take, "it was silent for long enough");
+    assert_eq!(watch.look(at(3_500), &seen(1, 1, Life::Ended), own), take);
+    let held: BTreeSet<_> = [robot("press")].into();
+    let ending = Own { held: &held, ..own };
+    assert_eq!(
+        watch.look(at(4_000), &seen(1, 1, Life::Ended), ending),
+        Verdict::Take(Vec::new()),
+        "it lets go of it"
+    );
 }

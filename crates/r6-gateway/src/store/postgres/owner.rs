@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use tokio_postgres::{Client, Row};
 
+use super::arms::{self, Tied};
 use super::session::{Durable, Hand, connect, name_of_gateway};
 use super::{Database, signed, unsigned};
 use crate::core::owner::{Claim, EXPIRES, Life, Owned, Seen, SeenGateway, SeenOwner};
@@ -32,6 +33,20 @@ pub struct Looked {
     pub doors: BTreeMap<u64, Door>,
     /// The robots that were added over the API.
     pub robots: Vec<StoredRobot>,
+    /// Where the last owners reached what they had.
+    pub addresses: BTreeMap<Owned, String>,
+}
+
+/// What a gateway wants: each robot with the address at which it would reach it. The hall has none.
+pub type Wanted = BTreeMap<Owned, Option<String>>;
+
+/// What became of it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Taken {
+    /// What the gateway owns now.
+    pub claims: Vec<Claim>,
+    /// What it does not get, because an arm has one name.
+    pub tied: BTreeMap<Owned, Tied>,
 }
 
 /// The rows, over a connection of their own: no write waits for a beat, and no beat for a write.
@@ -95,7 +110,7 @@ impl OwnerRows {
                     &[&EXPIRES.as_secs_f64()],
                 )
                 .await?;
-            let owners = client.query("SELECT robot, fence, gateway FROM owner", &[]).await?;
+            let owners = client.query("SELECT robot, fence, gateway, address FROM owner", &[]).await?;
             let robots = super::robots::all(client).await?;
             client.batch_execute("COMMIT").await?;
             let mut looked = Looked { robots, ..Looked::default() };
@@ -109,6 +124,8 @@ impl OwnerRows {
                 // A name that is none is of no robot that this gateway can have.
                 let Some(owned) = Owned::of_text(row.try_get(0)?) else { continue };
                 let gateway = row.try_get::<_, Option<i64>>(2)?.map(unsigned);
+                let address: Option<String> = row.try_get(3)?;
+                looked.addresses.extend(address.map(|address| (owned.clone(), address)));
                 looked.seen.owners.insert(owned, SeenOwner { fence: unsigned(row.try_get(1)?), gateway });
             }
             Ok(looked)
@@ -124,25 +141,28 @@ impl OwnerRows {
     ///
     /// # Errors
     /// [`StoreError`]: what it owns is not known.
-    pub async fn take(&mut self, own: u64, wanted: &[Owned], seen: &Seen) -> Result<Vec<Claim>, StoreError> {
+    pub async fn take(&mut self, own: u64, wanted: &Wanted, seen: &Seen) -> Result<Taken, StoreError> {
         // By the owners before, in the order of their numbers, so that two that take wait and do not block each
         // other.
         let mut groups = BTreeMap::<Option<u64>, Vec<(&Owned, u64)>>::new();
-        for owned in wanted {
+        for owned in wanted.keys() {
             let row = seen.owners.get(owned);
             let before = row.and_then(|row| row.gateway).filter(|gateway| *gateway != own);
             groups.entry(before).or_default().push((owned, row.map_or(0, |row| row.fence)));
         }
         self.ask(async |client| {
             client.batch_execute("BEGIN").await?;
+            let placed = wanted.iter().filter_map(|(owned, at)| Some((owned, at.as_deref()?)));
+            let tied = arms::tied(client, own, &placed.collect::<Vec<_>>(), seen).await?;
             let mut claims = Vec::new();
-            for (before, wanted) in groups {
+            for (before, mut group) in groups {
+                group.retain(|(owned, _)| !tied.contains_key(*owned));
                 if let Some(before) = before
                     && !is_over(client, before, seen).await?
                 {
                     continue;
                 }
-                claims.extend(take(client, own, before, &wanted).await?);
+                claims.extend(take(client, own, before, &group, wanted).await?);
             }
             // Others count from this beat: nobody takes what was just taken. It comes last, so that beats do not
             // wait for the rows of the robots.
@@ -155,7 +175,7 @@ impl OwnerRows {
                 .await?;
             let end = if lives > 0 { "COMMIT" } else { "ROLLBACK" };
             client.batch_execute(end).await?;
-            Ok(if lives > 0 { claims } else { Vec::new() })
+            Ok(if lives > 0 { Taken { claims, tied } } else { Taken::default() })
         })
         .await
     }
@@ -256,7 +276,7 @@ impl OwnerRows {
 
 /// Whether what this gateway owns may be taken. If it may, the gateway says nothing more before the end of
 /// this transaction.
-async fn is_over(client: &Client, gateway: u64, seen: &Seen) -> Result<bool, StoreError> {
+pub async fn is_over(client: &Client, gateway: u64, seen: &Seen) -> Result<bool, StoreError> {
     let Some(SeenGateway { beat, .. }) = seen.gateways.get(&gateway) else {
         // Rows go that own nothing alone, so it was removed by hand.
         let row = client.query_opt("SELECT 1 FROM gateway WHERE id = $1", &[&signed(gateway)]).await?;
@@ -277,10 +297,12 @@ async fn take(
     client: &Client,
     own: u64,
     before: Option<u64>,
-    wanted: &[(&Owned, u64)],
+    group: &[(&Owned, u64)],
+    wanted: &Wanted,
 ) -> Result<Vec<Claim>, StoreError> {
-    let names: Vec<_> = wanted.iter().map(|(owned, _)| owned.as_str()).collect();
-    let fences: Vec<_> = wanted.iter().map(|(_, fence)| signed(*fence)).collect();
+    let names: Vec<_> = group.iter().map(|(owned, _)| owned.as_str()).collect();
+    let fences: Vec<_> = group.iter().map(|(_, fence)| signed(*fence)).collect();
+    let addresses: Vec<_> = group.iter().map(|(owned, _)| wanted.get(*owned)?.as_deref()).collect();
     if let Some(before) = before {
         end_sessions(client, before, &names).await?;
     }
@@ -295,12 +317,12 @@ async fn take(
     client.query("SELECT 1 FROM owner WHERE robot = ANY($1) ORDER BY robot FOR UPDATE", &[&names]).await?;
     let rows = client
         .query(
-            "UPDATE owner SET fence = owner.fence + 1, gateway = $3
-             FROM unnest($1::text[], $2::bigint[]) AS wanted (robot, fence)
+            "UPDATE owner SET fence = owner.fence + 1, gateway = $3, address = wanted.address
+             FROM unnest($1::text[], $2::bigint[], $5::text[]) AS wanted (robot, fence, address)
              WHERE owner.robot = wanted.robot AND owner.fence = wanted.fence
              AND (owner.gateway IS NULL OR owner.gateway = $3 OR owner.gateway = $4)
              RETURNING owner.robot, owner.fence",
-            &[&names, &fences, &signed(own), &before.map(signed)],
+            &[&names, &fences, &signed(own), &before.map(signed), &addresses],
         )
         .await?;
     let mut claims = Vec::new();
@@ -313,7 +335,7 @@ async fn take(
 
 /// Ends the sessions of a gateway if some of these rows are locked. Without the right to do so, as another user
 /// of the database, they are waited for.
-async fn end_sessions(client: &Client, gateway: u64, names: &[&str]) -> Result<(), StoreError> {
+pub async fn end_sessions(client: &Client, gateway: u64, names: &[&str]) -> Result<(), StoreError> {
     let free =
         client.query("SELECT 1 FROM owner WHERE robot = ANY($1) FOR UPDATE SKIP LOCKED", &[&names]).await?;
     if free.len() < names.len() {

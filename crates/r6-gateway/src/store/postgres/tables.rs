@@ -194,7 +194,8 @@ CREATE INDEX command_made ON command (made);
 ///
 /// - `gateway`: a row for each start. `name` is where callers find it, `key` is what its passes are signed with,
 ///   `certificate` the SHA-256 of its certificate. Without `beat_at` it has ended.
-/// - `owner`: the robot '', which no robot is called, stands for the hall.
+/// - `owner`: the robot '', which no robot is called, stands for the hall. `address`: where the last owner reaches
+///   or reached the robot.
 const OWNERS: &str = "
 LOCK TABLE owner IN ACCESS EXCLUSIVE MODE;
 SELECT pg_sleep(CASE WHEN beat_at IS NULL THEN 0 ELSE 3.5 END) FROM owner;
@@ -210,7 +211,9 @@ CREATE TABLE gateway (
 CREATE TABLE owner (
     robot   text COLLATE \"C\" PRIMARY KEY,
     fence   bigint NOT NULL,
-    gateway bigint
+    gateway bigint,
+    address text COLLATE \"C\"
 );
 CREATE INDEX owner_gateway ON owner (gateway);
+CREATE INDEX owner_address ON owner (address);
 ";

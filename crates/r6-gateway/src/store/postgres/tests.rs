@@ -4,7 +4,8 @@
 use r6_api::gateway::{AuditRecord, Deed};
 use r6_testkit::postgres::{Server, shared};
 
-use super::owner::OwnerRows;
+use super::arms::Tied;
+use super::owner::{OwnerRows, Wanted};
 use super::*;
 use crate::core::chain::Verifier;
 use crate::core::owner::{Life, Owned, SeenOwner};
@@ -41,6 +42,16 @@ fn name(name: &str) -> RobotName {
 
 fn robot(of: &str) -> Owned {
     Owned::Robot(name(of))
+}
+
+/// These, wherever they are.
+fn wanted(owned: &[Owned]) -> Wanted {
+    owned.iter().map(|owned| (owned.clone(), None)).collect()
+}
+
+/// This robot, at this address.
+fn placed(of: &str, address: &str) -> Wanted {
+    [(robot(of), Some(address.to_owned()))].into()
 }
 
 fn door(url: &str) -> Door {
@@ -214,13 +225,13 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     let both = [robot("press"), robot("saw")];
     let none = one.look().await.unwrap();
     assert_eq!((none.seen.owners.len(), none.doors.len()), (0, 2));
-    assert_eq!(one.take(1, &both[..1], &none.seen).await.unwrap(), [claim("press", 1)]);
-    let taken = other.take(2, &both, &none.seen).await.unwrap();
+    assert_eq!(one.take(1, &wanted(&both[..1]), &none.seen).await.unwrap().claims, [claim("press", 1)]);
+    let taken = other.take(2, &wanted(&both), &none.seen).await.unwrap().claims;
     assert_eq!(taken, [claim("saw", 1)], "the row of the other one is another by now");
     let alive = other.look().await.unwrap();
     assert_eq!(alive.seen.owners[&robot("press")], SeenOwner { fence: 1, gateway: Some(1) });
     assert_eq!((alive.seen.gateways[&1].life, alive.doors[&1].url.as_str()), (Life::Alive, "one"));
-    assert_eq!(other.take(2, &both[..1], &alive.seen).await.unwrap(), [], "it lives");
+    assert_eq!(other.take(2, &wanted(&both[..1]), &alive.seen).await.unwrap().claims, [], "it lives");
     assert_eq!(one.beat(1, None).await.unwrap(), Some([(robot("press"), 1)].into()));
     assert!(other.look().await.unwrap().seen.gateways[&1].beat > alive.seen.gateways[&1].beat);
 
@@ -229,10 +240,14 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     let expired = other.look().await.unwrap();
     assert_eq!(expired.seen.gateways[&1].life, Life::Expired);
     one.beat(1, None).await.unwrap();
-    assert_eq!(other.take(2, &both[..1], &expired.seen).await.unwrap(), [], "it has just said that it lives");
+    assert_eq!(
+        other.take(2, &wanted(&both[..1]), &expired.seen).await.unwrap().claims,
+        [],
+        "it has just said that it lives"
+    );
     server.sql(&url, silent);
     let expired = other.look().await.unwrap();
-    assert_eq!(other.take(2, &both[..1], &expired.seen).await.unwrap(), [claim("press", 2)]);
+    assert_eq!(other.take(2, &wanted(&both[..1]), &expired.seen).await.unwrap().claims, [claim("press", 2)]);
     assert_eq!(
         one.beat(1, None).await.unwrap(),
         Some([].into()),
@@ -245,16 +260,79 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     let seen = one.look().await.unwrap().seen;
     assert_eq!(seen.owners[&robot("press")], SeenOwner { fence: 2, gateway: None });
     // What a gateway has let go of without giving it back, it takes anew.
-    assert_eq!(other.take(2, &both[1..], &seen).await.unwrap(), [claim("saw", 2)]);
+    assert_eq!(other.take(2, &wanted(&both[1..]), &seen).await.unwrap().claims, [claim("saw", 2)]);
     other.end(2).await.unwrap();
     assert_eq!(other.beat(2, None).await.unwrap(), None, "it has ended");
     let seen = one.look().await.unwrap().seen;
-    assert_eq!(other.take(2, &both, &seen).await.unwrap(), [], "and takes nothing any more");
-    let taken = one.take(1, &both, &seen).await.unwrap();
+    assert_eq!(other.take(2, &wanted(&both), &seen).await.unwrap().claims, [], "and takes nothing any more");
+    let taken = one.take(1, &wanted(&both), &seen).await.unwrap().claims;
     assert_eq!(taken.len(), 2, "what one that ended had is free at once: {taken:?}");
     // Rows of gateways that ended and have nothing go.
     one.register(3, &door("three")).await.unwrap();
     assert_eq!(one.look().await.unwrap().doors.into_keys().collect::<Vec<_>>(), [1, 3]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_arm_is_not_taken_under_another_name_while_it_has_an_owner_or_was_stopped() {
+    let made = tokio::task::spawn_blocking(|| database("the test of one arm under two names")).await.unwrap();
+    let Some((server, url, database)) = made else { return };
+    let (mut one, mut other) = (OwnerRows::new(database.clone()), OwnerRows::new(database));
+    one.register(1, &door("one")).await.unwrap();
+    other.register(2, &door("other")).await.unwrap();
+    let (press, same) = (placed("press", "10.0.0.1:9760"), placed("saw", "10.0.0.1:9760"));
+    let none = one.look().await.unwrap().seen;
+    // At once, before either is there.
+    let (first, second) = tokio::join!(one.take(1, &press, &none), other.take(2, &same, &none));
+    let (first, second) = (first.unwrap(), second.unwrap());
+    assert_eq!(first.claims.len() + second.claims.len(), 1, "{first:?} {second:?}");
+    let (had, mut owner, wants, mut next, next_number, next_wants) = match first.claims.is_empty() {
+        false => (claim("press", 1), one, press, other, 2, same),
+        true => (claim("saw", 1), other, same, one, 1, press),
+    };
+    let name = had.of.robot().unwrap().clone();
+    let wanted_next = next_wants.keys().next().unwrap().clone();
+    let looked = next.look().await.unwrap();
+    assert_eq!(looked.addresses[&had.of], "10.0.0.1:9760");
+    let refused = next.take(next_number, &next_wants, &looked.seen).await.unwrap();
+    assert_eq!(refused.tied, [(wanted_next.clone(), Tied::Owned(name.clone()))].into());
+    // The owner gives it back, and it was stopped.
+    owner.release(3 - next_number, &had).await.unwrap();
+    server.sql(
+        &url,
+        &format!(
+            "INSERT INTO r6_gateway.seat (robot, lease_number, stopped) VALUES ('{name}', 1, true),
+             ('{}', 1, false)",
+            wanted_next.as_str()
+        ),
+    );
+    let seen = next.look().await.unwrap().seen;
+    let refused = next.take(next_number, &next_wants, &seen).await.unwrap();
+    assert_eq!(
+        (refused.claims, refused.tied.get(&wanted_next)),
+        (vec![], Some(&Tied::Stopped(name.clone())))
+    );
+    let elsewhere = placed(name.as_str(), "10.0.0.2:9760");
+    let refused = next.take(next_number, &elsewhere, &seen).await.unwrap();
+    assert_eq!(refused.tied.get(&had.of), Some(&Tied::Moved("10.0.0.1:9760".to_owned())));
+    assert_eq!(
+        owner.take(3 - next_number, &wants, &seen).await.unwrap().claims.len(),
+        1,
+        "under its own name"
+    );
+    // The stop was cleared, and the owner is silent.
+    server.sql(
+        &url,
+        &format!(
+            "UPDATE r6_gateway.seat SET stopped = false; UPDATE r6_gateway.gateway
+             SET beat_at = now() - interval '3.1 seconds' WHERE id = {}",
+            3 - next_number
+        ),
+    );
+    let seen = next.look().await.unwrap().seen;
+    let taken = next.take(next_number, &next_wants, &seen).await.unwrap();
+    assert_eq!((taken.claims.len(), taken.tied.len()), (1, 0));
+    let of_owner = owner.beat(3 - next_number, None).await.unwrap();
+    assert_eq!(of_owner, Some([].into()), "it learns that it has the arm no more");
 }
 
 #[test]
