@@ -23,10 +23,15 @@ pub async fn begin(inner: Arc<Inner>, begins: Vec<(Claim, Ownership)>) {
     }
     match begin_robots(&inner, &robots).await {
         Ok(()) => {}
-        Err(StoreError::NotOwner | StoreError::AddressTaken(_)) if robots.len() > 1 => {
-            // One of them is another gateway's by now, or was given another address since it was taken.
+        Err(_) if robots.len() > 1 => {
+            // One of them is another gateway's by now, or was given another address since it was taken, or cannot
+            // be written about. The others go on.
             for robot in robots {
-                if let Err(error) = begin_robots(&inner, std::slice::from_ref(&robot)).await {
+                let begun = match robot.1.may_move() {
+                    true => begin_robots(&inner, std::slice::from_ref(&robot)).await,
+                    false => Err(StoreError::NotOwner),
+                };
+                if let Err(error) = begun {
                     give_up(&inner, &robot.0, &robot.1, &error).await;
                 }
             }

@@ -193,7 +193,8 @@ pub enum Lock {
 impl Lock {
     fn text(self) -> &'static str {
         match self {
-            Self::Log => "LOCK TABLE audit IN SHARE ROW EXCLUSIVE MODE",
+            // Not of the table: VACUUM and ANALYZE of that would be waited for, or cut.
+            Self::Log => "SELECT 1 WHERE pg_advisory_xact_lock(9761, 0)::text = 'locked'",
             // All at once and in one order, so that no two wait for each other.
             Self::History => "LOCK TABLE chunk, tail, event IN ROW EXCLUSIVE MODE",
             Self::Partitions => "LOCK TABLE chunk, tail, event IN ACCESS EXCLUSIVE MODE",

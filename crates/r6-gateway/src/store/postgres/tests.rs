@@ -336,6 +336,40 @@ async fn an_arm_is_not_taken_under_another_name_while_it_has_an_owner_or_was_sto
 }
 
 #[test]
+fn upkeep_of_the_server_holds_no_entry_of_the_log_up() {
+    let Some((server, url, database)) = database("the test of upkeep") else { return };
+    // As VACUUM, ANALYZE and CREATE INDEX CONCURRENTLY lock the table.
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            server.sql(
+                &url,
+                "BEGIN; LOCK TABLE r6_gateway.audit IN SHARE UPDATE EXCLUSIVE MODE; SELECT pg_sleep(3); COMMIT",
+            )
+        });
+        std::thread::sleep(std::time::Duration::from_millis(500));
+        let mut store = Postgres::open(&database, Hand::Shell).unwrap();
+        let begun = std::time::Instant::now();
+        assert_eq!(store.append(&[started()]), Ok(1));
+        assert!(begun.elapsed() < std::time::Duration::from_secs(1), "{:?}", begun.elapsed());
+    });
+}
+
+#[test]
+fn entries_of_several_writers_have_one_number_each() {
+    let Some((_server, _url, database)) = database("the test of several writers") else { return };
+    let mut numbers = std::thread::scope(|scope| {
+        let write = || {
+            let mut store = Postgres::open(&database, Hand::Shell).unwrap();
+            (0..50).map(|_| store.append(&[started()]).unwrap()).collect::<Vec<_>>()
+        };
+        let writers: Vec<_> = (0..4).map(|_| scope.spawn(write)).collect();
+        writers.into_iter().flat_map(|writer| writer.join().unwrap()).collect::<Vec<_>>()
+    });
+    numbers.sort_unstable();
+    assert_eq!(numbers, (1..=200).collect::<Vec<_>>());
+}
+
+#[test]
 fn the_gateway_of_an_older_version_has_let_go_before_its_robots_can_be_taken() {
     let Some((server, url, database)) = database("the test of an older version") else { return };
     // As version 2 made it, with an owner that lives.
