@@ -189,6 +189,8 @@ pub enum Life {
     Alive,
     /// It is not.
     Expired,
+    /// Its last beat is in the future: the clock was set back. Whether it lives, the next beats show.
+    Ahead,
 }
 
 /// A gateway as it was seen in the store.
@@ -312,6 +314,10 @@ impl Watch {
             }
             *highest = owner.fence;
         }
+        // No row ever goes.
+        if let Some((of, highest)) = self.highest.iter().find(|(of, _)| !seen.owners.contains_key(*of)) {
+            return Verdict::Behind { of: of.clone(), highest: *highest };
+        }
         self.note_gateways(now, seen, own);
         let mut counts = seen.counts();
         let mut taken = Vec::new();
@@ -386,7 +392,7 @@ impl Watch {
         match seen.life(*gateway) {
             Life::Ended => true,
             Life::Alive => false,
-            Life::Expired => {
+            Life::Expired | Life::Ahead => {
                 let watched = self.gateways.get(gateway);
                 watched.is_some_and(|watched| now.since(watched.since) >= WATCHED)
             }

@@ -79,6 +79,12 @@ fn robots_are_taken_when_they_are_free_or_after_the_same_beat_for_long() {
     assert!(!takes(&mut watch, at(3_499), &seen(1, 6, Life::Expired)));
     assert!(takes(&mut watch, at(3_500), &seen(1, 6, Life::Expired)));
     assert!(takes(&mut watch, at(3_501), &seen(1, 7, Life::Ended)));
+    // It was set back.
+    let mut back = Watch::default();
+    assert!(!takes(&mut back, at(0), &seen(1, 5, Life::Ahead)));
+    assert!(!takes(&mut back, at(2_000), &seen(1, 6, Life::Ahead)), "it lives");
+    assert!(!takes(&mut back, at(4_499), &seen(1, 6, Life::Ahead)));
+    assert!(takes(&mut back, at(4_500), &seen(1, 6, Life::Ahead)), "it does not");
     assert!(!takes(&mut watch, at(9_000), &seen(1, 7, Life::Alive)));
     let mut free = seen(1, 7, Life::Alive);
     free.owners.insert(robot("press"), SeenOwner { fence: 1, gateway: None });
@@ -119,6 +125,9 @@ fn an_old_copy_of_the_store_gives_nothing_to_anybody() {
     let behind = Verdict::Behind { of: robot("press"), highest: 9 };
     let all = BTreeSet::from([robot("press"), robot("saw")]);
     assert_eq!(look(&mut watch, START, &seen(8, 5, Life::Ended), &all), behind, "the other robot neither");
+    let mut without = seen(9, 5, Life::Ended);
+    without.owners.clear();
+    assert_eq!(look(&mut watch, START, &without, &all), behind, "it is from before the robot was owned");
     let taken = Verdict::Take(vec![robot("press"), robot("saw")]);
     assert_eq!(look(&mut watch, START, &seen(9, 5, Life::Ended), &all), taken);
 }
@@ -189,7 +198,7 @@ fn a_gateway_gives_robots_to_one_that_has_two_less_and_has_lived_for_a_while() {
     assert_eq!(surplus(12_500, &seen), 0);
     seen.owners.extend(known.iter().map(|robot| (robot.clone(), owner(ME))));
     seen.gateways.insert(3, SeenGateway { beat: 4, life: Life::Alive });
-    seen.owners.remove(&robot("r05"));
+    seen.owners.insert(robot("r05"), SeenOwner { fence: 1, gateway: None });
     let none = BTreeSet::new();
     let own = Own { number: ME, known: &known, held: &none, shunned: &known, rivals: &NO_RIVALS };
     watch.look(at(13_000), &seen, own);
