@@ -371,10 +371,12 @@ impl Gateway {
         let is_here = |robot: &&RobotConfig| state.fleet.station(robot.name.as_str()).is_some();
         let changes = state.fleet.reload(robots.iter().filter(is_here).cloned().collect()).await?;
         sharing.configure(|configured| configured.robots = robots);
+        sharing.leave_changed();
         Ok(changes)
     }
 
-    /// Refuses to take from its arm the name of a robot that is not here, while a stop holds at it or is owed.
+    /// Refuses to take from its arm the name of a robot that is not here, while a stop holds at it or is
+    /// owed.
     async fn check_elsewhere(&self, robots: &[RobotConfig]) -> Result<(), Problem> {
         let (fleet, shared) = (&self.state.fleet, &self.state.shared);
         let goes = |known: &RobotConfig| match robots.iter().find(|robot| robot.name == known.name) {

@@ -1,8 +1,8 @@
 //! The other gateways of the hall, as this one reaches them: over HTTP where callers find them, with a pass.
 //!
 //! With TLS, the other gateway proves itself with the certificate whose SHA-256 its row in the store has, and
-//! no authority is asked. This gateway proves itself with the signature of the pass (`core/pass.rs`), not with a
-//! certificate. Each request has a connection of its own: none waits behind another one.
+//! no authority is asked. This gateway proves itself with the signature of the pass (`core/pass.rs`), not
+//! with a certificate. Each request has a connection of its own: none waits behind another one.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,8 +10,8 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use axum::body::Bytes;
-use axum::http::header::{CONNECTION, HOST, HeaderValue};
-use axum::http::{HeaderMap, Method};
+use axum::http::header::{CONNECTION, CONTENT_LENGTH, HOST, HeaderValue, TRANSFER_ENCODING};
+use axum::http::{HeaderMap, HeaderName, Method};
 use http_body_util::Full;
 use hyper::body::Incoming;
 use hyper::client::conn::http1;
@@ -30,7 +30,7 @@ pub const PASS: &str = "r6-pass";
 /// How long a connection may take, with TLS. Gateways of one hall are close to each other.
 const CONNECT_WITHIN: Duration = Duration::from_secs(1);
 
-/// How many gateways are remembered whose passes came. It is more than one hall starts in a day.
+/// How many gateways are remembered whose passes came. Those that do not live are forgotten.
 const MAX_GATEWAYS: usize = 256;
 
 /// Where callers find a gateway, and how it proves itself.
@@ -96,28 +96,27 @@ impl Peers {
         self.key.public()
     }
 
-    /// The pass in this text, if it is for a request with this method, path and body to the gateway `own`, and
-    /// was not taken before. `key`: the key of a gateway.
+    /// The pass in this text, if it is for a request with this head to the gateway `own`. `key`: the key of a
+    /// gateway.
     #[must_use]
-    pub fn admit(
-        &self,
+    pub fn open(
         text: &str,
         own: u64,
-        (method, target, body): (&Method, &str, &[u8]),
+        head: &[u8; 32],
         key: impl FnOnce(u64) -> Option<String>,
     ) -> Option<Pass> {
-        let pass = pass::open(text, key)?;
-        let is_for = pass.to == own
-            && pass.method == method.as_str()
-            && pass.target == target
-            && pass.body == hash(body);
-        if !is_for {
+        pass::open(text, key).filter(|pass| pass.to == own && pass.head == *head)
+    }
+
+    /// The pass, if it is for a request with this body, and was not taken before.
+    #[must_use]
+    pub fn admit(&self, pass: Pass, body: &[u8]) -> Option<Pass> {
+        if pass.body != hash(body) {
             return None;
         }
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         if taken.len() >= MAX_GATEWAYS && !taken.contains_key(&pass.from) {
-            // Numbers are drawn, so this is any of them. Its next pass is taken as its first one: one that came
-            // before could be taken again only if somebody had kept it.
+            // So many do not live at once.
             return None;
         }
         taken.entry(pass.from).or_default().take(pass.number).then_some(pass)
@@ -129,7 +128,8 @@ impl Peers {
         taken.retain(|number, _| is_there(*number));
     }
 
-    /// Passes a request on to the gateway `to`, once, and returns its answer, whose body goes on.
+    /// Passes a request on to the gateway `to`, once, and returns its answer, whose body goes on. `until`:
+    /// until when a pass is taken that is made now.
     ///
     /// # Errors
     /// [`Failed`].
@@ -138,26 +138,19 @@ impl Peers {
         (from, to): (u64, u64),
         door: &Door,
         onward: Onward,
+        until: impl Fn() -> u64,
     ) -> Result<Response<Incoming>, Failed> {
         let Onward { method, target, headers, body, bearer: (bearer, source) } = onward;
-        let number = self.last.fetch_add(1, Ordering::Relaxed) + 1;
-        let pass = Pass {
-            from,
-            to,
-            number,
-            method: method.as_str().to_owned(),
-            target: target.clone(),
-            body: hash(&body),
-            bearer,
-            source,
-        };
         let not_sent = |error: String| Failed::NotSent(format!("{}: {error}", door.url));
-        let header =
-            HeaderValue::from_str(&self.key.sign(&pass)).map_err(|error| not_sent(error.to_string()))?;
         let connected = tokio::time::timeout(CONNECT_WITHIN, connect(door)).await;
         let (stream, at) = connected
             .map_err(|_| not_sent(format!("no connection within {CONNECT_WITHIN:?}")))?
             .map_err(not_sent)?;
+        let number = self.last.fetch_add(1, Ordering::Relaxed) + 1;
+        let (head, hash) = (head(&method, &target, &headers), hash(&body));
+        let pass = Pass { from, to, number, until: until(), head, body: hash, bearer, source };
+        let header =
+            HeaderValue::from_str(&self.key.sign(&pass)).map_err(|error| not_sent(error.to_string()))?;
         let mut request = Request::new(Full::new(body));
         *request.method_mut() = method;
         *request.uri_mut() = target.parse().map_err(|error| not_sent(format!("{error}")))?;
@@ -199,6 +192,82 @@ async fn connect(door: &Door) -> Result<(Box<dyn Stream>, String), String> {
     Ok((Box::new(stream), at))
 }
 
+/// The hash of a head. All headers count but those about the connection: nobody on the way may change, add or
+/// take away one.
+#[must_use]
+pub fn head(method: &Method, target: &str, headers: &HeaderMap) -> [u8; 32] {
+    let of_connection = [HOST, CONNECTION, CONTENT_LENGTH, TRANSFER_ENCODING];
+    let counts = |name: &HeaderName| name.as_str() != PASS && !of_connection.contains(name);
+    let mut lines: Vec<_> = headers.iter().filter(|(name, _)| counts(name)).collect();
+    // Those with one name stay in their order.
+    lines.sort_by_key(|(name, _)| name.as_str());
+    let lines = lines.into_iter().flat_map(|(name, value)| [name.as_str().as_bytes(), value.as_bytes()]);
+    let mut hash = Sha256::new();
+    for part in [method.as_str().as_bytes(), target.as_bytes()].into_iter().chain(lines) {
+        hash.update(u64::try_from(part.len()).unwrap_or(u64::MAX).to_be_bytes());
+        hash.update(part);
+    }
+    hash.finalize().into()
+}
+
 fn hash(body: &[u8]) -> [u8; 32] {
     Sha256::digest(body).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn headers(lines: &[(&'static str, &'static str)]) -> HeaderMap {
+        let of = |(name, value): &(&'static str, &'static str)| {
+            (HeaderName::from_static(name), HeaderValue::from_static(value))
+        };
+        lines.iter().map(of).collect()
+    }
+
+    #[test]
+    fn a_pass_is_for_one_request_to_one_gateway_once() {
+        let peers = Peers::new().unwrap();
+        let (to, sent, body) = (9, [1; 32], b"{}");
+        let pass = Pass {
+            from: 3,
+            to,
+            number: 1,
+            until: 0,
+            head: sent,
+            body: hash(body),
+            bearer: Bearer::Token(4),
+            source: None,
+        };
+        let text = peers.key.sign(&pass);
+        let key = |number| (number == 3).then(|| peers.public_key());
+        assert_eq!(Peers::open(&text, to, &sent, key), Some(pass.clone()));
+        assert_eq!(Peers::open(&text, 8, &sent, key), None, "another gateway, or an earlier start");
+        assert_eq!(Peers::open(&text, to, &[2; 32], key), None, "another head");
+        assert_eq!(Peers::open(&text, to, &sent, |_| None), None, "nobody knows who signed");
+        assert_eq!(peers.admit(pass.clone(), b"{ }"), None, "another body");
+        assert_eq!(peers.admit(pass.clone(), body), Some(pass.clone()));
+        assert_eq!(peers.admit(pass, body), None, "it came before");
+    }
+
+    #[test]
+    fn whatever_changes_in_a_head_changes_its_hash() {
+        let of = |target: &str, lines: &[_]| head(&Method::POST, target, &headers(lines));
+        let sent = of("/v1/a", &[("idempotency-key", "one"), ("accept", "a"), ("accept", "b")]);
+        let came =
+            [("host", "x"), ("accept", "a"), ("content-length", "3"), ("accept", "b"), ("r6-pass", "p")];
+        assert_eq!(of("/v1/a", &[&came[..], &[("idempotency-key", "one")]].concat()), sent);
+        let changed: [&[_]; 6] = [
+            &[("idempotency-key", "two"), ("accept", "a"), ("accept", "b")],
+            &[("accept", "a"), ("accept", "b")],
+            &[("idempotency-key", "one"), ("accept", "b"), ("accept", "a")],
+            &[("idempotency-key", "one"), ("accept", "ab")],
+            &[("idempotency-key", "one"), ("accept", "a"), ("accept", "b"), ("authorization", "x")],
+            &[("idempotency-key", "one"), ("accept", "a"), ("accept", "b"), ("valid-until", "9")],
+        ];
+        for lines in changed {
+            assert_ne!(of("/v1/a", lines), sent, "{lines:?}");
+        }
+        assert_ne!(of("/v1/b", &[("idempotency-key", "one"), ("accept", "a"), ("accept", "b")]), sent);
+    }
 }

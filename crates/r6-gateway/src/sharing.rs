@@ -1,9 +1,11 @@
 //! A gateway that shares its store with others: each robot is owned by one of them.
 //!
-//! [`run`] is one loop, which looks at the rows of the owners twice a second (`core/owner.rs` says what follows
-//! from them). What the gateway takes begins as after the end of a gateway: commands without an outcome are
+//! [`run`] is one loop, which looks at the rows of the owners twice a second (`core/owner.rs` says what
+//! follows from them). What the gateway takes begins as after the end of a gateway: commands without an
+//! outcome are
 //! `unknown`, lists of runs are stopped, stops hold (`sharing/term.rs`). Beats go on in a task beside it
-//! (`sharing/beats.rs`). When they fail, each robot is let go of in time, and taken again by whoever is first.
+//! (`sharing/beats.rs`). When they fail, each robot is let go of in time, and taken again by whoever is
+//! first.
 
 mod beats;
 mod term;
@@ -86,7 +88,8 @@ pub(crate) struct Running {
 #[derive(Debug)]
 struct Inner {
     sharing: Sharing,
-    /// The number of this gateway, of this start: drawn, so that no copy of the store gives it to another one.
+    /// The number of this gateway, of this start: drawn, so that no copy of the store gives it to another
+    /// one.
     number: u64,
     door: Door,
     state: State,
@@ -102,7 +105,8 @@ struct Inner {
 }
 
 impl Running {
-    /// Starts the loop. When this returns, the rows were looked at, and the gateway has begun with what it took.
+    /// Starts the loop. When this returns, the rows were looked at, and the gateway has begun with what it
+    /// took.
     ///
     /// # Errors
     /// [`GatewayError`]: the store cannot be used.
@@ -175,6 +179,13 @@ impl Running {
         change(&mut self.inner.sharing.configured());
     }
 
+    /// Lets go of robots that this gateway took before it had read how they are now. They are taken anew.
+    pub fn leave_changed(&self) {
+        for station in self.inner.state.fleet.stations() {
+            self.inner.leave_if_changed(&station.config());
+        }
+    }
+
     /// Ends it in order, and gives the robots back.
     ///
     /// # Errors
@@ -196,8 +207,8 @@ impl Sharing {
         self.configured.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// All robots: those of the file, and those that were added over the API and fit to them. Returns those that
-    /// do not fit, too.
+    /// All robots: those of the file, and those that were added over the API and fit to them. Returns those
+    /// that do not fit, too.
     fn robots(&self, stored: &[StoredRobot]) -> (BTreeMap<RobotName, RobotConfig>, BTreeSet<RobotName>) {
         let mut robots = self.configured().robots.clone();
         let mut unfit = BTreeSet::new();
@@ -274,8 +285,8 @@ struct Look {
 }
 
 impl Look {
-    /// Looks once, takes what there is to take, and lets go of what is too much. Returns how long to wait, and
-    /// what waits until the gateway has begun with what it took.
+    /// Looks once, takes what there is to take, and lets go of what is too much. Returns how long to wait,
+    /// and what waits until the gateway has begun with what it took.
     async fn once(
         &mut self,
         inner: &Arc<Inner>,
@@ -288,7 +299,6 @@ impl Look {
                 if !std::mem::replace(&mut self.failed, true) {
                     tracing::error!(%error, "it is not known which gateway owns which robot");
                 }
-                inner.owners.looked(None);
                 return (crate::core::owner::LOOK, join_all(begun));
             }
         };
@@ -299,7 +309,7 @@ impl Look {
             tracing::error!(%robot, "it was added over the API, and a robot of the file has its name or its address");
         }
         self.unfit = unfit;
-        inner.owners.looked(Some((&looked, &robots)));
+        inner.owners.looked(&looked, &robots);
         let places = places(&robots);
         let rivals = rivals(&places, &looked.addresses);
         let known: BTreeSet<_> = robots.into_keys().map(Owned::Robot).chain([Owned::Hall]).collect();
@@ -403,6 +413,14 @@ impl Inner {
     fn leave(&self, owned: &Owned) {
         if let Some(leaves) = self.leaving().get(owned) {
             leaves.notify_one();
+        }
+    }
+
+    /// Lets go of a robot if the file says something else of it than what it has begun with.
+    fn leave_if_changed(&self, begun: &RobotConfig) {
+        let configured = self.sharing.configured();
+        if configured.robots.iter().any(|robot| robot.name == begun.name && !robot.is_as(begun)) {
+            self.leave(&Owned::Robot(begun.name.clone()));
         }
     }
 

@@ -50,12 +50,12 @@ pub const MAX_PAGE: usize = 1_000;
 
 /// A place that keeps what must outlive the process. When a method that writes returns, its data is durable.
 pub trait Store: Send {
-    /// What is written from now on is about these robots, and belongs to these terms. A store that others share
-    /// writes only while all of the claims hold.
+    /// What is written from now on is about these robots, and belongs to these terms. A store that others
+    /// share writes only while all of the claims hold.
     fn hold(&mut self, _claims: &[Claim]) {}
 
-    /// Notes at which addresses these robots are from now on, if no arm there has another name. Those that leave
-    /// give their addresses up. A store of one gateway notes nothing.
+    /// Notes at which addresses these robots are from now on, if no arm there has another name. Those that
+    /// leave give their addresses up. A store of one gateway notes nothing.
     ///
     /// # Errors
     /// [`StoreError::AddressTaken`].

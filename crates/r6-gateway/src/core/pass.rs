@@ -1,9 +1,9 @@
 //! Passes: a gateway that passes a request on says with one who asked for it, and signs that.
 //!
-//! A gateway draws a key at its start, and the row of the gateway in the store has its public half. So whoever
-//! can write the store can be a gateway, and who can only read it cannot. A pass is for one request to one start
-//! of one gateway: it names both, the method, the path and the hash of the body, and has a number that is taken
-//! once.
+//! A gateway draws a key at its start, and the row of the gateway in the store has its public half. So
+//! whoever can write the store can be a gateway, and who can only read it cannot. A pass is for one request
+//! to one start of one gateway: it names both, has the hash of the head and that of the body, a number that
+//! is taken once, and a time after which it is not taken any more.
 
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
@@ -13,15 +13,15 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use ring::signature::{ED25519, Ed25519KeyPair, KeyPair, UnparsedPublicKey};
 use serde::{Deserialize, Serialize};
 
-/// How many numbers a pass may be behind the newest one of its gateway. More requests of one gateway are never
-/// on their way at once.
+/// How many numbers a pass may be behind the newest one of its gateway. More requests of one gateway are
+/// never on their way at once.
 pub const BEHIND: u64 = 4_096;
 
-/// The longest pass, in bytes: a path of 8 KiB, which is the longest head, and what stands beside it.
-pub const MAX_BYTES: usize = 16 * 1024;
+/// The longest pass, in bytes. It has two hashes and a name.
+pub const MAX_BYTES: usize = 2 * 1024;
 
 /// Who asked a gateway for something.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bearer {
     /// The token with this number, or a browser with a session for it.
@@ -39,10 +39,11 @@ pub struct Pass {
     pub to: u64,
     /// The number of the pass.
     pub number: u64,
-    /// The method of the request.
-    pub method: String,
-    /// Its path, with its query.
-    pub target: String,
+    /// Until when it is taken, in milliseconds of the store's clock. What somebody holds back, or the network
+    /// does, is not carried out when nobody expects it any more.
+    pub until: u64,
+    /// SHA-256 of the method of the request, its path and its headers.
+    pub head: [u8; 32],
     /// SHA-256 of its body.
     pub body: [u8; 32],
     /// Who asked.
@@ -98,12 +99,12 @@ pub fn open(text: &str, key: impl FnOnce(u64) -> Option<String>) -> Option<Pass>
     Some(pass)
 }
 
-/// The gateway that a text says that it is of, which nothing proves yet.
+/// The gateways that a text says that it is of and for, which nothing proves yet.
 #[must_use]
-pub fn claimed(text: &str) -> Option<u64> {
+pub fn claimed(text: &str) -> Option<(u64, u64)> {
     let (body, _) = text.split_once('.').filter(|_| text.len() <= MAX_BYTES)?;
     let pass: Pass = serde_json::from_slice(&URL_SAFE_NO_PAD.decode(body).ok()?).ok()?;
-    Some(pass.from)
+    Some((pass.from, pass.to))
 }
 
 /// The numbers of the passes of one gateway that came.
@@ -135,8 +136,8 @@ mod tests {
             from: 3,
             to: 9,
             number: 1,
-            method: "POST".to_owned(),
-            target: "/v1/robots/press/stop".to_owned(),
+            until: 1_000,
+            head: [6; 32],
             body: [7; 32],
             bearer: Bearer::Token(4),
             source: Some(SocketAddr::from(([10, 0, 0, 7], 5000))),
@@ -149,7 +150,7 @@ mod tests {
         let text = key.sign(&pass());
         let of = |number| (number == 3).then(|| key.public());
         assert_eq!(open(&text, of), Some(pass()));
-        assert_eq!(claimed(&text), Some(3));
+        assert_eq!(claimed(&text), Some((3, 9)));
         assert_eq!(open(&text, |_| None), None, "there is no such gateway");
         let other = PassKey::of_seed([2; 32]).unwrap();
         assert_eq!(open(&text, |_| Some(other.public())), None);

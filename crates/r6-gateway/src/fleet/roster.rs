@@ -262,7 +262,8 @@ impl Fleet {
         Ok(parted)
     }
 
-    /// Notes the addresses of robots that change, in a store that others share. Robots that go give theirs up.
+    /// Notes the addresses of robots that change, in a store that others share. Robots that go give theirs
+    /// up.
     async fn tie(&self, changed: &[RobotConfig], gone: &[RobotName]) -> Result<(), Problem> {
         if self.shared.owners.is_alone() || changed.is_empty() {
             return Ok(());

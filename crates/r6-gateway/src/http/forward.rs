@@ -1,9 +1,12 @@
 //! Requests for what another gateway owns: passed on to it, once.
 //!
-//! Who asks is found out here. The owner is told with a pass (`peers.rs`), and looks itself what that token or
-//! user may do. A request that came with a pass is never passed on again. What was sent and not answered may
-//! have been carried out: that is told, and nothing is sent again. A stop is the exception: it goes to the next
-//! owner too, because a second stop does no harm.
+//! Who asks is found out here. The owner is told with a pass (`peers.rs`), and looks itself what that token
+//! or user may do. A request that came with a pass is never passed on again. What was sent and not answered
+//! may have been carried out: that is told, and nothing is sent again. A stop is the exception (`stop`). A
+//! request whose pass the owner does not take has done nothing; the owner says so in the header of the pass.
+
+mod places;
+mod stop;
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -15,28 +18,26 @@ use axum::http::header::{
     TRANSFER_ENCODING, UPGRADE,
 };
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderName, Method, StatusCode};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use r6_api::Code;
 use r6_http::Refusal;
-use tokio::sync::Semaphore;
 use tokio::time::{Instant, sleep, timeout};
 
+use self::places::Places;
 use super::caller::Caller;
 use super::{State, body, refusal};
 use crate::core::name::RobotName;
 use crate::core::owner::Owned;
-use crate::core::pass::{self, Bearer};
+use crate::core::pass::Bearer;
+use crate::core::role::Right;
 use crate::ownership::owners::Place;
-use crate::peers::{Failed, Onward, PASS};
+use crate::peers::{self, Failed, Onward, PASS};
 use crate::problem::Problem;
 
 /// How long an answer may take. The longest is that of an admin who takes the lease while a run is stopped.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
-
-/// How long a stop waits for a robot to get an owner: a takeover takes 5 s.
-const STOP_WAITS: Duration = Duration::from_secs(5);
 
 /// How long a pass of a gateway waits that this one does not know yet.
 const KNOWN_WITHIN: Duration = Duration::from_millis(1_500);
@@ -44,17 +45,13 @@ const KNOWN_WITHIN: Duration = Duration::from_millis(1_500);
 /// How often to look whether the owner is another one.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// To how many owners a stop goes, one after the other: the one that froze, and who took over.
-const STOP_TRIES: usize = 3;
+/// What the header of the pass says in an answer: the request was taken.
+const ADMITTED: &str = "admitted";
 
-/// How many requests are passed on at once: each has a connection, and a gateway takes 128 of one peer.
-const MAX_PASSED: usize = 64;
+/// It was not, and nothing was done.
+const REFUSED: &str = "refused";
 
-/// How many stops besides: they do not wait for anything else.
-const MAX_STOPS: usize = 32;
-
-static PASSED: Semaphore = Semaphore::const_new(MAX_PASSED);
-static STOPS: Semaphore = Semaphore::const_new(MAX_STOPS);
+static PLACES: Places = Places::new();
 
 /// Whom a gateway asks for: the caller of a request that came with a pass.
 #[derive(Clone, Debug)]
@@ -72,10 +69,12 @@ pub async fn pass_on(Of(state): Of<State>, request: Request, next: Next) -> Resp
         return next.run(request).await;
     }
     if request.headers().contains_key(PASS) {
-        return match admit(&state, request).await {
-            Ok(request) => next.run(request).await,
-            Err(refusal) => refusal.into_response(),
+        let (mut answer, mark) = match admit(&state, request).await {
+            Ok(request) => (next.run(request).await, ADMITTED),
+            Err(refusal) => (refusal.into_response(), REFUSED),
         };
+        answer.headers_mut().insert(PASS, HeaderValue::from_static(mark));
+        return answer;
     }
     let Some(owned) = asked_for(&state, request.method(), request.uri().path()) else {
         return next.run(request).await;
@@ -88,14 +87,14 @@ pub async fn pass_on(Of(state): Of<State>, request: Request, next: Next) -> Resp
         Place::Here | Place::Nowhere => return next.run(request).await,
     }
     let (parts, body) = request.into_parts();
-    let onward = match onward(&state, &parts, body).await {
+    let onward = match onward(&state, &owned, &parts, body, is_stop).await {
         Ok(onward) => onward,
         Err(refusal) => return refusal.into_response(),
     };
     if !is_stop {
         return forward(&state, &owned, onward).await.unwrap_or_else(|refusal| refusal.into_response());
     }
-    match stop(&state, &owned, &onward).await {
+    match stop::stop(&state, &owned, &onward).await {
         Ok(Some(answer)) => answer,
         // It is this gateway by now.
         Ok(None) => next.run(Request::from_parts(parts, Body::from(onward.body))).await,
@@ -120,7 +119,7 @@ fn asked_for(state: &State, method: &Method, path: &str) -> Option<Owned> {
     }
     let name = path.strip_prefix("/v1/robots/")?.split('/').next()?;
     // What cannot be the name of a robot is refused here.
-    let name = RobotName::new(name)?;
+    let name = RobotName::new(&decoded(name)?)?;
     if state.shared.owners.is_known(&name) || state.fleet.station(name.as_str()).is_some() {
         return Some(Owned::Robot(name));
     }
@@ -128,14 +127,37 @@ fn asked_for(state: &State, method: &Method, path: &str) -> Option<Owned> {
     (*method == Method::PUT).then_some(Owned::Hall)
 }
 
+/// A name in a path as the routes read it.
+fn decoded(name: &str) -> Option<String> {
+    let mut parts = name.split('%');
+    let mut text = parts.next()?.to_owned();
+    for part in parts {
+        let (code, rest) = part.split_at_checked(2)?;
+        text.push(char::from(u8::from_str_radix(code, 16).ok().filter(u8::is_ascii)?));
+        text.push_str(rest);
+    }
+    Some(text)
+}
+
 fn is_stop(method: &Method, path: &str) -> bool {
     *method == Method::POST && path.starts_with("/v1/robots/") && path.ends_with("/stop")
 }
 
 /// A request as it is passed on.
-async fn onward(state: &State, parts: &Parts, body: Body) -> Result<Onward, Refusal> {
-    // Strangers go no further. What the caller may do, and how often, the owner looks.
+async fn onward(
+    state: &State,
+    owned: &Owned,
+    parts: &Parts,
+    body: Body,
+    is_stop: bool,
+) -> Result<Onward, Refusal> {
+    // Strangers go no further. What the caller may do, the owner looks.
     let caller = Caller::known(parts, state).await?;
+    // What will be refused is no stop.
+    let may_stop = |robot: &RobotName| caller.grant().allows(Right::Stop, robot.as_str());
+    if !is_stop || !owned.robot().is_some_and(may_stop) {
+        caller.count(state)?;
+    }
     let target = parts.uri.path_and_query().map_or("/", |target| target.as_str()).to_owned();
     let mut headers = HeaderMap::new();
     for (name, value) in parts.headers.iter().filter(|(name, _)| !is_kept_back(name)) {
@@ -164,58 +186,87 @@ fn is_kept_back(name: &HeaderName) -> bool {
     KEPT_BACK.contains(name) || is_of_browser
 }
 
-/// Takes a request that another gateway passes on.
+/// Takes a request that another gateway passes on. Nothing of it is read before its head is known to be of
+/// one.
 async fn admit(state: &State, request: Request) -> Result<Request, Refusal> {
     let (mut parts, body) = request.into_parts();
-    let body = body::bytes(body).await?;
     let owners = &state.shared.owners;
-    let target = parts.uri.path_and_query().map_or("/", |target| target.as_str());
-    let text = parts.headers.get(PASS).and_then(|text| text.to_str().ok()).unwrap_or_default();
-    // It may have been started a moment ago: a look at the rows comes twice a second.
-    let begun = Instant::now();
-    while !owners.knows_sender(text) && begun.elapsed() < KNOWN_WITHIN && pass::claimed(text).is_some() {
-        sleep(LOOK).await;
-    }
-    let pass = owners.admit(text, (&parts.method, target, &body)).ok_or_else(|| {
+    let refused = || {
         let message = "this pass is not valid: gateways pass requests on with one of their own";
         Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)
-    })?;
+    };
+    let target = parts.uri.path_and_query().map_or("/", |target| target.as_str());
+    let head = peers::head(&parts.method, target, &parts.headers);
+    let text = parts.headers.get(PASS).and_then(|text| text.to_str().ok()).unwrap_or_default();
+    // The other one may have been started a moment ago: a look at the rows comes twice a second.
+    let begun = Instant::now();
+    while owners.is_from_unknown(text) && begun.elapsed() < KNOWN_WITHIN {
+        sleep(LOOK).await;
+    }
+    let pass = owners.open(text, &head).ok_or_else(refused)?;
+    let body = body::bytes(body).await?;
+    let pass = owners.admit(pass, &body).ok_or_else(refused)?;
     parts.headers.remove(PASS);
     parts.extensions.insert(Passed { bearer: pass.bearer, source: pass.source });
     Ok(Request::from_parts(parts, Body::from(body)))
 }
 
+/// What was asked for.
+#[derive(Clone, Copy, Debug)]
+struct Kind {
+    is_stop: bool,
+    is_head: bool,
+}
+
+/// What became of a request that was passed on.
+enum Outcome {
+    /// The owner answered.
+    Answer(Response),
+    /// It did nothing, or was not reached.
+    Nothing(String),
+    /// Nobody knows.
+    Unknown(String),
+}
+
 /// Passes a request on, once.
 async fn forward(state: &State, owned: &Owned, onward: Onward) -> Result<Response, Refusal> {
-    let _place = PASSED.try_acquire().map_err(|_| {
-        refusal::of(Problem::new(Code::Overloaded, "too many requests are passed on to other gateways"))
-    })?;
     let owners = &state.shared.owners;
     let Place::There(number) = owners.place(owned) else {
         return Err(refusal::of(owners.no_owner(owned)));
     };
+    let _place = PLACES.request(&onward.bearer.0, number).ok_or_else(|| {
+        refusal::of(Problem::new(
+            Code::Overloaded,
+            "too many requests are passed on to its gateway: ask again",
+        ))
+    })?;
     let is_read = matches!(onward.method, Method::GET | Method::HEAD);
-    let sent = owners.send(owned, onward);
-    let answer = tokio::select! {
-        biased;
-        answer = timeout(ANSWER_WITHIN, sent) => {
-            answer.unwrap_or_else(|_| Err(Failed::Unknown(format!("no answer within {ANSWER_WITHIN:?}"))))
-        }
-        () = is_another(state, owned, number) => {
-            Err(Failed::Unknown("it has another owner by now".to_owned()))
+    let is_head = onward.method == Method::HEAD;
+    let sent = async {
+        match owners.send(number, onward).await {
+            Ok(answer) => outcome(answer, Kind { is_stop: false, is_head }).await,
+            Err(Failed::NotSent(why)) => Outcome::Nothing(why),
+            Err(Failed::Unknown(why)) => Outcome::Unknown(why),
         }
     };
-    match answer {
-        Ok(answer) => Ok(passed_back(answer)),
-        Err(Failed::NotSent(why)) => {
+    let sent = tokio::select! {
+        biased;
+        sent = timeout(ANSWER_WITHIN, sent) => {
+            sent.unwrap_or_else(|_| Outcome::Unknown(format!("no answer within {ANSWER_WITHIN:?}")))
+        }
+        changed = is_another(state, owned, number) => Outcome::Unknown(changed.to_owned()),
+    };
+    match sent {
+        Outcome::Answer(answer) => Ok(answer),
+        Outcome::Nothing(why) => {
             let message = format!("the gateway that owns {} cannot be reached: {why}", told(owned));
             Err(refusal::of(Problem::new(Code::NoOwner, message)))
         }
-        Err(Failed::Unknown(why)) if is_read => {
+        Outcome::Unknown(why) if is_read => {
             let message = format!("the gateway that owns {} did not answer: {why}. Ask again", told(owned));
             Err(refusal::of(Problem::new(Code::NoOwner, message)))
         }
-        Err(Failed::Unknown(why)) => {
+        Outcome::Unknown(why) => {
             let message = format!(
                 "the request was passed on to the gateway that owns {}, and no answer came: {why}. It may have been \
                  carried out, and is not sent again: look at the robot",
@@ -226,78 +277,60 @@ async fn forward(state: &State, owned: &Owned, onward: Onward) -> Result<Respons
     }
 }
 
-/// Passes a stop on, to whoever owns the robot, and to the next owner if the first one gives no answer. `None`:
-/// this gateway owns it.
-async fn stop(state: &State, owned: &Owned, onward: &Onward) -> Result<Option<Response>, Refusal> {
-    let not_stopped = |why: &str| {
-        let message =
-            format!("it is NOT known that the arm of {} stands: {why}; use the emergency stop", told(owned));
-        refusal::of(Problem::new(Code::NotStopped, message))
-    };
-    let _place = STOPS.try_acquire().map_err(|_| not_stopped("too many stops are under way"))?;
+/// Waits until it was seen that another gateway than this one owns something, or none that lives, or until
+/// that was not seen for too long. Returns which.
+async fn is_another(state: &State, owned: &Owned, number: u64) -> &'static str {
     let owners = &state.shared.owners;
-    let mut why = "no gateway owns it".to_owned();
-    for _ in 0..STOP_TRIES {
-        let begun = Instant::now();
-        let number = loop {
-            match place(state, owned) {
-                Place::Here => return Ok(None),
-                Place::There(number) => break number,
-                Place::Nowhere if begun.elapsed() >= STOP_WAITS => return Err(not_stopped(&why)),
-                Place::Nowhere => sleep(LOOK).await,
-            }
-        };
-        let sent = owners.send(owned, onward.clone());
-        let answer = tokio::select! {
-            biased;
-            answer = timeout(ANSWER_WITHIN, sent) => answer.unwrap_or_else(|_| {
-                Err(Failed::Unknown(format!("no answer within {ANSWER_WITHIN:?}")))
-            }),
-            () = is_another(state, owned, number) => {
-                Err(Failed::Unknown("the gateway that owned it gave no answer".to_owned()))
-            }
-        };
-        match answer {
-            Ok(answer) => match unless_no_owner(answer).await {
-                Some(answer) => return Ok(Some(answer)),
-                None => why = "its owner has just changed".to_owned(),
-            },
-            Err(Failed::NotSent(failed) | Failed::Unknown(failed)) => why = failed,
-        }
-        // It may be dead. Then another gateway takes the robot.
-        let _ = timeout(STOP_WAITS, is_another(state, owned, number)).await;
-    }
-    Err(not_stopped(&why))
-}
-
-/// Waits until another gateway than this one owns something, or none.
-async fn is_another(state: &State, owned: &Owned, number: u64) {
     loop {
         sleep(LOOK).await;
-        match state.shared.owners.place(owned) {
+        match owners.place(owned) {
             Place::There(now) if now == number => {}
-            Place::Here | Place::There(_) | Place::Nowhere => return,
+            Place::Here | Place::There(_) => return "it has another owner by now",
+            Place::Nowhere if owners.is_blind() => {
+                return "the database does not answer, so it is not known whether that gateway still owns it";
+            }
+            Place::Nowhere => return "no gateway that lives owns it any more",
         }
     }
 }
 
-/// The answer of another gateway; `None` if it does not own the robot any more, and did nothing.
-async fn unless_no_owner(answer: hyper::Response<hyper::body::Incoming>) -> Option<Response> {
-    if answer.status() != StatusCode::SERVICE_UNAVAILABLE {
-        return Some(passed_back(answer));
+/// What an answer means. A stop asks again where no owner is.
+async fn outcome(answer: hyper::Response<hyper::body::Incoming>, kind: Kind) -> Outcome {
+    let mark = answer.headers().get(PASS);
+    let (is_refused, is_admitted) =
+        (mark.is_some_and(|mark| mark == REFUSED), mark.is_some_and(|mark| mark == ADMITTED));
+    if is_refused || (!is_admitted && answer.status() == StatusCode::UNAUTHORIZED) {
+        let message = "what answers there takes no request of this gateway, and did nothing: it was just started, or \
+                       is another one";
+        return Outcome::Nothing(message.to_owned());
     }
-    let (parts, body) = passed_back(answer).into_parts();
-    let body = to_bytes(body, body::MAX_BYTES).await.unwrap_or_default();
-    let problem = serde_json::from_slice::<r6_api::Problem>(&body);
-    let is_no_owner = problem.is_ok_and(|problem| problem.code == Code::NoOwner);
-    (!is_no_owner).then(|| Response::from_parts(parts, Body::from(body)))
+    // What our own server refuses before a route is asked has no mark; what is done has one.
+    if !is_admitted && answer.status().is_success() {
+        return Outcome::Unknown("what answers there is no gateway of this database".to_owned());
+    }
+    if !kind.is_stop || answer.status() != StatusCode::SERVICE_UNAVAILABLE {
+        return Outcome::Answer(passed_back(answer, kind.is_head));
+    }
+    let (parts, body) = passed_back(answer, false).into_parts();
+    let Ok(body) = to_bytes(body, body::MAX_BYTES).await else {
+        return Outcome::Unknown("its answer broke off".to_owned());
+    };
+    match serde_json::from_slice::<r6_api::Problem>(&body) {
+        Ok(problem) if problem.code == Code::NoOwner => Outcome::Nothing(problem.message),
+        _ => Outcome::Answer(Response::from_parts(parts, Body::from(body))),
+    }
 }
 
 /// The answer of another gateway.
-fn passed_back(answer: hyper::Response<hyper::body::Incoming>) -> Response {
+fn passed_back(answer: hyper::Response<hyper::body::Incoming>, is_head: bool) -> Response {
     let (mut parts, body) = answer.into_parts();
-    for name in [CONNECTION, CONTENT_LENGTH, SET_COOKIE, TRANSFER_ENCODING, UPGRADE] {
+    parts.headers.remove(PASS);
+    for name in [CONNECTION, SET_COOKIE, TRANSFER_ENCODING, UPGRADE] {
         parts.headers.remove(name);
+    }
+    // The length of the body that `HEAD` does not have.
+    if !is_head {
+        parts.headers.remove(CONTENT_LENGTH);
     }
     Response::from_parts(parts, Body::new(body))
 }

@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use axum::http::Method;
 use hyper::Response;
 use hyper::body::Incoming;
 use r6_api::Code;
@@ -11,14 +10,19 @@ use r6_proto::time::Instant;
 
 use super::Ownership;
 use crate::auditor::Auditor;
+use crate::clock;
 use crate::core::name::RobotName;
-use crate::core::owner::{Claim, Life, Owned};
+use crate::core::owner::{Claim, EXPIRES, Life, Owned, SeenGateway};
 use crate::core::pass::{self, Pass};
 use crate::fleet::config::RobotConfig;
 use crate::peers::{Door, Failed, Onward, Peers};
 use crate::problem::Problem;
 use crate::store::Keeper;
 use crate::store::postgres::owner::Looked;
+
+/// For how long the owner takes a pass, in milliseconds of the store's clock. Who gave up says that the
+/// request may be carried out: that is so for this long.
+const PASS_LASTS: u64 = 2_000;
 
 /// Where the owner of something is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,8 +51,12 @@ struct Held {
     number: u64,
     /// What it owns, by what it is.
     terms: BTreeMap<Owned, Term>,
-    /// What others own that live, and their numbers.
+    /// What others own that live, and their numbers, at the last look that the store answered.
     others: BTreeMap<Owned, u64>,
+    /// When that was.
+    looked: Option<Instant>,
+    /// The store's clock in milliseconds, and when it said so.
+    time: Option<(u64, Instant)>,
     /// How to find all gateways.
     doors: BTreeMap<u64, Door>,
     /// All robots of the hall.
@@ -63,6 +71,17 @@ struct Term {
     ownership: Ownership,
     /// When the store's answer came. A beat that was sent before it may not know of it.
     since: Instant,
+}
+
+impl Held {
+    /// The gateway that owns this, which is another one and lives.
+    fn other(&self, owned: &Owned) -> Option<u64> {
+        self.others.get(owned).copied().filter(|_| !self.is_blind())
+    }
+
+    fn is_blind(&self) -> bool {
+        self.looked.is_none_or(|looked| clock::now().since(looked) >= EXPIRES)
+    }
 }
 
 impl Owners {
@@ -131,23 +150,34 @@ impl Owners {
         }
     }
 
-    /// The rows were seen, and these are all robots; `None` if the store does not answer.
-    pub fn looked(&self, looked: Option<(&Looked, &BTreeMap<RobotName, RobotConfig>)>) {
+    /// The rows were seen, and these are all robots. A look that fails changes nothing: an owner is taken to
+    /// be one for [`EXPIRES`].
+    pub fn looked(&self, looked: &Looked, robots: &BTreeMap<RobotName, RobotConfig>) {
+        let Looked { seen, doors, .. } = looked;
         self.with(|held| {
             held.others.clear();
-            let Some((Looked { seen, doors, .. }, robots)) = looked else { return };
+            let now = clock::now();
+            held.looked = Some(now);
+            held.time = looked.time.map(|time| (time, now)).or(held.time);
             held.robots.clone_from(robots);
-            held.doors.clone_from(doors);
+            // What one that ended signed is not taken any more.
+            let has_ended =
+                |number: &u64| seen.gateways.get(number).is_none_or(|seen| seen.life == Life::Ended);
+            held.doors = doors.clone();
+            held.doors.retain(|number, _| !has_ended(number));
             for (owned, owner) in &seen.owners {
                 let Some(number) = owner.gateway.filter(|number| *number != held.number) else { continue };
-                let is_alive = seen.gateways.get(&number).is_some_and(|seen| seen.life == Life::Alive);
+                let lives = |seen: &SeenGateway| matches!(seen.life, Life::Alive | Life::Ahead);
+                let is_alive = seen.gateways.get(&number).is_some_and(lives);
                 if is_alive && !held.terms.contains_key(owned) {
                     held.others.insert(owned.clone(), number);
                 }
             }
         });
-        if let (Some(both), Some((Looked { doors, .. }, _))) = (&self.0, looked) {
-            both.peers.retain(|number| doors.contains_key(&number));
+        if let Some(both) = &self.0 {
+            // Whatever one signed that is silent for so long is too old.
+            let lives = |number| seen.gateways.get(&number).is_some_and(|seen| seen.life != Life::Expired);
+            both.peers.retain(|number| doors.contains_key(&number) && lives(number));
         }
     }
 
@@ -158,9 +188,15 @@ impl Owners {
             if held.terms.contains_key(owned) {
                 return Place::Here;
             }
-            held.others.get(owned).map_or(Place::Nowhere, |number| Place::There(*number))
+            held.other(owned).map_or(Place::Nowhere, Place::There)
         };
         self.with(place).unwrap_or(Place::Here)
+    }
+
+    /// Whether the store has not answered for so long that it is not known who owns what.
+    #[must_use]
+    pub fn is_blind(&self) -> bool {
+        self.with(|held| held.is_blind()).unwrap_or(false)
     }
 
     /// Whether the hall has this robot.
@@ -169,35 +205,47 @@ impl Owners {
         self.with(|held| held.robots.contains_key(name)).unwrap_or(false)
     }
 
-    /// Passes a request on to the gateway that owns this, once.
+    /// Passes a request on to the gateway with this number, once.
     ///
     /// # Errors
     /// [`Failed`].
-    pub async fn send(&self, owned: &Owned, onward: Onward) -> Result<Response<Incoming>, Failed> {
-        let to = self.with(|held| {
-            let number = *held.others.get(owned)?;
-            Some((held.number, number, held.doors.get(&number)?.clone()))
-        });
-        let (Some(both), Some(Some((own, number, door)))) = (&self.0, to) else {
-            return Err(Failed::NotSent("no gateway owns it at the moment".to_owned()));
+    pub async fn send(&self, to: u64, onward: Onward) -> Result<Response<Incoming>, Failed> {
+        let way = self.with(|held| Some((held.number, held.doors.get(&to)?.clone())));
+        let (Some(both), Some(Some((own, door)))) = (&self.0, way) else {
+            return Err(Failed::NotSent("it has ended".to_owned()));
         };
-        both.peers.send((own, number), &door, onward).await
+        let until = || self.store_time().map_or(0, |now| now + PASS_LASTS);
+        both.peers.send((own, to), &door, onward, until).await
     }
 
-    /// Whether this gateway knows the one that a pass says that it is of.
+    /// Whether a pass says that it is for this gateway, and is of one that this gateway does not know yet.
     #[must_use]
-    pub fn knows_sender(&self, text: &str) -> bool {
-        let from = pass::claimed(text);
-        self.with(|held| from.is_some_and(|from| held.doors.contains_key(&from))).unwrap_or(false)
+    pub fn is_from_unknown(&self, text: &str) -> bool {
+        let claimed = pass::claimed(text);
+        let is_new = |held: &mut Held| {
+            claimed.is_some_and(|(from, to)| to == held.number && !held.doors.contains_key(&from))
+        };
+        self.with(is_new).unwrap_or(false)
     }
 
-    /// The pass in this text, if it is of another gateway, for a request with this method, path and body.
+    /// The pass in this text, if it is of another gateway, for a request with this head.
     #[must_use]
-    pub fn admit(&self, text: &str, request: (&Method, &str, &[u8])) -> Option<Pass> {
-        let both = self.0.as_ref()?;
+    pub fn open(&self, text: &str, head: &[u8; 32]) -> Option<Pass> {
         let (own, doors) = self.with(|held| (held.number, held.doors.clone()))?;
-        let key = |number| doors.get(&number).map(|door| door.key.clone());
-        both.peers.admit(text, own, request, key)
+        Peers::open(text, own, head, |number| doors.get(&number).map(|door| door.key.clone()))
+    }
+
+    /// The pass, if it is for this body, is not too old and was not taken before.
+    #[must_use]
+    pub fn admit(&self, pass: Pass, body: &[u8]) -> Option<Pass> {
+        let is_late = self.store_time().is_none_or(|now| now > pass.until);
+        self.0.as_ref()?.peers.admit(pass, body).filter(|_| !is_late)
+    }
+
+    /// The store's clock now, as far as this gateway knows, in milliseconds.
+    fn store_time(&self) -> Option<u64> {
+        let (time, since) = self.with(|held| held.time)??;
+        Some(time.saturating_add(u64::try_from(clock::now().since(since).as_millis()).unwrap_or(u64::MAX)))
     }
 
     /// How many robots this gateway owns, and how many there are.
@@ -229,7 +277,7 @@ impl Owners {
         let name = RobotName::new(name)?;
         self.with(|held| {
             let owned = Owned::Robot(name.clone());
-            let is_known = held.others.contains_key(&owned) || held.robots.contains_key(&name);
+            let is_known = held.other(&owned).is_some() || held.robots.contains_key(&name);
             is_known.then(|| no_owner(held, &owned))
         })?
     }
@@ -297,10 +345,53 @@ fn no_owner(held: &Held, owned: &Owned) -> Problem {
         Owned::Hall => "what is for all robots".to_owned(),
         Owned::Robot(name) => format!("the robot `{name}`"),
     };
-    let other = held.others.get(owned).and_then(|number| held.doors.get(number));
+    let other = held.other(owned).and_then(|number| held.doors.get(&number));
     let message = match other {
         Some(Door { url, .. }) => format!("another gateway owns {what}: {url}. Ask there"),
         None => format!("no gateway owns {what} at the moment: ask again"),
     };
     Problem::new(Code::NoOwner, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::core::owner::{Seen, SeenOwner};
+    use crate::core::pass::Bearer;
+
+    fn pass(until: u64) -> Pass {
+        let body = *b"\xe3\xb0\xc4\x42\x98\xfc\x1c\x14\x9a\xfb\xf4\xc8\x99\x6f\xb9\x24\x27\xae\x41\xe4\x64\x9b\x93\x4c\xa4\x95\x99\x1b\x78\x52\xb8\x55";
+        Pass {
+            from: 1,
+            to: 2,
+            number: until,
+            until,
+            head: [0; 32],
+            body,
+            bearer: Bearer::Token(1),
+            source: None,
+        }
+    }
+
+    #[test]
+    fn a_pass_has_an_end_and_an_owner_lasts_as_long_as_its_beat() {
+        let owners = Owners::shared(Peers::new().unwrap());
+        owners.set_number(2);
+        assert!(owners.admit(pass(u64::MAX), b"").is_none(), "the time is not known");
+        let press = Owned::Robot(RobotName::new("press").unwrap());
+        let seen = Seen {
+            gateways: [(1, SeenGateway { beat: 1, life: Life::Alive })].into(),
+            owners: [(press.clone(), SeenOwner { fence: 1, gateway: Some(1) })].into(),
+        };
+        owners.looked(&Looked { seen, time: Some(10_000), ..Looked::default() }, &BTreeMap::new());
+        assert!(owners.admit(pass(9_999), b"").is_none(), "somebody held it back");
+        assert!(owners.admit(pass(20_000), b"x").is_none(), "it is for another body");
+        assert!(owners.admit(pass(20_001), b"").is_some());
+        assert!(owners.admit(pass(20_001), b"").is_none(), "it is taken once");
+        assert_eq!((owners.place(&press), owners.is_blind()), (Place::There(1), false));
+        owners.with(|held| held.looked = held.looked.map(|_| Instant::ORIGIN));
+        let is_old = clock::now().since(Instant::ORIGIN) >= EXPIRES;
+        assert_eq!(owners.is_blind(), is_old);
+        assert_eq!(owners.place(&press) == Place::Nowhere, is_old);
+    }
 }

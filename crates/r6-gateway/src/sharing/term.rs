@@ -24,8 +24,8 @@ pub async fn begin(inner: Arc<Inner>, begins: Vec<(Claim, Ownership)>) {
     match begin_robots(&inner, &robots).await {
         Ok(()) => {}
         Err(_) if robots.len() > 1 => {
-            // One of them is another gateway's by now, or was given another address since it was taken, or cannot
-            // be written about. The others go on.
+            // One of them is another gateway's by now, or was given another address since it was taken, or
+            // cannot be written about. The others go on.
             for robot in robots {
                 let begun = match robot.1.may_move() {
                     true => begin_robots(&inner, std::slice::from_ref(&robot)).await,
@@ -84,8 +84,10 @@ async fn begin_robots(inner: &Arc<Inner>, robots: &[(Claim, Ownership)]) -> Resu
         };
         let term = Term { keeper: shared.keeper.under(claim.clone()), ownership: ownership.clone() };
         let saved: Kept = saved;
-        inner.state.fleet.take_in(saved, config, owed.contains(&name), term);
+        inner.state.fleet.take_in(saved, config.clone(), owed.contains(&name), term);
         tokio::spawn(keep_robot(Arc::clone(inner), name, claim.clone(), ownership.clone()));
+        // The file may have been read again since.
+        inner.leave_if_changed(&config);
     }
     Ok(())
 }

@@ -1,7 +1,8 @@
 //! The store in a PostgreSQL database, which several gateways can share.
 //!
-//! Each robot is owned by one gateway at a time ([`owner`]): each transaction about a robot asks first whether
-//! its fence still holds. All gateways write about users, tokens and programs, and so does the command line.
+//! Each robot is owned by one gateway at a time ([`owner`]): each transaction about a robot asks first
+//! whether its fence still holds. All gateways write about users, tokens and programs, and so does the
+//! command line.
 //!
 //! [`session`]: the connection. `tables`: the tables. The other files have what their tables are about.
 

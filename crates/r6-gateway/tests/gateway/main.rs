@@ -19,6 +19,8 @@ mod openapi;
 mod owner;
 mod page;
 mod panel;
+#[cfg(unix)]
+mod passed;
 mod production;
 mod programs;
 mod query;

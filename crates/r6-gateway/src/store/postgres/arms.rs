@@ -1,9 +1,10 @@
-//! One arm has one name: no robot is taken, and none gets an address, while another name has the same address and
-//! a gateway owns that, a stop holds there, or one is owed. Otherwise two gateways would move one arm, or a stop
-//! would not hold any more because the file calls the arm otherwise.
+//! One arm has one name: no robot is taken, and none gets an address, while another name has the same address
+//! and a gateway owns that, a stop holds there, or one is owed. Otherwise two gateways would move one arm, or
+//! a stop would not hold any more because the file calls the arm otherwise.
 //!
-//! Each row of `owner` has the address at which its last owner reached the robot. Who takes robots, or changes an
-//! address, holds the addresses first until the end of the transaction: of two who want one, one waits.
+//! Each row of `owner` has the address at which its last owner reached the robot. Who takes robots, or
+//! changes an address, holds the addresses first until the end of the transaction: of two who want one, one
+//! waits.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -77,6 +78,9 @@ impl Rival {
 
 /// Lets nobody else take a robot with one of these addresses before the end of the transaction.
 async fn hold(client: &Client, addresses: &[&str]) -> Result<(), StoreError> {
+    if addresses.is_empty() {
+        return Ok(());
+    }
     // A few locks for all of them, in one order, so that no two who take wait for each other.
     client
         .query(
@@ -89,18 +93,28 @@ async fn hold(client: &Client, addresses: &[&str]) -> Result<(), StoreError> {
 }
 
 async fn rivals(client: &Client, wanted: &[(&str, &str)]) -> Result<Vec<Rival>, StoreError> {
+    if wanted.is_empty() {
+        return Ok(Vec::new());
+    }
     let (names, addresses): (Vec<_>, Vec<_>) = wanted.iter().copied().unzip();
     // A seat without a row is as that of the robot ''.
     let rows = client
         .query(
-            "SELECT wanted.robot, owner.robot, owner.address, owner.gateway,
-             coalesce((SELECT stopped FROM seat WHERE seat.robot = owner.robot),
+            "WITH wanted (robot, address) AS (SELECT * FROM unnest($1::text[], $2::text[])),
+             rival AS (
+                 SELECT wanted.robot AS wanted, owner.* FROM wanted
+                 JOIN owner ON owner.address = wanted.address AND owner.robot <> wanted.robot
+                 UNION ALL
+                 SELECT wanted.robot AS wanted, owner.* FROM wanted
+                 JOIN owner ON owner.robot = wanted.robot AND owner.address <> wanted.address
+             )
+             SELECT wanted, robot, address, gateway,
+             coalesce((SELECT stopped FROM seat WHERE seat.robot = rival.robot),
                       (SELECT stopped FROM seat WHERE seat.robot = ''), false)
-             OR EXISTS (SELECT 1 FROM run WHERE run.robot = owner.robot AND owed),
-             EXISTS (SELECT 1 FROM gateway WHERE id = owner.gateway
+             OR EXISTS (SELECT 1 FROM run WHERE run.robot = rival.robot AND owed),
+             EXISTS (SELECT 1 FROM gateway WHERE id = rival.gateway
                      AND beat_at > clock_timestamp() - make_interval(secs => $3))
-             FROM unnest($1::text[], $2::text[]) AS wanted (robot, address)
-             JOIN owner ON (owner.robot = wanted.robot) <> (owner.address = wanted.address)",
+             FROM rival",
             &[&names, &addresses, &GONE_AFTER_SECONDS],
         )
         .await?;
@@ -118,8 +132,8 @@ async fn rivals(client: &Client, wanted: &[(&str, &str)]) -> Result<Vec<Rival>, 
         .collect()
 }
 
-/// Which of these robots cannot be taken by the gateway `own`, and why. What an owner has that is over is nobody's
-/// from then on.
+/// Which of these robots cannot be taken by the gateway `own`, and why. What an owner has that is over is
+/// nobody's from then on.
 pub async fn tied(
     client: &Client,
     own: u64,

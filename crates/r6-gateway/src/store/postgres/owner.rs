@@ -1,8 +1,8 @@
 //! The rows that say which gateways there are, and which robots each of them owns.
 //!
 //! `gateway` has a row for each start of a gateway, with the number that it drew and its beats. `owner` has a row for each robot that was
-//! ever owned, and one with the name '' for the hall: its fence only grows. All times are those of the server's
-//! clock.
+//! ever owned, and one with the name '' for the hall: its fence only grows. All times are those of the
+//! server's clock.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -35,6 +35,8 @@ pub struct Looked {
     pub robots: Vec<StoredRobot>,
     /// Where the last owners reached what they had.
     pub addresses: BTreeMap<Owned, String>,
+    /// The server's clock, in milliseconds.
+    pub time: Option<u64>,
 }
 
 /// What a gateway wants: each robot with the address at which it would reach it. The hall has none.
@@ -68,7 +70,8 @@ impl OwnerRows {
         Self { database, client: None }
     }
 
-    /// Makes a row for this gateway, which is alive then and owns nothing. Rows that tell nothing any more go.
+    /// Makes a row for this gateway, which is alive then and owns nothing. Rows that tell nothing any more
+    /// go.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -105,7 +108,8 @@ impl OwnerRows {
             let gateways = client
                 .query(
                     "SELECT id, name, beat, beat_at IS NULL,
-                     beat_at <= clock_timestamp() - make_interval(secs => $1), key, certificate
+                     beat_at <= clock_timestamp() - make_interval(secs => $1), key, certificate,
+                     (extract(epoch FROM clock_timestamp()) * 1000)::bigint, beat_at > clock_timestamp()
                      FROM gateway",
                     &[&EXPIRES.as_secs_f64()],
                 )
@@ -118,6 +122,7 @@ impl OwnerRows {
                 let number = unsigned(row.try_get(0)?);
                 let door = Door { url: row.try_get(1)?, key: row.try_get(5)?, certificate: row.try_get(6)? };
                 looked.doors.insert(number, door);
+                looked.time = Some(unsigned(row.try_get(7)?));
                 looked.seen.gateways.insert(number, seen_gateway(row)?);
             }
             for row in &owners {
@@ -133,17 +138,17 @@ impl OwnerRows {
         .await
     }
 
-    /// Makes this gateway the owner of these, as far as their rows are still as they were seen, and says that it
-    /// lives. Returns what it owns now. Transactions of an owner before that are under way come to their end
-    /// first; none begins after this. If that owner has not been heard of for too long, its transactions are
-    /// cut: the process may have frozen in the middle of one, and the server would wait for its rows as long as
-    /// the process is there.
+    /// Makes this gateway the owner of these, as far as their rows are still as they were seen, and says that
+    /// it lives. Returns what it owns now. Transactions of an owner before that are under way come to their
+    /// end first; none begins after this. If that owner has not been heard of for too long, its transactions
+    /// are cut: the process may have frozen in the middle of one, and the server would wait for its rows as
+    /// long as the process is there.
     ///
     /// # Errors
     /// [`StoreError`]: what it owns is not known.
     pub async fn take(&mut self, own: u64, wanted: &Wanted, seen: &Seen) -> Result<Taken, StoreError> {
-        // By the owners before, in the order of their numbers, so that two that take wait and do not block each
-        // other.
+        // By the owners before, in the order of their numbers, so that two that take wait and do not block
+        // each other.
         let mut groups = BTreeMap::<Option<u64>, Vec<(&Owned, u64)>>::new();
         for owned in wanted.keys() {
             let row = seen.owners.get(owned);
@@ -164,8 +169,8 @@ impl OwnerRows {
                 }
                 claims.extend(take(client, own, before, &group, wanted).await?);
             }
-            // Others count from this beat: nobody takes what was just taken. It comes last, so that beats do not
-            // wait for the rows of the robots.
+            // Others count from this beat: nobody takes what was just taken. It comes last, so that beats do
+            // not wait for the rows of the robots.
             let lives = client
                 .execute(
                     "UPDATE gateway SET beat = beat + 1, beat_at = clock_timestamp()
@@ -285,7 +290,8 @@ pub async fn is_over(client: &Client, gateway: u64, seen: &Seen) -> Result<bool,
     let row = client
         .query_opt(
             "SELECT 1 FROM gateway WHERE id = $1 AND (beat_at IS NULL
-             OR (beat = $2 AND beat_at <= clock_timestamp() - make_interval(secs => $3))) FOR UPDATE",
+             OR (beat = $2 AND (beat_at <= clock_timestamp() - make_interval(secs => $3)
+                 OR beat_at > clock_timestamp()))) FOR UPDATE",
             &[&signed(gateway), &signed(*beat), &EXPIRES.as_secs_f64()],
         )
         .await?;
@@ -333,8 +339,8 @@ async fn take(
     claims.into_iter().map(|(of, fence)| Ok(Claim { of, fence: unsigned(fence?) })).collect()
 }
 
-/// Ends the sessions of a gateway if some of these rows are locked. Without the right to do so, as another user
-/// of the database, they are waited for.
+/// Ends the sessions of a gateway if some of these rows are locked. Without the right to do so, as another
+/// user of the database, they are waited for.
 pub async fn end_sessions(client: &Client, gateway: u64, names: &[&str]) -> Result<(), StoreError> {
     let free =
         client.query("SELECT 1 FROM owner WHERE robot = ANY($1) FOR UPDATE SKIP LOCKED", &[&names]).await?;
@@ -353,10 +359,12 @@ pub async fn end_sessions(client: &Client, gateway: u64, names: &[&str]) -> Resu
 
 fn seen_gateway(row: &Row) -> Result<SeenGateway, StoreError> {
     let (is_ended, is_expired): (bool, Option<bool>) = (row.try_get(3)?, row.try_get(4)?);
-    let life = match (is_ended, is_expired) {
-        (true, _) => Life::Ended,
-        (false, Some(true)) => Life::Expired,
-        (false, _) => Life::Alive,
+    let is_ahead = row.try_get::<_, Option<bool>>(8)?;
+    let life = match (is_ended, is_expired, is_ahead) {
+        (true, _, _) => Life::Ended,
+        (false, Some(true), _) => Life::Expired,
+        (false, _, Some(true)) => Life::Ahead,
+        (false, _, _) => Life::Alive,
     };
     Ok(SeenGateway { beat: unsigned(row.try_get(2)?), life })
 }

@@ -82,8 +82,8 @@ impl Session {
     /// write the same if the lock says so.
     ///
     /// # Errors
-    /// [`StoreError::NotOwner`] if one of them does not. Other [`StoreError`]s: nothing was written, or that is
-    /// unknown.
+    /// [`StoreError::NotOwner`] if one of them does not. Other [`StoreError`]s: nothing was written, or that
+    /// is unknown.
     pub fn write<T, E: From<StoreError>>(
         &mut self,
         claims: &[Claim],
@@ -182,7 +182,8 @@ impl Drop for Session {
 /// What a transaction that writes keeps others from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lock {
-    /// From appending to the audit log: one writer after the other reads its last entry. It holds up no reader.
+    /// From appending to the audit log: one writer after the other reads its last entry. It holds up no
+    /// reader.
     Log,
     /// From removing partitions of the history: it writes into them.
     History,
