@@ -28,7 +28,7 @@ use crate::core::name::RobotName;
 use crate::core::owner::{Claim, Own, Owned, Reign, Verdict, Watch};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
-use crate::fleet::roster;
+use crate::fleet::roster::{self, MAX_ROBOTS};
 use crate::fleet::station::Shared;
 use crate::gateway::{self, GatewayError};
 use crate::history::{HistorySettings, Recorder};
@@ -210,19 +210,23 @@ impl Sharing {
     /// All robots: those of the file, and those that were added over the API and fit to them. Returns those
     /// that do not fit, too.
     fn robots(&self, stored: &[StoredRobot]) -> (BTreeMap<RobotName, RobotConfig>, BTreeSet<RobotName>) {
-        let mut robots = self.configured().robots.clone();
+        let configured = self.configured().robots.clone();
+        let mut addresses: BTreeSet<_> = configured.iter().map(RobotConfig::place).collect();
+        let mut robots: BTreeMap<_, _> =
+            configured.into_iter().map(|robot| (robot.name.clone(), robot)).collect();
         let mut unfit = BTreeSet::new();
         for added in stored {
-            if robots.iter().any(|robot| robot.name == added.name) {
-                unfit.insert(added.name.clone());
-                continue;
-            }
-            match roster::of_store(added, self.robot_settings.clone()) {
-                Ok(robot) if roster::check(robots.iter().chain([&robot])).is_ok() => robots.push(robot),
-                Ok(_) | Err(_) => drop(unfit.insert(added.name.clone())),
+            let robot = roster::of_store(added, self.robot_settings.clone()).ok();
+            let robot = robot.filter(|robot| robot.check().is_ok() && !robots.contains_key(&robot.name));
+            // One pass over all: this is done with each look.
+            match robot {
+                Some(robot) if robots.len() < MAX_ROBOTS && addresses.insert(robot.place()) => {
+                    robots.insert(robot.name.clone(), robot);
+                }
+                _ => drop(unfit.insert(added.name.clone())),
             }
         }
-        (robots.into_iter().map(|robot| (robot.name.clone(), robot)).collect(), unfit)
+        (robots, unfit)
     }
 }
 

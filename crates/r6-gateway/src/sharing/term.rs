@@ -1,6 +1,7 @@
 //! A term of this gateway: from when it took a robot, or the hall, to when it has let go of it.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::{Inner, ended};
 use crate::auditor::{self, Auditor, open_key};
@@ -10,6 +11,9 @@ use crate::fleet::station::{Kept, Term};
 use crate::gateway;
 use crate::ownership::Ownership;
 use crate::store::StoreError;
+
+/// How long a robot waits for a history that has no room.
+const HISTORY_TIME: Duration = Duration::from_millis(500);
 
 /// Begins with what was taken at once: for each a task that ends with its term.
 pub async fn begin(inner: Arc<Inner>, begins: Vec<(Claim, Ownership)>) {
@@ -71,7 +75,8 @@ async fn begin_robots(inner: &Arc<Inner>, robots: &[(Claim, Ownership)]) -> Resu
         })
         .await?;
     if let Some(history) = &shared.history {
-        history.take_over(claims).await;
+        // The history learns it in any case. Stops do not wait for a history that hangs.
+        let _ = tokio::time::timeout(HISTORY_TIME, history.take_over(claims)).await;
     }
     let mut kept: std::collections::BTreeMap<RobotName, _> =
         kept.into_iter().map(|(kept, config)| (config.name.clone(), (kept, config))).collect();
