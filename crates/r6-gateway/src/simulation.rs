@@ -83,15 +83,14 @@ pub async fn start(
         (settings.address.port(), None),
         settings.robot_settings,
         None,
-        audit,
+        Some(audit),
     )
     .await?;
     let mut server = JoinSet::new();
     let site = gateway::site(settings.address, settings.names, &state);
     server.spawn(r6_http::serve_plain(listener, http::router(state.clone(), site)));
     gateway::keep_fresh(&state, &mut server);
-    if settings.audit.is_some() {
-        let auditor = Arc::clone(&state.auditor);
+    if let Some(auditor) = state.auditor.clone().filter(|_| settings.audit.is_some()) {
         server.spawn(async move { auditor.keep().await });
     }
     Ok(Running { _server: server })

@@ -55,7 +55,7 @@ impl Station {
     pub async fn commanded_before(&self, once: &Once) -> Result<Option<CommandDone>, Problem> {
         let since = clock::seconds().saturating_sub(KEPT);
         let Once { caller, key, hash } = once.clone();
-        let known = self.shared.keeper.command_of_key(caller, key, since).await?;
+        let known = self.term.keeper.command_of_key(caller, key, since).await?;
         known.map(|known| again(known, hash)).transpose()
     }
 
@@ -150,10 +150,7 @@ impl Station {
     async fn begin_once(&self, once: &Once, intent: AuditRecord) -> Result<Noted, StoreError> {
         self.write_pending().await?;
         let Once { caller, key, hash } = once.clone();
-        self.shared
-            .keeper
-            .begin_command(NewCommand { caller, key, hash, now: clock::seconds(), intent })
-            .await
+        self.term.keeper.begin_command(NewCommand { caller, key, hash, now: clock::seconds(), intent }).await
     }
 
     /// Writes answer and outcome, behind the records that wait.
@@ -161,7 +158,7 @@ impl Station {
         let text =
             serde_json::to_string(answer).map_err(|error| StoreError::Unreadable(error.to_string()))?;
         self.write_pending().await?;
-        self.shared.keeper.end_command(intent, text, outcome).await
+        self.term.keeper.end_command(intent, text, outcome).await
     }
 }
 
