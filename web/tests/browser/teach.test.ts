@@ -227,6 +227,8 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   });
   await page.click("[data-run-next=press-4]");
   await says(page, "[role=dialog]", "Run on press-4?");
+  await says(page, "[role=dialog]", "Stay here");
+  await says(page, "[data-program-runs]", "does not wait for instructions");
   await page.waitForSelector("[data-choose=press-4][aria-pressed=true]");
   await page.waitForSelector("[data-target=press-4] [data-lease=mine]");
   expect(await page.getAttribute("[data-preview]", "data-preview")).toBe("done");
