@@ -12,8 +12,8 @@ use tokio::net::TcpStream;
 use tokio_rustls::TlsConnector;
 use tokio_rustls::client::TlsStream;
 
-/// Speaks TLS with a server over this connection, if its certificate is the one that is expected. No authority,
-/// no name and no time matters: whoever has the key of that certificate is the server.
+/// Speaks TLS with a server over this connection, if its certificate is the one that is expected. No
+/// authority, no name and no time matters: whoever has the key of that certificate is the server.
 ///
 /// # Errors
 /// The connection fails, or it is another certificate.
@@ -34,8 +34,11 @@ pub async fn connect_to(
     TlsConnector::from(Arc::new(config)).connect(name, stream).await
 }
 
+/// Whether these bytes are the certificate that is expected.
+type IsExpected = dyn Fn(&[u8]) -> bool + Send + Sync;
+
 struct Expected {
-    is_expected: Box<dyn Fn(&[u8]) -> bool + Send + Sync>,
+    is_expected: Box<IsExpected>,
     provider: Arc<CryptoProvider>,
 }
 
