@@ -52,6 +52,9 @@ const FIRST_LOOK: Duration = Duration::from_secs(10);
 /// How many robots this gateway gives to others at a time: each of them has no gateway for a moment.
 const GIVEN_AT_ONCE: usize = 4;
 
+/// How long the ends of all terms may take, at the end: a stop takes 17 s, a run 21 s, and the records 5 s.
+const LAST_TERMS: Duration = Duration::from_secs(50);
+
 /// How often to look whether everything was let go of, at the end.
 const LAST_LOOK: Duration = Duration::from_millis(10);
 
@@ -261,8 +264,13 @@ async fn run(inner: Arc<Inner>, looked: oneshot::Sender<()>) -> Result<(), Store
         }
     }
     // The store may be lost meanwhile: then each term ends in time.
-    while !inner.owners.held().is_empty() {
-        tokio::time::sleep(LAST_LOOK).await;
+    let all_ended = async {
+        while !inner.owners.held().is_empty() {
+            tokio::time::sleep(LAST_LOOK).await;
+        }
+    };
+    if tokio::time::timeout(LAST_TERMS, all_ended).await.is_err() {
+        tracing::error!("some robots were not let go of in time");
     }
     let done = gateway::finish(&inner.state).await;
     drop(beats);
