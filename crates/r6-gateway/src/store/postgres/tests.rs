@@ -109,7 +109,10 @@ fn records_that_share_a_commit_with_those_of_a_lost_robot_are_kept() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     runtime.block_on(async {
         // They wait behind this one, and come together.
-        let first = keeper.work(|_| Ok(std::thread::sleep(std::time::Duration::from_millis(100))));
+        let first = keeper.work(|_| {
+            std::thread::sleep(std::time::Duration::from_millis(100));
+            Ok(())
+        });
         let one = |keeper: Keeper| async move { keeper.append(vec![started()]).await };
         let all = [kept.clone(), lost.clone(), kept.clone(), keeper.clone(), lost].map(one);
         let (_, told) = tokio::join!(first, futures_util::future::join_all(all));
