@@ -61,8 +61,16 @@ async fn any_gateway_answers_for_any_robot() {
     assert_eq!((status, &stopped["confirmed"]), (200, &json!(true)), "{stopped}");
     assert!(stopping.elapsed() < Duration::from_secs(5), "{:?}", stopping.elapsed());
     assert!(!press.handle().snapshot().moving);
-    let (_, shown) = other.call("GET", &format!("/v1/robots/press/runs/{}", run.body["run_id"]), None).await;
-    assert_eq!(shown["state"], "stopped", "{shown}");
+    let path = format!("/v1/robots/press/runs/{}", run.body["run_id"]);
+    // The run ends beside the stop.
+    loop {
+        let (_, shown) = other.call("GET", &path, None).await;
+        if shown["state"] == "stopped" {
+            break;
+        }
+        assert!(stopping.elapsed() < PATIENCE, "{shown}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
     let cleared = json!({ "lease": key });
     assert_eq!(other.call("POST", "/v1/robots/press/clear-stopped", Some(&cleared)).await.0, 204);
     let history = other.call("GET", "/v1/robots/press/history?signal=isMoving", None).await;
