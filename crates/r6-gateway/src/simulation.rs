@@ -11,7 +11,6 @@ mod history;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use r6_client::RobotSettings;
 use r6_http::Listener;
