@@ -168,7 +168,8 @@ impl Fleet {
     }
 
     /// Lets a robot go, in order, until this is over, because another gateway may have it then. An arm that a
-    /// run moves is stopped. What has not ended by then is broken off, and the robot has no connection any more.
+    /// run moves is stopped. What has not ended by then is broken off, and the robot has no connection any
+    /// more.
     pub async fn let_go(&self, name: &RobotName, over: impl Future<Output = ()>) {
         let post = {
             let mut posts = self.write();

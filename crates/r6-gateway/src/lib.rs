@@ -9,7 +9,7 @@
 //!
 //! 1. `r6-http/src/access.rs` looks at `Host` and `Origin`. `http/caller.rs` finds the token or the session,
 //!    and its role; a route about a robot cannot be written without it. `http/commands.rs` reads the command,
-//!    and `http/deadline.rs` refuses one that comes late.
+//!    and `http/deadline.rs` refuses what comes late.
 //! 2. `fleet/command.rs` asks the seat of the robot (`core/seat.rs`), writes the intent (`store/keeper.rs`, a
 //!    thread), and asks the seat again, for a permit (`core/seat/permit.rs`).
 //! 3. `fleet/send.rs` takes the permit and is the only place that sends. The client checks the permit's

@@ -1,8 +1,8 @@
 //! Whether this gateway owns a robot now.
 //!
-//! [`Ownership`] is of one term: from when the gateway took the robot, or the hall, to when it has it no more.
-//! Whatever was permitted in one term is void in the next. `core/owner.rs` has the times. [`owners`] knows who
-//! has what.
+//! [`Ownership`] is of one term: from when the gateway took the robot, or the hall, to when it has it no
+//! more. Whatever was permitted in one term is void in the next. `core/owner.rs` has the times. [`owners`]
+//! knows who has what.
 
 pub mod owners;
 

@@ -161,7 +161,7 @@ impl Peers {
         request.headers_mut().insert(PASS, header);
         let (mut sender, connection) =
             http1::handshake(TokioIo::new(stream)).await.map_err(|error| not_sent(error.to_string()))?;
-        // It ends with the answer, or once nobody waits for that.
+        // It ends with the answer, or once it is not waited for any more.
         tokio::spawn(connection);
         let unknown = |error: hyper::Error| Failed::Unknown(format!("{}: {error}", door.url));
         sender.send_request(request).await.map_err(unknown)
@@ -192,7 +192,7 @@ async fn connect(door: &Door) -> Result<(Box<dyn Stream>, String), String> {
     Ok((Box::new(stream), at))
 }
 
-/// The hash of a head. All headers count but those about the connection: nobody on the way may change, add or
+/// The hash of a head. All headers count but those about the connection: no one on the way may change, add or
 /// take away one.
 #[must_use]
 pub fn head(method: &Method, target: &str, headers: &HeaderMap) -> [u8; 32] {
@@ -244,7 +244,7 @@ mod tests {
         assert_eq!(Peers::open(&text, to, &sent, key), Some(pass.clone()));
         assert_eq!(Peers::open(&text, 8, &sent, key), None, "another gateway, or an earlier start");
         assert_eq!(Peers::open(&text, to, &[2; 32], key), None, "another head");
-        assert_eq!(Peers::open(&text, to, &sent, |_| None), None, "nobody knows who signed");
+        assert_eq!(Peers::open(&text, to, &sent, |_| None), None, "who signed is not known");
         assert_eq!(peers.admit(pass.clone(), b"{ }"), None, "another body");
         assert_eq!(peers.admit(pass.clone(), body), Some(pass.clone()));
         assert_eq!(peers.admit(pass, body), None, "it came before");

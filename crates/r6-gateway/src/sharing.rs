@@ -4,8 +4,8 @@
 //! follows from them). What the gateway takes begins as after the end of a gateway: commands without an
 //! outcome are
 //! `unknown`, lists of runs are stopped, stops hold (`sharing/term.rs`). Beats go on in a task beside it
-//! (`sharing/beats.rs`). When they fail, each robot is let go of in time, and taken again by whoever is
-//! first.
+//! (`sharing/beats.rs`). When they fail, each robot is let go of in time, and taken again by the gateway
+//! that is first.
 
 mod beats;
 mod term;

@@ -12,8 +12,8 @@ use tokio::net::TcpStream;
 use tokio_rustls::TlsConnector;
 use tokio_rustls::client::TlsStream;
 
-/// Speaks TLS with a server over this connection, if its certificate is the one that is expected. No
-/// authority, no name and no time matters: whoever has the key of that certificate is the server.
+/// Speaks TLS with a server over this connection, if its certificate is the expected one. No
+/// authority, no name and no time matters: who has the key of that certificate is the server.
 ///
 /// # Errors
 /// The connection fails, or it is another certificate.

@@ -73,9 +73,9 @@ pub struct RobotSummary {
     /// How many stops are under way now.
     pub stops_under_way: u32,
     /// The number of its last stop that was told (`stop_began`), also if it was cleared: send it with
-    /// `clear-stopped`, so that a stop that you have not seen is not cleared. Numbers only grow, and none comes
-    /// twice, also not after a restart. A caller that stops a stopped robot again within a minute is told of
-    /// once. Before the first one it is a number that no stop has.
+    /// `clear-stopped`, so that a stop that you have not seen is not cleared. Numbers only grow, and none
+    /// comes twice, also not after a restart. A caller that stops a stopped robot again within a minute is
+    /// told of once. Before the first one it is a number that no stop has.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub stop_number: u64,

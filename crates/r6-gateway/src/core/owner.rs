@@ -4,13 +4,13 @@
 //! owns. For each of these robots it counts from the *start* of its last good beat, on a clock that goes on
 //! while the machine sleeps: no new move after [`NO_MOVES`], our lists are stopped at [`STOP_LISTS`], the
 //! connection is closed at [`CLOSE`] ([`Reign`]: one for each robot). Others look each [`LOOK`], more often
-//! while beats are missing ([`Watch`]). They take the robots of a gateway at [`EXPIRES`] by the store's clock,
-//! if they have seen the same beat for [`WATCHED`] by their own: then a clock of the store that is set cannot
-//! take robots from an owner that lives. A fence for each robot, which only grows, tells one owner from the
-//! next.
+//! while beats are missing ([`Watch`]). They take the robots of a gateway at [`EXPIRES`] by the store's
+//! clock, if they have seen the same beat for [`WATCHED`] by their own: then a clock of the store that is
+//! set cannot take robots from an owner that lives. A fence for each robot, which only grows, tells one
+//! owner from the next.
 //!
-//! A robot without an owner goes to the gateway that lives and has the fewest ([`Watch::look`]). A gateway that
-//! has two more than another one gives robots at rest to it ([`Watch::surplus`]).
+//! A robot without an owner goes to the gateway that lives and has the fewest ([`Watch::look`]). A gateway
+//! that has two more than another one gives robots at rest to it ([`Watch::surplus`]).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -52,8 +52,8 @@ pub const LOOK_CLOSELY: Duration = Duration::from_millis(100);
 /// or may not know the robot. With [`EXPIRES`] and a look, a robot is taken within 4.2 s all the same.
 pub const GRACE: Duration = Duration::from_millis(1_000);
 
-/// A gateway is given robots of others once it has lived for so long: one that comes and goes gets none. It is
-/// longer than [`EXPIRES`], so that what has no owner is taken first.
+/// A gateway is given robots of others once it has lived for so long: a gateway that comes and goes gets
+/// nothing. It is longer than [`EXPIRES`], so that what has no owner is taken first.
 pub const SETTLED: Duration = Duration::from_secs(5);
 
 /// What one gateway owns at a time.
@@ -304,8 +304,8 @@ impl Watch {
         if !self.free.is_empty() || self.gateways.values().any(is_missing) { LOOK_CLOSELY } else { LOOK }
     }
 
-    /// The rows were seen. `now` is when the answer came, so that no beat seems to be known for longer than it
-    /// is.
+    /// The rows were seen. `now` is when the answer came, so that no beat seems to be known for longer than
+    /// it is.
     pub fn look(&mut self, now: Instant, seen: &Seen, own: Own<'_>) -> Verdict {
         for (owned, owner) in &seen.owners {
             let highest = self.highest.entry(owned.clone()).or_default();

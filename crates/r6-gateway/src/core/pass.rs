@@ -1,7 +1,7 @@
 //! Passes: a gateway that passes a request on says with one who asked for it, and signs that.
 //!
 //! A gateway draws a key at its start, and the row of the gateway in the store has its public half. So
-//! whoever can write the store can be a gateway, and who can only read it cannot. A pass is for one request
+//! all who can write the store can be a gateway, and who can only read it cannot. A pass is for one request
 //! to one start of one gateway: it names both, has the hash of the head and that of the body, a number that
 //! is taken once, and a time after which it is not taken any more.
 
@@ -40,7 +40,7 @@ pub struct Pass {
     /// The number of the pass.
     pub number: u64,
     /// Until when it is taken, in milliseconds of the store's clock. What somebody holds back, or the network
-    /// does, is not carried out when nobody expects it any more.
+    /// does, is not carried out when it is not expected any more.
     pub until: u64,
     /// SHA-256 of the method of the request, its path and its headers.
     pub head: [u8; 32],

@@ -149,7 +149,7 @@ pub struct Seat {
     stops_under_way: u32,
     /// How many stops have begun.
     stops_begun: u64,
-    /// The number of the last one that was told to all who follow the robot.
+    /// The number of the last stop that was told to all who follow the robot.
     stop_number: u64,
     /// The robot that answers, if it is another than expected.
     stranger: Option<RobotIdentity>,
@@ -412,8 +412,8 @@ impl Seat {
         self.stop_number
     }
 
-    /// Lets the robot move again. `seen`: the number of the last stop that the caller was told of; `None` clears
-    /// any.
+    /// Lets the robot move again. `seen`: the number of the last stop that the caller was told of; `None`
+    /// clears any.
     ///
     /// # Errors
     /// [`Denied::NoLease`], [`Denied::StopUnderWay`], [`Denied::StoppedSince`].

@@ -128,7 +128,8 @@ impl Fleet {
     ///
     /// # Errors
     /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends;
-    /// `no_owner` if another gateway owns the robot, or for a new one the hall. For another address also those of [`Self::part`].
+    /// `no_owner` if another gateway owns the robot, or for a new one the hall. For another address also
+    /// those of [`Self::part`].
     pub async fn put(&self, by: &By, wanted: RobotConfig) -> Result<Put, Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;

@@ -102,7 +102,7 @@ pub async fn pass_on(Of(state): Of<State>, request: Request, next: Next) -> Resp
     }
 }
 
-/// Who can answer for this. A robot that this gateway has taken and has not begun with is nobody's yet.
+/// Who can answer for this. A robot that this gateway has taken and has not begun with has no owner yet.
 fn place(state: &State, owned: &Owned) -> Place {
     let is_here = |name: &RobotName| state.fleet.station(name.as_str()).is_some();
     match (state.shared.owners.place(owned), owned.robot()) {
@@ -224,7 +224,7 @@ enum Outcome {
     Answer(Response),
     /// It did nothing, or was not reached.
     Nothing(String),
-    /// Nobody knows.
+    /// That is not known.
     Unknown(String),
 }
 

@@ -31,7 +31,7 @@ pub enum Place {
     Here,
     /// It is the gateway with this number, which lives.
     There(u64),
-    /// There is none, or it does not live.
+    /// There is no such gateway, or it does not live.
     Nowhere,
 }
 
@@ -160,7 +160,7 @@ impl Owners {
             held.looked = Some(now);
             held.time = looked.time.map(|time| (time, now)).or(held.time);
             held.robots.clone_from(robots);
-            // What one that ended signed is not taken any more.
+            // What a gateway that ended has signed is not taken any more.
             let has_ended =
                 |number: &u64| seen.gateways.get(number).is_none_or(|seen| seen.life == Life::Ended);
             held.doors = doors.clone();
@@ -218,7 +218,7 @@ impl Owners {
         both.peers.send((own, to), &door, onward, until).await
     }
 
-    /// Whether a pass says that it is for this gateway, and is of one that this gateway does not know yet.
+    /// Whether a pass says that it is for this gateway, and is of a gateway that this one does not know yet.
     #[must_use]
     pub fn is_from_unknown(&self, text: &str) -> bool {
         let claimed = pass::claimed(text);
@@ -282,7 +282,7 @@ impl Owners {
         })?
     }
 
-    /// Why nobody here does what is asked for.
+    /// Why this gateway does not do what is asked for.
     #[must_use]
     pub fn no_owner(&self, owned: &Owned) -> Problem {
         self.with(|held| no_owner(held, owned)).unwrap_or_else(|| no_owner(&Held::default(), owned))

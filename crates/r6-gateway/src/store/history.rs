@@ -161,8 +161,8 @@ pub trait HistoryStore: Send {
     /// How much room its disk has; `None` if that is not known.
     fn free_bytes(&mut self) -> Option<u64>;
 
-    /// What is written from now on about these robots belongs to these terms. A store that others share writes
-    /// about no other robots, without an error: their owners do.
+    /// What is written from now on about these robots belongs to these terms. A store that others share
+    /// writes about no other robots, without an error: their owners do.
     fn hold(&mut self, _claims: &[Claim]) {}
 
     /// Whether parts that are too many are removed here: of gateways that share a store, one does it.
@@ -170,7 +170,7 @@ pub trait HistoryStore: Send {
         true
     }
 
-    /// Whether another gateway has begun a newer part of the day than the one that is written here.
+    /// Whether another gateway has begun a newer part of the day than the part that is written here.
     fn is_behind(&self, _newest: Part) -> bool {
         false
     }

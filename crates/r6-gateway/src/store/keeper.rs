@@ -101,8 +101,8 @@ impl Keeper {
         Ok(Self { jobs, claim: None })
     }
 
-    /// A handle for what is about a robot, or the hall, in one term: nothing is written once another gateway has
-    /// it.
+    /// A handle for what is about a robot, or the hall, in one term: nothing is written once another
+    /// gateway has it.
     #[must_use]
     pub fn under(&self, claim: Claim) -> Self {
         Self { jobs: self.jobs.clone(), claim: Some(claim) }

@@ -171,7 +171,7 @@ async fn owner_of(robot: &str, gateways: &[&Here]) -> usize {
                 return number;
             }
         }
-        assert!(begun.elapsed() < PATIENCE, "nobody owns {robot}");
+        assert!(begun.elapsed() < PATIENCE, "no gateway owns {robot}");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -218,7 +218,7 @@ async fn each_robot_is_owned_by_one_gateway_and_a_second_one_gets_its_share() {
     let begun = Instant::now();
     one.gateway.shutdown().await.unwrap();
     other.until_up("press").await;
-    assert!(begun.elapsed() < Duration::from_secs(5), "no gateway waits for one that ended in order");
+    assert!(begun.elapsed() < Duration::from_secs(5), "no gateway waits for a gateway that ended in order");
     let last = other.lease("press").await;
     assert!(last["number"].as_u64() > key["number"].as_u64(), "{last}");
     let entries = audit(&other, &url).await;
@@ -281,7 +281,7 @@ async fn an_arm_gets_no_second_name_at_a_gateway_that_does_not_own_it() {
     let (_, state) = one.call("GET", "/v1/robots/press", None).await;
     assert_eq!((&state["link"], &state["stopped"]), (&json!("up"), &json!(true)));
     assert_eq!(one.gateway.reload(renamed()).await.unwrap_err().code, r6_api::Code::Stopped);
-    // The owner ends: whoever has the new file does not take the arm that was stopped.
+    // The owner ends: the gateway with the new file does not take the arm that was stopped.
     one.gateway.shutdown().await.unwrap();
     tokio::time::sleep(Duration::from_secs(3)).await;
     assert_eq!(press.handle().snapshot().connections, 0);
@@ -433,7 +433,7 @@ async fn an_owner_that_was_frozen_changes_nothing_when_it_goes_on() {
     here.until_up("press").await;
     here.until_up("saw").await;
     assert!(!commands(&mut log).is_empty(), "it sent some before");
-    // Robots that somebody works with are not given to the one that goes on.
+    // Robots that somebody works with are not given to the gateway that goes on.
     let next = here.lease("press").await;
     here.lease("saw").await;
     let before = audit(&here, &url).await.len();

@@ -32,7 +32,7 @@ async fn a_stop_does_not_wait_beside_an_owner_that_has_the_robot_again() {
     let here = Here::start(&url, &token, &robots).await;
     here.call("GET", "/v1/robots/press", None).await;
     there.signal("STOP");
-    // Its connection to the robot ends after 2 s, and nobody takes the robot before 3 s.
+    // Its connection to the robot ends after 2 s, and no gateway takes the robot before 3 s.
     tokio::time::sleep(Duration::from_millis(1_200)).await;
     let stopping = stop(here.gateway.address(), &token, "press");
     tokio::time::sleep(Duration::from_millis(1_000)).await;

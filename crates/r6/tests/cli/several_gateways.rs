@@ -1,9 +1,10 @@
 //! Three gateways on one database are killed and frozen at random, while callers lease, command and stop.
 //!
 //! No controller accepts a command, a list or a stop of a gateway after another one became its owner; the
-//! controllers tell what they accepted, and a trigger in the database when each owner of each robot began. What was acknowledged is in the audit log, the log is whole, and the robots are readable
-//! again in time. `R6_KILLS` says how often, and makes it a hall of 60 robots; `R6_ROBOTS` and `R6_SEED` say
-//! how many robots, and which random numbers.
+//! controllers tell what they accepted, and a trigger in the database when each owner of each robot began.
+//! What was acknowledged is in the audit log, the log is whole, and the robots are readable again in time.
+//! `R6_KILLS` says how often, and makes it a hall of 60 robots; `R6_ROBOTS` and `R6_SEED` say how many
+//! robots, and which random numbers.
 
 mod callers;
 mod robots;

@@ -92,7 +92,7 @@ fn robots_are_taken_when_they_are_free_or_after_the_same_beat_for_long() {
     assert!(takes(&mut watch, at(10_001), &free), "which does not take it");
     free.owners.clear();
     free.gateways.remove(&1);
-    assert!(takes(&mut Watch::default(), START, &free), "nobody had it yet");
+    assert!(takes(&mut Watch::default(), START, &free), "no gateway had it yet");
 }
 
 #[test]
@@ -138,7 +138,7 @@ fn free_robots_go_to_the_gateways_that_have_the_fewest() {
     let alive = SeenGateway { beat: 1, life: Life::Alive };
     let mut seen = Seen { gateways: [(3, alive), (ME, alive)].into(), ..Seen::default() };
     let owner = |gateway| SeenOwner { fence: 1, gateway };
-    // Gateway 3 has one, and one that was killed had the rest.
+    // Gateway 3 has one, and a gateway that was killed had the rest.
     seen.owners.insert(robot("r00"), owner(Some(3)));
     let none = BTreeSet::new();
     let held = BTreeSet::from([robot("r00")]);

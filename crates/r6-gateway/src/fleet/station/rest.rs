@@ -41,7 +41,7 @@ impl Station {
     }
 
     /// Takes leave of a robot with which nothing happens here, so that another gateway can have it: it is at
-    /// rest, nobody holds its lease, no run, command or stop is under way or owed, and nobody else answers in
+    /// rest, its lease is free, no run, command or stop is under way or owed, and no other robot answers in
     /// its place. From then on nothing is permitted. `false`: it stays as it is.
     pub(crate) fn leave_if_idle(&self) -> bool {
         let rests = self.is_at_rest() == (true, true) && self.is_written();

@@ -23,7 +23,7 @@ const STOPS_TO_OWNER: usize = 64;
 /// How many stops of one robot wait or are on their way, as many as an owner takes.
 const STOPS_OF_ROBOT: usize = 16;
 
-/// How many of them one caller has. Whoever presses again has the first ones under way.
+/// How many of them one caller has. A caller who presses again has the first ones under way.
 const STOPS_OF_CALLER: usize = 8;
 
 /// How many stops of one caller wait or are on their way, of all robots.
@@ -58,7 +58,7 @@ pub struct Place<'p> {
 }
 
 impl Places {
-    /// Nobody has one.
+    /// No place is taken.
     pub const fn new() -> Self {
         Self(Mutex::new(BTreeMap::new()))
     }

@@ -1,4 +1,4 @@
-//! A stop that is passed on: to whoever owns the robot, again and again until one has taken it. A second stop
+//! A stop that is passed on: to the owner of the robot, again and again until one has taken it. A second stop
 //! does no harm.
 
 use std::time::Duration;

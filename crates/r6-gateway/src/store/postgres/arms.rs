@@ -76,7 +76,7 @@ impl Rival {
     }
 }
 
-/// Lets nobody else take a robot with one of these addresses before the end of the transaction.
+/// Lets no other gateway take a robot with one of these addresses before the end of the transaction.
 async fn hold(client: &Client, addresses: &[&str]) -> Result<(), StoreError> {
     if addresses.is_empty() {
         return Ok(());
@@ -133,7 +133,7 @@ async fn rivals(client: &Client, wanted: &[(&str, &str)]) -> Result<Vec<Rival>, 
 }
 
 /// Which of these robots cannot be taken by the gateway `own`, and why. What an owner has that is over is
-/// nobody's from then on.
+/// without an owner from then on.
 pub async fn tied(
     client: &Client,
     own: u64,
@@ -152,7 +152,7 @@ pub async fn tied(
     }
     for (gateway, robots) in owners {
         let robots: Vec<_> = robots.into_iter().collect();
-        // What this gateway had itself, and holds no more, is nobody's.
+        // What this gateway had itself, and holds no more, has no owner.
         if gateway == own || is_over(client, gateway, rows).await? {
             if gateway != own {
                 end_sessions(client, gateway, &robots).await?;
@@ -182,7 +182,7 @@ pub async fn tied(
     Ok(tied)
 }
 
-/// Notes the addresses of robots that this gateway owns, or that nobody has owned yet.
+/// Notes the addresses of robots that this gateway owns, or that had no owner yet.
 pub async fn tie(
     client: &Client,
     robots: &[(RobotName, String)],

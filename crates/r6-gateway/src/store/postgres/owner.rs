@@ -1,8 +1,8 @@
 //! The rows that say which gateways there are, and which robots each of them owns.
 //!
-//! `gateway` has a row for each start of a gateway, with the number that it drew and its beats. `owner` has a row for each robot that was
-//! ever owned, and one with the name '' for the hall: its fence only grows. All times are those of the
-//! server's clock.
+//! `gateway` has a row for each start of a gateway, with the number that it drew and its beats. `owner` has
+//! a row for each robot that was ever owned, and one with the name '' for the hall: its fence only grows.
+//! All times are those of the server's clock.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -126,7 +126,7 @@ impl OwnerRows {
                 looked.seen.gateways.insert(number, seen_gateway(row)?);
             }
             for row in &owners {
-                // A name that is none is of no robot that this gateway can have.
+                // A name that is not valid is of no robot that this gateway can have.
                 let Some(owned) = Owned::of_text(row.try_get(0)?) else { continue };
                 let gateway = row.try_get::<_, Option<i64>>(2)?.map(unsigned);
                 let address: Option<String> = row.try_get(3)?;
@@ -169,8 +169,8 @@ impl OwnerRows {
                 }
                 claims.extend(take(client, own, before, &group, wanted).await?);
             }
-            // Others count from this beat: nobody takes what was just taken. It comes last, so that beats do
-            // not wait for the rows of the robots.
+            // Others count from this beat: no gateway takes what was just taken. It comes last, so that
+            // beats do not wait for the rows of the robots.
             let lives = client
                 .execute(
                     "UPDATE gateway SET beat = beat + 1, beat_at = clock_timestamp()

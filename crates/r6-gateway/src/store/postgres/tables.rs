@@ -192,8 +192,8 @@ CREATE INDEX command_made ON command (made);
 /// An owner for each robot. The gateways of an older r6 find the table no more and let go of the robots,
 /// within 2 s after their last beat. No gateway takes one before, because this waits that long.
 ///
-/// - `gateway`: a row for each start. `name` is where callers find it, `key` is what its passes are signed with,
-///   `certificate` the SHA-256 of its certificate. Without `beat_at` it has ended.
+/// - `gateway`: a row for each start. `name` is where callers find it, `key` is what its passes are signed
+///   with, `certificate` the SHA-256 of its certificate. Without `beat_at` it has ended.
 /// - `owner`: the robot '', which no robot is called, stands for the hall. `address`: where the last owner
 ///   reached the robot.
 const OWNERS: &str = "

@@ -269,7 +269,7 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     let seen = one.look().await.unwrap().seen;
     assert_eq!(other.take(2, &wanted(&both), &seen).await.unwrap().claims, [], "and takes nothing any more");
     let taken = one.take(1, &wanted(&both), &seen).await.unwrap().claims;
-    assert_eq!(taken.len(), 2, "what one that ended had is free at once: {taken:?}");
+    assert_eq!(taken.len(), 2, "what a gateway that ended had is free at once: {taken:?}");
     // Rows of gateways that ended and have nothing go.
     one.register(3, &door("three")).await.unwrap();
     assert_eq!(one.look().await.unwrap().doors.into_keys().collect::<Vec<_>>(), [1, 3]);
