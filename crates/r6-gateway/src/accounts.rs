@@ -194,6 +194,23 @@ impl Accounts {
         Some(SignedIn { id, user, csrf: csrf(text), ends: session.ends() })
     }
 
+    /// The user with this name who may sign in, if there is one.
+    pub async fn find(&self, name: &str) -> Option<Arc<StoredUser>> {
+        let name = UserName::new(name)?;
+        let known = || self.user(&name).filter(|user| is_enabled(user));
+        if let Some(user) = known() {
+            return Some(user);
+        }
+        // Another gateway may have read of it before.
+        self.refresh().await.ok()?;
+        known()
+    }
+
+    /// Whether the user with this name may sign in.
+    pub fn has(&self, name: &UserName) -> bool {
+        self.user(name).is_some_and(|user| is_enabled(&user))
+    }
+
     /// Whether a session is open. To look is no request.
     pub fn is_open(&self, id: &SessionId) -> bool {
         let of = self.sessions().look(id, clock::now()).map(|session| (session.owner.clone(), session.stamp));

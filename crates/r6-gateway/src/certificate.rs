@@ -4,8 +4,8 @@ use std::fmt;
 use std::io;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use r6_http::{BadCertificate, Tls};
@@ -62,6 +62,8 @@ pub struct Certificate {
     tls: Tls,
     files: CertificateFiles,
     fingerprint: String,
+    /// The SHA-256 of the certificate that is used now.
+    now: Arc<Mutex<String>>,
     missing: Vec<String>,
     /// The end of the certificate that is used now, in seconds since 1970.
     expires: Arc<AtomicI64>,
@@ -147,7 +149,8 @@ impl Certificate {
         let der = r6_http::first_der(&certificate).map_err(bad)?;
         let (fingerprint, expires) = (fingerprint_of(&der), Arc::new(AtomicI64::new(end_of(&der))));
         let read = hash(&(certificate, key));
-        Ok(Some(Self { tls, files, fingerprint, missing, expires, read }))
+        let now = Arc::new(Mutex::new(fingerprint.clone()));
+        Ok(Some(Self { tls, files, fingerprint, now, missing, expires, read }))
     }
 
     /// The file with the certificate, which clients can be told to trust.
@@ -160,6 +163,11 @@ impl Certificate {
     #[must_use]
     pub fn fingerprint(&self) -> &str {
         &self.fingerprint
+    }
+
+    /// The SHA-256 of the certificate that is used now.
+    pub(crate) fn fingerprint_now(&self) -> String {
+        self.now.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// The names of the gateway that the certificate is not for. Clients refuse it under these.
@@ -216,8 +224,9 @@ impl Certificate {
                 Ok(read) if last != Some(hash(&read)) => {
                     match self.tls.replace(&read.0, &read.1) {
                         Ok(()) => {
-                            let end = r6_http::first_der(&read.0).map_or(0, |der| end_of(&der));
-                            self.expires.store(end, Ordering::Relaxed);
+                            let der = r6_http::first_der(&read.0).unwrap_or_default();
+                            self.expires.store(end_of(&der), Ordering::Relaxed);
+                            *self.now.lock().unwrap_or_else(PoisonError::into_inner) = fingerprint_of(&der);
                             told = None;
                             tracing::info!(file = %self.path().display(), "the certificate has changed");
                         }
@@ -329,7 +338,8 @@ fn hash((certificate, key): &(Vec<u8>, Vec<u8>)) -> [u8; 32] {
 }
 
 /// The SHA-256 of a certificate in DER, as browsers show it.
-fn fingerprint_of(der: &[u8]) -> String {
+/// The SHA-256 of a certificate, as browsers show it.
+pub(crate) fn fingerprint_of(der: &[u8]) -> String {
     let bytes = Sha256::digest(der);
     let bytes: Vec<_> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
     bytes.join(":")

@@ -16,6 +16,7 @@
 //! - [`owner`]: which gateway owns the robots of a store that several share.
 //! - [`order`]: what the holder of a lease sends.
 //! - [`panel`]: actions at the panel of a virtual robot, and what they need.
+//! - [`pass`]: what a gateway says of a request that it passes on to another one.
 //! - [`rate`]: how many requests a token may make.
 //! - [`refusals`]: which refusals and repeated stops of one caller stand in the audit log.
 //! - [`library`]: the programs that are kept, and which version a change is for.
@@ -36,6 +37,7 @@ pub mod name;
 pub mod order;
 pub mod owner;
 pub mod panel;
+pub mod pass;
 pub mod production;
 pub mod rate;
 pub mod raw;

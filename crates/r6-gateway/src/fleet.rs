@@ -44,7 +44,7 @@ use tokio::task::JoinHandle;
 use crate::core::live::follower::Top;
 use crate::core::name::RobotName;
 use crate::fleet::config::RobotConfig;
-use crate::fleet::station::{Kept, Shared, Station};
+use crate::fleet::station::{Kept, Shared, Station, Term};
 
 /// How long the task of a robot may take to end, once a run is over. It waits for commands for 3 s and for a
 /// stop for 17 s, or writes for 5 s.
@@ -93,8 +93,8 @@ impl Work {
 
 impl Post {
     /// `owes_stop`: a list of a run of an earlier start may still be at the robot.
-    fn start(config: RobotConfig, saved: Kept, owes_stop: bool, shared: &Arc<Shared>) -> Self {
-        let station = Arc::new(Station::new(config, saved, Arc::clone(shared)));
+    fn start(config: RobotConfig, saved: Kept, owes_stop: bool, term: Term, shared: &Arc<Shared>) -> Self {
+        let station = Arc::new(Station::new(config, saved, term, Arc::clone(shared)));
         if owes_stop {
             station.seat(|seat, _| seat.owe_stop());
         }
@@ -122,7 +122,8 @@ impl Fleet {
     pub fn start(robots: Vec<(Kept, RobotConfig)>, owed: &BTreeSet<RobotName>, shared: Arc<Shared>) -> Self {
         let post = |(saved, config): (Kept, RobotConfig)| {
             let owes_stop = owed.contains(&config.name);
-            (config.name.clone(), Post::start(config, saved, owes_stop, &shared))
+            let term = Term::alone(shared.keeper.clone());
+            (config.name.clone(), Post::start(config, saved, owes_stop, term, &shared))
         };
         let posts = RwLock::new(robots.into_iter().map(post).collect());
         Self { posts, shared, ended: AsyncMutex::new(false) }
@@ -154,28 +155,43 @@ impl Fleet {
         futures_util::future::join_all(ends).await;
     }
 
-    /// The same until this is over, because another gateway may have the robots then. What has not ended by
-    /// then is broken off, and no robot has a connection any more.
-    pub async fn end_until(&self, over: impl Future<Output = ()>) {
-        // A change of the robots that is under way must not hold this up: its writes fail anyway.
-        if let Ok(mut ended) = self.ended.try_lock() {
-            *ended = true;
+    /// Looks after a robot that this gateway has taken.
+    pub fn take_in(&self, saved: Kept, config: RobotConfig, owes_stop: bool, term: Term) {
+        let name = config.name.clone();
+        let post = Post::start(config, saved, owes_stop, term, &self.shared);
+        {
+            let mut posts = self.write();
+            post.station.appear();
+            posts.insert(name, post);
         }
-        let posts = std::mem::take(&mut *self.write());
-        let stations: Vec<_> = posts.values().map(|post| Arc::clone(&post.station)).collect();
-        let works = posts.values().flat_map(|post| post.link.iter().chain([&post.clerk]));
+        self.shared.wake_readers();
+    }
+
+    /// Lets a robot go, in order, until this is over, because another gateway may have it then. An arm that a
+    /// run moves is stopped. What has not ended by then is broken off, and the robot has no connection any
+    /// more.
+    pub async fn let_go(&self, name: &RobotName, over: impl Future<Output = ()>) {
+        let post = {
+            let mut posts = self.write();
+            let post = posts.remove(name);
+            if post.is_some() {
+                self.shared.note_removal();
+            }
+            post
+        };
+        let Some(post) = post else { return };
+        self.shared.wake_readers();
+        let station = Arc::clone(&post.station);
+        let works = post.link.iter().chain([&post.clerk]);
         let aborts: Vec<_> = works.map(|work| work.task.abort_handle()).collect();
-        let ends = posts.into_values().map(|post| post.end(LeaseEnd::GatewayEnded));
         tokio::select! {
-            _ = futures_util::future::join_all(ends) => {}
+            () = post.end(LeaseEnd::GatewayEnded) => {}
             () = over => {
-                tracing::error!("the robots did not come to their end in time: their connections are cut");
+                tracing::error!(robot = %name, "it did not come to its end in time: its connection is cut");
             }
         }
         aborts.iter().for_each(tokio::task::AbortHandle::abort);
-        for station in stations {
-            station.cut();
-        }
+        station.cut();
     }
 
     fn read(&self) -> RwLockReadGuard<'_, BTreeMap<RobotName, Post>> {

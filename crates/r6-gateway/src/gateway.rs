@@ -1,20 +1,22 @@
 //! A running gateway.
 
-use std::collections::BTreeSet;
+mod begin;
+
 use std::fmt;
 use std::fs::{File, TryLockError};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, UNIX_EPOCH};
 
-use r6_api::gateway::{AuditRecord, CommandOutcome, Deed};
+use r6_api::gateway::{Deed, ManagedBy};
 use r6_client::RobotSettings;
 use r6_http::access::Site;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 
+pub(crate) use self::begin::{Begun, begin, close_open, record, started, take_over};
 use crate::accounts::Accounts;
 use crate::auditor::{self, AuditSettings, Auditor, open_key};
 use crate::backup;
@@ -22,15 +24,13 @@ use crate::certificate::{Certificate, CertificateError, TlsSettings};
 use crate::clock;
 use crate::core::hall::Hall;
 use crate::core::head::Signer;
-use crate::core::name::RobotName;
 use crate::core::raw::policy::RawPolicy;
 use crate::files;
 use crate::fleet::Fleet;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
 use crate::fleet::roster::{self, Changes};
-use crate::fleet::run;
-use crate::fleet::station::{Kept, Shared, by_itself};
+use crate::fleet::station::{Shared, by_itself};
 use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, Cookie, State};
 use crate::problem::Problem;
@@ -148,32 +148,11 @@ impl From<StoreError> for GatewayError {
     }
 }
 
-/// The present state. A gateway that shares its store has another one in each term.
-#[derive(Clone, Debug)]
-pub(crate) struct Present(Arc<Mutex<State>>);
-
-impl Present {
-    /// This one.
-    pub fn new(state: State) -> Self {
-        Self(Arc::new(Mutex::new(state)))
-    }
-
-    /// The state now.
-    pub fn state(&self) -> State {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    /// It is another one from now on.
-    pub fn set(&self, state: State) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = state;
-    }
-}
-
 /// A running gateway. Dropping it ends it without order: use [`Self::shutdown`].
 #[derive(Debug)]
 pub struct Gateway {
     address: SocketAddr,
-    present: Present,
+    state: State,
     /// The loop of a gateway that shares its store.
     sharing: Option<Running>,
     raw_policy: SharedPolicy,
@@ -223,7 +202,7 @@ impl Gateway {
         let shared = Shared::new(keeper, Roads::Tcp, history, epoch());
         let (robots, hall) = (settings.robot_settings, settings.hall);
         let doors = (address.port(), certificate.clone());
-        let state = look_after(begun, shared, doors, robots, hall, audit).await?;
+        let state = look_after(begun, shared, doors, robots, hall, Some(audit)).await?;
         let raw_policy = SharedPolicy::new(settings.raw_policy);
         let doors = match open(settings.raw, &state.fleet, &raw_policy) {
             Ok(doors) => doors,
@@ -238,15 +217,15 @@ impl Gateway {
         server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
         server.spawn(follow(certificate.clone()));
         keep_fresh(&state, &mut server);
-        let auditor = Arc::clone(&state.auditor);
-        server.spawn(async move { auditor.keep().await });
+        if let Some(auditor) = state.auditor.clone() {
+            server.spawn(async move { auditor.keep().await });
+        }
         let mut raw_ports = Vec::new();
         for (port, door, listener) in doors {
             raw_ports.push(port);
             server.spawn(raw_port::attend(door, listener));
         }
-        let present = Present::new(state);
-        Ok(Self { address, present, sharing: None, raw_policy, raw_ports, certificate, server, _lock: lock })
+        Ok(Self { address, state, sharing: None, raw_policy, raw_ports, certificate, server, _lock: lock })
     }
 
     /// Starts a gateway whose store others share.
@@ -270,31 +249,30 @@ impl Gateway {
         let raw_policy = SharedPolicy::new(settings.raw_policy);
         let sharing = Sharing {
             database,
-            name: sharing::name(address, certificate.is_some(), &settings.names),
-            address,
-            listener: listener.into_std().map_err(failed)?,
-            data: settings.data,
+            url: sharing::url(address, certificate.is_some(), &settings.names),
             certificate: certificate.clone(),
-            names: settings.names,
+            data: settings.data,
             audit: settings.audit,
             history: settings.history,
             robot_settings: settings.robot_settings,
             configured: Mutex::new(Configured { robots: settings.robots, hall: settings.hall }),
         };
-        let (running, present) = Running::start(sharing).await?;
+        let (running, state) = Running::start(sharing, address.port()).await?;
         let mut server = JoinSet::new();
+        let site = site(address, settings.names, &state);
+        let tls = certificate.as_ref().map(Certificate::tls);
+        server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
         server.spawn(follow(certificate.clone()));
+        keep_fresh(&state, &mut server);
         let raw_ports = Vec::new();
         let sharing = Some(running);
-        Ok(Self { address, present, sharing, raw_policy, raw_ports, certificate, server, _lock: lock })
+        Ok(Self { address, state, sharing, raw_policy, raw_ports, certificate, server, _lock: lock })
     }
 
-    /// Which gateway owns the robots: `Ok` if it is this one, and else why not, for people.
-    ///
-    /// # Errors
-    /// `no_owner`.
-    pub fn owner(&self) -> Result<(), Problem> {
-        self.present.state().shared.ownership.check()
+    /// How many robots this gateway owns; `None` if no other gateway shares its store.
+    #[must_use]
+    pub fn owned(&self) -> Option<usize> {
+        self.sharing.as_ref().map(|_| self.state.shared.owners.counts().0)
     }
 
     /// The address that it listens on.
@@ -322,8 +300,9 @@ impl Gateway {
     /// # Errors
     /// [`StoreError`].
     pub async fn setup_link(&self) -> Result<Option<String>, StoreError> {
-        let state = self.present.state();
-        if state.shared.ownership.is_other() {
+        let state = &self.state;
+        // One gateway does this for all.
+        if state.shared.owners.check_hall().is_err() {
             return Ok(None);
         }
         let secret = state.accounts.setup_link().await?;
@@ -342,7 +321,7 @@ impl Gateway {
     /// # Errors
     /// The system has no random numbers.
     pub fn sign_in_secret(&self, token: i64) -> io::Result<String> {
-        let secret = self.present.state().tokens.make_link(token).map_err(io::Error::other)?;
+        let secret = self.state.tokens.make_link(token).map_err(io::Error::other)?;
         Ok(secret.0)
     }
 
@@ -350,7 +329,7 @@ impl Gateway {
     /// of them, as soon as the disk takes it.
     pub fn set_raw_policy(&self, policy: RawPolicy) {
         if let Some(changed) = self.raw_policy.set(policy).filter(|_| self.sharing.is_none()) {
-            self.present.state().accounts.ledger.note(&by_itself(), changed.deed());
+            self.state.accounts.ledger.note(&by_itself(), changed.deed());
         }
     }
 
@@ -366,16 +345,15 @@ impl Gateway {
         if let Some(sharing) = &self.sharing {
             sharing.configure(|configured| configured.hall.clone_from(&hall));
         }
-        self.present.state().settings.set_file(hall);
+        self.state.settings.set_file(hall);
     }
 
-    /// How many robots it looks after, twins included. A gateway that waits for the robots of a shared store
-    /// knows those of its configuration.
+    /// How many robots there are, twins included, and with a shared store those of other gateways too.
     #[must_use]
     pub fn robots(&self) -> usize {
         match &self.sharing {
-            Some(sharing) if self.owner().is_err() => sharing.configured_robots(),
-            Some(_) | None => self.present.state().fleet.stations().len(),
+            Some(_) => self.state.shared.owners.counts().1,
+            None => self.state.fleet.stations().len(),
         }
     }
 
@@ -385,16 +363,38 @@ impl Gateway {
     /// # Errors
     /// The robots cannot be looked after (nothing was changed), or the store failed.
     pub async fn reload(&self, robots: Vec<RobotConfig>) -> Result<Changes, Problem> {
-        let state = self.present.state();
+        let state = &self.state;
         let Some(sharing) = &self.sharing else { return state.fleet.reload(robots).await };
         roster::check(&robots)?;
-        let changes = match state.shared.ownership.is_other() {
-            // They hold once this gateway owns the robots.
-            true => Changes::default(),
-            false => state.fleet.reload(robots.clone()).await?,
-        };
+        self.check_elsewhere(&robots).await?;
+        // What other gateways own is theirs to change. What is new has no owner yet.
+        let is_here = |robot: &&RobotConfig| state.fleet.station(robot.name.as_str()).is_some();
+        let changes = state.fleet.reload(robots.iter().filter(is_here).cloned().collect()).await?;
         sharing.configure(|configured| configured.robots = robots);
+        sharing.leave_changed();
         Ok(changes)
+    }
+
+    /// Refuses to take from its arm the name of a robot that is not here, while a stop holds at it or is
+    /// owed.
+    async fn check_elsewhere(&self, robots: &[RobotConfig]) -> Result<(), Problem> {
+        let (fleet, shared) = (&self.state.fleet, &self.state.shared);
+        let goes = |known: &RobotConfig| match robots.iter().find(|robot| robot.name == known.name) {
+            Some(robot) => robot.place() != known.place(),
+            None => known.managed_by == ManagedBy::File,
+        };
+        let known = shared.owners.robots().into_iter();
+        let known = known.filter(|known| fleet.station(known.name.as_str()).is_none() && goes(known));
+        let gone: Vec<_> = known.map(|known| known.name).collect();
+        let look = move |store: &mut dyn Store| {
+            let owed = store.owed_stops()?;
+            let stopped = store.kept(&gone)?.into_iter().map(|(seat, _)| seat.stopped);
+            let tied =
+                gone.iter().zip(stopped).map(|(name, stopped)| (name.clone(), stopped, owed.contains(name)));
+            Ok(tied.collect::<Vec<_>>())
+        };
+        let tied = shared.keeper.work(look).await?;
+        tied.iter().try_for_each(|(name, stopped, owed)| roster::refuse_tied(name.as_str(), *stopped, *owed))
     }
 
     /// Ends the gateway in order: no new requests, then the outcomes of commands and stops that are under
@@ -407,7 +407,7 @@ impl Gateway {
         self.server.shutdown().await;
         match self.sharing.take() {
             Some(sharing) => sharing.end().await,
-            None => finish(&self.present.state()).await,
+            None => finish(&self.state).await,
         }
     }
 }
@@ -420,7 +420,9 @@ pub(crate) async fn finish(state: &State) -> Result<(), StoreError> {
         tracing::error!("the last records about users were not written");
     }
     let ended = shared.keeper.append(vec![record(None, Deed::GatewayEnded {})]).await.map(drop);
-    if let Err(error) = state.auditor.put_head().await {
+    if let Some(auditor) = &state.auditor
+        && let Err(error) = auditor.put_head().await
+    {
         tracing::error!(%error, "the last head of the audit log was not stored");
     }
     if let Some(history) = &shared.history
@@ -434,24 +436,6 @@ pub(crate) async fn finish(state: &State) -> Result<(), StoreError> {
     ended
 }
 
-/// The robots, each as it was saved, and those that are owed a stop: a list of a run may still be there.
-type Begun = (Vec<(Kept, RobotConfig)>, BTreeSet<RobotName>);
-
-/// Writes down that the gateway starts, and what the last one left undone.
-pub(crate) fn begin(store: &mut dyn Store, robots: Vec<RobotConfig>) -> Result<Begun, StoreError> {
-    let mut records: Vec<_> = store.open_intents()?.into_iter().map(unknown).collect();
-    records.push(record(None, Deed::GatewayStarted {}));
-    store.append(&records)?;
-    // A link that an earlier start printed ends with it.
-    store.remove_setup_link()?;
-    let ends: Vec<_> = store.open_runs()?.into_iter().map(run::killed).collect();
-    store.end_runs(&ends)?;
-    let owed = store.owed_stops()?.into_iter().collect();
-    let names: Vec<_> = robots.iter().map(|robot| robot.name.clone()).collect();
-    let kept = store.kept(&names)?.into_iter().map(|(seat, alarms)| Kept { seat, alarms });
-    Ok((kept.zip(robots).collect(), owed))
-}
-
 /// Starts to look after these robots, for the routes.
 pub(crate) async fn look_after(
     (robots, owed): Begun,
@@ -459,14 +443,14 @@ pub(crate) async fn look_after(
     (port, certificate): (u16, Option<Certificate>),
     robot_settings: RobotSettings,
     hall: Option<Hall>,
-    (signer, audit): (Signer, AuditSettings),
+    audit: Option<(Signer, AuditSettings)>,
 ) -> Result<State, StoreError> {
     let shared = Arc::new(shared);
     let tokens = Arc::new(Tokens::read(shared.keeper.clone()).await?);
     let accounts = Arc::new(Accounts::read(shared.keeper.clone()).await?);
     let settings = Arc::new(Settings::read(shared.keeper.clone(), hall).await?);
     let fleet = Arc::new(Fleet::start(robots, &owed, Arc::clone(&shared)));
-    let auditor = Arc::new(Auditor::new(shared.keeper.clone(), signer, audit));
+    let auditor = audit.map(|(signer, audit)| Arc::new(Auditor::new(shared.keeper.clone(), signer, audit)));
     let (is_secure, bench) = (certificate.is_some(), Bench::new());
     let cookie = Cookie::new(port, is_secure);
     Ok(State {
@@ -489,14 +473,17 @@ pub(crate) fn site(address: SocketAddr, names: Vec<String>, state: &State) -> Si
     Site::new(address).with_names(names).with_tls(state.is_secure).with_page("/setup")
 }
 
-/// Reads tokens and users again and again, and writes what is told of users.
+/// Reads tokens and users, and settings that others may change, again and again, and writes what is told of
+/// users.
 pub(crate) fn keep_fresh(state: &State, server: &mut JoinSet<()>) {
     server.spawn(refresh(Arc::clone(&state.tokens)));
     let accounts = Arc::clone(&state.accounts);
     server.spawn(async move { accounts.keep_fresh().await });
-    if !state.shared.ownership.is_other() {
-        let accounts = Arc::clone(&state.accounts);
-        server.spawn(async move { accounts.ledger.keep().await });
+    let accounts = Arc::clone(&state.accounts);
+    server.spawn(async move { accounts.ledger.keep().await });
+    if !state.shared.owners.is_alone() {
+        let settings = Arc::clone(&state.settings);
+        server.spawn(async move { settings.keep_fresh().await });
     }
 }
 
@@ -590,15 +577,4 @@ fn lock(folder: &Path) -> Result<File, GatewayError> {
         Err(TryLockError::WouldBlock) => Err(GatewayError::InUse(folder.to_owned())),
         Err(TryLockError::Error(error)) => Err(GatewayError::System(error)),
     }
-}
-
-fn record(robot: Option<String>, deed: Deed) -> AuditRecord {
-    let (time, actor) = (clock::time_of_day(), "gateway".to_owned());
-    AuditRecord { time, actor, source: None, robot, deed }
-}
-
-/// The outcome of a command that the end of the process cut short.
-fn unknown((intent, robot): (u64, Option<String>)) -> AuditRecord {
-    let detail = "the gateway ended before the answer: the robot may have acted".to_owned();
-    record(robot, Deed::CommandOutcome { intent, outcome: CommandOutcome::Unknown, detail })
 }

@@ -14,6 +14,7 @@ mod csv;
 mod deadline;
 mod described;
 mod etag;
+mod forward;
 mod health;
 mod history;
 mod idempotency;
@@ -62,6 +63,7 @@ use crate::fleet::station::Shared;
 use crate::http::caller::Caller;
 pub use crate::http::cookie::Cookie;
 use crate::http::described::OfToken;
+use crate::problem::Problem;
 use crate::programs::bench::Bench;
 use crate::settings::Settings;
 use crate::tokens::Tokens;
@@ -76,8 +78,8 @@ pub struct State {
     pub tokens: Arc<Tokens>,
     /// The users and their sessions.
     pub accounts: Arc<Accounts>,
-    /// What signs the heads of the audit log.
-    pub auditor: Arc<Auditor>,
+    /// What signs the heads of the audit log; `None` if gateways share it, of which one does.
+    pub auditor: Option<Arc<Auditor>>,
     /// What they share.
     pub shared: Arc<Shared>,
     /// Whether clients speak TLS with the gateway.
@@ -92,6 +94,21 @@ pub struct State {
     pub settings: Arc<Settings>,
     /// Where programs are checked and planned.
     pub bench: Bench,
+}
+
+impl State {
+    /// What signs the heads of the audit log.
+    ///
+    /// # Errors
+    /// `no_owner`: another gateway does it.
+    pub fn auditor(&self) -> Result<Arc<Auditor>, Problem> {
+        let owners = &self.shared.owners;
+        if let Some(auditor) = self.auditor.clone().or_else(|| owners.auditor()) {
+            return Ok(auditor);
+        }
+        owners.check_hall()?;
+        Err(Problem::new(Code::NoOwner, "the audit log has just come to this gateway: ask again"))
+    }
 }
 
 #[derive(OpenApi)]
@@ -193,6 +210,7 @@ pub fn router(state: State, site: Site) -> Router {
         .fallback(no_such_path)
         .method_not_allowed_fallback(no_such_method)
         .layer(DefaultBodyLimit::max(body::MAX_BYTES))
+        .layer(middleware::from_fn_with_state(state.clone(), forward::pass_on))
         .layer(middleware::from_fn(traces::of_request))
         .layer(middleware::from_fn_with_state(site, guard))
         .with_state(state)

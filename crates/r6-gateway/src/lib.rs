@@ -34,7 +34,8 @@
 //! - `accounts`: users, their passwords and sessions.
 //! - `auditor`: signs the heads of the audit log and removes its oldest entries; `verify` checks it.
 //! - `settings`: the time zone and the shifts of the hall.
-//! - `sharing`: a gateway that shares its store with others, of which one owns the robots (`ownership`).
+//! - `sharing`: a gateway that shares its store with others, each of which owns some robots (`ownership`).
+//!   `peers`: how it reaches them; `http/forward.rs` passes requests on.
 //! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
 //! - `traces`: spans of requests and commands, for a subscriber that asks for them.
@@ -59,6 +60,7 @@ mod history;
 mod http;
 mod live;
 mod ownership;
+mod peers;
 mod problem;
 mod programs;
 mod raw_port;

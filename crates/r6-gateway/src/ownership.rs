@@ -1,7 +1,10 @@
-//! Whether this gateway owns the robots now.
+//! Whether this gateway owns a robot now.
 //!
-//! [`Ownership`] is of one term: from when the gateway became the owner, or began to wait, to when that ends.
-//! Whatever was permitted in one term is void in the next. `core/owner.rs` has the times.
+//! [`Ownership`] is of one term: from when the gateway took the robot, or the hall, to when it has it no
+//! more. Whatever was permitted in one term is void in the next. `core/owner.rs` has the times. [`owners`]
+//! knows who has what.
+
+pub mod owners;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -18,24 +21,24 @@ use crate::problem::Problem;
 /// and that of tasks does not.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Whether the gateway owns the robots in this term. Clones are of the same term.
+/// Whether the gateway owns a robot in this term. Clones are of the same term.
 #[derive(Clone, Debug)]
-pub struct Ownership(Arc<Term>);
+pub struct Ownership(Arc<Held>);
 
 #[derive(Debug)]
-struct Term {
+struct Held {
     standing: Mutex<Standing>,
     changed: Notify,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 enum Standing {
     /// The store is this gateway's alone.
     Alone,
-    /// It owns the robots of a store that others share.
+    /// It owns the robot, in a store that others share.
     Owns(Reign),
-    /// It does not: this gateway does, if its name is known.
-    Other(String),
+    /// It has let go of it.
+    Over,
 }
 
 impl Ownership {
@@ -45,20 +48,14 @@ impl Ownership {
         Self::of(Standing::Alone)
     }
 
-    /// The gateway owns the robots.
+    /// The gateway owns the robot.
     #[must_use]
     pub fn owns(reign: Reign) -> Self {
         Self::of(Standing::Owns(reign))
     }
 
-    /// Another gateway owns the robots. Its name may be empty.
-    #[must_use]
-    pub fn other(name: String) -> Self {
-        Self::of(Standing::Other(name))
-    }
-
     fn of(standing: Standing) -> Self {
-        Self(Arc::new(Term { standing: Mutex::new(standing), changed: Notify::new() }))
+        Self(Arc::new(Held { standing: Mutex::new(standing), changed: Notify::new() }))
     }
 
     /// What the gateway may do now.
@@ -71,7 +68,7 @@ impl Ownership {
         match &*self.standing() {
             Standing::Alone => Phase::Owns,
             Standing::Owns(reign) => reign.phase(now),
-            Standing::Other(_) => Phase::Over,
+            Standing::Over => Phase::Over,
         }
     }
 
@@ -87,17 +84,11 @@ impl Ownership {
         matches!(&*self.standing(), Standing::Alone)
     }
 
-    /// Whether anything may leave for a robot now, a stop or a query too. It is asked in the call that
+    /// Whether anything may leave for the robot now, a stop or a query too. It is asked in the call that
     /// writes.
     #[must_use]
     pub fn may_send(&self) -> bool {
         self.phase() < Phase::Over
-    }
-
-    /// Whether another gateway owns the robots, as far as this one knows.
-    #[must_use]
-    pub fn is_other(&self) -> bool {
-        matches!(&*self.standing(), Standing::Other(_))
     }
 
     /// Refuses what only the owner does.
@@ -105,32 +96,25 @@ impl Ownership {
     /// # Errors
     /// `no_owner`.
     pub fn check(&self) -> Result<(), Problem> {
-        let message = match &*self.standing() {
-            Standing::Alone => return Ok(()),
-            Standing::Owns(reign) => match reign.phase(clock::now()) {
-                Phase::Owns => return Ok(()),
-                Phase::NoMoves | Phase::StopLists | Phase::Over => {
-                    "the store has not answered this gateway for a second, so it changes and moves nothing: ask again, \
-                     or ask another gateway"
-                        .to_owned()
-                }
-            },
-            Standing::Other(name) if name.is_empty() => {
-                "no gateway owns the robots at the moment: ask again".to_owned()
+        let message = match self.phase() {
+            Phase::Owns => return Ok(()),
+            Phase::NoMoves | Phase::StopLists => {
+                "the store has not answered this gateway for a second, so it changes and moves nothing: ask again, \
+                 or ask another gateway"
             }
-            Standing::Other(name) => format!("another gateway owns the robots: {name}. Ask there"),
+            Phase::Over => "this gateway has just let go of it: ask again, or ask another gateway",
         };
         Err(Problem::new(Code::NoOwner, message))
     }
 
-    /// The store took the beat that was sent at this time.
+    /// The store took the beat that was sent at this time, and says that the gateway owns the robot.
     pub fn beaten(&self, sent: Instant) {
         if let Standing::Owns(reign) = &mut *self.standing() {
             reign.beaten(sent, clock::now());
         }
     }
 
-    /// The store has another fence.
+    /// The store has another owner, or another fence.
     pub fn refused(&self) {
         if let Standing::Owns(reign) = &mut *self.standing() {
             reign.refused();
@@ -138,18 +122,27 @@ impl Ownership {
         self.0.changed.notify_waiters();
     }
 
-    /// Another gateway owns the robots. An owner owns them no more, for good.
-    pub fn set_other(&self, name: String) {
-        *self.standing() = Standing::Other(name);
+    /// The gateway has let go of the robot, for good.
+    pub fn end(&self) {
+        *self.standing() = Standing::Over;
         self.0.changed.notify_waiters();
     }
 
     /// Waits until the gateway has to stop its lists.
     pub async fn until_lost(&self) {
+        self.until(Phase::StopLists).await;
+    }
+
+    /// Waits until the gateway may have no connection to the robot any more.
+    pub async fn until_over(&self) {
+        self.until(Phase::Over).await;
+    }
+
+    async fn until(&self, phase: Phase) {
         loop {
             let changed = self.0.changed.notified();
             let now = clock::now();
-            if self.phase_at(now) >= Phase::StopLists {
+            if self.phase_at(now) >= phase {
                 return;
             }
             let wait = self.left(now).unwrap_or(LOOK).min(LOOK);
@@ -161,11 +154,10 @@ impl Ownership {
     }
 
     /// How long this phase lasts at least.
-    #[must_use]
-    pub fn left(&self, now: Instant) -> Option<Duration> {
+    fn left(&self, now: Instant) -> Option<Duration> {
         match &*self.standing() {
             Standing::Owns(reign) => reign.left(now),
-            Standing::Alone | Standing::Other(_) => None,
+            Standing::Alone | Standing::Over => None,
         }
     }
 

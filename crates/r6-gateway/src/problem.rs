@@ -116,6 +116,7 @@ impl From<StoreError> for Problem {
             StoreError::Denied(account::Denied::HasAdmin) | StoreError::LinkVoid => Code::LinkVoid,
             StoreError::Denied(account::Denied::TooMany) | StoreError::TooManyTokens => Code::NoRoom,
             StoreError::UserChanged => Code::NoSession,
+            StoreError::AddressTaken(_) => Code::AddressTaken,
             StoreError::Unavailable(_)
             | StoreError::Broken(_)
             | StoreError::Unreadable(_)

@@ -1,6 +1,7 @@
 //! The settings of the hall: those of the file, or those that were stored over the API.
 
 use std::sync::{Arc, PoisonError, RwLock};
+use std::time::Duration;
 
 use r6_api::Code;
 use r6_api::gateway::{Deed, HallSettings, ManagedBy};
@@ -11,6 +12,9 @@ use crate::core::hall::{Hall, Mistake, is_no_place};
 use crate::core::library::{Condition, Tag, Unfit};
 use crate::problem::Problem;
 use crate::store::{Author, Keeper, StoreError, StoredSettings};
+
+/// How often the settings are read again, if another gateway may change them.
+const REFRESH: Duration = Duration::from_secs(1);
 
 /// Settings that hold.
 #[derive(Clone, Debug)]
@@ -45,25 +49,30 @@ impl Settings {
     /// # Errors
     /// [`StoreError`].
     pub async fn read(keeper: Keeper, file: Option<Hall>) -> Result<Self, StoreError> {
-        let stored = match keeper.settings().await? {
-            None => known(Hall::usual(), 0, ManagedBy::Api),
-            Some(StoredSettings { version, text }) => {
-                let unreadable = |what: String| StoreError::Unreadable(format!("the settings: {what}"));
-                let mut settings: HallSettings =
-                    serde_json::from_str(&text).map_err(|error| unreadable(error.to_string()))?;
-                if is_no_place(&settings.time_zone) {
-                    let zone = std::mem::replace(&mut settings.time_zone, "UTC".to_owned());
-                    tracing::error!(
-                        zone,
-                        "the time zone of the hall has no rules: it is UTC until an admin chooses one"
-                    );
-                }
-                let hall = Hall::new(settings).map_err(|mistakes| unreadable(listed(&mistakes)))?;
-                known(hall, version, ManagedBy::Api)
-            }
-        };
+        let stored = read(&keeper).await?;
         let held = Held { of_file: file.map(of_file), stored: Arc::new(stored) };
         Ok(Self { keeper, held: RwLock::new(held), changing: AsyncMutex::default() })
+    }
+
+    /// Reads what is stored again: another gateway may have changed it.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn refresh(&self) -> Result<(), StoreError> {
+        let _turn = self.changing.lock().await;
+        let stored = Arc::new(read(&self.keeper).await?);
+        self.held.write().unwrap_or_else(PoisonError::into_inner).stored = stored;
+        Ok(())
+    }
+
+    /// Reads what is stored again and again, for as long as it is polled.
+    pub async fn keep_fresh(&self) {
+        loop {
+            tokio::time::sleep(REFRESH).await;
+            if let Err(error) = self.refresh().await {
+                tracing::error!(%error, "the settings could not be read again");
+            }
+        }
     }
 
     /// The settings that hold now.
@@ -77,7 +86,7 @@ impl Settings {
         self.held.write().unwrap_or_else(PoisonError::into_inner).of_file = file.map(of_file);
     }
 
-    /// Stores settings. They are on the disk and in the audit log before they hold.
+    /// Stores settings over this handle. They are on the disk and in the audit log before they hold.
     ///
     /// # Errors
     /// `managed_by_file`, `bad_value` with every mistake, `needs_if_match`, `not_this_version`,
@@ -87,6 +96,7 @@ impl Settings {
         wanted: HallSettings,
         condition: &Condition,
         by: &Author,
+        keeper: &Keeper,
     ) -> Result<Arc<Known>, Problem> {
         let _turn = self.changing.lock().await;
         let now = self.now();
@@ -100,11 +110,32 @@ impl Settings {
         let HallSettings { time_zone, shifts } = new.hall.settings().clone();
         let deed = Deed::SettingsChanged { version: new.tag.version, time_zone, shifts };
         let stored = StoredSettings { version: new.tag.version, text: text(&new.hall) };
-        self.keeper.put_settings(stored, by.record(deed)).await?;
+        keeper.put_settings(stored, by.record(deed)).await?;
         let new = Arc::new(new);
         self.held.write().unwrap_or_else(PoisonError::into_inner).stored = Arc::clone(&new);
         Ok(new)
     }
+}
+
+/// The settings of a store.
+async fn read(keeper: &Keeper) -> Result<Known, StoreError> {
+    Ok(match keeper.settings().await? {
+        None => known(Hall::usual(), 0, ManagedBy::Api),
+        Some(StoredSettings { version, text }) => {
+            let unreadable = |what: String| StoreError::Unreadable(format!("the settings: {what}"));
+            let mut settings: HallSettings =
+                serde_json::from_str(&text).map_err(|error| unreadable(error.to_string()))?;
+            if is_no_place(&settings.time_zone) {
+                let zone = std::mem::replace(&mut settings.time_zone, "UTC".to_owned());
+                tracing::error!(
+                    zone,
+                    "the time zone of the hall has no rules: it is UTC until an admin chooses one"
+                );
+            }
+            let hall = Hall::new(settings).map_err(|mistakes| unreadable(listed(&mistakes)))?;
+            known(hall, version, ManagedBy::Api)
+        }
+    })
 }
 
 fn of_file(hall: Hall) -> Arc<Known> {

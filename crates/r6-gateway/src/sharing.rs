@@ -1,71 +1,78 @@
-//! A gateway that shares its store with others: one of them owns the robots, the others wait.
+//! A gateway that shares its store with others: each robot is owned by one of them.
 //!
-//! [`run`] is one loop. While another gateway owns the robots, it looks at the row of the owner twice a
-//! second and answers what the store alone can answer. When it takes the robots, it starts as a gateway does
-//! after the end of the last one: commands without an outcome are `unknown`, lists of runs are stopped, stops
-//! hold. Its beats go on in a task beside it. When they fail, it lets go in time (`core/owner.rs`), and waits
-//! again.
+//! [`run`] is one loop, which looks at the rows of the owners twice a second (`core/owner.rs` says what
+//! follows from them). What the gateway takes begins as after the end of a gateway: commands without an
+//! outcome are
+//! `unknown`, lists of runs are stopped, stops hold (`sharing/term.rs`). Beats go on in a task beside it
+//! (`sharing/beats.rs`). When they fail, each robot is let go of in time, and taken again by the gateway
+//! that is first.
 
-use std::collections::BTreeSet;
-use std::net::SocketAddr;
+mod beats;
+mod term;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_client::RobotSettings;
-use tokio::net::TcpListener;
-use tokio::sync::{oneshot, watch};
-use tokio::task::{AbortHandle, JoinSet};
+use r6_proto::time::Instant;
+use tokio::sync::{Mutex as AsyncMutex, Notify, oneshot, watch};
 
-use crate::auditor::{self, AuditSettings, open_key};
+use self::beats::Beats;
+use crate::auditor::AuditSettings;
 use crate::certificate::Certificate;
 use crate::clock;
 use crate::core::hall::Hall;
-use crate::core::owner::{BEAT, LOOK, Phase, Reign, Verdict, Watch};
+use crate::core::name::RobotName;
+use crate::core::owner::{Claim, Own, Owned, Reign, Verdict, Watch};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
+use crate::fleet::roster::{self, MAX_ROBOTS};
 use crate::fleet::station::Shared;
-use crate::gateway::{self, GatewayError, Present};
+use crate::gateway::{self, GatewayError};
 use crate::history::{HistorySettings, Recorder};
-use crate::http::{self, State};
+use crate::http::State;
 use crate::ownership::Ownership;
+use crate::ownership::owners::Owners;
+use crate::peers::{Door, Peers};
+use crate::secret;
 use crate::store::history::Place as HistoryPlace;
-use crate::store::postgres::owner::OwnerRow;
+use crate::store::postgres::owner::{Looked, OwnerRows, Wanted};
 use crate::store::postgres::session::Hand;
 use crate::store::postgres::{Database, Postgres, look_at_server};
-use crate::store::{Keeper, StoreError};
+use crate::store::{Keeper, StoreError, StoredRobot};
 
-/// After a beat that failed, the next one comes so soon.
-const AFTER_FAILURE: Duration = Duration::from_millis(100);
-
-/// How long a gateway that could not start its robots leaves them to others.
+/// How long a gateway that could not begin with something leaves it to others.
 const AFTER_BAD_START: Duration = Duration::from_secs(3);
 
-/// How long requests that are under way have to get their answers when another state takes the place of
-/// theirs.
-const HAND_OVER: Duration = Duration::from_millis(500);
-
-/// How long the first look may take.
+/// How long the first look, and beginning with what it took, may take.
 const FIRST_LOOK: Duration = Duration::from_secs(10);
 
-/// What a gateway with a shared store needs, from one term to the next.
+/// How many robots this gateway gives to others at a time: each of them has no gateway for a moment.
+const GIVEN_AT_ONCE: usize = 4;
+
+/// How long the ends of all terms may take, at the end: a stop takes 17 s, a run 21 s, and the records 5 s.
+const LAST_TERMS: Duration = Duration::from_secs(50);
+
+/// How often to look whether everything was let go of, at the end.
+const LAST_LOOK: Duration = Duration::from_millis(10);
+
+/// What a gateway with a shared store needs.
 #[derive(Debug)]
 pub(crate) struct Sharing {
     pub database: Database,
-    /// How the others call it.
-    pub name: String,
-    pub address: SocketAddr,
-    pub listener: std::net::TcpListener,
-    pub data: PathBuf,
+    /// Where callers and the other gateways find it.
+    pub url: String,
     pub certificate: Option<Certificate>,
-    pub names: Vec<String>,
+    pub data: PathBuf,
     pub audit: AuditSettings,
     pub history: HistorySettings,
     pub robot_settings: RobotSettings,
     pub configured: Mutex<Configured>,
 }
 
-/// What the file says. It may be read again while another gateway owns the robots.
+/// What the file says. It may be read again.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Configured {
     pub robots: Vec<RobotConfig>,
@@ -75,47 +82,111 @@ pub(crate) struct Configured {
 /// A handle on the loop.
 #[derive(Debug)]
 pub(crate) struct Running {
-    sharing: Arc<Sharing>,
+    inner: Arc<Inner>,
     end: watch::Sender<bool>,
     task: tokio::task::JoinHandle<Result<(), StoreError>>,
 }
 
+/// What the loop and the terms work on.
+#[derive(Debug)]
+struct Inner {
+    sharing: Sharing,
+    /// The number of this gateway, of this start: drawn, so that no copy of the store gives it to another
+    /// one.
+    number: u64,
+    door: Door,
+    state: State,
+    owners: Owners,
+    /// For giving back.
+    rows: AsyncMutex<OwnerRows>,
+    /// What tells a term to end.
+    leaving: Mutex<BTreeMap<Owned, Arc<Notify>>>,
+    /// What others are left for now, and until when.
+    shunned: Mutex<BTreeMap<Owned, Instant>>,
+    /// Whether the gateway ends.
+    ends: watch::Receiver<bool>,
+}
+
 impl Running {
-    /// Starts the loop. When this returns, it is known whether this gateway owns the robots, or that it has
-    /// to wait and look.
+    /// Starts the loop. When this returns, the rows were looked at, and the gateway has begun with what it
+    /// took.
     ///
     /// # Errors
     /// [`GatewayError`]: the store cannot be used.
-    pub async fn start(sharing: Sharing) -> Result<(Self, Present), GatewayError> {
-        let sharing = Arc::new(sharing);
-        let of_server = {
-            let database = sharing.database.clone();
+    pub async fn start(sharing: Sharing, port: u16) -> Result<(Self, State), GatewayError> {
+        let database = sharing.database.clone();
+        let mut bytes = [0; 8];
+        secret::fill(&mut bytes)
+            .map_err(|error| StoreError::Unavailable(format!("no random numbers: {error}")))?;
+        // The store has signed numbers.
+        let number = u64::from_ne_bytes(bytes) >> 1;
+        let told = {
+            let database = database.clone();
             blocking(move || {
                 let told = look_at_server(&database)?;
                 Postgres::open(&database, Hand::Shell)?;
                 Ok(told)
             })
         };
-        for told in of_server.await? {
+        for told in told.await? {
             tracing::warn!("{told}");
         }
-        let state = waiting(&sharing, String::new()).await?;
-        let present = Present::new(state);
+        let peers = Peers::new().map_err(StoreError::Unavailable)?;
+        let door = Door {
+            url: sharing.url.clone(),
+            key: peers.public_key(),
+            certificate: sharing.certificate.as_ref().map(Certificate::fingerprint_now),
+        };
+        let mut rows = OwnerRows::new(database.clone());
+        rows.register(number, &door).await?;
+        let (keeper, history) = {
+            let settings = sharing.history.clone();
+            blocking(move || {
+                let store = Postgres::of_gateway(&database, number)?;
+                let keeper = Keeper::start(store).map_err(GatewayError::System)?;
+                let place = HistoryPlace::Database { database, hand: Hand::Gateway(number) };
+                let history = settings.on.then(|| Recorder::start(place, settings)).transpose()?;
+                Ok((keeper, history))
+            })
+            .await?
+        };
+        keeper.append(vec![gateway::started()]).await?;
+        let owners = Owners::shared(peers);
+        owners.set_number(number);
+        let shared = Shared::new(keeper, Roads::Tcp, history, gateway::epoch()).with_owners(owners.clone());
+        let hall = sharing.configured().hall.clone();
+        let begun = (Vec::new(), BTreeSet::new());
+        let robot_settings = sharing.robot_settings.clone();
+        let doors = (port, sharing.certificate.clone());
+        let state = gateway::look_after(begun, shared, doors, robot_settings, hall, None).await?;
         let (end, ends) = watch::channel(false);
+        let inner = Arc::new(Inner {
+            sharing,
+            number,
+            door,
+            state: state.clone(),
+            owners,
+            rows: AsyncMutex::new(rows),
+            leaving: Mutex::default(),
+            shunned: Mutex::default(),
+            ends,
+        });
         let (looked, first) = oneshot::channel();
-        let task = tokio::spawn(run(Arc::clone(&sharing), present.clone(), ends, looked));
+        let task = tokio::spawn(run(Arc::clone(&inner), looked));
         let _ = tokio::time::timeout(FIRST_LOOK, first).await;
-        Ok((Self { sharing, end, task }, present))
+        Ok((Self { inner, end, task }, state))
     }
 
     /// What the file says now.
     pub fn configure(&self, change: impl FnOnce(&mut Configured)) {
-        change(&mut self.sharing.configured());
+        change(&mut self.inner.sharing.configured());
     }
 
-    /// How many robots the file has.
-    pub fn configured_robots(&self) -> usize {
-        self.sharing.configured().robots.len()
+    /// Lets go of robots that this gateway took before it had read how they are now. They are taken anew.
+    pub fn leave_changed(&self) {
+        for station in self.inner.state.fleet.stations() {
+            self.inner.leave_if_changed(&station.config());
+        }
     }
 
     /// Ends it in order, and gives the robots back.
@@ -139,18 +210,26 @@ impl Sharing {
         self.configured.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Serves this state, until what is returned is dropped.
-    fn serve(&self, state: &State) -> Result<Served, std::io::Error> {
-        let listener = TcpListener::from_std(self.listener.try_clone()?)?;
-        let site = gateway::site(self.address, self.names.clone(), state);
-        let tls = self.certificate.as_ref().map(Certificate::tls);
-        let (end, ends) = oneshot::channel::<()>();
-        let over = async { drop(ends.await) };
-        let router = http::router(state.clone(), site);
-        let http = tokio::spawn(r6_http::serve_until(listener, router, tls, over, HAND_OVER)).abort_handle();
-        let mut tasks = JoinSet::new();
-        gateway::keep_fresh(state, &mut tasks);
-        Ok(Served { tasks, http: Some((http, end)), is_old: false })
+    /// All robots: those of the file, and those that were added over the API and fit to them. Returns those
+    /// that do not fit, too.
+    fn robots(&self, stored: &[StoredRobot]) -> (BTreeMap<RobotName, RobotConfig>, BTreeSet<RobotName>) {
+        let configured = self.configured().robots.clone();
+        let mut addresses: BTreeSet<_> = configured.iter().map(RobotConfig::place).collect();
+        let mut robots: BTreeMap<_, _> =
+            configured.into_iter().map(|robot| (robot.name.clone(), robot)).collect();
+        let mut unfit = BTreeSet::new();
+        for added in stored {
+            let robot = roster::of_store(added, self.robot_settings.clone()).ok();
+            let robot = robot.filter(|robot| robot.check().is_ok() && !robots.contains_key(&robot.name));
+            // One pass over all: this is done with each look.
+            match robot {
+                Some(robot) if robots.len() < MAX_ROBOTS && addresses.insert(robot.place()) => {
+                    robots.insert(robot.name.clone(), robot);
+                }
+                _ => drop(unfit.insert(added.name.clone())),
+            }
+        }
+        (robots, unfit)
     }
 }
 
@@ -161,264 +240,242 @@ async fn blocking<T: Send + 'static>(
     tokio::task::spawn_blocking(work).await.unwrap_or(Err(StoreError::Closed.into()))
 }
 
-/// The state of a gateway that does not own the robots.
-async fn waiting(sharing: &Sharing, owner: String) -> Result<State, GatewayError> {
-    let (database, data) = (sharing.database.clone(), sharing.data.clone());
-    let (keeper, signer) = blocking(move || {
-        let store = Postgres::open_to_read(&database)?;
-        Ok((Keeper::start(store).map_err(GatewayError::System)?, open_key(&data)?))
-    })
-    .await?;
-    let ownership = Ownership::other(owner);
-    let shared = Shared::new(keeper, Roads::Tcp, None, gateway::epoch()).owned(ownership);
-    let hall = sharing.configured().hall.clone();
-    let begun = (Vec::new(), BTreeSet::new());
-    let audit = (signer, sharing.audit);
-    let doors = (sharing.address.port(), sharing.certificate.clone());
-    let state =
-        gateway::look_after(begun, shared, doors, sharing.robot_settings.clone(), hall, audit).await?;
-    Ok(state)
-}
-
-/// The state of the owner.
-async fn owning(sharing: &Sharing, fence: u64, ownership: Ownership) -> Result<State, GatewayError> {
-    let (database, data) = (sharing.database.clone(), sharing.data.clone());
-    let Configured { robots, hall } = sharing.configured().clone();
-    let robot_settings = sharing.robot_settings.clone();
-    let history = sharing.history.clone();
-    let (begun, keeper, history, signer) = blocking(move || {
-        let mut store = Postgres::open(&database, Hand::Owner(fence))?;
-        let robots = gateway::all_robots(&mut store, robots, &robot_settings)?;
-        let signer = open_key(&data)?;
-        auditor::begin(&mut store, &signer)?;
-        let begun = gateway::begin(&mut store, robots)?;
-        let keeper = Keeper::start(store).map_err(GatewayError::System)?;
-        let place = HistoryPlace::Database { database, hand: Hand::Owner(fence) };
-        let history = history.on.then(|| Recorder::start(place, history)).transpose()?;
-        Ok((begun, keeper, history, signer))
-    })
-    .await?;
-    // The store took its time: another gateway may have the robots by now.
-    if !ownership.may_move() {
-        return Err(
-            StoreError::Unavailable("the robots were lost before they were begun with".to_owned()).into()
-        );
-    }
-    let shared = Shared::new(keeper, Roads::Tcp, history, gateway::epoch()).owned(ownership);
-    let audit = (signer, sharing.audit);
-    let doors = (sharing.address.port(), sharing.certificate.clone());
-    let state =
-        gateway::look_after(begun, shared, doors, sharing.robot_settings.clone(), hall, audit).await?;
-    Ok(state)
-}
-
-/// Waits and owns in turn, until `end` is true.
-async fn run(
-    sharing: Arc<Sharing>,
-    present: Present,
-    mut end: watch::Receiver<bool>,
-    looked: oneshot::Sender<()>,
-) -> Result<(), StoreError> {
-    let mut row = OwnerRow::new(sharing.database.clone());
-    let mut watch = Watch::default();
+/// Looks and takes again and again, until the gateway ends.
+async fn run(inner: Arc<Inner>, looked: oneshot::Sender<()>) -> Result<(), StoreError> {
+    let beats = Beats::start(&inner);
+    let mut rows = OwnerRows::new(inner.sharing.database.clone());
+    let mut look = Look::default();
     let mut looked = Some(looked);
-    let mut served = serve(&sharing, &present);
+    let mut ends = inner.ends.clone();
+    let mut pause = Duration::ZERO;
     loop {
-        let taken = tokio::select! {
+        tokio::select! {
             biased;
-            () = ended(&mut end) => None,
-            taken = take(&sharing, &present, &mut row, &mut watch, &mut served, &mut looked) => Some(taken),
-        };
-        let Some((fence, asked)) = taken else { return Ok(()) };
-        tracing::info!(fence, "this gateway owns the robots from now on");
-        watch.had(fence);
-        let ownership = Ownership::owns(Reign::begin(asked));
-        let beats = tokio::spawn(beat(row, fence, ownership.clone()));
-        let begun = owning(&sharing, fence, ownership.clone()).await;
-        let mut pause = Duration::ZERO;
-        let mut done = None;
-        match begun {
-            Ok(state) => {
-                present.set(state.clone());
-                // The streams of those who waited end here.
-                served = serve(&sharing, &present);
-                let auditor = Arc::clone(&state.auditor);
-                served.tasks.spawn(async move { auditor.keep().await });
-                looked.take().map(|looked| looked.send(()));
-                tokio::select! {
-                    biased;
-                    () = ended(&mut end) => {
-                        served.shutdown().await;
-                        // The store may be lost meanwhile, and another gateway may take the robots.
-                        state.fleet.end_until(over(&ownership)).await;
-                        done = Some(gateway::finish(&state).await);
-                    }
-                    () = ownership.until_lost() => {
-                        tracing::error!(fence, "this gateway does not own the robots any more: it lets go of them");
-                        state.fleet.end_until(over(&ownership)).await;
-                        ownership.set_other(String::new());
-                        // Streams end, and those who come again are told that there is no owner. What it has
-                        // in memory is of its own time: it reads the store anew as soon as that answers.
-                        served = serve(&sharing, &present);
-                        served.is_old = true;
-                        if let Some(history) = state.shared.history.clone() {
-                            // It fails, but the thread ends.
-                            tokio::spawn(async move { history.end().await });
-                        }
-                    }
-                }
-            }
-            Err(error) => {
-                tracing::error!(%error, "this gateway cannot look after the robots, and gives them back");
-                ownership.set_other(String::new());
-                pause = AFTER_BAD_START;
-            }
+            () = ended(&mut ends) => break,
+            () = tokio::time::sleep(pause) => {}
         }
-        looked.take().map(|looked| looked.send(()));
-        // The beats end with the ownership. An end in order leaves them on until all is written.
-        ownership.set_other(String::new());
-        row = match beats.await {
-            Ok(row) => row,
-            Err(_) => OwnerRow::new(sharing.database.clone()),
-        };
-        if let Err(error) = row.release(fence).await {
-            tracing::warn!(%error, "the robots were not given back: others wait until the last beat is old");
+        let (next, begun) = look.once(&inner, &mut rows).await;
+        pause = next;
+        if let Some(looked) = looked.take() {
+            tokio::spawn(async move {
+                begun.await;
+                let _ = looked.send(());
+            });
         }
-        if let Some(done) = done {
-            return done;
-        }
-        tokio::time::sleep(pause).await;
     }
-}
-
-/// Waits until the gateway may have no connection to a robot any more.
-async fn over(ownership: &Ownership) {
-    ownership.until_lost().await;
-    let left = ownership.left(clock::now()).filter(|_| ownership.phase() < Phase::Over);
-    tokio::time::sleep(left.unwrap_or_default()).await;
-}
-
-/// What a gateway serves now. Once it is dropped, it accepts no connection any more, and requests that are
-/// under way have [`HAND_OVER`] to get their answers.
-struct Served {
-    tasks: JoinSet<()>,
-    /// The server, and what ends it when it is dropped; `None` if it could not be started.
-    http: Option<(AbortHandle, oneshot::Sender<()>)>,
-    /// Whether it serves what it knew as an owner.
-    is_old: bool,
-}
-
-impl Served {
-    /// Ends it at once.
-    async fn shutdown(&mut self) {
-        if let Some((http, _)) = self.http.take() {
-            http.abort();
+    // The store may be lost meanwhile: then each term ends in time.
+    let all_ended = async {
+        while !inner.owners.held().is_empty() {
+            tokio::time::sleep(LAST_LOOK).await;
         }
-        self.tasks.shutdown().await;
+    };
+    if tokio::time::timeout(LAST_TERMS, all_ended).await.is_err() {
+        tracing::error!("some robots were not let go of in time");
     }
-}
-
-fn serve(sharing: &Sharing, present: &Present) -> Served {
-    sharing.serve(&present.state()).unwrap_or_else(|error| {
-        tracing::error!(%error, "the gateway cannot listen any more");
-        Served { tasks: JoinSet::new(), http: None, is_old: false }
-    })
+    let done = gateway::finish(&inner.state).await;
+    drop(beats);
+    if let Err(error) = rows.end(inner.number).await {
+        tracing::warn!(%error, "the store does not know that this gateway ended");
+    }
+    done
 }
 
 async fn ended(end: &mut watch::Receiver<bool>) {
     let _ = end.wait_for(|end| *end).await;
 }
 
-/// Looks until this gateway has the robots. Returns its fence, and when it asked for it.
-async fn take(
-    sharing: &Sharing,
-    present: &Present,
-    row: &mut OwnerRow,
-    watch: &mut Watch,
-    served: &mut Served,
-    looked: &mut Option<oneshot::Sender<()>>,
-) -> (u64, r6_proto::time::Instant) {
-    let mut has_failed = false;
-    let mut pause = Duration::ZERO;
-    loop {
-        tokio::time::sleep(pause).await;
-        pause = LOOK;
-        let (seen, name) = match row.look().await {
+/// What the looks have in common.
+#[derive(Debug, Default)]
+struct Look {
+    watch: Watch,
+    /// Whether the last look failed.
+    failed: bool,
+    /// The added robots that do not fit, as they were told of last.
+    unfit: BTreeSet<RobotName>,
+    /// What could not be taken because an arm has one name, and why, as it was told of last.
+    tied: BTreeMap<Owned, String>,
+}
+
+impl Look {
+    /// Looks once, takes what there is to take, and lets go of what is too much. Returns how long to wait,
+    /// and what waits until the gateway has begun with what it took.
+    async fn once(
+        &mut self,
+        inner: &Arc<Inner>,
+        rows: &mut OwnerRows,
+    ) -> (Duration, impl Future<Output = ()> + use<>) {
+        let mut begun = Vec::new();
+        let looked = match rows.look().await {
             Ok(looked) => looked,
             Err(error) => {
-                if !has_failed {
-                    tracing::error!(%error, "it is not known which gateway owns the robots");
+                if !std::mem::replace(&mut self.failed, true) {
+                    tracing::error!(%error, "it is not known which gateway owns which robot");
                 }
-                has_failed = true;
-                present.state().shared.ownership.set_other(String::new());
-                continue;
+                return (crate::core::owner::LOOK, join_all(begun));
             }
         };
-        has_failed = false;
-        if served.is_old
-            && let Ok(state) = waiting(sharing, String::new()).await
-        {
-            present.set(state);
-            *served = serve(sharing, present);
-        }
+        self.failed = false;
         let now = clock::now();
-        let verdict = watch.look(now, seen);
-        pause = watch.pause(now);
-        match verdict {
-            Verdict::Wait => {
-                let is_alive = seen.state == crate::core::owner::RowState::Alive;
-                present.state().shared.ownership.set_other(if is_alive { name } else { String::new() });
-            }
-            Verdict::Behind { highest } => {
-                tracing::error!(
-                    fence = seen.fence,
-                    highest,
-                    "the store is older than what it said before: nothing is taken from it"
-                );
-            }
-            Verdict::Take => {
-                let asked = clock::now();
-                match row.take(seen, &sharing.name).await {
-                    Ok(Some(fence)) => return (fence, asked),
-                    // Another gateway was faster.
-                    Ok(None) => {}
-                    Err(error) => tracing::warn!(%error, "the robots could not be taken"),
-                }
-                continue;
-            }
+        let (robots, unfit) = inner.sharing.robots(&looked.robots);
+        for robot in unfit.difference(&self.unfit) {
+            tracing::error!(%robot, "it was added over the API, and a robot of the file has its name or its address");
         }
-        looked.take().map(|looked| looked.send(()));
+        self.unfit = unfit;
+        inner.owners.looked(&looked, &robots);
+        let places = places(&robots);
+        let rivals = rivals(&places, &looked.addresses);
+        let known: BTreeSet<_> = robots.into_keys().map(Owned::Robot).chain([Owned::Hall]).collect();
+        let held = inner.owners.held();
+        let shunned = inner.shunned(now);
+        let own =
+            Own { number: inner.number, known: &known, held: &held, shunned: &shunned, rivals: &rivals };
+        match self.watch.look(now, &looked.seen, own) {
+            Verdict::Behind { of, highest } => {
+                tracing::error!(%of, highest, "the store is older than what it said before: nothing is taken from it");
+            }
+            Verdict::Take(wanted) if !wanted.is_empty() => {
+                let placed = wanted.into_iter().map(|owned| (owned.clone(), places.get(&owned).cloned()));
+                let wanted = placed.collect();
+                begun.extend(self.take(inner, rows, &wanted, &looked).await);
+            }
+            Verdict::Take(_) => {}
+        }
+        // Robots that were removed, or are not in the file any more.
+        held.difference(&known).for_each(|owned| inner.leave(owned));
+        inner.give(self.watch.surplus(now, &looked.seen, inner.number).min(GIVEN_AT_ONCE));
+        (self.watch.pause(clock::now()), join_all(begun))
     }
-}
 
-/// Says again and again that this gateway lives, until it owns nothing any more.
-async fn beat(mut row: OwnerRow, fence: u64, ownership: Ownership) -> OwnerRow {
-    let mut wait = BEAT;
-    loop {
-        tokio::time::sleep(wait).await;
-        if ownership.phase() == Phase::Over {
-            return row;
-        }
-        let sent = clock::now();
-        match row.beat(fence).await {
-            Ok(true) => {
-                ownership.beaten(sent);
-                wait = BEAT.saturating_sub(clock::now().since(sent));
-            }
-            Ok(false) => {
-                ownership.refused();
-                return row;
-            }
+    async fn take(
+        &mut self,
+        inner: &Arc<Inner>,
+        rows: &mut OwnerRows,
+        wanted: &Wanted,
+        looked: &Looked,
+    ) -> Option<tokio::task::JoinHandle<()>> {
+        let asked = clock::now();
+        let taken = match rows.take(inner.number, wanted, &looked.seen).await {
+            Ok(taken) => taken,
             Err(error) => {
-                tracing::warn!(%error, "a beat of the owner failed");
-                wait = AFTER_FAILURE;
+                tracing::warn!(%error, "what has no owner could not be taken");
+                return None;
+            }
+        };
+        let answered = clock::now();
+        self.tied.retain(|owned, _| !wanted.contains_key(owned) || taken.tied.contains_key(owned));
+        for (owned, why) in taken.tied {
+            inner.shun(&owned);
+            let why = why.to_string();
+            if self.tied.get(&owned) != Some(&why) {
+                tracing::error!(of = %owned, "no gateway takes it: {why}");
+                self.tied.insert(owned, why);
             }
         }
+        let claims = taken.claims;
+        // Another gateway was faster.
+        if claims.is_empty() {
+            return None;
+        }
+        let mut begins = Vec::new();
+        for claim in claims {
+            tracing::info!(of = %claim.of, fence = claim.fence, "this gateway owns it from now on");
+            self.watch.had(&claim);
+            let ownership = Ownership::owns(Reign::begin(asked));
+            inner.leaving().insert(claim.of.clone(), Arc::default());
+            inner.owners.begin(claim.clone(), ownership.clone(), answered);
+            begins.push((claim, ownership));
+        }
+        Some(tokio::spawn(term::begin(Arc::clone(inner), begins)))
     }
 }
 
-/// How the others call this gateway: where callers find it.
-pub(crate) fn name(address: SocketAddr, is_secure: bool, names: &[String]) -> String {
+/// Where this gateway would reach each robot.
+fn places(robots: &BTreeMap<RobotName, RobotConfig>) -> BTreeMap<Owned, String> {
+    robots.iter().map(|(name, robot)| (Owned::Robot(name.clone()), robot.place())).collect()
+}
+
+/// For each robot the other names under which a gateway had its arm last.
+fn rivals(
+    places: &BTreeMap<Owned, String>,
+    addresses: &BTreeMap<Owned, String>,
+) -> BTreeMap<Owned, Vec<Owned>> {
+    let mut names = BTreeMap::<&str, Vec<&Owned>>::new();
+    for (owned, address) in addresses {
+        names.entry(address).or_default().push(owned);
+    }
+    let of = |(owned, place): (&Owned, &String)| {
+        let others = names.get(place.as_str()).into_iter().flatten().filter(|other| **other != owned);
+        (owned.clone(), others.map(|other| (*other).clone()).collect())
+    };
+    places.iter().map(of).collect()
+}
+
+async fn join_all(begun: Vec<tokio::task::JoinHandle<()>>) {
+    for begun in begun {
+        let _ = begun.await;
+    }
+}
+
+impl Inner {
+    fn leaving(&self) -> MutexGuard<'_, BTreeMap<Owned, Arc<Notify>>> {
+        self.leaving.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Tells a term to end.
+    fn leave(&self, owned: &Owned) {
+        if let Some(leaves) = self.leaving().get(owned) {
+            leaves.notify_one();
+        }
+    }
+
+    /// Lets go of a robot if the file says something else of it than what it has begun with.
+    fn leave_if_changed(&self, begun: &RobotConfig) {
+        let configured = self.sharing.configured();
+        if configured.robots.iter().any(|robot| robot.name == begun.name && !robot.is_as(begun)) {
+            self.leave(&Owned::Robot(begun.name.clone()));
+        }
+    }
+
+    /// Lets go of robots at rest, so that others take them.
+    fn give(&self, count: usize) {
+        if count == 0 {
+            return;
+        }
+        let stations = self.state.fleet.stations();
+        let given = stations.iter().filter(|station| station.leave_if_idle()).take(count);
+        for station in given {
+            tracing::info!(robot = station.name(), "another gateway has fewer robots: it gets this one");
+            self.leave(&Owned::Robot(station.robot_name().clone()));
+        }
+    }
+
+    /// Leaves something to others for a while.
+    fn shun(&self, owned: &Owned) {
+        let until = clock::now() + AFTER_BAD_START;
+        self.shunned.lock().unwrap_or_else(PoisonError::into_inner).insert(owned.clone(), until);
+    }
+
+    fn shunned(&self, now: Instant) -> BTreeSet<Owned> {
+        let mut shunned = self.shunned.lock().unwrap_or_else(PoisonError::into_inner);
+        shunned.retain(|_, until| *until > now);
+        shunned.keys().cloned().collect()
+    }
+
+    /// Ends a term: everything was let go of.
+    async fn end_term(&self, claim: &Claim, ownership: &Ownership) {
+        // What another gateway may have by now is not ours to give back.
+        let is_ours = ownership.may_move();
+        ownership.end();
+        if is_ours && let Err(error) = self.rows.lock().await.release(self.number, claim).await {
+            tracing::warn!(of = %claim.of, %error, "it was not given back: others wait until the last beat is old");
+        }
+        self.leaving().remove(&claim.of);
+        self.owners.end(claim);
+    }
+}
+
+/// Where callers and the other gateways find this one.
+pub(crate) fn url(address: std::net::SocketAddr, is_secure: bool, names: &[String]) -> String {
     let scheme = if is_secure { "https" } else { "http" };
     let of_system = || {
         let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();

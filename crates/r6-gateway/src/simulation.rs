@@ -11,7 +11,6 @@ mod history;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use r6_client::RobotSettings;
 use r6_http::Listener;
@@ -83,15 +82,14 @@ pub async fn start(
         (settings.address.port(), None),
         settings.robot_settings,
         None,
-        audit,
+        Some(audit),
     )
     .await?;
     let mut server = JoinSet::new();
     let site = gateway::site(settings.address, settings.names, &state);
     server.spawn(r6_http::serve_plain(listener, http::router(state.clone(), site)));
     gateway::keep_fresh(&state, &mut server);
-    if settings.audit.is_some() {
-        let auditor = Arc::clone(&state.auditor);
+    if let Some(auditor) = state.auditor.clone().filter(|_| settings.audit.is_some()) {
         server.spawn(async move { auditor.keep().await });
     }
     Ok(Running { _server: server })

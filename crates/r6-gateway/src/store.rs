@@ -28,6 +28,7 @@ use crate::core::alarms;
 use crate::core::chain::{Broken, Hash};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
+use crate::core::owner::Claim;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 
@@ -49,6 +50,19 @@ pub const MAX_PAGE: usize = 1_000;
 
 /// A place that keeps what must outlive the process. When a method that writes returns, its data is durable.
 pub trait Store: Send {
+    /// What is written from now on is about these robots, and belongs to these terms. A store that others
+    /// share writes only while all of the claims hold.
+    fn hold(&mut self, _claims: &[Claim]) {}
+
+    /// Notes at which addresses these robots are from now on, if no arm there has another name. Those that
+    /// leave give their addresses up. A store of one gateway notes nothing.
+    ///
+    /// # Errors
+    /// [`StoreError::AddressTaken`].
+    fn tie(&mut self, _robots: &[(RobotName, String)], _leaving: &[RobotName]) -> Result<(), StoreError> {
+        Ok(())
+    }
+
     /// Appends entries to the audit log, all or none. Returns the number of the first one. Without entries it
     /// adds nothing, but fails as with them.
     ///
@@ -476,7 +490,9 @@ pub enum StoreError {
     Unreadable(String),
     /// The store was closed.
     Closed,
-    /// Another gateway owns the robots, and writes; or that is not known any more.
+    /// This robot has the address already.
+    AddressTaken(RobotName),
+    /// Another gateway owns the robot, and writes; or that is not known any more.
     NotOwner,
 }
 
@@ -494,7 +510,8 @@ impl fmt::Display for StoreError {
             Self::UserChanged => f.write_str("the user was changed meanwhile: sign in again"),
             Self::Unreadable(what) => write!(f, "the store has a value that cannot be read: {what}"),
             Self::Closed => f.write_str("the store was closed"),
-            Self::NotOwner => f.write_str("this gateway does not own the robots: another one writes"),
+            Self::AddressTaken(robot) => write!(f, "`{robot}` has this address"),
+            Self::NotOwner => f.write_str("this gateway does not own the robot: another one writes"),
         }
     }
 }

@@ -114,6 +114,16 @@ impl Tokens {
         self.known(&hash)
     }
 
+    /// The token with this number, if it is valid.
+    pub async fn find_number(&self, number: i64) -> Option<Arc<Known>> {
+        if let Some(known) = self.with_number(number) {
+            return Some(known);
+        }
+        // Another gateway may have read of it before.
+        self.read_since(clock::now()).await.ok()?;
+        self.with_number(number)
+    }
+
     /// Makes a link with which browsers get sessions for the token with this number: its secret. It opens any
     /// number of sessions, so that a second browser can use it, or a browser whose session has ended. It ends
     /// with the process. A token that leaks can send requests from anywhere; this secret gives only sessions,

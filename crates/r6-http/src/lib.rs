@@ -4,7 +4,7 @@
 //!   they come from somewhere else than TCP of this machine.
 //! - [`Afterwards`] is what goes on over a connection that is not HTTP any more. [`EndsWith`] ends a
 //!   connection whose answer goes on.
-//! - [`Tls`] is a certificate, with which [`serve`] speaks TLS.
+//! - [`Tls`] is a certificate, with which [`serve`] speaks TLS. [`connect_to`] speaks it with another server.
 //! - [`access`] lets programs of this machine through, but no web pages from elsewhere.
 //! - [`Refusal`] is a problem of the contract with its status; [`body`] reads bodies within limits of length
 //!   and time.
@@ -16,6 +16,7 @@
 pub mod access;
 mod afterwards;
 pub mod body;
+mod connect;
 mod ends_with;
 mod in_json;
 mod refusal;
@@ -26,6 +27,7 @@ mod tls;
 mod work;
 
 pub use afterwards::Afterwards;
+pub use connect::connect_to;
 pub use ends_with::EndsWith;
 pub use refusal::Refusal;
 pub use server::{Guest, Listener, Peer, serve, serve_plain, serve_until};

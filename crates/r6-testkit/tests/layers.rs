@@ -175,6 +175,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "http",
         "live",
         "ownership",
+        "peers",
         "problem",
         "programs",
         "raw_port",
@@ -190,7 +191,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "verify",
     ];
     // An address is a value: the policy of the raw port is about addresses.
-    let allowed = [PURE_STD, &["std::net::IpAddr", "std::net::Ipv6Addr"]].concat();
+    let allowed = [PURE_STD, &["std::net::IpAddr", "std::net::Ipv6Addr", "std::net::SocketAddr"]].concat();
     let named = sources.names_outside(
         &["std", "tokio", "rusqlite", "tokio_postgres", "axum", "r6_client"],
         &allowed,

@@ -84,7 +84,7 @@ export interface paths {
         };
         /**
          * Whether the gateway can be used: the store answers. Robots that are down do not count, nor a history that
-         *     pauses. A gateway that shares its store is ready while it owns the robots.
+         *     pauses. A gateway that shares its store counts the robots that it owns.
          */
         get: operations["readyz"];
         put?: never;
@@ -4027,7 +4027,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description The store does not answer, or another gateway owns the robots */
+            /** @description The store does not answer */
             503: {
                 headers: {
                     [name: string]: unknown;

@@ -53,7 +53,7 @@ impl Station {
 
     /// Saves the alarms, if they changed.
     pub(super) async fn save_alarms(&self) -> Result<(), StoreError> {
-        self.desk.save(&self.shared.keeper, &self.config().name).await
+        self.desk.save(&self.term.keeper, &self.config().name).await
     }
 
     /// The alarms that are known: the active one first, then those that ended, the latest first.
@@ -148,7 +148,7 @@ impl Station {
     ) -> Result<RobotAlarm, Problem> {
         let robot = self.config().name;
         let is_seen = self.sees_alarm();
-        let changed = self.desk.change(&self.shared.keeper, &robot, |alarms| {
+        let changed = self.desk.change(&self.term.keeper, &robot, |alarms| {
             let alarm = alarms.alarm(id).cloned().ok_or(Denied::NoSuchAlarm)?;
             let (record, happened) = act(alarms, &alarm)?.unzip();
             let alarm = alarms.alarm(id).unwrap_or(&alarm);

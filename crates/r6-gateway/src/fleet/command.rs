@@ -136,7 +136,7 @@ impl Station {
         let (number, now_held) = (granted.key.number, self.seat(|seat, now| seat.lease(now)));
         if now_held.is_none_or(|lease| lease.number != number) {
             // A gateway that has lost the robots gives out no other one either.
-            self.shared.ownership.check()?;
+            self.term.ownership.check()?;
             let message = format!("lease {number} ended before the disk had it: acquire another one");
             return Err(Problem::new(Code::NoLease, message));
         }

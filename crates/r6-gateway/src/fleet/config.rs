@@ -90,6 +90,12 @@ impl RobotConfig {
         address.map_err(|error| r6_client::RequestError::Invalid(error).to_string())
     }
 
+    /// Its address with a port, by which two robots at one address are found.
+    #[must_use]
+    pub fn place(&self) -> String {
+        r6_client::address_with_port(&self.address).unwrap_or_else(|_| self.address.clone())
+    }
+
     /// Whether the robot is the same, is read in the same way, and has the same model, limits, twin and
     /// panel.
     #[must_use]

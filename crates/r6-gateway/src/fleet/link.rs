@@ -136,7 +136,7 @@ type Introduction<'r> = Pin<Box<dyn Future<Output = Option<u64>> + Send + 'r>>;
 
 async fn connect(station: &Station, config: &RobotConfig) -> Robot {
     let (mut wait, longest) = WAITS;
-    let ownership = station.shared.ownership.clone();
+    let ownership = station.term.ownership.clone();
     // The client asks this in the call that writes: a process that was frozen in the middle of a stop sends
     // no more of it when it goes on.
     let permission = Some(Permission::new().only_while(move || ownership.may_send()));

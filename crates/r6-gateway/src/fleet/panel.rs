@@ -124,7 +124,7 @@ impl Station {
                 Ok::<_, Denied>(seat.stops_begun())
             });
             stops_before = Some(checked.map_err(|denied| (CommandOutcome::NotSent, denied.into()))?);
-            self.shared.ownership.check().map_err(|problem| (CommandOutcome::NotSent, problem))?;
+            self.term.ownership.check().map_err(|problem| (CommandOutcome::NotSent, problem))?;
             let _sending = self.sending();
             line.act(&press.action).await.map_err(problem_of)
         };

@@ -13,12 +13,12 @@ use r6_api::gateway::{AuditRecord, Deed, Happened, LeaseEnd, ManagedBy};
 use r6_client::{Address, RobotSettings};
 
 use super::config::RobotConfig;
-use super::station::{By, Kept, Station, millis};
+use super::station::{By, Kept, Station, Term, millis};
 use super::{Fleet, Post, Work, link};
 use crate::clock;
 use crate::core::name::RobotName;
 use crate::problem::Problem;
-use crate::store::{StoreError, StoredRobot};
+use crate::store::{Keeper, Store, StoreError, StoredRobot};
 
 /// The most robots of one gateway: each has a task, a connection and some hundred kilobytes.
 pub const MAX_ROBOTS: usize = 1_000;
@@ -127,14 +127,20 @@ impl Fleet {
     /// Adds a robot, or changes a robot that this function has added before. A change ends the robot's lease.
     ///
     /// # Errors
-    /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends.
-    /// For another address also those of [`Self::part`].
+    /// `managed_by_file`, `address_taken`, `bad_value`, `store_unavailable`; `not_ready` if the gateway ends;
+    /// `no_owner` if another gateway owns the robot, or for a new one the hall. For another address also
+    /// those of [`Self::part`].
     pub async fn put(&self, by: &By, wanted: RobotConfig) -> Result<Put, Problem> {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;
-        let now = self.configs();
+        let owners = &self.shared.owners;
+        let now = if owners.is_alone() { self.configs() } else { owners.robots() };
         let (mut known, others): (Vec<_>, Vec<_>) = now.iter().partition(|robot| robot.name == wanted.name);
         let known = known.pop();
+        let keeper = match known {
+            Some(_) => self.keeper_of(&wanted.name)?,
+            None => owners.hall_keeper(&self.shared.keeper)?,
+        };
         known.map_or(Ok(()), refuse_if_of_file)?;
         check(others.into_iter().chain([&wanted]))?;
         if known.is_some_and(|known| known.is_as(&wanted)) {
@@ -144,12 +150,14 @@ impl Fleet {
         let parted: Vec<_> = is_moved.then(|| wanted.name.clone()).into_iter().collect();
         let _parted = self.part(&parted).await?;
         let record = record(by, &wanted.name, configured(&wanted));
-        self.shared.keeper.put_robot(stored(&wanted), record).await?;
+        keeper.put_robot(stored(&wanted), record).await?;
         match known {
             Some(_) => {
                 self.change(wanted).await;
                 Ok(Put::Changed)
             }
+            // The gateway that has the fewest robots takes it within a second.
+            None if !owners.is_alone() => Ok(Put::Added),
             None => {
                 self.add(wanted).await?;
                 Ok(Put::Added)
@@ -171,7 +179,7 @@ impl Fleet {
         refuse_if_of_file(&station.config())?;
         let _parted = self.part(std::slice::from_ref(name)).await?;
         let record = record(by, name, Deed::RobotRemoved {});
-        self.shared.keeper.remove_robot(name.clone(), vec![record]).await?;
+        self.keeper_of(name)?.remove_robot(name.clone(), vec![record]).await?;
         self.take_out(name).await;
         Ok(())
     }
@@ -209,14 +217,15 @@ impl Fleet {
         let moved = changed.iter().filter(is_moved).map(|robot| &robot.name);
         let parted: Vec<_> = gone.iter().chain(moved).cloned().collect();
         let _parted = self.part(&parted).await?;
+        self.tie(&changed, &gone).await?;
         let changes = Changes { added: added.len(), changed: changed.len(), removed: gone.len() };
         let records = gone.iter().map(|name| record(&by, name, Deed::RobotRemoved {}));
         let news = added.iter().chain(&changed).map(|robot| record(&by, &robot.name, configured(robot)));
-        self.shared.keeper.append(records.chain(news).collect()).await?;
+        self.write_changes(records.chain(news).collect()).await?;
         join_all(gone.iter().map(|name| self.take_out(name))).await;
         let changed = changed.into_iter().map(|robot| async {
             // If it was added through the API, it belongs to the configuration from now on.
-            self.shared.keeper.remove_robot(robot.name.clone(), Vec::new()).await?;
+            self.keeper_of(&robot.name)?.remove_robot(robot.name.clone(), Vec::new()).await?;
             self.change(robot).await;
             Ok(())
         });
@@ -254,6 +263,49 @@ impl Fleet {
         Ok(parted)
     }
 
+    /// Notes the addresses of robots that change, in a store that others share. Robots that go give theirs
+    /// up.
+    async fn tie(&self, changed: &[RobotConfig], gone: &[RobotName]) -> Result<(), Problem> {
+        if self.shared.owners.is_alone() || changed.is_empty() {
+            return Ok(());
+        }
+        let keepers = changed.iter().map(|robot| self.keeper_of(&robot.name));
+        let keepers = keepers.collect::<Result<Vec<_>, _>>()?;
+        let claims: Vec<_> = keepers.iter().filter_map(Keeper::claim).cloned().collect();
+        let places: Vec<_> = changed.iter().map(|robot| (robot.name.clone(), robot.place())).collect();
+        let gone = gone.to_vec();
+        let work = move |store: &mut dyn Store| {
+            store.hold(&claims);
+            store.tie(&places, &gone)
+        };
+        Ok(self.shared.keeper.work(work).await?)
+    }
+
+    /// What writes about this robot.
+    fn keeper_of(&self, name: &RobotName) -> Result<Keeper, Problem> {
+        let absent = || {
+            let problem = self.shared.owners.absent(name.as_str());
+            problem.unwrap_or_else(|| Problem::new(Code::NoSuchRobot, format!("there is no robot `{name}`")))
+        };
+        let station = self.station(name.as_str()).ok_or_else(absent)?;
+        station.term.ownership.check()?;
+        Ok(station.term.keeper.clone())
+    }
+
+    /// Writes records, all at once, or with a shared store each under the claim of its robot.
+    async fn write_changes(&self, records: Vec<AuditRecord>) -> Result<(), Problem> {
+        if self.shared.owners.is_alone() {
+            self.shared.keeper.append(records).await?;
+            return Ok(());
+        }
+        for record in records {
+            let name = record.robot.as_deref().and_then(RobotName::new);
+            let keeper = name.map_or_else(|| Ok(self.shared.keeper.clone()), |name| self.keeper_of(&name))?;
+            keeper.append(vec![record]).await?;
+        }
+        Ok(())
+    }
+
     fn configs(&self) -> Vec<RobotConfig> {
         self.read().values().map(|post| post.station.config()).collect()
     }
@@ -264,7 +316,8 @@ impl Fleet {
         let (seat, alarms) = (keeper.seat(name.clone()).await?, keeper.alarms(name.clone()).await?);
         let owes_stop = keeper.owed_stops().await?.contains(&name);
         let saved = Kept { seat, alarms };
-        let post = Post::start(robot, saved, owes_stop, &self.shared);
+        let term = Term::alone(keeper.clone());
+        let post = Post::start(robot, saved, owes_stop, term, &self.shared);
         post.station.publish(Happened::RobotAdded {});
         {
             let mut posts = self.write();
@@ -327,8 +380,15 @@ impl Drop for Parted {
 
 /// Refuses to take the name of this robot from its arm ([`Fleet::part`]).
 fn refuse_if_tied(station: &Station) -> Result<(), Problem> {
-    let name = station.name();
     let (is_stopped, is_owed) = station.seat(|seat, _| (seat.stops().0, seat.owes_stop()));
+    refuse_tied(station.name(), is_stopped, is_owed)
+}
+
+/// The same, of a robot that another gateway may have.
+///
+/// # Errors
+/// Those of [`Fleet::part`].
+pub fn refuse_tied(name: &str, is_stopped: bool, is_owed: bool) -> Result<(), Problem> {
     if is_owed {
         let message = format!(
             "a list of a run may still move the arm of `{name}`, so `{name}` is not removed and keeps its address: the \

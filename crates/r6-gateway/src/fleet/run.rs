@@ -214,7 +214,7 @@ impl Station {
         };
         // What happened before stands before it in the audit log.
         self.write_pending().await?;
-        let begun = self.shared.keeper.begin_run(new).await?;
+        let begun = self.term.keeper.begin_run(new).await?;
         Ok((robot, begun, run))
     }
 
@@ -358,7 +358,7 @@ impl Station {
     /// stop must not wait for the disk.
     fn answer(&self, under_way: &mut UnderWay) {
         let Some(to) = under_way.answer.take() else { return };
-        let (keeper, answer) = (self.shared.keeper.clone(), Ok(under_way.run.clone()));
+        let (keeper, answer) = (self.term.keeper.clone(), Ok(under_way.run.clone()));
         tokio::spawn(async move {
             // Without it, the same request is answered with `outcome_unknown` later.
             let kept = timeout(WRITE_WITHIN, keep_answer(&keeper, &answer)).await;
@@ -435,9 +435,9 @@ impl Station {
         let LastWrite { run, answer, owed, record } = last;
         self.write_pending().await?;
         if let Some(answer) = answer {
-            keep_answer(&self.shared.keeper, answer).await?;
+            keep_answer(&self.term.keeper, answer).await?;
         }
-        self.shared.keeper.end_run(run.clone(), *owed, vec![record.clone()]).await
+        self.term.keeper.end_run(run.clone(), *owed, vec![record.clone()]).await
     }
 
     /// A run with its present progress.
@@ -449,7 +449,7 @@ impl Station {
         if now.is_some() {
             return Ok(now);
         }
-        let kept = self.shared.keeper.run(self.robot_name().clone(), number).await?;
+        let kept = self.term.keeper.run(self.robot_name().clone(), number).await?;
         Ok(kept.map(|kept| kept.run))
     }
 

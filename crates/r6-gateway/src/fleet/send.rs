@@ -51,7 +51,7 @@ impl Station {
     /// The conditions of a permit; `None` if it is void.
     fn conditions(&self, permit: &Permit) -> Option<Conditions> {
         let permission = self.permission(permit.generation())?;
-        let (latest, ownership) = (permit.latest(), self.shared.ownership.clone());
+        let (latest, ownership) = (permit.latest(), self.term.ownership.clone());
         Some(Conditions {
             leave_within: Some(latest.since(clock::now())),
             only_on: Some(permit.connection()),

@@ -1,6 +1,8 @@
 //! What the gateway knows of one robot, and who may send commands to it.
 
 mod pending;
+mod rest;
+mod shared;
 mod told;
 
 use std::cmp::Ordering::{Equal, Greater, Less};
@@ -9,16 +11,15 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use r6_api::AddressValue;
-use r6_api::gateway::{ActedBy, AuditRecord, Deed, Happened, LeaseEnd, Run, Signal, SignalQuality};
-use r6_client::{Address, Permission, Robot};
+use r6_api::gateway::{ActedBy, AuditRecord, Deed, Happened, LeaseEnd, Run};
+use r6_client::{Permission, Robot};
 use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
 
 use self::pending::push;
+pub use self::shared::Shared;
 use crate::clock;
 use crate::core::alarms;
-use crate::core::live::follower::Top;
 use crate::core::name::RobotName;
 use crate::core::raw::fresh::Freshness;
 use crate::core::refusals::Refusals;
@@ -26,10 +27,7 @@ use crate::core::seat::{Cut, Denied, Key, Noticed, Saved, Seat, Ticket};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
 use crate::fleet::desk::Desk;
-use crate::fleet::roads::Roads;
-use crate::history::Recorder;
 use crate::live::board::Board;
-use crate::live::news::News;
 use crate::ownership::Ownership;
 use crate::store::Keeper;
 
@@ -52,83 +50,6 @@ pub(super) const MODE_PERIOD: Duration = Duration::from_millis(500);
 /// limit for a value that is suspect.
 const FRESH_FOR: Duration = Duration::from_millis(1500);
 
-/// What all robots of a gateway share.
-#[derive(Debug)]
-pub struct Shared {
-    /// The store.
-    pub keeper: Keeper,
-    /// The ways to the robots.
-    pub(super) roads: Roads,
-    /// The history; `None` if none is kept.
-    pub history: Option<Recorder>,
-    /// What happened.
-    pub news: News,
-    /// Counts changes of values, so that readers can wait for the next one.
-    pub pulse: watch::Sender<u64>,
-    /// Whether this gateway owns the robots.
-    pub ownership: Ownership,
-    /// When this gateway started: numbers of events and of changes count from then.
-    pub epoch: u64,
-    /// The last number of a change of any robot, of a robot that came or went.
-    numbers: AtomicU64,
-    /// The number of the last robot that went.
-    removed: AtomicU64,
-}
-
-impl Shared {
-    /// What robots share that none has used yet.
-    #[must_use]
-    pub fn new(keeper: Keeper, roads: Roads, history: Option<Recorder>, epoch: u64) -> Self {
-        let (news, pulse) = (News::default(), watch::Sender::new(0));
-        let ownership = Ownership::alone();
-        Self {
-            keeper,
-            roads,
-            history,
-            news,
-            pulse,
-            ownership,
-            epoch,
-            numbers: AtomicU64::new(0),
-            removed: AtomicU64::new(0),
-        }
-    }
-
-    /// The same, of a gateway that shares its store.
-    #[must_use]
-    pub fn owned(self, ownership: Ownership) -> Self {
-        Self { ownership, ..self }
-    }
-
-    /// How far the numbers have come. A reader that looks after this sees all that has one of these numbers,
-    /// because each is drawn under the lock of what it is about.
-    pub fn top(&self) -> Top {
-        // In this order: the number of the last removal is never above the other.
-        let removed = self.removed.load(Ordering::SeqCst);
-        Top { number: self.numbers.load(Ordering::SeqCst), removed }
-    }
-
-    /// The next number. To be called under the lock of what it is about.
-    pub(super) fn draw(&self) -> u64 {
-        self.numbers.fetch_add(1, Ordering::SeqCst) + 1
-    }
-
-    /// Notes that a robot goes. To be called under the lock of the list of robots.
-    pub(super) fn note_removal(&self) {
-        self.removed.store(self.draw(), Ordering::SeqCst);
-    }
-
-    /// Wakes the readers of values.
-    pub fn wake_readers(&self) {
-        self.pulse.send_modify(|pulse| *pulse = pulse.wrapping_add(1));
-    }
-
-    fn new_board(&self, config: &RobotConfig) -> Board {
-        let fresh_for = config.period + config.settings.liveness.suspect_after;
-        Board::new(self.draw(), &config.all_addresses(), fresh_for)
-    }
-}
-
 /// What the store has of a robot.
 #[derive(Clone, Debug, Default)]
 pub struct Kept {
@@ -136,6 +57,23 @@ pub struct Kept {
     pub seat: Saved,
     /// Of its alarms.
     pub alarms: alarms::Saved,
+}
+
+/// The time for which a gateway has a robot: until it ends, if no other gateway shares its store.
+#[derive(Clone, Debug)]
+pub struct Term {
+    /// What it writes about the robot goes here.
+    pub keeper: Keeper,
+    /// Whether it owns the robot now.
+    pub ownership: Ownership,
+}
+
+impl Term {
+    /// No other gateway shares the store.
+    #[must_use]
+    pub fn alone(keeper: Keeper) -> Self {
+        Self { keeper, ownership: Ownership::alone() }
+    }
 }
 
 /// Who asks for something.
@@ -177,6 +115,8 @@ pub(super) enum Answers {
 pub struct Station {
     name: RobotName,
     config: Mutex<RobotConfig>,
+    /// Until when this gateway has it.
+    pub(crate) term: Term,
     pub(super) shared: Arc<Shared>,
     /// What happened, counted.
     pub counts: Counts,
@@ -241,7 +181,7 @@ struct Held {
 impl Station {
     /// A robot as it was saved.
     #[must_use]
-    pub fn new(config: RobotConfig, saved: Kept, shared: Arc<Shared>) -> Self {
+    pub fn new(config: RobotConfig, saved: Kept, term: Term, shared: Arc<Shared>) -> Self {
         let Kept { seat: saved, alarms } = saved;
         // More microseconds pass between two begins of a robot than it has stops in between.
         let begun = u64::try_from(clock::system().0).unwrap_or_default();
@@ -261,6 +201,7 @@ impl Station {
             name: config.name.clone(),
             board: Mutex::new(shared.new_board(&config)),
             config: Mutex::new(config),
+            term,
             shared,
             counts: Counts::default(),
             held: Mutex::new(held),
@@ -295,7 +236,7 @@ impl Station {
     }
 
     /// Its name, as the store has it.
-    pub(super) fn robot_name(&self) -> &RobotName {
+    pub(crate) fn robot_name(&self) -> &RobotName {
         &self.name
     }
 
@@ -414,37 +355,6 @@ impl Station {
     /// Which readings show the effect of all commands.
     pub(crate) fn fresh(&self) -> MutexGuard<'_, Freshness> {
         self.fresh.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Whether readings after the last command show that the arm stands, and that the list is empty. A robot
-    /// that does not tell the length of its list counts as one with an empty list.
-    pub(crate) fn is_at_rest(&self) -> (bool, bool) {
-        let now = clock::now();
-        let (moving, list, has_no_length) = {
-            let board = self.board();
-            let read = |address| board.signal(now, address);
-            (
-                read(Address::IsMoving),
-                read(Address::RemoteCmdLen),
-                board.is_unsupported(Address::RemoteCmdLen),
-            )
-        };
-        let fresh = self.fresh();
-        let shows =
-            |read: &(Signal, Option<Instant>)| read.1.is_some_and(|asked_at| fresh.shows_all(asked_at));
-        let stands = |read: &(Signal, _)| {
-            read.0.quality == SignalQuality::Fresh && read.0.value == Some(AddressValue::Flag(false))
-        };
-        let is_empty = |read: &(Signal, _)| match read.0.quality {
-            SignalQuality::Fresh => read.0.value == Some(AddressValue::Integer(0)),
-            // It may have come and be unreadable.
-            SignalQuality::None => has_no_length,
-            SignalQuality::Stale => false,
-        };
-        (
-            moving.is_some_and(|read| stands(&read) && shows(&read)),
-            list.is_some_and(|read| is_empty(&read) && shows(&read)),
-        )
     }
 
     /// Ends the robot here at once: nothing is permitted any more, and there is no connection.

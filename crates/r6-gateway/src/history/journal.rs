@@ -20,11 +20,12 @@ use crate::core::history::event::{Event, Observed};
 use crate::core::history::sample::{Interval, Micros, Sample, State};
 use crate::core::history::{tail, turns};
 use crate::core::name::RobotName;
+use crate::core::owner::Claim;
 use crate::core::watch::Before;
 use crate::store::StoreError;
 #[cfg(feature = "simulation")]
 use crate::store::history::Days;
-use crate::store::history::{HistoryStore, Part};
+use crate::store::history::{HistoryStore, Part, Tail};
 
 /// How much is written in one transaction, in bytes, so that the write-ahead log stays small.
 const MAX_TOGETHER: usize = 1024 * 1024;
@@ -91,6 +92,8 @@ pub struct Journal<S> {
     events_size: usize,
     /// Whether the tails of an earlier process were made to chunks.
     is_recovered: bool,
+    /// The robots whose tails are made to chunks; `None`: all of them.
+    taken_over: Option<BTreeSet<RobotName>>,
     /// When each robot was read last.
     seen: BTreeMap<RobotName, Micros>,
     /// Where the last event of each robot stands.
@@ -122,6 +125,7 @@ impl<S: HistoryStore> Journal<S> {
             size: 0,
             events_size: 0,
             is_recovered: false,
+            taken_over: None,
             seen: BTreeMap::new(),
             last_events: BTreeMap::new(),
             has_older: false,
@@ -129,6 +133,24 @@ impl<S: HistoryStore> Journal<S> {
             written: u64::MAX,
             has_no_room: false,
         }
+    }
+
+    /// Nothing is open, and this gateway owns no robot yet.
+    pub fn shared(self) -> Self {
+        Self { taken_over: Some(BTreeSet::new()), ..self }
+    }
+
+    /// This gateway owns these from now on. What it had of them is of an earlier term, and the tails in the
+    /// store are of the owner before.
+    pub fn take_over(&mut self, claims: &[Claim]) {
+        self.store.hold(claims);
+        for robot in claims.iter().filter_map(|claim| claim.of.robot()) {
+            self.robots.remove(robot);
+            self.seen.remove(robot);
+            self.last_events.remove(robot);
+            self.taken_over.get_or_insert_default().insert(robot.clone());
+        }
+        self.is_recovered = false;
     }
 
     /// Takes in what was read of a robot.
@@ -276,6 +298,7 @@ impl<S: HistoryStore> Journal<S> {
             }
         }
         self.is_recovered = true;
+        self.taken_over.as_mut().map(BTreeSet::clear);
         Ok(())
     }
 
@@ -344,7 +367,9 @@ impl<S: HistoryStore> Journal<S> {
                 }
                 Err(error) => return Err(error),
             };
-            for found in tails {
+            let is_ours =
+                |found: &Tail| self.taken_over.as_ref().is_none_or(|robots| robots.contains(&found.robot));
+            for found in tails.into_iter().filter(is_ours).collect::<Vec<_>>() {
                 let samples = self.read_tail(part, &found.robot, &found.rows);
                 let mut blocks = OpenBlocks::default();
                 for (address, interval, sample) in samples {

@@ -20,6 +20,7 @@ use crate::core::history::event::Event;
 use crate::core::history::sample::{Interval, Micros, Sample};
 use crate::core::history::wall::WallClock;
 use crate::core::name::RobotName;
+use crate::core::owner::Claim;
 use crate::core::watch::Before;
 use crate::store::StoreError;
 #[cfg(feature = "simulation")]
@@ -69,6 +70,7 @@ enum Job {
     Keep(Batch),
     Open(RobotName, Address, oneshot::Sender<Open>),
     LastSeen(RobotName, oneshot::Sender<Before>),
+    TakeOver(Vec<Claim>),
     End(oneshot::Sender<Result<(), StoreError>>),
 }
 
@@ -119,7 +121,7 @@ impl Recorder {
         place: Place,
         settings: HistorySettings,
     ) -> (Self, Worker, Receiver<Job>) {
-        let reader = query::Reader::new(place);
+        let reader = query::Reader::new(place.clone());
         let counts = Arc::<HistoryCounts>::default();
         let clock = Mutex::new(WallClock::new(clock::now(), clock::system()));
         let shared = Shared {
@@ -131,7 +133,9 @@ impl Recorder {
         };
         let shared = Arc::new(shared);
         let (jobs, waiting) = sync_channel(MAX_WAITING);
+        let is_shared = matches!(place, Place::Database { .. });
         let journal = Journal::new(store, settings, counts);
+        let journal = if is_shared { journal.shared() } else { journal };
         let worker = Worker { journal, shared: Arc::clone(&shared), failed: false };
         (Self { jobs, shared }, worker, waiting)
     }
@@ -148,6 +152,14 @@ impl Recorder {
             // Only a batch was sent.
             TrySendError::Full(_) | TrySendError::Disconnected(_) => Vec::new(),
         })
+    }
+
+    /// This gateway owns these from now on. It waits while there is no room: what comes next is written under
+    /// these claims.
+    pub async fn take_over(&self, claims: Vec<Claim>) {
+        let jobs = self.jobs.clone();
+        // A thread that waits holds up no task. Without the thread of the history nothing is written anyway.
+        drop(tokio::task::spawn_blocking(move || jobs.send(Job::TakeOver(claims))).await);
     }
 
     /// When a robot was read last, in this process or before. It is not known if the disk does not answer.
@@ -245,6 +257,7 @@ impl Worker {
                 let time = self.shared.clock().time(clock::now());
                 let _ = answer.send(self.journal.last_seen(clock::now(), time, &robot));
             }
+            Job::TakeOver(claims) => self.journal.take_over(&claims),
             Job::End(answer) => {
                 let flushed = self.flush();
                 // Before the caller goes on, who may end the process: the files need no log beside them then.

@@ -81,7 +81,8 @@ pub async fn page(
 pub async fn head(caller: Caller, Of(state): Of<State>) -> Result<Json<AuditHead>, Refusal> {
     let grant = caller.grant();
     caller.must(Right::ReadAudit, grant.only.as_ref().map_or("", |only| only.as_str()))?;
-    let (head, note) = state.auditor.head().await.map_err(|error| refusal::of(error.into()))?;
-    let (number, hash, key) = (head.number, head.hash.to_string(), state.auditor.key().to_string());
+    let auditor = state.auditor().map_err(refusal::of)?;
+    let (head, note) = auditor.head().await.map_err(|error| refusal::of(error.into()))?;
+    let (number, hash, key) = (head.number, head.hash.to_string(), auditor.key().to_string());
     Ok(Json(AuditHead { number, hash, time: head.time, note, key }))
 }

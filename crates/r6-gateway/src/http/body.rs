@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use axum::body::Bytes;
+use axum::body::{Body, Bytes, to_bytes};
 use axum::extract::{FromRequest, Request};
 use axum::http::StatusCode;
 use r6_api::Code;
@@ -62,6 +62,19 @@ async fn read<T: DeserializeOwned>(request: Request, state: &State, most: usize)
     })?;
     let body = whole(body, most)?;
     serde_json::from_slice(&body).map_err(|error| Refusal::of_json(&error, Code::BadValue))
+}
+
+/// A whole body, for another gateway or from one. The routes have limits of their own.
+pub async fn bytes(body: Body) -> Result<Bytes, Refusal> {
+    let read = tokio::time::timeout(BODY_TIME, to_bytes(body, MAX_PROGRAM_BYTES)).await;
+    let read = read.map_err(|_| {
+        let message = "the body did not come in time";
+        Refusal::new(StatusCode::REQUEST_TIMEOUT, Code::TooSlow, message)
+    })?;
+    read.map_err(|error| {
+        let message = format!("the body broke off, or is longer than {MAX_PROGRAM_BYTES} bytes: {error}");
+        Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, Code::TooLong, message)
+    })
 }
 
 /// The key of a lease. A secret of the wrong form is the secret of no lease.

@@ -13,14 +13,16 @@ use r6_api::Code;
 use r6_http::{Guest, Peer, Refusal};
 
 use super::body::Json;
+use super::forward::Passed;
 use super::{State, refusal};
 use crate::accounts::{self, SignedIn};
 use crate::clock;
 use crate::core::owner::Phase;
+use crate::core::pass::Bearer;
 use crate::core::role::{Grant, Right};
 use crate::fleet::station::{By, Station};
 use crate::secret;
-use crate::store::Author;
+use crate::store::{Author, StoredUser};
 use crate::tokens::{Known, Page};
 
 /// The header that proves that a page belongs to a session.
@@ -45,6 +47,8 @@ pub enum Who {
     Page(Arc<Known>, Page),
     /// A browser with a session of a user.
     User(SignedIn),
+    /// A user with a session at another gateway, which passes the request on.
+    Passed(Arc<StoredUser>),
 }
 
 impl Caller {
@@ -58,6 +62,7 @@ impl Caller {
         let actor = match &self.who {
             Who::Token(token) | Who::Page(token, _) => token.label.clone(),
             Who::User(signed_in) => signed_in.user.account.name.to_string(),
+            Who::Passed(user) => user.account.name.to_string(),
         };
         By { actor, source: self.source.map(|source| source.to_string()) }
     }
@@ -73,6 +78,7 @@ impl Caller {
         match &self.who {
             Who::Token(token) | Who::Page(token, _) => &token.grant,
             Who::User(signed_in) => &signed_in.user.account.grant,
+            Who::Passed(user) => &user.account.grant,
         }
     }
 
@@ -85,14 +91,14 @@ impl Caller {
     pub fn token(&self) -> Option<i64> {
         match &self.who {
             Who::Token(token) | Who::Page(token, _) => Some(token.number),
-            Who::User(_) => None,
+            Who::User(_) | Who::Passed(_) => None,
         }
     }
 
     /// The session of a user; `None` for a token.
     pub fn session(&self) -> Option<&SignedIn> {
         match &self.who {
-            Who::Token(_) | Who::Page(..) => None,
+            Who::Token(_) | Who::Page(..) | Who::Passed(_) => None,
             Who::User(signed_in) => Some(signed_in),
         }
     }
@@ -101,7 +107,7 @@ impl Caller {
     pub fn page(&self) -> Option<&Page> {
         match &self.who {
             Who::Page(_, page) => Some(page),
-            Who::Token(_) | Who::User(_) => None,
+            Who::Token(_) | Who::User(_) | Who::Passed(_) => None,
         }
     }
 
@@ -133,6 +139,7 @@ impl Caller {
         let counted = match &self.who {
             Who::Token(token) | Who::Page(token, _) => state.tokens.request(token.number),
             Who::User(signed_in) => state.accounts.request(&signed_in.user.account.name),
+            Who::Passed(user) => state.accounts.request(&user.account.name),
         };
         counted.map_err(Refusal::too_many)
     }
@@ -157,11 +164,21 @@ impl Caller {
             Who::Token(token) => state.tokens.is_valid(token.number),
             Who::Page(_, page) => state.tokens.is_open(&page.id),
             Who::User(signed_in) => state.accounts.is_open(&signed_in.id),
+            Who::Passed(user) => state.accounts.has(&user.account.name),
+        }
+    }
+
+    /// Who asks, for another gateway.
+    pub fn bearer(&self) -> Bearer {
+        match &self.who {
+            Who::Token(token) | Who::Page(token, _) => Bearer::Token(token.number),
+            Who::User(signed_in) => Bearer::User(signed_in.user.account.name.to_string()),
+            Who::Passed(user) => Bearer::User(user.account.name.to_string()),
         }
     }
 
     /// The caller, whose request is not counted. From now on strangers cannot push the request out.
-    async fn known(parts: &Parts, state: &State) -> Result<Self, Refusal> {
+    pub(super) async fn known(parts: &Parts, state: &State) -> Result<Self, Refusal> {
         let caller = Self::look_up(parts, state).await?;
         if let Some(guest) = parts.extensions.get::<Guest>() {
             guest.keep();
@@ -172,6 +189,9 @@ impl Caller {
     /// The caller. With a token the cookie does not matter. A token that is in memory and a session need no
     /// disk.
     async fn look_up(parts: &Parts, state: &State) -> Result<Self, Refusal> {
+        if let Some(passed) = parts.extensions.get::<Passed>() {
+            return Self::of_pass(passed, state).await;
+        }
         let source = parts.extensions.get::<Peer>().map(|peer| peer.0);
         let mut headers = parts.headers.get_all(AUTHORIZATION).iter();
         let text = match (headers.next(), headers.next()) {
@@ -196,6 +216,20 @@ impl Caller {
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)
         })?;
         Ok(Self { who: Who::Token(token), source })
+    }
+
+    /// The caller whose request another gateway passes on. What it may do is looked up here.
+    async fn of_pass(passed: &Passed, state: &State) -> Result<Self, Refusal> {
+        let source = passed.source;
+        let who = match &passed.bearer {
+            Bearer::Token(number) => state.tokens.find_number(*number).await.map(Who::Token),
+            Bearer::User(name) => state.accounts.find(name).await.map(Who::Passed),
+        };
+        let who = who.ok_or_else(|| {
+            let message = "the token or the user is not valid any more";
+            Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)
+        })?;
+        Ok(Self { who, source })
     }
 
     /// The caller with these cookies, which a page of another port of this host can add to: the session of
@@ -243,42 +277,17 @@ impl FromRequestParts<State> for Caller {
     async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
         let caller = Self::known(parts, state).await?;
         caller.count(state)?;
-        check_owner(parts, state, false)?;
         Ok(caller)
     }
 }
 
-/// What a gateway answers that does not own the robots: what is in the store alone, and what needs neither a
-/// robot nor the store. All below these paths is meant.
-const ANSWERED_BY_ALL: [&str; 9] = [
-    "/v1/audit",
-    "/v1/models",
-    "/v1/openapi.json",
-    "/v1/programs",
-    "/v1/session",
-    "/v1/settings",
-    "/v1/tokens",
-    "/v1/users",
-    "/metrics",
-];
-
-/// Refuses what another gateway has to do, because it owns the robots.
-fn check_owner(parts: &Parts, state: &State, is_stop: bool) -> Result<(), Refusal> {
-    let ownership = &state.shared.ownership;
-    let path = parts.uri.path();
+/// Refuses what the gateway may not do with a robot now, because it is about to lose it.
+fn check_owner(parts: &Parts, station: &Station, is_stop: bool) -> Result<(), Refusal> {
+    let ownership = &station.term.ownership;
     let is_read = matches!(parts.method, Method::GET | Method::HEAD);
-    let is_computed = matches!(path, "/v1/programs/check" | "/v1/programs/plan");
-    // An owner that lets go has no robots any more, and does not say that there are none.
-    let is_for_all = if ownership.phase() >= Phase::StopLists {
-        let is_below = |known: &str| {
-            path.strip_prefix(known).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
-        };
-        path == "/readyz" || is_computed || (is_read && ANSWERED_BY_ALL.iter().any(|known| is_below(known)))
-    } else {
-        // A stop may leave for as long as the robots have not been let go of.
-        is_read || is_stop || is_computed
-    };
-    if is_for_all { Ok(()) } else { ownership.check().map_err(refusal::of) }
+    // A stop may leave for as long as the robot has not been let go of.
+    let passes = (is_read || is_stop) && ownership.phase() < Phase::StopLists;
+    if passes { Ok(()) } else { ownership.check().map_err(refusal::of) }
 }
 
 /// What a route needs, as a type: a route about a robot cannot be written without it.
@@ -338,7 +347,7 @@ impl<R: Needs> FromRequestParts<State> for Manager<R> {
         let caller = Caller::from_request_parts(parts, state).await?;
         // No robot has this name, so it is covered by all robots alone.
         if let Err(refusal) = caller.must(R::RIGHT, "") {
-            if let Some(source) = caller.source.filter(|_| !state.shared.ownership.is_other()) {
+            if let Some(source) = caller.source {
                 let request = parts.uri.path().chars().take(MAX_TOLD).collect();
                 state.accounts.ledger.refused(&caller.by(), source.ip(), request, Code::NotAllowed);
             }
@@ -405,7 +414,6 @@ impl<R: Needs> FromRequestParts<State> for Named<R> {
         if R::RIGHT != Right::Stop {
             caller.count(state)?;
         }
-        check_owner(parts, state, R::RIGHT == Right::Stop)?;
         let names = Path::<BTreeMap<String, String>>::from_request_parts(parts, state).await;
         let name = match names {
             Ok(Path(mut names)) => names.remove("name").unwrap_or_default(),
@@ -449,7 +457,7 @@ impl<R: Needs> FromRequestParts<State> for Robot<R> {
     async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
         let Named { caller, name, right } = Named::<R>::from_request_parts(parts, state).await?;
         let station = state.fleet.station(&name).ok_or_else(|| {
-            if let Err(problem) = state.shared.ownership.check() {
+            if let Some(problem) = state.shared.owners.absent(&name) {
                 return refusal::of(problem);
             }
             let name: String = name.chars().take(40).collect();
@@ -461,6 +469,7 @@ impl<R: Needs> FromRequestParts<State> for Robot<R> {
                 r6_proto::nearest(&name, known).map_or(String::new(), |near| format!("; nearest: `{near}`"));
             Refusal::not_found(Code::NoSuchRobot, format!("there is no robot `{name}`{nearest}"))
         })?;
+        check_owner(parts, &station, R::RIGHT == Right::Stop)?;
         Ok(Self { caller, station, right })
     }
 }

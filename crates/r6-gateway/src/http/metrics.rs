@@ -34,9 +34,9 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
         &mut text,
         owner,
         "gauge",
-        "Whether this gateway owns the robots, and no other gateway that shares its store does.",
+        "How many robots this gateway owns, and no other gateway that shares its store.",
     );
-    let owns = flag(state.shared.ownership.check().is_ok());
+    let owns = stations.len();
     // To write to a text cannot fail.
     let _ = writeln!(text, "{owner} {owns}");
     family(&mut text, "r6_gateway_robot_up", "gauge", "Whether the robot answers.");

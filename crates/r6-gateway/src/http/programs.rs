@@ -23,6 +23,7 @@ use super::described::{OfBody, OfChange, OfToken};
 use super::etag::{condition, with_etag};
 use super::refusal::{self, bad_value};
 use crate::core::library::ProgramName;
+use crate::core::owner::Owned;
 use crate::core::role::Right;
 use crate::programs::plan::Wish;
 use crate::programs::{check as checking, model, plan as planning};
@@ -120,15 +121,22 @@ fn arm(
         (Some(name), None) => Ok((self::model(&name).map_err(bad_value)?, None)),
         (None, Some(name)) => {
             caller.must(Right::Read, &name)?;
-            let station = state.fleet.station(&name).ok_or_else(|| {
+            let owners = &state.shared.owners;
+            let station = state.fleet.station(&name);
+            let config = station.as_ref().map(|station| station.config()).or_else(|| owners.robot(&name));
+            let config = config.ok_or_else(|| {
                 let name: String = name.chars().take(40).collect();
                 Refusal::not_found(Code::NoSuchRobot, format!("there is no robot `{name}`"))
             })?;
-            let model = station.config().arm().ok_or_else(|| {
+            let model = config.arm().ok_or_else(|| {
                 bad_value(format!("`{name}` has no model: configure its `model`, or give one here"))
             })?;
-            let stands = reads.then(|| station.position(model.axis_count())).transpose();
-            Ok((model, stands.map_err(refusal::of)?))
+            if !reads {
+                return Ok((model, None));
+            }
+            // Where the arm stands, its owner alone knows.
+            let station = station.ok_or_else(|| refusal::of(owners.no_owner(&Owned::Robot(config.name))))?;
+            Ok((model, Some(station.position(model.axis_count()).map_err(refusal::of)?)))
         }
         (Some(_), Some(_)) | (None, None) => {
             let names: Vec<_> = RobotModel::names().collect();

@@ -47,7 +47,6 @@ pub async fn sign_in(
     Of(state): Of<State>,
     Json(asked): Json<SignIn>,
 ) -> Result<Response, Refusal> {
-    state.shared.ownership.check().map_err(refusal::of)?;
     // A caller that hangs up has tried a password all the same.
     let work = tokio::spawn(async move { state.accounts.sign_in(asked, source).await });
     let (secret, signed_in) = work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?;
@@ -141,13 +140,17 @@ fn with_cookie(cookie: &Cookie, secret: &Secret, session: Session) -> Response {
     (status = 200, description = "The caller", body = Session),
     OfToken,
 ))]
-pub async fn show(caller: Caller) -> impl IntoResponse {
+pub async fn show(caller: Caller) -> Result<impl IntoResponse, Refusal> {
     let session = match caller.who() {
         Who::Token(token) => of_token(token, None),
         Who::Page(token, page) => of_token(token, Some(page)),
         Who::User(signed_in) => of_user(signed_in),
+        Who::Passed(_) => {
+            let message = "the session is at another gateway";
+            return Err(Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message));
+        }
     };
-    ([(CACHE_CONTROL, "no-store")], axum::Json(session))
+    Ok(([(CACHE_CONTROL, "no-store")], axum::Json(session)))
 }
 
 /// Signs out. Streams of the session end within a second.

@@ -66,7 +66,8 @@ pub async fn put(
     body::Json(wanted): body::Json<HallSettings>,
 ) -> Result<Response, Refusal> {
     let (condition, by) = (condition(&headers)?, manager.caller.author());
-    let work = tokio::spawn(async move { state.settings.put(wanted, &condition, &by).await });
+    let keeper = state.shared.owners.hall_keeper(&state.shared.keeper).map_err(refusal::of)?;
+    let work = tokio::spawn(async move { state.settings.put(wanted, &condition, &by, &keeper).await });
     work.await.map_err(of_lost_work)?.map(|known| answer(&known)).map_err(refusal::of)
 }
 

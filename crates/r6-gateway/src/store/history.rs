@@ -18,6 +18,7 @@ use crate::core::history::block::{Summary, Write};
 use crate::core::history::event::Event;
 use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
+use crate::core::owner::Claim;
 
 pub use days::{Days, file_names, is_file_name};
 #[cfg(test)]
@@ -159,6 +160,20 @@ pub trait HistoryStore: Send {
 
     /// How much room its disk has; `None` if that is not known.
     fn free_bytes(&mut self) -> Option<u64>;
+
+    /// What is written from now on about these robots belongs to these terms. A store that others share
+    /// writes about no other robots, without an error: their owners do.
+    fn hold(&mut self, _claims: &[Claim]) {}
+
+    /// Whether parts that are too many are removed here: of gateways that share a store, one does it.
+    fn may_remove(&self) -> bool {
+        true
+    }
+
+    /// Whether another gateway has begun a newer part of the day than the part that is written here.
+    fn is_behind(&self, _newest: Part) -> bool {
+        false
+    }
 
     /// Removes a part with all that is in it.
     ///

@@ -1,5 +1,7 @@
 //! The thread that owns the store. Appends that wait at the same time share one commit.
 
+mod append;
+
 use std::thread;
 
 use r6_api::gateway::{AuditRecord, Run};
@@ -7,6 +9,7 @@ use tokio::sync::mpsc::error::TrySendError;
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 use tokio::sync::oneshot;
 
+use self::append::{Append, append};
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
@@ -17,13 +20,11 @@ use crate::core::account::Decided;
 use crate::core::alarms;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
+use crate::core::owner::Claim;
 use crate::core::seat::Saved;
 
 /// How many jobs wait for the store. At some hundred commits a second, more would wait for seconds.
 const MAX_WAITING: usize = 1024;
-
-/// How many appends share one commit.
-const MAX_TOGETHER: usize = 64;
 
 type Answer<T, E = StoreError> = oneshot::Sender<Result<T, E>>;
 
@@ -64,14 +65,23 @@ enum Job {
     BeginCommand(Box<NewCommand>, Answer<Noted>),
     CommandOfKey(String, String, u64, Answer<Option<KeptCommand>>),
     EndCommand(u64, String, Box<AuditRecord>, Answer<()>),
+    Work(Work),
     End(Answer<()>),
 }
+
+/// Several things in one turn of the thread.
+type Work = Box<dyn FnOnce(&mut dyn Store) + Send>;
+
+/// A job, and what it is about if a gateway has that for a term.
+type Asked = (Option<Claim>, Job);
 
 /// A handle on the thread of the store. The thread ends with [`Keeper::end`] or the last handle, after all
 /// that was asked for.
 #[derive(Clone)]
 pub struct Keeper {
-    jobs: Sender<Job>,
+    jobs: Sender<Asked>,
+    /// What is asked for with this handle is about this, and is written only while the claim holds.
+    claim: Option<Claim>,
 }
 
 impl std::fmt::Debug for Keeper {
@@ -88,7 +98,32 @@ impl Keeper {
     pub fn start(store: impl Store + 'static) -> std::io::Result<Self> {
         let (jobs, waiting) = channel(MAX_WAITING);
         thread::Builder::new().name("store".to_owned()).spawn(move || keep(store, waiting))?;
-        Ok(Self { jobs })
+        Ok(Self { jobs, claim: None })
+    }
+
+    /// A handle for what is about a robot, or the hall, in one term: nothing is written once another
+    /// gateway has it.
+    #[must_use]
+    pub fn under(&self, claim: Claim) -> Self {
+        Self { jobs: self.jobs.clone(), claim: Some(claim) }
+    }
+
+    /// What has to hold so that this handle writes.
+    #[must_use]
+    pub fn claim(&self) -> Option<&Claim> {
+        self.claim.as_ref()
+    }
+
+    /// Does several things in one turn of the thread.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn work<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut dyn Store) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        // A caller that has gone needs no answer.
+        self.ask(|answer| Job::Work(Box::new(move |store| drop(answer.send(work(store)))))).await
     }
 
     /// Does the work of the thread in a task, where a simulation has no threads. Each job takes `takes`
@@ -108,7 +143,7 @@ impl Keeper {
                 };
                 match job {
                     None => return,
-                    Some(Job::End(answer)) => return end(store, answer),
+                    Some((_, Job::End(answer))) => return end(store, answer),
                     Some(job) => {
                         tokio::time::sleep(takes()).await;
                         next = carry_out(&mut store, job, &mut waiting);
@@ -116,7 +151,7 @@ impl Keeper {
                 }
             }
         });
-        Self { jobs }
+        Self { jobs, claim: None }
     }
 
     /// As [`Store::append`].
@@ -443,13 +478,13 @@ impl Keeper {
     /// [`StoreError::Closed`]: it has ended before.
     pub async fn end(&self) -> Result<(), StoreError> {
         let (answer, answered) = oneshot::channel();
-        self.jobs.send(Job::End(answer)).await.map_err(|_| StoreError::Closed)?;
+        self.jobs.send((None, Job::End(answer))).await.map_err(|_| StoreError::Closed)?;
         answered.await.unwrap_or(Err(StoreError::Closed))
     }
 
     async fn ask<T, E: From<StoreError>>(&self, job: impl FnOnce(Answer<T, E>) -> Job) -> Result<T, E> {
         let (answer, answered) = oneshot::channel();
-        self.jobs.try_send(job(answer)).map_err(|error| match error {
+        self.jobs.try_send((self.claim.clone(), job(answer))).map_err(|error| match error {
             TrySendError::Full(_) => {
                 StoreError::Unavailable(format!("{MAX_WAITING} writes wait for the disk"))
             }
@@ -459,11 +494,11 @@ impl Keeper {
     }
 }
 
-fn keep(mut store: impl Store, mut waiting: Receiver<Job>) {
+fn keep(mut store: impl Store, mut waiting: Receiver<Asked>) {
     let mut next = None;
     while let Some(job) = next.take().or_else(|| waiting.blocking_recv()) {
         match job {
-            Job::End(answer) => return end(store, answer),
+            (_, Job::End(answer)) => return end(store, answer),
             job => next = carry_out(&mut store, job, &mut waiting),
         }
     }
@@ -476,10 +511,13 @@ fn end(store: impl Store, answer: Answer<()>) {
 }
 
 /// Does a job, and for appends those right behind it. Returns the first job that was taken and is not done.
-fn carry_out(store: &mut impl Store, job: Job, waiting: &mut Receiver<Job>) -> Option<Job> {
+fn carry_out(store: &mut impl Store, (claim, job): Asked, waiting: &mut Receiver<Asked>) -> Option<Asked> {
+    store.hold(claim.as_slice());
     // A caller that has gone needs no answer.
     match job {
-        Job::Append(records, answer) => return append(store, records, answer, waiting),
+        Job::Append(records, answer) => {
+            return append(store, Append { claim, records, answer }, waiting);
+        }
         Job::Entries(after, most, answer) => drop(answer.send(store.entries(after, most))),
         Job::Ends(answer) => drop(answer.send(store.ends())),
         Job::Heads(answer) => drop(answer.send(store.heads())),
@@ -531,38 +569,9 @@ fn carry_out(store: &mut impl Store, job: Job, waiting: &mut Receiver<Job>) -> O
         Job::EndCommand(intent, text, record, answer) => {
             drop(answer.send(store.end_command(intent, &text, &record)));
         }
+        Job::Work(work) => work(store),
         // The callers of this function end with this job.
         Job::End(answer) => drop(answer.send(Err(StoreError::Closed))),
     }
     None
-}
-
-/// Appends these records, and those of the jobs right behind, in one commit. Returns the first other job.
-fn append(
-    store: &mut impl Store,
-    mut records: Vec<AuditRecord>,
-    answer: Answer<u64>,
-    waiting: &mut Receiver<Job>,
-) -> Option<Job> {
-    let mut answers = vec![(0, answer)];
-    let mut other = None;
-    while answers.len() < MAX_TOGETHER
-        && let Ok(job) = waiting.try_recv()
-    {
-        match job {
-            Job::Append(more, answer) => {
-                answers.push((records.len() as u64, answer));
-                records.extend(more);
-            }
-            job => {
-                other = Some(job);
-                break;
-            }
-        }
-    }
-    let first = store.append(&records);
-    for (at, answer) in answers {
-        drop(answer.send(first.clone().map(|first| first + at)));
-    }
-    other
 }

@@ -1,10 +1,12 @@
 //! The store in a PostgreSQL database, which several gateways can share.
 //!
-//! One gateway at a time owns the robots and writes ([`owner`]): each of its transactions asks first whether
-//! its fence still holds. The others read. The command line adds tokens and users beside it.
+//! Each robot is owned by one gateway at a time ([`owner`]): each transaction about a robot asks first
+//! whether its fence still holds. All gateways write about users, tokens and programs, and so does the
+//! command line.
 //!
 //! [`session`]: the connection. `tables`: the tables. The other files have what their tables are about.
 
+mod arms;
 mod audit;
 mod commands;
 mod database;
@@ -22,7 +24,7 @@ mod users;
 
 use r6_api::gateway::{AuditRecord, Run};
 
-use self::session::{Durable, Hand, Session};
+use self::session::{Durable, Hand, Lock, Session};
 use self::tables::{FOUNDATION, TABLES};
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
@@ -34,6 +36,7 @@ use crate::core::account::Decided;
 use crate::core::alarms;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
+use crate::core::owner::Claim;
 use crate::core::seat::Saved;
 
 pub use database::Database;
@@ -45,6 +48,8 @@ const OLDEST_SERVER: i32 = 130_000;
 #[derive(Debug)]
 pub struct Postgres {
     session: Session,
+    /// What the next write is about.
+    claims: Vec<Claim>,
 }
 
 impl Postgres {
@@ -55,7 +60,8 @@ impl Postgres {
     /// [`StoreError::Unavailable`].
     pub fn open(database: &Database, hand: Hand) -> Result<Self, StoreError> {
         make_tables(database)?;
-        Ok(Self { session: Session::new(database.clone(), hand, Durable::Always)? })
+        let session = Session::new(database.clone(), hand, Durable::Always)?;
+        Ok(Self { session, claims: Vec::new() })
     }
 
     /// Opens the store of a database to read it. Nothing is made.
@@ -69,7 +75,24 @@ impl Postgres {
         if version.ok_or_else(missing)? > TABLES.len() {
             return Err(newer(database));
         }
-        Ok(Self { session })
+        Ok(Self { session, claims: Vec::new() })
+    }
+
+    /// Opens the store for the gateway with this number. Its tables are there.
+    ///
+    /// # Errors
+    /// [`StoreError::Unavailable`].
+    pub fn of_gateway(database: &Database, number: u64) -> Result<Self, StoreError> {
+        let session = Session::new(database.clone(), Hand::Gateway(number), Durable::Always)?;
+        Ok(Self { session, claims: Vec::new() })
+    }
+
+    /// Writes under the present claims.
+    fn write<T, E: From<StoreError>>(
+        &mut self,
+        work: impl AsyncFnOnce(&tokio_postgres::Client) -> Result<T, E>,
+    ) -> Result<T, E> {
+        self.session.write(&self.claims, Lock::Log, work)
     }
 
     /// Makes everything that is read from now on of one moment, while others write.
@@ -180,8 +203,16 @@ fn plain(text: &str) -> String {
 }
 
 impl Store for Postgres {
+    fn hold(&mut self, claims: &[Claim]) {
+        self.claims = claims.to_vec();
+    }
+
+    fn tie(&mut self, robots: &[(RobotName, String)], leaving: &[RobotName]) -> Result<(), StoreError> {
+        self.write(async |client| arms::tie(client, robots, leaving).await)
+    }
+
     fn append(&mut self, records: &[AuditRecord]) -> Result<u64, StoreError> {
-        self.session.write(async |client| {
+        self.write(async |client| {
             if records.is_empty() {
                 // To see whether the server takes something, something has to be written.
                 client.execute("SELECT pg_current_xact_id()", &[]).await?;
@@ -203,7 +234,7 @@ impl Store for Postgres {
     }
 
     fn put_key(&mut self, key: &str, cut: Option<&str>, record: &AuditRecord) -> Result<(), StoreError> {
-        self.session.write(async |client| {
+        self.write(async |client| {
             audit::put_key(client, key, cut).await?;
             audit::append(client, std::slice::from_ref(record)).await?;
             Ok(())
@@ -211,11 +242,11 @@ impl Store for Postgres {
     }
 
     fn put_head(&mut self, note: &str) -> Result<(), StoreError> {
-        self.session.write(async |client| audit::put(client, "end", note).await)
+        self.write(async |client| audit::put(client, "end", note).await)
     }
 
     fn cut(&mut self, until: u64, note: &str) -> Result<(), StoreError> {
-        self.session.write(async |client| audit::cut(client, until, note).await)
+        self.write(async |client| audit::cut(client, until, note).await)
     }
 
     fn open_intents(&mut self) -> Result<Vec<(u64, Option<String>)>, StoreError> {
@@ -223,11 +254,11 @@ impl Store for Postgres {
     }
 
     fn add_token(&mut self, token: &NewToken, author: &Author) -> Result<i64, StoreError> {
-        self.session.write(async |client| users::add_token(client, token, author).await)
+        self.write(async |client| users::add_token(client, token, author).await)
     }
 
     fn revoke_token(&mut self, number: i64, author: &Author) -> Result<bool, StoreError> {
-        self.session.write(async |client| users::revoke_token(client, number, author).await)
+        self.write(async |client| users::revoke_token(client, number, author).await)
     }
 
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError> {
@@ -239,11 +270,11 @@ impl Store for Postgres {
     }
 
     fn change_user(&mut self, change: &UserChange, author: &Author) -> Result<(Decided, u64), StoreError> {
-        self.session.write(async |client| users::change(client, change, author).await)
+        self.write(async |client| users::change(client, change, author).await)
     }
 
     fn put_link(&mut self, link: &Link, author: &Author) -> Result<(), StoreError> {
-        self.session.write(async |client| users::put_link(client, link, author).await)
+        self.write(async |client| users::put_link(client, link, author).await)
     }
 
     fn link(&mut self, hash: &[u8; 32], now: u64) -> Result<Option<Link>, StoreError> {
@@ -252,7 +283,7 @@ impl Store for Postgres {
     }
 
     fn remove_setup_link(&mut self) -> Result<(), StoreError> {
-        self.session.write(async |client| {
+        self.write(async |client| {
             client.execute("DELETE FROM link WHERE \"user\" = ''", &[]).await?;
             Ok(())
         })
@@ -263,7 +294,7 @@ impl Store for Postgres {
     }
 
     fn save_seat(&mut self, robot: &RobotName, saved: &Saved) -> Result<(), StoreError> {
-        self.session.write(async |client| robots::save_seat(client, robot, saved).await)
+        self.write(async |client| robots::save_seat(client, robot, saved).await)
     }
 
     fn alarms(&mut self, robot: &RobotName) -> Result<alarms::Saved, StoreError> {
@@ -276,7 +307,7 @@ impl Store for Postgres {
         saved: &alarms::Saved,
         records: &[AuditRecord],
     ) -> Result<(), StoreError> {
-        self.session.write(async |client| {
+        self.write(async |client| {
             robots::save_alarms(client, robot, saved).await?;
             audit::append(client, records).await?;
             Ok(())
@@ -288,7 +319,7 @@ impl Store for Postgres {
     }
 
     fn put_settings(&mut self, settings: &StoredSettings, record: &AuditRecord) -> Result<(), StoreError> {
-        self.session.write(async |client| {
+        self.write(async |client| {
             robots::put_settings(client, settings).await?;
             audit::append(client, std::slice::from_ref(record)).await?;
             Ok(())
@@ -300,15 +331,18 @@ impl Store for Postgres {
     }
 
     fn put_robot(&mut self, robot: &StoredRobot, record: &AuditRecord) -> Result<(), StoreError> {
-        self.session.write(async |client| {
+        self.write(async |client| {
             robots::put(client, robot).await?;
+            if let Ok(address) = r6_client::address_with_port(&robot.address) {
+                arms::tie(client, &[(robot.name.clone(), address)], &[]).await?;
+            }
             audit::append(client, std::slice::from_ref(record)).await?;
             Ok(())
         })
     }
 
     fn remove_robot(&mut self, name: &RobotName, records: &[AuditRecord]) -> Result<(), StoreError> {
-        self.session.write(async |client| {
+        self.write(async |client| {
             robots::remove(client, name).await?;
             audit::append(client, records).await?;
             Ok(())
@@ -332,7 +366,7 @@ impl Store for Postgres {
     }
 
     fn put_program(&mut self, new: &NewVersion, condition: &Condition) -> Result<Kept, LibraryError> {
-        self.session.write(async |client| programs::put(client, new, condition).await)
+        self.write(async |client| programs::put(client, new, condition).await)
     }
 
     fn remove_program(
@@ -341,11 +375,11 @@ impl Store for Postgres {
         condition: &Condition,
         by: &Author,
     ) -> Result<(), LibraryError> {
-        self.session.write(async |client| programs::remove(client, name, condition, by).await)
+        self.write(async |client| programs::remove(client, name, condition, by).await)
     }
 
     fn begin_run(&mut self, new: &NewRun) -> Result<Begun, StoreError> {
-        self.session.write(async |client| runs::begin(client, new).await)
+        self.write(async |client| runs::begin(client, new).await)
     }
 
     fn run_of_key(&mut self, caller: &str, key: &str, since: u64) -> Result<Option<KeptRun>, StoreError> {
@@ -361,7 +395,7 @@ impl Store for Postgres {
     }
 
     fn answer_run(&mut self, id: u64, answer: &str) -> Result<(), StoreError> {
-        self.session.write(async |client| runs::answer(client, id, answer).await)
+        self.write(async |client| runs::answer(client, id, answer).await)
     }
 
     fn kept(&mut self, robots: &[RobotName]) -> Result<Vec<(Saved, alarms::Saved)>, StoreError> {
@@ -379,7 +413,7 @@ impl Store for Postgres {
         if ends.is_empty() {
             return Ok(());
         }
-        self.session.write(async |client| {
+        self.write(async |client| {
             for (run, record) in ends {
                 runs::end(client, run, true, std::slice::from_ref(record)).await?;
             }
@@ -388,7 +422,7 @@ impl Store for Postgres {
     }
 
     fn end_run(&mut self, run: &Run, owed: bool, records: &[AuditRecord]) -> Result<(), StoreError> {
-        self.session.write(async |client| runs::end(client, run, owed, records).await)
+        self.write(async |client| runs::end(client, run, owed, records).await)
     }
 
     fn owed_stops(&mut self) -> Result<Vec<RobotName>, StoreError> {
@@ -396,11 +430,11 @@ impl Store for Postgres {
     }
 
     fn forget_owed_stop(&mut self, robot: &RobotName) -> Result<(), StoreError> {
-        self.session.write(async |client| runs::forget_owed_stop(client, robot).await)
+        self.write(async |client| runs::forget_owed_stop(client, robot).await)
     }
 
     fn begin_command(&mut self, new: &NewCommand) -> Result<Noted, StoreError> {
-        self.session.write(async |client| commands::begin(client, new).await)
+        self.write(async |client| commands::begin(client, new).await)
     }
 
     fn command_of_key(
@@ -413,6 +447,6 @@ impl Store for Postgres {
     }
 
     fn end_command(&mut self, intent: u64, answer: &str, outcome: &AuditRecord) -> Result<(), StoreError> {
-        self.session.write(async |client| commands::end(client, intent, answer, outcome).await)
+        self.write(async |client| commands::end(client, intent, answer, outcome).await)
     }
 }

@@ -5,6 +5,8 @@ mod alarms;
 mod browsers;
 mod commands;
 mod fleet;
+#[cfg(unix)]
+mod forward;
 mod guard;
 mod happenings;
 mod heads;
@@ -17,6 +19,8 @@ mod openapi;
 mod owner;
 mod page;
 mod panel;
+#[cfg(unix)]
+mod passed;
 mod production;
 mod programs;
 mod query;

@@ -1,4 +1,4 @@
-//! Gateways that share a store in PostgreSQL: one of them owns the robots, and another takes over.
+//! Gateways that share a store in PostgreSQL: each robot is owned by one of them, and another takes over.
 
 use std::io::{BufRead, BufReader, Write as _};
 use std::net::SocketAddr;
@@ -22,12 +22,12 @@ use crate::support::{PATIENCE, call, call_with, commands, name, ready_to_start, 
 const TAKEN_OVER: Duration = Duration::from_secs(7);
 
 /// Does something that waits beside the tasks.
-async fn beside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+pub async fn beside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     tokio::task::spawn_blocking(work).await.unwrap()
 }
 
 /// A database, and an admin's token in it. `None` without PostgreSQL.
-async fn database(test: &'static str) -> Option<(Server, String, String)> {
+pub async fn database(test: &'static str) -> Option<(Server, String, String)> {
     let (server, url) = beside(move || {
         let server = shared(test)?;
         let url = server.database();
@@ -47,36 +47,48 @@ fn at(url: &str) -> At {
     At::Database(Database::parse(url).unwrap())
 }
 
-fn settings_of(url: &str, data: &Path, robot: SocketAddr) -> GatewaySettings {
+/// Robots, by their names.
+pub type Robots = [(&'static str, SocketAddr)];
+
+pub fn settings_of(url: &str, data: &Path, robots: &[(String, SocketAddr)]) -> GatewaySettings {
     let period = Duration::from_millis(20);
-    let press = RobotConfig { period, ..RobotConfig::new(name("press"), robot.to_string()) };
-    GatewaySettings { store: Some(Database::parse(url).unwrap()), ..settings(data, vec![press]) }
+    let robot = |(called, at): &(String, SocketAddr)| RobotConfig {
+        period,
+        ..RobotConfig::new(name(called), at.to_string())
+    };
+    let robots = robots.iter().map(robot).collect();
+    GatewaySettings { store: Some(Database::parse(url).unwrap()), ..settings(data, robots) }
 }
 
 /// A gateway of this process.
-struct Here {
-    gateway: Gateway,
-    token: String,
+pub struct Here {
+    pub gateway: Gateway,
+    pub token: String,
     _data: TempDir,
 }
 
 impl Here {
-    async fn start(url: &str, token: &str, robot: SocketAddr) -> Self {
+    pub async fn start(url: &str, token: &str, robots: &Robots) -> Self {
+        let robots: Vec<_> = robots.iter().map(|(name, at)| ((*name).to_owned(), *at)).collect();
+        Self::start_with(url, token, &robots).await
+    }
+
+    async fn start_with(url: &str, token: &str, robots: &[(String, SocketAddr)]) -> Self {
         let data = tempfile::tempdir().unwrap();
-        let gateway = Gateway::start(settings_of(url, data.path(), robot)).await.unwrap();
+        let gateway = Gateway::start(settings_of(url, data.path(), robots)).await.unwrap();
         Self { gateway, token: token.to_owned(), _data: data }
     }
 
-    async fn call(&self, method: &str, path: &str, body: Option<&Value>) -> (u16, Value) {
+    pub async fn call(&self, method: &str, path: &str, body: Option<&Value>) -> (u16, Value) {
         call(self.gateway.address(), &self.token, method, path, body).await
     }
 
-    /// Waits until it owns the robots, and `press` answers.
-    async fn until_up(&self) -> Value {
+    /// Waits until it owns a robot, which answers.
+    pub async fn until_up(&self, robot: &str) -> Value {
         let begun = Instant::now();
         loop {
-            let (status, state) = self.call("GET", "/v1/robots/press", None).await;
-            if status == 200 && state["link"] == "up" {
+            let (status, state) = self.call("GET", &format!("/v1/robots/{robot}"), None).await;
+            if status == 200 && state["link"] == "up" && self.owns(robot).await {
                 return state;
             }
             assert!(begun.elapsed() < PATIENCE, "{status} {state}");
@@ -84,28 +96,39 @@ impl Here {
         }
     }
 
-    async fn lease(&self) -> Value {
-        lease(self.gateway.address(), &self.token).await
+    /// Whether this gateway has the connection of a robot.
+    pub async fn owns(&self, robot: &str) -> bool {
+        owns(self.gateway.address(), &self.token, robot).await
+    }
+
+    pub async fn lease(&self, robot: &str) -> Value {
+        lease(self.gateway.address(), &self.token, robot).await
     }
 }
 
-async fn lease(gateway: SocketAddr, token: &str) -> Value {
+pub async fn owns(gateway: SocketAddr, token: &str, robot: &str) -> bool {
+    let (_, metrics) = call(gateway, token, "GET", "/metrics", None).await;
+    metrics.as_str().unwrap().contains(&format!("r6_gateway_robot_up{{robot=\"{robot}\"}}"))
+}
+
+pub async fn lease(gateway: SocketAddr, token: &str, robot: &str) -> Value {
     let asked = json!({ "duration_ms": 300_000 });
-    let (status, lease) = call(gateway, token, "POST", "/v1/robots/press/lease", Some(&asked)).await;
+    let path = format!("/v1/robots/{robot}/lease");
+    let (status, lease) = call(gateway, token, "POST", &path, Some(&asked)).await;
     assert_eq!(status, 200, "{lease}");
     lease["lease"].clone()
 }
 
-async fn command(gateway: SocketAddr, token: &str, lease: &Value) -> (u16, Value) {
+pub async fn command(gateway: SocketAddr, token: &str, robot: &str, lease: &Value) -> (u16, Value) {
     let body = json!({ "command": "modifyGSPD", "arguments": ["5"], "lease": lease });
-    call(gateway, token, "POST", "/v1/robots/press/commands", Some(&body)).await
+    call(gateway, token, "POST", &format!("/v1/robots/{robot}/commands"), Some(&body)).await
 }
 
 /// The same, of a gateway that may hang up.
-async fn attempt(gateway: SocketAddr, token: &str, lease: &Value) -> Option<String> {
+async fn attempt(gateway: SocketAddr, token: &str, robot: &str, lease: &Value) -> Option<String> {
     let body = json!({ "command": "modifyGSPD", "arguments": ["5"], "lease": lease }).to_string();
     let head = format!(
-        "POST /v1/robots/press/commands HTTP/1.1\r\nHost: {gateway}\r\nConnection: close\r\n\
+        "POST /v1/robots/{robot}/commands HTTP/1.1\r\nHost: {gateway}\r\nConnection: close\r\n\
          Authorization: Bearer {token}\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n",
         body.len()
     );
@@ -139,73 +162,159 @@ fn numbers(entries: &[Value], what: &str, field: &str) -> Vec<u64> {
     of.map(|entry| entry[field].as_u64().unwrap()).collect()
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn one_gateway_owns_the_robots_and_the_others_answer_from_the_store() {
-    let Some((_server, url, token)) = database("the test of two gateways").await else { return };
-    let robot = VirtualController::start().await.unwrap();
-    let one = Here::start(&url, &token, robot.address()).await;
-    one.until_up().await;
-    let key = one.lease().await;
-    assert_eq!(command(one.gateway.address(), &token, &key).await.0, 200);
-    let (status, stopped) = one.call("POST", "/v1/robots/press/stop", None).await;
-    assert_eq!(status, 200, "{stopped}");
+/// Which of these gateways owns a robot, once one does.
+async fn owner_of(robot: &str, gateways: &[&Here]) -> usize {
+    let begun = Instant::now();
+    loop {
+        for (number, here) in gateways.iter().enumerate() {
+            if here.owns(robot).await {
+                return number;
+            }
+        }
+        assert!(begun.elapsed() < PATIENCE, "no gateway owns {robot}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
 
-    let other = Here::start(&url, &token, robot.address()).await;
-    let owner = format!("http://{}", one.gateway.address());
-    for (method, path) in [
-        ("GET", "/v1/robots"),
-        ("GET", "/v1/robots/press"),
-        ("POST", "/v1/robots/press/stop"),
-        ("GET", "/v1/robots/press/history?signal=axis-0"),
-        ("DELETE", "/v1/tokens/1"),
-    ] {
-        let (status, problem) = other.call(method, path, None).await;
-        assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "{path}: {problem}");
-        assert!(problem["message"].as_str().unwrap().contains(&owner), "it names the owner: {problem}");
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn each_robot_is_owned_by_one_gateway_and_a_second_one_gets_its_share() {
+    let Some((_server, url, token)) = database("the test of two gateways").await else { return };
+    let (press, saw) = (VirtualController::start().await.unwrap(), VirtualController::start().await.unwrap());
+    let robots = [("press", press.address()), ("saw", saw.address())];
+    let one = Here::start(&url, &token, &robots).await;
+    one.until_up("press").await;
+    one.until_up("saw").await;
+    assert_eq!((one.gateway.owned(), one.gateway.robots()), (Some(2), 2));
+    // Somebody works with the press, so the saw is given away.
+    let key = one.lease("press").await;
+    assert_eq!(command(one.gateway.address(), &token, "press", &key).await.0, 200);
+    let saws = one.lease("saw").await;
+    let (status, stopped) = one.call("POST", "/v1/robots/saw/stop", None).await;
+    assert_eq!(status, 200, "{stopped}");
+    let given_back = json!({ "lease": saws });
+    assert_eq!(one.call("DELETE", "/v1/robots/saw/lease", Some(&given_back)).await.0, 204);
+
+    let other = Here::start(&url, &token, &robots).await;
+    let state = other.until_up("saw").await;
+    assert_eq!(state["stopped"], true, "stops go with their robots");
+    assert_eq!((one.gateway.owned(), other.gateway.owned()), (Some(1), Some(1)));
+    assert_eq!(saw.handle().snapshot().connections, 1);
+    let next = other.lease("saw").await;
+    assert!(next["number"].as_u64() > saws["number"].as_u64(), "{next}");
+    assert_eq!(command(one.gateway.address(), &token, "press", &key).await.0, 200, "the lease goes on");
+    for path in ["/v1/audit", "/v1/tokens", "/v1/users", "/v1/programs", "/v1/settings", "/readyz"] {
+        for here in [&one, &other] {
+            assert_eq!(here.call("GET", path, None).await.0, 200, "{path}");
+        }
     }
-    let sign_in = json!({ "name": "anna", "password": "correct horse battery" });
-    assert_eq!(other.call("POST", "/v1/session", Some(&sign_in)).await.1["code"], "no_owner");
-    for path in ["/v1/audit", "/v1/tokens", "/v1/users", "/v1/programs", "/v1/settings", "/metrics"] {
-        assert_eq!(other.call("GET", path, None).await.0, 200, "{path}");
-    }
-    assert_eq!(other.call("GET", "/healthz", None).await.0, 204);
     assert_eq!(
-        (one.call("GET", "/readyz", None).await.0, other.call("GET", "/readyz", None).await.0),
-        (200, 503)
-    );
-    assert_eq!(
-        call(other.gateway.address(), "r6_no", "GET", "/v1/robots", None).await.0,
+        call(other.gateway.address(), "r6_no", "GET", "/v1/robots/press", None).await.0,
         401,
         "who asks first"
     );
-    assert!(other.gateway.owner().is_err() && one.gateway.owner().is_ok());
-
-    // The robots go over, with all that holds for them.
+    let (status, missing) = other.call("GET", "/v1/robots/pres", None).await;
+    assert_eq!((status, &missing["code"]), (404, &json!("no_such_robot")));
+    // The rest goes over, with all that holds for it.
     let begun = Instant::now();
     one.gateway.shutdown().await.unwrap();
-    let state = other.until_up().await;
-    assert!(begun.elapsed() < Duration::from_secs(5), "no gateway waits for an owner that ended in order");
-    assert_eq!(state["stopped"], true);
-    let next = other.lease().await;
-    assert!(next["number"].as_u64() > key["number"].as_u64(), "{next}");
+    other.until_up("press").await;
+    assert!(begun.elapsed() < Duration::from_secs(5), "no gateway waits for a gateway that ended in order");
+    let last = other.lease("press").await;
+    assert!(last["number"].as_u64() > key["number"].as_u64(), "{last}");
     let entries = audit(&other, &url).await;
     assert_eq!(entries.iter().filter(|entry| entry["what"] == "gateway_started").count(), 2);
+    assert_eq!(other.call("GET", "/v1/audit/head", None).await.0, 200);
+    other.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn robots_that_are_added_over_the_api_go_to_the_gateway_that_has_the_fewest() {
+    let Some((_server, url, token)) = database("the test of added robots").await else { return };
+    let press = VirtualController::start().await.unwrap();
+    let robots = [("press", press.address())];
+    let one = Here::start(&url, &token, &robots).await;
+    one.until_up("press").await;
+    let other = Here::start(&url, &token, &robots).await;
+    let saw = VirtualController::start().await.unwrap();
+    let wanted = json!({ "address": saw.address().to_string() });
+    assert_eq!(one.call("PUT", "/v1/robots/saw", Some(&wanted)).await.0, 201);
+    other.until_up("saw").await;
+    let taken = json!({ "address": press.address().to_string() });
+    let (status, problem) = one.call("PUT", "/v1/robots/third", Some(&taken)).await;
+    assert_eq!((status, &problem["code"]), (409, &json!("address_taken")));
+    let slower = json!({ "address": saw.address().to_string(), "period_ms": 500 });
+    assert_eq!(other.call("PUT", "/v1/robots/saw", Some(&slower)).await.0, 204);
+    assert_eq!(other.until_up("saw").await["period_ms"], 500);
+    assert_eq!(other.call("DELETE", "/v1/robots/saw", None).await.0, 204);
+    let begun = Instant::now();
+    while one.call("GET", "/v1/robots/saw", None).await.0 != 404 {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert_eq!(saw.handle().snapshot().connections, 0);
+    one.gateway.shutdown().await.unwrap();
+    other.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_arm_gets_no_second_name_at_a_gateway_that_does_not_own_it() {
+    let Some((_server, url, token)) = database("the test of an arm with two names").await else { return };
+    let press = ready_to_start().await;
+    let one = Here::start(&url, &token, &[("press", press.address())]).await;
+    one.until_up("press").await;
+    let other = Here::start(&url, &token, &[("press", press.address())]).await;
+    assert_eq!(one.call("POST", "/v1/robots/press/stop", None).await.0, 200);
+    let renamed = || settings_of(&url, Path::new("/"), &[("drill".to_owned(), press.address())]).robots;
+    let refused = other.gateway.reload(renamed()).await.unwrap_err();
+    assert_eq!(refused.code, r6_api::Code::Stopped, "the stop holds at another gateway: {refused:?}");
+    let key = one.lease("press").await;
+    let clear = json!({ "lease": key });
+    assert_eq!(one.call("POST", "/v1/robots/press/clear-stopped", Some(&clear)).await.0, 204);
+
+    // Without a stop it reads the file, and waits until the owner has read it, too.
+    other.gateway.reload(renamed()).await.unwrap();
+    assert_eq!(one.call("POST", "/v1/robots/press/stop", None).await.0, 200);
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    let (status, problem) = other.call("GET", "/v1/robots/drill", None).await;
+    assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "{problem}");
+    assert_eq!(press.handle().snapshot().connections, 1);
+    let (_, state) = one.call("GET", "/v1/robots/press", None).await;
+    assert_eq!((&state["link"], &state["stopped"]), (&json!("up"), &json!(true)));
+    assert_eq!(one.gateway.reload(renamed()).await.unwrap_err().code, r6_api::Code::Stopped);
+    // The owner ends: the gateway with the new file does not take the arm that was stopped.
+    one.gateway.shutdown().await.unwrap();
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    assert_eq!(press.handle().snapshot().connections, 0);
+    // Under its own name it was looked at. Now it gets the other one.
+    let one = Here::start(&url, &token, &[("press", press.address())]).await;
+    assert_eq!(one.until_up("press").await["stopped"], true);
+    let key = one.lease("press").await;
+    let clear = json!({ "lease": key });
+    assert_eq!(one.call("POST", "/v1/robots/press/clear-stopped", Some(&clear)).await.0, 204);
+    one.gateway.reload(renamed()).await.unwrap();
+    let begun = Instant::now();
+    while !one.owns("drill").await && !other.owns("drill").await {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    one.gateway.shutdown().await.unwrap();
     other.gateway.shutdown().await.unwrap();
 }
 
 /// A gateway in a process of its own.
-struct There {
-    child: Child,
-    address: SocketAddr,
+pub struct There {
+    pub child: Child,
+    pub address: SocketAddr,
 }
 
 impl There {
-    /// When this returns, it owns the robots, and `press` answers.
-    async fn start(url: &str, robot: SocketAddr) -> Self {
+    /// When this returns, it owns the robots, and they answer.
+    pub async fn start(url: &str, robots: &Robots) -> Self {
+        let robots: Vec<_> = robots.iter().map(|(name, at)| format!("{name}={at}")).collect();
         let mut child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "owner::child", "--nocapture"])
             .env("R6_OWNER_STORE", url)
-            .env("R6_OWNER_ROBOT", robot.to_string())
+            .env("R6_OWNER_ROBOTS", robots.join(","))
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
@@ -217,7 +326,7 @@ impl There {
         Self { child, address: line.await.unwrap().parse().unwrap() }
     }
 
-    fn signal(&self, name: &str) {
+    pub fn signal(&self, name: &str) {
         signal(name, &self.child.id().to_string());
     }
 }
@@ -233,10 +342,17 @@ impl Drop for There {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn child() {
     let of = |name| std::env::var(name).ok();
-    let (Some(url), Some(robot)) = (of("R6_OWNER_STORE"), of("R6_OWNER_ROBOT")) else { return };
+    let (Some(url), Some(robots)) = (of("R6_OWNER_STORE"), of("R6_OWNER_ROBOTS")) else { return };
     let token = admin(&url).await;
-    let here = Here::start(&url, &token, robot.parse().unwrap()).await;
-    here.until_up().await;
+    let robots: Vec<_> = robots
+        .split(',')
+        .map(|robot| robot.split_once('=').unwrap())
+        .map(|(name, at)| (name.to_owned(), at.parse().unwrap()))
+        .collect();
+    let here = Here::start_with(&url, &token, &robots).await;
+    for (robot, _) in &robots {
+        here.until_up(robot).await;
+    }
     let mut out = std::io::stdout();
     writeln!(out, "gateway {}", here.gateway.address()).unwrap();
     // It ends with the test at the latest.
@@ -244,50 +360,69 @@ async fn child() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn another_gateway_takes_the_robots_of_one_that_was_killed_and_nothing_is_lost() {
+async fn others_take_the_robots_of_a_gateway_that_was_killed_and_nothing_is_lost() {
     let Some((_server, url, token)) = database("the test of a killed owner").await else { return };
-    let robot = ready_to_start().await;
-    let mut there = There::start(&url, robot.address()).await;
-    let here = Here::start(&url, &token, robot.address()).await;
-    let key = lease(there.address, &token).await;
+    let mut controllers = Vec::new();
+    for _ in 0..3 {
+        controllers.push(ready_to_start().await);
+    }
+    let names = ["drill", "press", "saw"];
+    let robots: Vec<_> = names.into_iter().zip(controllers.iter().map(|robot| robot.address())).collect();
+    let mut there = There::start(&url, &robots).await;
+    let (one, two) = tokio::join!(Here::start(&url, &token, &robots), Here::start(&url, &token, &robots));
+    let key = lease(there.address, &token, "press").await;
     let mut acknowledged = Vec::new();
     for _ in 0..5 {
-        let (status, done) = command(there.address, &token, &key).await;
+        let (status, done) = command(there.address, &token, "press", &key).await;
         assert_eq!(status, 200, "{done}");
         acknowledged.push(done["command_id"].as_u64().unwrap());
     }
     let killed = Instant::now();
     there.child.kill().unwrap();
     there.child.wait().unwrap();
-    here.until_up().await;
+    let mut had = [0, 0];
+    let mut of_press = 0;
+    for robot in names {
+        let owner = owner_of(robot, &[&one, &two]).await;
+        [&one, &two][owner].until_up(robot).await;
+        had[owner] += 1;
+        if robot == "press" {
+            of_press = owner;
+        }
+    }
     let took = killed.elapsed();
     assert!(took < TAKEN_OVER, "{took:?}");
     assert!(took > Duration::from_secs(2), "{took:?}: it may have lived");
-    let next = here.lease().await;
+    assert!(had == [1, 2] || had == [2, 1], "they share them out: {had:?}");
+    assert!(controllers.iter().all(|robot| robot.handle().snapshot().connections <= 2));
+    let here = [&one, &two][of_press];
+    let next = here.lease("press").await;
     assert!(next["number"].as_u64() > key["number"].as_u64(), "{next}");
-    assert_eq!(command(here.gateway.address(), &token, &next).await.0, 200);
-    let entries = audit(&here, &url).await;
+    assert_eq!(command(here.gateway.address(), &token, "press", &next).await.0, 200);
+    let entries = audit(here, &url).await;
     let intents = numbers(&entries, "command_intent", "number");
     assert!(acknowledged.iter().all(|number| intents.contains(number)), "{acknowledged:?} of {intents:?}");
     let outcomes = numbers(&entries, "command_outcome", "intent");
     assert!(intents.iter().all(|number| outcomes.contains(number)), "{intents:?}: {outcomes:?}");
-    here.gateway.shutdown().await.unwrap();
+    one.gateway.shutdown().await.unwrap();
+    two.gateway.shutdown().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_owner_that_was_frozen_changes_nothing_when_it_goes_on() {
     let Some((_server, url, token)) = database("the test of a frozen owner").await else { return };
-    let robot = ready_to_start().await;
-    let there = There::start(&url, robot.address()).await;
-    let here = Here::start(&url, &token, robot.address()).await;
-    let key = lease(there.address, &token).await;
+    let (robot, saw) = (ready_to_start().await, ready_to_start().await);
+    let robots = [("press", robot.address()), ("saw", saw.address())];
+    let there = There::start(&url, &robots).await;
+    let key = lease(there.address, &token, "press").await;
+    let here = Here::start(&url, &token, &robots).await;
     // Commands come again and again, also while it is frozen.
     let (gateway, caller) = (there.address, token.clone());
     let asking = tokio::spawn(async move {
         let mut asked = tokio::task::JoinSet::new();
         for _ in 0..400 {
             let (caller, key) = (caller.clone(), key.clone());
-            asked.spawn(async move { attempt(gateway, &caller, &key).await });
+            asked.spawn(async move { attempt(gateway, &caller, "press", &key).await });
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
         asked.join_all().await
@@ -295,23 +430,29 @@ async fn an_owner_that_was_frozen_changes_nothing_when_it_goes_on() {
     let mut log = robot.handle().log();
     tokio::time::sleep(Duration::from_millis(300)).await;
     there.signal("STOP");
-    here.until_up().await;
+    here.until_up("press").await;
+    here.until_up("saw").await;
     assert!(!commands(&mut log).is_empty(), "it sent some before");
+    // Robots that somebody works with are not given to the gateway that goes on.
+    let next = here.lease("press").await;
+    here.lease("saw").await;
     let before = audit(&here, &url).await.len();
     there.signal("CONT");
     let answers = asking.await.unwrap();
     let answers: Vec<_> = answers.into_iter().flatten().collect();
     let done = answers.iter().filter(|answer| answer.starts_with("HTTP/1.1 200")).count();
     assert!(done > 0 && done < answers.len(), "{done} of {}", answers.len());
-    assert!(answers.iter().any(|answer| answer.contains("no_owner")), "{:?}", answers.last());
+    // It passes them on to the new owner, which does not know the lease.
+    assert!(answers.iter().any(|answer| answer.contains("no_lease")), "{:?}", answers.last());
     assert_eq!(commands(&mut log), Vec::<String>::new(), "no frame under the old fence was accepted");
     // And the other way round: this gateway has the robots, and the log is its own.
-    assert_eq!(audit(&here, &url).await.len(), before, "the old owner wrote nothing");
-    let next = here.lease().await;
-    assert_eq!(command(here.gateway.address(), &token, &next).await.0, 200);
+    let entries = audit(&here, &url).await;
+    // The new owner refuses what is passed on to it.
+    let is_its_own = |entry: &&Value| entry["robot"].is_string() && entry["what"] != "refused";
+    let of_robots = entries[before..].iter().filter(is_its_own);
+    assert_eq!(of_robots.collect::<Vec<_>>(), Vec::<&Value>::new(), "the old owner wrote nothing");
+    assert_eq!(command(here.gateway.address(), &token, "press", &next).await.0, 200);
     assert_eq!(commands(&mut log), ["modifyGSPD"]);
-    let (_, problem) = call(there.address, &token, "GET", "/v1/robots", None).await;
-    assert!(problem["message"].as_str().unwrap().contains(&here.gateway.address().to_string()), "{problem}");
     here.gateway.shutdown().await.unwrap();
 }
 
@@ -329,10 +470,10 @@ async fn a_gateway_lets_go_of_the_robots_while_the_server_is_away_and_loses_noth
     let Some((mut server, url)) = made.await else { return };
     let token = admin(&url).await;
     let robot = VirtualController::start().await.unwrap();
-    let here = Here::start(&url, &token, robot.address()).await;
-    here.until_up().await;
-    let key = here.lease().await;
-    let (status, done) = command(here.gateway.address(), &token, &key).await;
+    let here = Here::start(&url, &token, &[("press", robot.address())]).await;
+    here.until_up("press").await;
+    let key = here.lease("press").await;
+    let (status, done) = command(here.gateway.address(), &token, "press", &key).await;
     assert_eq!(status, 200, "{done}");
     let body = json!({ "program": program, "lease": key });
     let path = "/v1/robots/press/programs/run";
@@ -348,9 +489,9 @@ async fn a_gateway_lets_go_of_the_robots_while_the_server_is_away_and_loses_noth
     let mut server = server.await;
     let mut log = robot.handle().log();
     let begun = Instant::now();
-    until(|| here.gateway.owner().is_err(), "it lets go").await;
+    until(|| here.gateway.owned() == Some(0), "it lets go").await;
     loop {
-        let (status, problem) = command(here.gateway.address(), &token, &key).await;
+        let (status, problem) = command(here.gateway.address(), &token, "press", &key).await;
         assert_eq!(status, 503, "{problem}");
         if problem["code"] == "no_owner" {
             break;
@@ -367,11 +508,11 @@ async fn a_gateway_lets_go_of_the_robots_while_the_server_is_away_and_loses_noth
         server
     });
     let _server = server.await;
-    here.until_up().await;
+    here.until_up("press").await;
     // It stops the arm again when it owns it: what became of the list is not known.
     let sent = commands(&mut log);
     assert!(sent.iter().all(|command| command == "actionStop"), "{sent:?}");
-    let next = here.lease().await;
+    let next = here.lease("press").await;
     assert!(next["number"].as_u64() > key["number"].as_u64(), "{next}");
     let entries = audit(&here, &url).await;
     assert!(numbers(&entries, "command_intent", "number").contains(&done["command_id"].as_u64().unwrap()));

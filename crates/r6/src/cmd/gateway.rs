@@ -120,8 +120,8 @@ struct ServeArgs {
     #[arg(long, value_name = "DIR", default_value = DEFAULT_DATA)]
     data: PathBuf,
     /// Keep everything but the key of the audit log and certificates in this PostgreSQL database. Gateways
-    /// with the same one share users, leases and the audit log; one of them owns the robots, and another
-    /// takes over within 5 s
+    /// with the same one share users, leases and the audit log; each robot is owned by one of them, and
+    /// another takes over within 5 s
     #[arg(long, value_name = "URL", value_parser = StoreUrl::read, conflicts_with_all = ["raw", "twins"])]
     store: Option<StoreUrl>,
     /// A file with robots, TOML; SIGHUP makes the gateway read it again
@@ -340,12 +340,11 @@ async fn tell_tokens(data: &Path, at: At) {
     }
 }
 
-/// Says where the store is, and which gateway owns the robots.
+/// Says where the store is, and how many of the robots this gateway owns.
 fn tell_store(gateway: &Gateway, store: &Database) {
-    match gateway.owner() {
-        Ok(()) => output::line(format_args!("store in {store}; this gateway owns the robots")),
-        Err(problem) => output::line(format_args!("store in {store}; {}", problem.message)),
-    }
+    let owned = gateway.owned().unwrap_or_default();
+    let robots = output::counted(gateway.robots(), "robot");
+    output::line(format_args!("store in {store}; this gateway owns {owned} of {robots} now"));
     if store.is_remote() {
         output::note(
             "r6: the gateway speaks no TLS with the database: everyone on the way to it can read along",

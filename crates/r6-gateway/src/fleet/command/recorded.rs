@@ -55,7 +55,7 @@ impl Station {
     pub async fn commanded_before(&self, once: &Once) -> Result<Option<CommandDone>, Problem> {
         let since = clock::seconds().saturating_sub(KEPT);
         let Once { caller, key, hash } = once.clone();
-        let known = self.shared.keeper.command_of_key(caller, key, since).await?;
+        let known = self.term.keeper.command_of_key(caller, key, since).await?;
         known.map(|known| again(known, hash)).transpose()
     }
 
@@ -72,10 +72,14 @@ impl Station {
         let command_id = intent.map_err(|error| (error.into(), Told::No))?;
         let (answer, deed) = self.complete(by, command, command_id, send).await;
         let written = traces::part("write the outcome", self.append(self.record(by, deed.clone()))).await;
-        if written.is_err() {
-            // The robot has answered: the caller is told, and the log as soon as it can be written.
-            self.note(by, deed);
-        }
+        let answer = match written {
+            Ok(_) => answer,
+            Err(_) => {
+                // The robot has answered: the caller is told, and the log as soon as it can be written.
+                self.note(by, deed);
+                self.if_noted(command_id, answer).await
+            }
+        };
         let accepted = answer.map_err(|problem| (problem, Told::Yes))?;
         Ok((command_id, accepted))
     }
@@ -113,11 +117,29 @@ impl Station {
             }
         };
         let written = self.end_once(command_id, &kept, self.record(by, deed.clone()));
-        if traces::part("write the outcome", written).await.is_err() {
-            // As above. The same request is answered with `outcome_unknown` from then on.
-            self.note(by, deed);
-        }
+        let answer = match traces::part("write the outcome", written).await {
+            Ok(()) => answer,
+            Err(_) => {
+                // As above. The same request is answered with `outcome_unknown` from then on.
+                self.note(by, deed);
+                self.if_noted(command_id, answer).await
+            }
+        };
         answer.map_err(|problem| (problem, Told::Yes))
+    }
+
+    /// The answer to a command whose outcome could not be written at once. With a store that others share,
+    /// the next owner of the robot calls it unknown unless it is written in time: then the caller is told
+    /// nothing else.
+    async fn if_noted<T>(&self, command_id: u64, answer: Result<T, Problem>) -> Result<T, Problem> {
+        if answer.is_err() || self.term.ownership.is_alone() || self.written_for_others().await.is_ok() {
+            return answer;
+        }
+        let message = format!(
+            "the robot accepted command {command_id}, and the database did not confirm in time that it has this: \
+             the audit log may call the outcome unknown. Look at the robot"
+        );
+        Err(Problem::new(Code::OutcomeUnknown, message))
     }
 
     fn intent(&self, by: &By, command: &str, lease: u64) -> AuditRecord {
@@ -150,10 +172,7 @@ impl Station {
     async fn begin_once(&self, once: &Once, intent: AuditRecord) -> Result<Noted, StoreError> {
         self.write_pending().await?;
         let Once { caller, key, hash } = once.clone();
-        self.shared
-            .keeper
-            .begin_command(NewCommand { caller, key, hash, now: clock::seconds(), intent })
-            .await
+        self.term.keeper.begin_command(NewCommand { caller, key, hash, now: clock::seconds(), intent }).await
     }
 
     /// Writes answer and outcome, behind the records that wait.
@@ -161,7 +180,7 @@ impl Station {
         let text =
             serde_json::to_string(answer).map_err(|error| StoreError::Unreadable(error.to_string()))?;
         self.write_pending().await?;
-        self.shared.keeper.end_command(intent, text, outcome).await
+        self.term.keeper.end_command(intent, text, outcome).await
     }
 }
 

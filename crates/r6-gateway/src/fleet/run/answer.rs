@@ -33,7 +33,7 @@ impl Station {
         hash: [u8; 32],
     ) -> Result<Option<Run>, Problem> {
         let since = clock::seconds().saturating_sub(KEPT);
-        let known = self.shared.keeper.run_of_key(caller.to_owned(), key.to_owned(), since).await?;
+        let known = self.term.keeper.run_of_key(caller.to_owned(), key.to_owned(), since).await?;
         known.map(|known| again(known, hash)).transpose()
     }
 }

@@ -55,7 +55,7 @@ impl Station {
             if self.seat(|seat, _| seat.owes_stop()) {
                 return Ok(());
             }
-            self.shared.keeper.forget_owed_stop(self.robot_name().clone()).await
+            self.term.keeper.forget_owed_stop(self.robot_name().clone()).await
         };
         if let Err(error) = forgotten.await {
             tracing::error!(robot = self.name(), %error, "it was not kept that a list was stopped");

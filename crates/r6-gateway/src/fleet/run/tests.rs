@@ -5,7 +5,7 @@ use crate::core::name::RobotName;
 use crate::core::seat::{Ask, Secret};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
-use crate::fleet::station::{Kept, Shared};
+use crate::fleet::station::{Kept, Shared, Term};
 use crate::store::{Keeper, Sqlite, Store};
 
 /// A station whose run is under way, and its store.
@@ -21,8 +21,10 @@ impl Scene {
         let folder = tempfile::tempdir().unwrap();
         let keeper = Keeper::start(Sqlite::open(folder.path()).unwrap()).unwrap();
         let name = RobotName::new("press").unwrap();
+        let term = Term::alone(keeper.clone());
         let shared = Arc::new(Shared::new(keeper, Roads::Tcp, None, 0));
-        let station = Arc::new(Station::new(RobotConfig::new(name, "10.0.0.1"), Kept::default(), shared));
+        let station =
+            Arc::new(Station::new(RobotConfig::new(name, "10.0.0.1"), Kept::default(), term, shared));
         let ask = Ask { holder: "anna".to_owned(), lasts: Duration::from_secs(60), secret: Secret([1; 16]) };
         let (key, ticket) = station.seat(|seat, now| {
             seat.observed(now, 1, false);
@@ -58,7 +60,7 @@ impl Scene {
             run: run.clone(),
             by: Author { time: clock::time_of_day(), actor: "anna".to_owned(), source: None },
         };
-        let Begun::New(run_id) = station.shared.keeper.begin_run(new).await.unwrap() else { panic!() };
+        let Begun::New(run_id) = station.term.keeper.begin_run(new).await.unwrap() else { panic!() };
         station.runs.send_replace(Some(Run { run_id, ..run.clone() }));
         Self { folder, station, ticket, run: Run { run_id, ..run } }
     }

@@ -65,7 +65,7 @@ impl Station {
         let _turn = self.writing.lock().await;
         let waiting = self.take_pending();
         let records = waiting.iter().cloned().chain([record]).collect();
-        let first = self.shared.keeper.append(records).await;
+        let first = self.term.keeper.append(records).await;
         let behind = waiting.len() as u64;
         if first.is_err() {
             self.put_back(waiting);
@@ -83,7 +83,7 @@ impl Station {
             }
             held.seat.saved().clone()
         };
-        self.shared.keeper.save_seat(self.name.clone(), saved.clone()).await?;
+        self.term.keeper.save_seat(self.name.clone(), saved.clone()).await?;
         self.held().stored = saved;
         Ok(())
     }
@@ -95,7 +95,7 @@ impl Station {
         if pending.is_empty() {
             return Ok(());
         }
-        let written = self.shared.keeper.append(pending.clone()).await;
+        let written = self.term.keeper.append(pending.clone()).await;
         if written.is_err() {
             self.put_back(pending);
         }
@@ -126,7 +126,7 @@ impl Station {
     /// `store_unavailable`: it holds here, and the shared store did not confirm that it has it.
     pub async fn written_for_others(&self) -> Result<(), Problem> {
         self.written().await;
-        let ownership = &self.shared.ownership;
+        let ownership = &self.term.ownership;
         if ownership.is_alone() {
             return Ok(());
         }
@@ -145,7 +145,7 @@ impl Station {
         }
     }
 
-    fn is_written(&self) -> bool {
+    pub(super) fn is_written(&self) -> bool {
         // Records on their way count as not written.
         let (Ok(_writing), Ok(_saving)) = (self.writing.try_lock(), self.saving.try_lock()) else {
             return false;

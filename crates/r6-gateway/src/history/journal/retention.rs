@@ -33,7 +33,7 @@ impl<S: HistoryStore> Journal<S> {
         let mut parts = self.store.parts()?;
         let newest = parts.iter().rfind(|(part, _)| part.day == today).copied();
         if let Some((part, size)) = newest
-            && size >= most / PART_SHARE
+            && (size >= most / PART_SHARE || self.store.is_behind(part))
             && self.is_recovered
         {
             self.seal_for_part()?;
@@ -50,7 +50,8 @@ impl<S: HistoryStore> Journal<S> {
         let mut left = parts.into_iter().peekable();
         while let Some((part, bytes)) = left.peek().copied() {
             // The newest part of today has what is being written.
-            if (part.day >= oldest_kept && size <= bound) || Some(part) == newest {
+            if !self.store.may_remove() || (part.day >= oldest_kept && size <= bound) || Some(part) == newest
+            {
                 break;
             }
             tracing::info!(?part, bytes, "the oldest file of the history is removed");

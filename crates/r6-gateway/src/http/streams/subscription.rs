@@ -12,6 +12,7 @@ use utoipa::IntoParams;
 
 use super::super::State;
 use super::super::caller::Caller;
+use super::super::refusal;
 use crate::core::live::follower::Begin;
 use crate::core::live::point::Point;
 use crate::core::role::Right;
@@ -230,7 +231,10 @@ pub fn only(caller: &Caller, state: &State, robot: String) -> Result<String, Ref
     caller.must(Right::Read, &robot)?;
     match state.fleet.station(&robot) {
         Some(_) => Ok(robot),
-        None => Err(Refusal::not_found(Code::NoSuchRobot, "there is no robot with this name")),
+        None => Err(match state.shared.owners.absent(&robot) {
+            Some(problem) => refusal::of(problem),
+            None => Refusal::not_found(Code::NoSuchRobot, "there is no robot with this name"),
+        }),
     }
 }
 

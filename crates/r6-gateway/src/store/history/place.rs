@@ -6,6 +6,7 @@ use super::{Ask, AskEvents, Days, Entry, HistoryStore, KeptEvent, Part, Tail};
 use crate::core::history::block::Write;
 use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
+use crate::core::owner::Claim;
 use crate::store::StoreError;
 use crate::store::postgres::Database;
 use crate::store::postgres::history::PostgresDays;
@@ -92,6 +93,18 @@ impl HistoryStore for Box<dyn HistoryStore> {
 
     fn free_bytes(&mut self) -> Option<u64> {
         (**self).free_bytes()
+    }
+
+    fn hold(&mut self, claims: &[Claim]) {
+        (**self).hold(claims);
+    }
+
+    fn may_remove(&self) -> bool {
+        (**self).may_remove()
+    }
+
+    fn is_behind(&self, newest: Part) -> bool {
+        (**self).is_behind(newest)
     }
 
     fn remove(&mut self, part: Part) -> Result<(), StoreError> {

@@ -14,11 +14,12 @@ use tokio_postgres::types::{ToSql, Type};
 use tokio_postgres::{Client, Row};
 
 use super::Database;
-use super::session::{Durable, Hand, Session};
+use super::session::{Durable, Hand, Lock, Session};
 use crate::core::history::block::{Summary, Write};
 use crate::core::history::event::Event;
 use crate::core::history::sample::{Interval, Micros};
 use crate::core::name::RobotName;
+use crate::core::owner::{Claim, Owned};
 use crate::store::StoreError;
 use crate::store::history::{Ask, AskEvents, Entry, HistoryStore, KeptEvent, Part, Tail};
 
@@ -63,6 +64,9 @@ const COLUMNS: &str = "id, first, last, count, interval_ms, min, max, last_numbe
 #[derive(Debug)]
 pub struct PostgresDays {
     session: Session,
+    hand: Hand,
+    /// What this gateway owns.
+    claims: BTreeMap<Owned, u64>,
     /// The parts that writes go to, by day, if they are not the newest that is there.
     begun: BTreeMap<i64, u32>,
     /// The parts that this session knows to be there.
@@ -76,7 +80,49 @@ impl PostgresDays {
     /// [`StoreError`].
     pub fn new(database: &Database, hand: Hand) -> Result<Self, StoreError> {
         let session = Session::new(database.clone(), hand, Durable::Soon)?;
-        Ok(Self { session, begun: BTreeMap::new(), known: BTreeSet::new() })
+        let (claims, begun, known) = (BTreeMap::new(), BTreeMap::new(), BTreeSet::new());
+        Ok(Self { session, hand, claims, begun, known })
+    }
+
+    /// The claims of these robots, and the part of the writes that is about robots which this gateway owns:
+    /// what it still has of others is theirs to write.
+    fn owned(&self, writes: &[(RobotName, Write)]) -> (Vec<Claim>, Vec<(RobotName, Write)>) {
+        if !matches!(self.hand, Hand::Gateway(_)) {
+            return (Vec::new(), writes.to_vec());
+        }
+        let (mut claims, mut owned) = (Vec::new(), Vec::new());
+        for (robot, write) in writes {
+            let of = Owned::Robot(robot.clone());
+            if let Some(fence) = self.claims.get(&of) {
+                claims.push(Claim { of, fence: *fence });
+                owned.push((robot.clone(), write.clone()));
+            }
+        }
+        (claims, owned)
+    }
+
+    /// Forgets claims that hold no more.
+    fn check_claims(&mut self) -> Result<(), StoreError> {
+        let held = self.session.read(async |client| {
+            let rows = client.query("SELECT robot, fence FROM owner", &[]).await?;
+            let mut held = BTreeMap::new();
+            for row in &rows {
+                held.extend(Owned::of_text(row.try_get(0)?).zip(Some(super::unsigned(row.try_get(1)?))));
+            }
+            Ok(held)
+        })?;
+        self.claims.retain(|owned, fence| held.get(owned) == Some(fence));
+        Ok(())
+    }
+
+    /// Makes a part, if it is not known to be there.
+    fn make_part(&mut self, part: Part, claims: &[Claim]) -> Result<(), StoreError> {
+        if self.known.contains(&part) {
+            return Ok(());
+        }
+        self.session.write(claims, Lock::Partitions, async |client| make(client, part).await)?;
+        self.known.insert(part);
+        Ok(())
     }
 
     fn newest(&mut self, day: i64) -> Result<u32, StoreError> {
@@ -97,25 +143,50 @@ impl HistoryStore for PostgresDays {
     }
 
     fn write_part(&mut self, part: Part, writes: &[(RobotName, Write)]) -> Result<(), StoreError> {
-        let is_known = self.known.contains(&part);
-        let written = self.session.write(async |client| {
-            if !is_known {
-                make(client, part).await?;
+        loop {
+            let (claims, owned) = self.owned(writes);
+            if owned.is_empty() {
+                return Ok(());
             }
-            write(client, part, writes).await
-        });
-        match &written {
-            Ok(()) => drop(self.known.insert(part)),
-            // Somebody may have dropped it.
-            Err(_) => drop(self.known.remove(&part)),
+            let made = self.make_part(part, &claims);
+            let written = made.and_then(|()| {
+                self.session.write(&claims, Lock::History, async |client| write(client, part, &owned).await)
+            });
+            match written {
+                Err(StoreError::NotOwner) => {
+                    // Another gateway has one of them by now. The others are written all the same.
+                    let before = self.claims.len();
+                    self.check_claims()?;
+                    if self.claims.len() == before {
+                        return written;
+                    }
+                }
+                // Somebody may have dropped it.
+                Err(_) => {
+                    self.known.remove(&part);
+                    return written;
+                }
+                Ok(()) => return written,
+            }
         }
-        written
     }
 
     fn begin_part(&mut self, day: i64) -> Result<(), StoreError> {
         let number = self.newest(day)? + 1;
         self.begun.insert(day, number);
         Ok(())
+    }
+
+    fn hold(&mut self, claims: &[Claim]) {
+        self.claims.extend(claims.iter().map(|claim| (claim.of.clone(), claim.fence)));
+    }
+
+    fn may_remove(&self) -> bool {
+        !matches!(self.hand, Hand::Gateway(_)) || self.claims.contains_key(&Owned::Hall)
+    }
+
+    fn is_behind(&self, newest: Part) -> bool {
+        self.begun.get(&newest.day).is_some_and(|begun| *begun < newest.number)
     }
 
     fn tails(&mut self, part: Part) -> Result<Vec<Tail>, StoreError> {
@@ -257,7 +328,9 @@ impl HistoryStore for PostgresDays {
 
     fn remove(&mut self, part: Part) -> Result<(), StoreError> {
         self.known.remove(&part);
-        self.session.write(async |client| {
+        let hall = self.claims.get(&Owned::Hall).map(|fence| Claim { of: Owned::Hall, fence: *fence });
+        let claims: Vec<_> = hall.into_iter().collect();
+        self.session.write(&claims, Lock::Partitions, async |client| {
             for table in TABLES {
                 let name = partition(table, part);
                 let is_attached = client

@@ -112,8 +112,14 @@ pub async fn all(client: &Client) -> Result<Vec<StoredRobot>, StoreError> {
         .collect()
 }
 
-/// Adds or replaces a robot.
+/// Adds or replaces a robot. Another gateway may have given its address to another one a moment ago.
 pub async fn put(client: &Client, robot: &StoredRobot) -> Result<(), StoreError> {
+    let address = r6_client::address_with_port(&robot.address);
+    for known in all(client).await?.into_iter().filter(|known| known.name != robot.name) {
+        if address.is_ok() && r6_client::address_with_port(&known.address) == address {
+            return Err(StoreError::AddressTaken(known.name));
+        }
+    }
     let model = robot.model.as_deref().map(plain);
     client
         .execute(

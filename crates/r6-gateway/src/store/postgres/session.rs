@@ -8,6 +8,7 @@ use tokio::runtime::{Builder, Runtime};
 use tokio_postgres::{Client, NoTls, SimpleQueryMessage};
 
 use super::database::Database;
+use crate::core::owner::Claim;
 use crate::store::StoreError;
 
 /// How long one job may take, from the connection to the answer: what hangs longer counts as failed, and
@@ -19,10 +20,10 @@ const LONGEST: Duration = Duration::from_secs(15);
 pub enum Hand {
     /// It reads.
     Reader,
-    /// The command line: it adds tokens and users beside the owner, and needs no fence.
+    /// The command line: it adds tokens and users beside the gateways, and needs no fence.
     Shell,
-    /// The gateway that owns the robots, with its fence.
-    Owner(u64),
+    /// The gateway with this number. What it writes about robots carries their fences.
+    Gateway(u64),
 }
 
 /// What is promised of a commit.
@@ -77,19 +78,21 @@ impl Session {
         self.run(Some(Begin::Read), work, "COMMIT")
     }
 
-    /// Writes, all or nothing, if the fence of this session still holds. Others that write wait.
+    /// Writes, all or nothing, if all of these claims still hold. Others that write wait, those alone that
+    /// write the same if the lock says so.
     ///
     /// # Errors
-    /// [`StoreError::NotOwner`] if it does not. Other [`StoreError`]s: nothing was written, or that is
-    /// unknown.
+    /// [`StoreError::NotOwner`] if one of them does not. Other [`StoreError`]s: nothing was written, or that
+    /// is unknown.
     pub fn write<T, E: From<StoreError>>(
         &mut self,
+        claims: &[Claim],
+        lock: Lock,
         work: impl AsyncFnOnce(&Client) -> Result<T, E>,
     ) -> Result<T, E> {
         match self.hand {
             Hand::Reader => Err(StoreError::NotOwner.into()),
-            Hand::Shell => self.run(Some(Begin::Write(None)), work, "COMMIT"),
-            Hand::Owner(fence) => self.run(Some(Begin::Write(Some(fence))), work, "COMMIT"),
+            Hand::Shell | Hand::Gateway(_) => self.run(Some(Begin::Write(claims, lock)), work, "COMMIT"),
         }
     }
 
@@ -116,7 +119,7 @@ impl Session {
 
     fn run<T, E: From<StoreError>>(
         &mut self,
-        begin: Option<Begin>,
+        begin: Option<Begin<'_>>,
         work: impl AsyncFnOnce(&Client) -> Result<T, E>,
         end: &str,
     ) -> Result<T, E> {
@@ -176,26 +179,63 @@ impl Drop for Session {
     }
 }
 
-/// How a transaction begins.
-#[derive(Clone, Copy, Debug)]
-enum Begin {
-    Read,
-    /// With this fence.
-    Write(Option<u64>),
+/// What a transaction that writes keeps others from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lock {
+    /// From appending to the audit log: one writer after the other reads its last entry. It holds up no
+    /// reader.
+    Log,
+    /// From removing partitions of the history: it writes into them.
+    History,
+    /// From using the history: partitions come or go.
+    Partitions,
 }
 
-impl Begin {
-    /// The lock on the row of the owner lets no other gateway become the owner before the end of this
-    /// transaction, and does not hold up the beats. The lock on the log lets one writer after the other read
-    /// its last entry. It holds up no reader.
+impl Lock {
+    fn text(self) -> &'static str {
+        match self {
+            // Not of the table: VACUUM and ANALYZE of that would be waited for, or cut.
+            Self::Log => "SELECT 1 WHERE pg_advisory_xact_lock(9761, 0)::text = 'locked'",
+            // All at once and in one order, so that no two wait for each other.
+            Self::History => "LOCK TABLE chunk, tail, event IN ROW EXCLUSIVE MODE",
+            Self::Partitions => "LOCK TABLE chunk, tail, event IN ACCESS EXCLUSIVE MODE",
+        }
+    }
+}
+
+/// How a transaction begins.
+#[derive(Clone, Copy, Debug)]
+enum Begin<'c> {
+    Read,
+    /// With these claims.
+    Write(&'c [Claim], Lock),
+}
+
+impl Begin<'_> {
+    /// The lock on the row of a robot lets no other gateway become its owner before the end of this
+    /// transaction.
     fn text(self) -> String {
-        let lock = "LOCK TABLE audit IN SHARE ROW EXCLUSIVE MODE";
         match self {
             Self::Read => "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY".to_owned(),
-            Self::Write(None) => format!("BEGIN; {lock}"),
-            Self::Write(Some(fence)) => {
-                format!("BEGIN; SELECT fence FROM owner WHERE fence = {fence} FOR KEY SHARE; {lock}")
+            Self::Write([], lock) => format!("BEGIN; {}", lock.text()),
+            Self::Write(claims, lock) => {
+                // A name is of letters, digits and `-`, or empty.
+                let pairs = claims.iter().map(|claim| format!("('{}', {})", claim.of.as_str(), claim.fence));
+                let pairs = pairs.collect::<Vec<_>>().join(", ");
+                format!(
+                    "BEGIN; SELECT fence FROM owner WHERE (robot, fence) IN ({pairs}) ORDER BY robot
+                     FOR KEY SHARE; {}",
+                    lock.text()
+                )
             }
+        }
+    }
+
+    /// How many rows it has to see, so that all claims hold.
+    fn claims(self) -> usize {
+        match self {
+            Self::Read => 0,
+            Self::Write(claims, _) => claims.len(),
         }
     }
 }
@@ -203,7 +243,7 @@ impl Begin {
 /// Begins. A connection that was lost since the last job is made again: nothing was done over it yet.
 async fn start(
     client: Client,
-    begin: Option<Begin>,
+    begin: Option<Begin<'_>>,
     database: &Database,
     hand: Hand,
     durable: Durable,
@@ -221,8 +261,8 @@ async fn start(
         Ok(told) => told,
         Err(error) => return Err((of(&error), None)),
     };
-    let has_row = told.iter().any(|message| matches!(message, SimpleQueryMessage::Row(_)));
-    if matches!(begin, Begin::Write(Some(_))) && !has_row {
+    let rows = told.iter().filter(|message| matches!(message, SimpleQueryMessage::Row(_))).count();
+    if rows < begin.claims() {
         let is_clean = client.batch_execute("ROLLBACK").await.is_ok();
         return Err((StoreError::NotOwner, is_clean.then_some(client)));
     }
@@ -235,20 +275,20 @@ fn is_gone(error: &tokio_postgres::Error) -> bool {
     error.code().is_none_or(|code| code.code().starts_with("57P"))
 }
 
-/// How the server calls the sessions of the owner with this fence. The next owner ends them by it.
-pub fn name_of_owner(fence: u64) -> String {
-    format!("r6-gateway owner {fence}")
+/// How the server calls the sessions of the gateway with this number. Who takes its robots ends them by it.
+pub fn name_of_gateway(number: u64) -> String {
+    format!("r6-gateway {number}")
 }
 
 /// Connects, and makes the session what it is for.
 ///
 /// A process that freezes within a transaction must not hold its locks: the server ends it after 2 s,
-/// before others may take the robots. It does not while it waits for rows of a COPY, so the next owner ends
+/// before others may take its robots. It does not while it waits for rows of a COPY, so who takes them ends
 /// these sessions (`owner.rs`).
 pub async fn connect(database: &Database, hand: Hand, durable: Durable) -> Result<Client, StoreError> {
     let mut config = database.config().clone();
-    if let Hand::Owner(fence) = hand {
-        config.application_name(name_of_owner(fence));
+    if let Hand::Gateway(number) = hand {
+        config.application_name(name_of_gateway(number));
     }
     let (client, connection) = config.connect(NoTls).await.map_err(|error| named(database, &error))?;
     tokio::spawn(async move {

@@ -15,13 +15,13 @@ CREATE TABLE IF NOT EXISTS r6_gateway.version (
 ";
 
 /// What makes the tables of each version out of those before, from version 1 on.
-pub const TABLES: [&str; 2] = [FIRST, COMMANDS];
+pub const TABLES: [&str; 3] = [FIRST, COMMANDS, OWNERS];
 
 /// - `audit`: `what`, `robot` and `intent` are read from the text when it is written.
 /// - `seat`: the name '', which is the name of no robot, is how robots begin that have no seat yet.
 /// - `link`: the link for the first admin has the name '', which is the name of no user.
 /// - `program`: the text is bytes, because text of PostgreSQL cannot have each character.
-/// - `owner`: which gateway has the robots. Without `beat_at` they are free.
+/// - `owner`: which gateway had all robots, before [`OWNERS`].
 /// - `event`: `hash` is of the text, which may be too long for an index.
 /// - `chunk`, `tail`, `event`: a partition for each part of a day of the history, which is removed as a
 ///   whole.
@@ -187,4 +187,33 @@ CREATE TABLE command (
     UNIQUE (caller, key)
 );
 CREATE INDEX command_made ON command (made);
+";
+
+/// An owner for each robot. The gateways of an older r6 find the table no more and let go of the robots,
+/// within 2 s after their last beat. No gateway takes one before, because this waits that long.
+///
+/// - `gateway`: a row for each start. `name` is where callers find it, `key` is what its passes are signed
+///   with, `certificate` the SHA-256 of its certificate. Without `beat_at` it has ended.
+/// - `owner`: the robot '', which no robot is called, stands for the hall. `address`: where the last owner
+///   reached the robot.
+const OWNERS: &str = "
+LOCK TABLE owner IN ACCESS EXCLUSIVE MODE;
+SELECT pg_sleep(CASE WHEN beat_at IS NULL THEN 0 ELSE 3.5 END) FROM owner;
+DROP TABLE owner;
+CREATE TABLE gateway (
+    id          bigint PRIMARY KEY,
+    name        text NOT NULL,
+    key         text NOT NULL,
+    certificate text,
+    beat        bigint NOT NULL,
+    beat_at     timestamptz
+);
+CREATE TABLE owner (
+    robot   text COLLATE \"C\" PRIMARY KEY,
+    fence   bigint NOT NULL,
+    gateway bigint,
+    address text COLLATE \"C\"
+);
+CREATE INDEX owner_gateway ON owner (gateway);
+CREATE INDEX owner_address ON owner (address);
 ";

@@ -1,0 +1,91 @@
+//! What all robots of a gateway share.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use tokio::sync::watch;
+
+use crate::core::live::follower::Top;
+use crate::fleet::config::RobotConfig;
+use crate::fleet::roads::Roads;
+use crate::history::Recorder;
+use crate::live::board::Board;
+use crate::live::news::News;
+use crate::ownership::owners::Owners;
+use crate::store::Keeper;
+
+/// What all robots of a gateway share.
+#[derive(Debug)]
+pub struct Shared {
+    /// The store.
+    pub keeper: Keeper,
+    /// The ways to the robots.
+    pub(in crate::fleet) roads: Roads,
+    /// The history; `None` if none is kept.
+    pub history: Option<Recorder>,
+    /// What happened.
+    pub news: News,
+    /// Counts changes of values, so that readers can wait for the next one.
+    pub pulse: watch::Sender<u64>,
+    /// Which gateway owns what.
+    pub owners: Owners,
+    /// When this gateway started: numbers of events and of changes count from then.
+    pub epoch: u64,
+    /// The last number of a change of any robot, of a robot that came or went.
+    numbers: AtomicU64,
+    /// The number of the last robot that went.
+    removed: AtomicU64,
+}
+
+impl Shared {
+    /// What robots share that none has used yet.
+    #[must_use]
+    pub fn new(keeper: Keeper, roads: Roads, history: Option<Recorder>, epoch: u64) -> Self {
+        let (news, pulse) = (News::default(), watch::Sender::new(0));
+        let owners = Owners::alone();
+        Self {
+            keeper,
+            roads,
+            history,
+            news,
+            pulse,
+            owners,
+            epoch,
+            numbers: AtomicU64::new(0),
+            removed: AtomicU64::new(0),
+        }
+    }
+
+    /// The same, of a gateway that shares its store.
+    #[must_use]
+    pub fn with_owners(self, owners: Owners) -> Self {
+        Self { owners, ..self }
+    }
+
+    /// How far the numbers have come. A reader that looks after this sees all that has one of these numbers,
+    /// because each is drawn under the lock of what it is about.
+    pub fn top(&self) -> Top {
+        // In this order: the number of the last removal is never above the other.
+        let removed = self.removed.load(Ordering::SeqCst);
+        Top { number: self.numbers.load(Ordering::SeqCst), removed }
+    }
+
+    /// The next number. To be called under the lock of what it is about.
+    pub(in crate::fleet) fn draw(&self) -> u64 {
+        self.numbers.fetch_add(1, Ordering::SeqCst) + 1
+    }
+
+    /// Notes that a robot goes. To be called under the lock of the list of robots.
+    pub(in crate::fleet) fn note_removal(&self) {
+        self.removed.store(self.draw(), Ordering::SeqCst);
+    }
+
+    /// Wakes the readers of values.
+    pub fn wake_readers(&self) {
+        self.pulse.send_modify(|pulse| *pulse = pulse.wrapping_add(1));
+    }
+
+    pub(super) fn new_board(&self, config: &RobotConfig) -> Board {
+        let fresh_for = config.period + config.settings.liveness.suspect_after;
+        Board::new(self.draw(), &config.all_addresses(), fresh_for)
+    }
+}

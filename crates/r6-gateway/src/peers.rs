@@ -1,0 +1,273 @@
+//! The other gateways of the hall, as this one reaches them: over HTTP where callers find them, with a pass.
+//!
+//! With TLS, the other gateway proves itself with the certificate whose SHA-256 its row in the store has, and
+//! no authority is asked. This gateway proves itself with the signature of the pass (`core/pass.rs`), not
+//! with a certificate. Each request has a connection of its own: none waits behind another one.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use axum::body::Bytes;
+use axum::http::header::{CONNECTION, CONTENT_LENGTH, HOST, HeaderValue, TRANSFER_ENCODING};
+use axum::http::{HeaderMap, HeaderName, Method};
+use http_body_util::Full;
+use hyper::body::Incoming;
+use hyper::client::conn::http1;
+use hyper::{Request, Response};
+use hyper_util::rt::TokioIo;
+use sha2::{Digest, Sha256};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::TcpStream;
+
+use crate::core::pass::{self, Bearer, Pass, PassKey, Taken};
+use crate::secret;
+
+/// The header that has a pass.
+pub const PASS: &str = "r6-pass";
+
+/// How long a connection may take, with TLS. Gateways of one hall are close to each other.
+const CONNECT_WITHIN: Duration = Duration::from_secs(1);
+
+/// How many gateways are remembered whose passes came. Those that do not live are forgotten.
+const MAX_GATEWAYS: usize = 256;
+
+/// Where callers find a gateway, and how it proves itself.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Door {
+    /// `http://HOST:PORT` or `https://HOST:PORT`.
+    pub url: String,
+    /// What its passes are signed with, the public half.
+    pub key: String,
+    /// The SHA-256 of its certificate.
+    pub certificate: Option<String>,
+}
+
+/// A request to pass on.
+#[derive(Clone, Debug)]
+pub struct Onward {
+    /// Its method.
+    pub method: Method,
+    /// Its path, with its query.
+    pub target: String,
+    /// Its head, without what is about the connection or says who asks.
+    pub headers: HeaderMap,
+    /// Its body.
+    pub body: Bytes,
+    /// Who asks, and from where.
+    pub bearer: (Bearer, Option<std::net::SocketAddr>),
+}
+
+/// Why no answer came.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Failed {
+    /// Nothing was sent.
+    NotSent(String),
+    /// It was sent, at least in part: it may have been carried out.
+    Unknown(String),
+}
+
+/// This gateway, for the others.
+#[derive(Debug)]
+pub struct Peers {
+    key: PassKey,
+    /// The number of the last pass.
+    last: AtomicU64,
+    /// The passes that came, by the gateways that signed them.
+    taken: Mutex<BTreeMap<u64, Taken>>,
+}
+
+impl Peers {
+    /// A gateway with a key that is drawn now.
+    ///
+    /// # Errors
+    /// The system has no random numbers.
+    pub fn new() -> Result<Self, String> {
+        let mut seed = [0; 32];
+        secret::fill(&mut seed).map_err(|error| format!("no random numbers: {error}"))?;
+        let key = PassKey::of_seed(seed).ok_or_else(|| "no key could be made".to_owned())?;
+        Ok(Self { key, last: AtomicU64::new(0), taken: Mutex::default() })
+    }
+
+    /// The public half of its key.
+    #[must_use]
+    pub fn public_key(&self) -> String {
+        self.key.public()
+    }
+
+    /// The pass in this text, if it is for a request with this head to the gateway `own`. `key`: the key of a
+    /// gateway.
+    #[must_use]
+    pub fn open(
+        text: &str,
+        own: u64,
+        head: &[u8; 32],
+        key: impl FnOnce(u64) -> Option<String>,
+    ) -> Option<Pass> {
+        pass::open(text, key).filter(|pass| pass.to == own && pass.head == *head)
+    }
+
+    /// The pass, if it is for a request with this body, and was not taken before.
+    #[must_use]
+    pub fn admit(&self, pass: Pass, body: &[u8]) -> Option<Pass> {
+        if pass.body != hash(body) {
+            return None;
+        }
+        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        if taken.len() >= MAX_GATEWAYS && !taken.contains_key(&pass.from) {
+            // So many do not live at once.
+            return None;
+        }
+        taken.entry(pass.from).or_default().take(pass.number).then_some(pass)
+    }
+
+    /// Forgets gateways that are not there any more.
+    pub fn retain(&self, is_there: impl Fn(u64) -> bool) {
+        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        taken.retain(|number, _| is_there(*number));
+    }
+
+    /// Passes a request on to the gateway `to`, once, and returns its answer, whose body goes on. `until`:
+    /// until when a pass is taken that is made now.
+    ///
+    /// # Errors
+    /// [`Failed`].
+    pub async fn send(
+        &self,
+        (from, to): (u64, u64),
+        door: &Door,
+        onward: Onward,
+        until: impl Fn() -> u64,
+    ) -> Result<Response<Incoming>, Failed> {
+        let Onward { method, target, headers, body, bearer: (bearer, source) } = onward;
+        let not_sent = |error: String| Failed::NotSent(format!("{}: {error}", door.url));
+        let connected = tokio::time::timeout(CONNECT_WITHIN, connect(door)).await;
+        let (stream, at) = connected
+            .map_err(|_| not_sent(format!("no connection within {CONNECT_WITHIN:?}")))?
+            .map_err(not_sent)?;
+        let number = self.last.fetch_add(1, Ordering::Relaxed) + 1;
+        let (head, hash) = (head(&method, &target, &headers), hash(&body));
+        let pass = Pass { from, to, number, until: until(), head, body: hash, bearer, source };
+        let header =
+            HeaderValue::from_str(&self.key.sign(&pass)).map_err(|error| not_sent(error.to_string()))?;
+        let mut request = Request::new(Full::new(body));
+        *request.method_mut() = method;
+        *request.uri_mut() = target.parse().map_err(|error| not_sent(format!("{error}")))?;
+        *request.headers_mut() = headers;
+        let host = HeaderValue::from_str(&at).map_err(|error| not_sent(error.to_string()))?;
+        request.headers_mut().insert(HOST, host);
+        request.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
+        request.headers_mut().insert(PASS, header);
+        let (mut sender, connection) =
+            http1::handshake(TokioIo::new(stream)).await.map_err(|error| not_sent(error.to_string()))?;
+        // It ends with the answer, or once it is not waited for any more.
+        tokio::spawn(connection);
+        let unknown = |error: hyper::Error| Failed::Unknown(format!("{}: {error}", door.url));
+        sender.send_request(request).await.map_err(unknown)
+    }
+}
+
+/// A stream to a gateway.
+trait Stream: AsyncRead + AsyncWrite + Send + Unpin {}
+impl<S: AsyncRead + AsyncWrite + Send + Unpin> Stream for S {}
+
+/// Connects to a gateway. Returns the address that was reached, too: every gateway takes requests to that.
+async fn connect(door: &Door) -> Result<(Box<dyn Stream>, String), String> {
+    let (is_secure, host) = match (door.url.strip_prefix("https://"), door.url.strip_prefix("http://")) {
+        (Some(host), _) => (true, host),
+        (None, Some(host)) => (false, host),
+        (None, None) => return Err("this is no address of a gateway".to_owned()),
+    };
+    let stream = TcpStream::connect(host).await.map_err(|error| error.to_string())?;
+    let at = stream.peer_addr().map_err(|error| error.to_string())?.to_string();
+    // A stop must not wait for the acknowledgement of what was sent before it.
+    let _ = stream.set_nodelay(true);
+    if !is_secure {
+        return Ok((Box::new(stream), at));
+    }
+    let expected = door.certificate.clone().ok_or("the store does not have its certificate")?;
+    let is_it = move |der: &[u8]| crate::certificate::fingerprint_of(der) == expected;
+    let stream = r6_http::connect_to(stream, is_it).await.map_err(|error| error.to_string())?;
+    Ok((Box::new(stream), at))
+}
+
+/// The hash of a head. All headers count but those about the connection: no one on the way may change, add or
+/// take away one.
+#[must_use]
+pub fn head(method: &Method, target: &str, headers: &HeaderMap) -> [u8; 32] {
+    let of_connection = [HOST, CONNECTION, CONTENT_LENGTH, TRANSFER_ENCODING];
+    let counts = |name: &HeaderName| name.as_str() != PASS && !of_connection.contains(name);
+    let mut lines: Vec<_> = headers.iter().filter(|(name, _)| counts(name)).collect();
+    // Those with one name stay in their order.
+    lines.sort_by_key(|(name, _)| name.as_str());
+    let lines = lines.into_iter().flat_map(|(name, value)| [name.as_str().as_bytes(), value.as_bytes()]);
+    let mut hash = Sha256::new();
+    for part in [method.as_str().as_bytes(), target.as_bytes()].into_iter().chain(lines) {
+        hash.update(u64::try_from(part.len()).unwrap_or(u64::MAX).to_be_bytes());
+        hash.update(part);
+    }
+    hash.finalize().into()
+}
+
+fn hash(body: &[u8]) -> [u8; 32] {
+    Sha256::digest(body).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn headers(lines: &[(&'static str, &'static str)]) -> HeaderMap {
+        let of = |(name, value): &(&'static str, &'static str)| {
+            (HeaderName::from_static(name), HeaderValue::from_static(value))
+        };
+        lines.iter().map(of).collect()
+    }
+
+    #[test]
+    fn a_pass_is_for_one_request_to_one_gateway_once() {
+        let peers = Peers::new().unwrap();
+        let (to, sent, body) = (9, [1; 32], b"{}");
+        let pass = Pass {
+            from: 3,
+            to,
+            number: 1,
+            until: 0,
+            head: sent,
+            body: hash(body),
+            bearer: Bearer::Token(4),
+            source: None,
+        };
+        let text = peers.key.sign(&pass);
+        let key = |number| (number == 3).then(|| peers.public_key());
+        assert_eq!(Peers::open(&text, to, &sent, key), Some(pass.clone()));
+        assert_eq!(Peers::open(&text, 8, &sent, key), None, "another gateway, or an earlier start");
+        assert_eq!(Peers::open(&text, to, &[2; 32], key), None, "another head");
+        assert_eq!(Peers::open(&text, to, &sent, |_| None), None, "who signed is not known");
+        assert_eq!(peers.admit(pass.clone(), b"{ }"), None, "another body");
+        assert_eq!(peers.admit(pass.clone(), body), Some(pass.clone()));
+        assert_eq!(peers.admit(pass, body), None, "it came before");
+    }
+
+    #[test]
+    fn whatever_changes_in_a_head_changes_its_hash() {
+        let of = |target: &str, lines: &[_]| head(&Method::POST, target, &headers(lines));
+        let sent = of("/v1/a", &[("idempotency-key", "one"), ("accept", "a"), ("accept", "b")]);
+        let came =
+            [("host", "x"), ("accept", "a"), ("content-length", "3"), ("accept", "b"), ("r6-pass", "p")];
+        assert_eq!(of("/v1/a", &[&came[..], &[("idempotency-key", "one")]].concat()), sent);
+        let changed: [&[_]; 6] = [
+            &[("idempotency-key", "two"), ("accept", "a"), ("accept", "b")],
+            &[("accept", "a"), ("accept", "b")],
+            &[("idempotency-key", "one"), ("accept", "b"), ("accept", "a")],
+            &[("idempotency-key", "one"), ("accept", "ab")],
+            &[("idempotency-key", "one"), ("accept", "a"), ("accept", "b"), ("authorization", "x")],
+            &[("idempotency-key", "one"), ("accept", "a"), ("accept", "b"), ("valid-until", "9")],
+        ];
+        for lines in changed {
+            assert_ne!(of("/v1/a", lines), sent, "{lines:?}");
+        }
+        assert_ne!(of("/v1/b", &[("idempotency-key", "one"), ("accept", "a"), ("accept", "b")]), sent);
+    }
+}

@@ -1,0 +1,218 @@
+//! Requests for a robot that another gateway owns: passed on to it, once.
+
+use std::time::{Duration, Instant};
+
+use r6_gateway::{Gateway, GatewaySettings, TlsSettings};
+use r6_sim::VirtualController;
+use serde_json::{Value, json};
+
+use crate::owner::{Here, There, beside, command, database, lease, settings_of};
+use crate::support::{Browser, PASSWORD, PATIENCE, call, call_with, commands, ready_to_start, request};
+
+/// Within this time after its owner froze, a stop has come to the robot: a takeover takes 5 s, and a machine
+/// that is busy longer.
+const STOPPED: Duration = Duration::from_secs(9);
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn any_gateway_answers_for_any_robot() {
+    let Some((_server, url, token)) = database("the test of requests that are passed on").await else {
+        return;
+    };
+    let press = VirtualController::start().await.unwrap();
+    let robots = [("press", press.address())];
+    let one = Here::start(&url, &token, &robots).await;
+    one.until_up("press").await;
+    let other = Here::start(&url, &token, &robots).await;
+    let (state, passed) =
+        (one.call("GET", "/v1/robots/press", None).await, other.call("GET", "/v1/robots/press", None).await);
+    assert_eq!((state.0, passed.0), (200, 200), "{}", passed.1);
+    assert_eq!(state.1["address"], passed.1["address"]);
+    let key = other.lease("press").await;
+    let (status, done) = command(other.gateway.address(), &token, "press", &key).await;
+    assert_eq!(status, 200, "{done}");
+    assert_eq!(command(one.gateway.address(), &token, "press", &key).await.0, 200, "one lease for all");
+    let (status, refused) = other.call("POST", "/v1/robots/press/lease", Some(&json!({}))).await;
+    assert_eq!((status, &refused["code"]), (409, &json!("leased")));
+
+    // A command comes twice, over both gateways, and is sent once.
+    let body = json!({ "command": "modifyGSPD", "arguments": ["7"], "lease": key });
+    let mut log = press.handle().log();
+    let path = "/v1/robots/press/commands";
+    let line = "Idempotency-Key: twice\r\n";
+    let first = call_with(other.gateway.address(), &token, "POST", path, line, Some(&body)).await;
+    let again = call_with(one.gateway.address(), &token, "POST", path, line, Some(&body)).await;
+    assert_eq!((first.status, again.status), (200, 200), "{} {}", first.body, again.body);
+    assert_eq!(first.body["command_id"], again.body["command_id"]);
+    assert_eq!(commands(&mut log), ["modifyGSPD"]);
+
+    let program = "[[instruction]]\ndo = \"axis-move\"\nto = [60, 0, 0, 0, 0, 0]\nspeed = 1\n".repeat(2);
+    let asked = json!({ "program": program, "lease": key });
+    let path = "/v1/robots/press/programs/run";
+    let line = "Idempotency-Key: one\r\n";
+    let run = call_with(other.gateway.address(), &token, "POST", path, line, Some(&asked)).await;
+    assert_eq!(run.status, 202, "{}", run.body);
+    let begun = Instant::now();
+    while !press.handle().snapshot().moving {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    let stopping = Instant::now();
+    let (status, stopped) = other.call("POST", "/v1/robots/press/stop", None).await;
+    assert_eq!((status, &stopped["confirmed"]), (200, &json!(true)), "{stopped}");
+    assert!(stopping.elapsed() < Duration::from_secs(5), "{:?}", stopping.elapsed());
+    assert!(!press.handle().snapshot().moving);
+    let path = format!("/v1/robots/press/runs/{}", run.body["run_id"]);
+    // The run ends beside the stop.
+    loop {
+        let (_, shown) = other.call("GET", &path, None).await;
+        if shown["state"] == "stopped" {
+            break;
+        }
+        assert!(stopping.elapsed() < PATIENCE, "{shown}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    let cleared = json!({ "lease": key });
+    assert_eq!(other.call("POST", "/v1/robots/press/clear-stopped", Some(&cleared)).await.0, 204);
+    let history = other.call("GET", "/v1/robots/press/history?signal=isMoving", None).await;
+    assert_eq!(history.0, 200, "{}", history.1);
+    assert_eq!(other.call("DELETE", "/v1/robots/press/lease", Some(&cleared)).await.0, 204);
+
+    // What is for all robots, the owner of the hall does.
+    assert_eq!(other.call("GET", "/v1/audit/head", None).await.0, 200);
+    let wanted = json!({ "address": "127.0.0.1:1" });
+    let (status, added) = other.call("PUT", "/v1/robots/saw", Some(&wanted)).await;
+    assert_eq!(status, 201, "{added}");
+
+    // The log tells who asked, and from where.
+    let (_, page) = one.call("GET", "/v1/audit?limit=1000", None).await;
+    let entries = page["entries"].as_array().unwrap();
+    let intent = entries.iter().find(|entry| entry["what"] == "command_intent").unwrap();
+    assert_eq!(intent["actor"], "token 1");
+    assert!(intent["source"].as_str().unwrap().starts_with("127.0.0.1:"), "{intent}");
+
+    // What is no pass of a gateway opens nothing, with a token neither.
+    for pass in ["x", "e30.e30", ""] {
+        let headers = format!("Authorization: Bearer {token}\r\nR6-Pass: {pass}\r\n");
+        let answer = request(one.gateway.address(), &headers, "GET", "/v1/robots/press", None).await;
+        assert_eq!((answer.status, &answer.body["code"]), (401, &json!("no_token")), "{pass:?}");
+    }
+    one.gateway.shutdown().await.unwrap();
+    other.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_browser_at_one_gateway_works_with_a_robot_of_another() {
+    let Some((_server, url, token)) = database("the test of browsers at two gateways").await else { return };
+    let press = VirtualController::start().await.unwrap();
+    let robots = [("press", press.address())];
+    let one = Here::start(&url, &token, &robots).await;
+    one.until_up("press").await;
+    let other = Here::start(&url, &token, &robots).await;
+    let anna = json!({ "role": "operator", "password": PASSWORD });
+    assert_eq!(one.call("PUT", "/v1/users/anna", Some(&anna)).await.0, 201);
+    let viewer = json!({ "role": "viewer", "password": PASSWORD });
+    assert_eq!(one.call("PUT", "/v1/users/ben", Some(&viewer)).await.0, 201);
+    // The other one reads the users twice a second.
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let anna = Browser::sign_in(other.gateway.address(), "anna", PASSWORD).await;
+    let (status, held) = anna.call("POST", "/v1/robots/press/lease", Some(&json!({}))).await;
+    assert_eq!(status, 200, "{held}");
+    let body = json!({ "command": "modifyGSPD", "arguments": ["5"], "lease": held["lease"] });
+    assert_eq!(anna.call("POST", "/v1/robots/press/commands", Some(&body)).await.0, 200);
+    let bare = anna.bare("POST", "/v1/robots/press/stop", None).await;
+    assert_eq!((bare.0, &bare.1["code"]), (403, &json!("bad_csrf")), "pages of others are refused before");
+    let (_, state) = one.call("GET", "/v1/robots/press", None).await;
+    assert_eq!(state["lease"]["holder"], "anna");
+    let ben = Browser::sign_in(other.gateway.address(), "ben", PASSWORD).await;
+    let (status, refused) = ben.call("POST", "/v1/robots/press/lease", Some(&json!({}))).await;
+    assert_eq!((status, &refused["code"]), (403, &json!("not_allowed")), "the owner looks what he may do");
+    assert_eq!(anna.call("POST", "/v1/robots/press/stop", None).await.0, 200);
+    one.gateway.shutdown().await.unwrap();
+    other.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_command_to_a_frozen_owner_is_not_sent_again_and_a_stop_reaches_the_robot() {
+    let Some((_server, url, token)) = database("the test of a frozen owner behind another").await else {
+        return;
+    };
+    let press = ready_to_start().await;
+    let robots = [("press", press.address())];
+    let there = There::start(&url, &robots).await;
+    let here = Here::start(&url, &token, &robots).await;
+    let key = lease(here.gateway.address(), &token, "press").await;
+    assert_eq!(command(here.gateway.address(), &token, "press", &key).await.0, 200);
+    let mut log = press.handle().log();
+    there.signal("STOP");
+    let frozen = Instant::now();
+    let at = here.gateway.address();
+    let (asked, stopping) = (token.clone(), token.clone());
+    let commanding = tokio::spawn(async move { command(at, &asked, "press", &key).await });
+    let stopping =
+        tokio::spawn(async move { call(at, &stopping, "POST", "/v1/robots/press/stop", None).await });
+    let reading = here.call("GET", "/v1/robots/press", None).await;
+    assert_eq!((reading.0, &reading.1["code"]), (503, &json!("no_owner")), "{}", reading.1);
+    let (status, problem) = commanding.await.unwrap();
+    assert_eq!((status, &problem["code"]), (504, &json!("outcome_unknown")), "{problem}");
+    let (status, stopped) = stopping.await.unwrap();
+    assert_eq!((status, &stopped["confirmed"]), (200, &json!(true)), "{stopped}");
+    let took = frozen.elapsed();
+    assert!(took < STOPPED, "{took:?}");
+    let state = here.until_up("press").await;
+    assert_eq!(state["stopped"], true);
+    // Somebody holds the lease, so the robot is not given back to the gateway that goes on.
+    here.lease("press").await;
+    there.signal("CONT");
+    tokio::time::sleep(Duration::from_secs(2)).await;
+    let sent = commands(&mut log);
+    assert!(!sent.is_empty() && sent.iter().all(|command| command == "actionStop"), "{sent:?}");
+    here.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_gateway_with_tls_is_known_by_its_certificate() {
+    let Some((server, url, token)) = database("the test of gateways with TLS").await else { return };
+    let press = VirtualController::start().await.unwrap();
+    let all = vec![("press".to_owned(), press.address())];
+    let data = tempfile::tempdir().unwrap();
+    let settings = GatewaySettings { tls: TlsSettings::Made, ..settings_of(&url, data.path(), &all) };
+    let one = Gateway::start(settings).await.unwrap();
+    let other = Here::start(&url, &token, &[("press", press.address())]).await;
+    let begun = Instant::now();
+    let state = loop {
+        let (status, state) = other.call("GET", "/v1/robots/press", None).await;
+        if status == 200 && state["link"] == "up" {
+            break state;
+        }
+        assert!(begun.elapsed() < PATIENCE, "{state}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    };
+    assert_eq!((one.owned(), &state["name"]), (Some(1), &json!("press")));
+    // Another certificate than that in the store: the row says the right one again with each beat.
+    let (pinned, silent) = (url.clone(), server);
+    let wrong = beside(move || {
+        silent.sql(
+            &pinned,
+            "CREATE FUNCTION r6_gateway.wrong() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
+             NEW.certificate := 'AA:BB'; RETURN NEW; END $$;
+             CREATE TRIGGER wrong BEFORE UPDATE ON r6_gateway.gateway FOR EACH ROW
+             WHEN (NEW.certificate IS NOT NULL) EXECUTE FUNCTION r6_gateway.wrong();",
+        )
+    });
+    wrong.await;
+    let begun = Instant::now();
+    loop {
+        let (status, problem) = other.call("GET", "/v1/robots/press", None).await;
+        if status == 503 {
+            assert!(problem["message"].as_str().unwrap().contains("cannot be reached"), "{problem}");
+            break;
+        }
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    let (status, problem): (u16, Value) =
+        other.call("POST", "/v1/robots/press/lease", Some(&json!({}))).await;
+    assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "nothing was sent");
+    one.shutdown().await.unwrap();
+    other.gateway.shutdown().await.unwrap();
+}
