@@ -45,6 +45,7 @@ use crate::core::live::follower::Top;
 use crate::core::name::RobotName;
 use crate::fleet::config::RobotConfig;
 use crate::fleet::station::{Kept, Shared, Station, Term};
+use crate::live::far::Shown;
 
 /// How long the task of a robot may take to end, once a run is over. It waits for commands for 3 s and for a
 /// stop for 17 s, or writes for 5 s.
@@ -140,11 +141,19 @@ impl Fleet {
         self.read().values().map(|post| Arc::clone(&post.station)).collect()
     }
 
-    /// All robots, in the order of their names, and how far the numbers have come, of the same moment.
-    pub fn stations_now(&self) -> (Top, Vec<Arc<Station>>) {
+    /// All robots, in the order of their names, and how far the numbers have come, of the same moment; with
+    /// those of other gateways, or without.
+    pub fn shown_now(&self, with_far: bool) -> (Top, Vec<Arc<dyn Shown>>) {
         let posts = self.read();
-        let stations = posts.values().map(|post| Arc::clone(&post.station)).collect();
-        (self.shared.top(), stations)
+        let far = self.shared.far.read();
+        let mut shown: BTreeMap<&str, Arc<dyn Shown>> = BTreeMap::new();
+        if with_far {
+            shown.extend(far.iter().map(|(name, far)| (name.as_str(), Arc::clone(far) as Arc<dyn Shown>)));
+        }
+        // A robot of this gateway takes the place of what others told of it.
+        let here = posts.iter();
+        shown.extend(here.map(|(name, post)| (name.as_str(), Arc::clone(&post.station) as Arc<dyn Shown>)));
+        (self.shared.top(), shown.into_values().collect())
     }
 
     /// Ends all robots at the gateway. Arms that a run moves are stopped; the others go on with what they do.

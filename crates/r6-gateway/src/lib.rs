@@ -35,7 +35,7 @@
 //! - `auditor`: signs the heads of the audit log and removes its oldest entries; `verify` checks it.
 //! - `settings`: the time zone and the shifts of the hall.
 //! - `sharing`: a gateway that shares its store with others, each of which owns some robots (`ownership`).
-//!   `peers`: how it reaches them; `http/forward.rs` passes requests on.
+//!   `peers`: how it reaches them; `http/forward.rs` passes requests on, `live/far.rs` has what they tell.
 //! - `store`: tokens, users, the audit log, the state of the seats; nothing else knows SQL.
 //! - `http`: the API.
 //! - `traces`: spans of requests and commands, for a subscriber that asks for them.

@@ -5,5 +5,6 @@
 //! delays no other.
 
 pub mod board;
+pub mod far;
 pub mod happened;
 pub mod news;

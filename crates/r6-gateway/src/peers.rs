@@ -20,6 +20,9 @@ use hyper_util::rt::TokioIo;
 use sha2::{Digest, Sha256};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
+use tokio_tungstenite::WebSocketStream;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 
 use crate::core::pass::{self, Bearer, Pass, PassKey, Taken};
 use crate::secret;
@@ -27,8 +30,23 @@ use crate::secret;
 /// The header that has a pass.
 pub const PASS: &str = "r6-pass";
 
+/// What that header says in an answer: the request was taken.
+pub const ADMITTED: &str = "admitted";
+
+/// The request was not taken, and nothing was done.
+pub const REFUSED: &str = "refused";
+
 /// How long a connection may take, with TLS. Gateways of one hall are close to each other.
 const CONNECT_WITHIN: Duration = Duration::from_secs(1);
+
+/// How long a WebSocket may take until it is open.
+const OPEN_WITHIN: Duration = Duration::from_secs(2);
+
+/// The longest message over it: it has the values of one robot.
+const MAX_MESSAGE: usize = 1024 * 1024;
+
+/// A WebSocket to a gateway.
+pub type LiveStream = WebSocketStream<Box<dyn Stream>>;
 
 /// How many gateways are remembered whose passes came. Those that do not live are forgotten.
 const MAX_GATEWAYS: usize = 256;
@@ -128,6 +146,48 @@ impl Peers {
         taken.retain(|number, _| is_there(*number));
     }
 
+    /// Opens a WebSocket to the gateway `to`. `until`: until when a pass is taken that is made now.
+    ///
+    /// # Errors
+    /// Why it could not be opened, for people.
+    pub async fn open_stream(
+        &self,
+        way: (u64, u64),
+        door: &Door,
+        onward: Onward,
+        until: impl Fn() -> u64,
+    ) -> Result<LiveStream, String> {
+        let open = async {
+            let (stream, at) = connect(door).await?;
+            let address = format!("ws://{at}{}", onward.target);
+            let mut request = address.into_client_request().map_err(|error| error.to_string())?;
+            request.headers_mut().extend(onward.headers.clone());
+            // The pass is for the head as it is sent.
+            let pass = self.pass(way, until(), &Onward { headers: request.headers().clone(), ..onward })?;
+            request.headers_mut().insert(PASS, pass);
+            let mut config = WebSocketConfig::default();
+            config.max_message_size = Some(MAX_MESSAGE);
+            config.max_frame_size = Some(MAX_MESSAGE);
+            let opened = tokio_tungstenite::client_async_with_config(request, stream, Some(config)).await;
+            let (stream, answer) = opened.map_err(|error| error.to_string())?;
+            match is_admitted(answer.headers()) {
+                true => Ok(stream),
+                false => Err("what answers there is no gateway of this database".to_owned()),
+            }
+        };
+        let opened = tokio::time::timeout(OPEN_WITHIN, open).await;
+        opened.unwrap_or_else(|_| Err(format!("no stream within {OPEN_WITHIN:?}")))
+    }
+
+    /// A pass for this request, as a header.
+    fn pass(&self, (from, to): (u64, u64), until: u64, onward: &Onward) -> Result<HeaderValue, String> {
+        let number = self.last.fetch_add(1, Ordering::Relaxed) + 1;
+        let (head, body) = (head(&onward.method, &onward.target, &onward.headers), hash(&onward.body));
+        let (bearer, source) = onward.bearer.clone();
+        let pass = Pass { from, to, number, until, head, body, bearer, source };
+        HeaderValue::from_str(&self.key.sign(&pass)).map_err(|error| error.to_string())
+    }
+
     /// Passes a request on to the gateway `to`, once, and returns its answer, whose body goes on. `until`:
     /// until when a pass is taken that is made now.
     ///
@@ -135,22 +195,18 @@ impl Peers {
     /// [`Failed`].
     pub async fn send(
         &self,
-        (from, to): (u64, u64),
+        way: (u64, u64),
         door: &Door,
         onward: Onward,
         until: impl Fn() -> u64,
     ) -> Result<Response<Incoming>, Failed> {
-        let Onward { method, target, headers, body, bearer: (bearer, source) } = onward;
         let not_sent = |error: String| Failed::NotSent(format!("{}: {error}", door.url));
         let connected = tokio::time::timeout(CONNECT_WITHIN, connect(door)).await;
         let (stream, at) = connected
             .map_err(|_| not_sent(format!("no connection within {CONNECT_WITHIN:?}")))?
             .map_err(not_sent)?;
-        let number = self.last.fetch_add(1, Ordering::Relaxed) + 1;
-        let (head, hash) = (head(&method, &target, &headers), hash(&body));
-        let pass = Pass { from, to, number, until: until(), head, body: hash, bearer, source };
-        let header =
-            HeaderValue::from_str(&self.key.sign(&pass)).map_err(|error| not_sent(error.to_string()))?;
+        let header = self.pass(way, until(), &onward).map_err(not_sent)?;
+        let Onward { method, target, headers, body, .. } = onward;
         let mut request = Request::new(Full::new(body));
         *request.method_mut() = method;
         *request.uri_mut() = target.parse().map_err(|error| not_sent(format!("{error}")))?;
@@ -168,8 +224,8 @@ impl Peers {
     }
 }
 
-/// A stream to a gateway.
-trait Stream: AsyncRead + AsyncWrite + Send + Unpin {}
+/// A connection to a gateway.
+pub trait Stream: AsyncRead + AsyncWrite + Send + Unpin {}
 impl<S: AsyncRead + AsyncWrite + Send + Unpin> Stream for S {}
 
 /// Connects to a gateway. Returns the address that was reached, too: every gateway takes requests to that.
@@ -190,6 +246,12 @@ async fn connect(door: &Door) -> Result<(Box<dyn Stream>, String), String> {
     let is_it = move |der: &[u8]| crate::certificate::fingerprint_of(der) == expected;
     let stream = r6_http::connect_to(stream, is_it).await.map_err(|error| error.to_string())?;
     Ok((Box::new(stream), at))
+}
+
+/// Whether an answer with this head is of a gateway that took the pass.
+#[must_use]
+pub fn is_admitted(headers: &HeaderMap) -> bool {
+    headers.get(PASS).is_some_and(|mark| mark == ADMITTED)
 }
 
 /// The hash of a head. All headers count but those about the connection: no one on the way may change, add or

@@ -2,12 +2,12 @@
 //!
 //! [`run`] is one loop, which looks at the rows of the owners twice a second (`core/owner.rs` says what
 //! follows from them). What the gateway takes begins as after the end of a gateway: commands without an
-//! outcome are
-//! `unknown`, lists of runs are stopped, stops hold (`sharing/term.rs`). Beats go on in a task beside it
-//! (`sharing/beats.rs`). When they fail, each robot is let go of in time, and taken again by the gateway
-//! that is first.
+//! outcome are `unknown`, lists of runs are stopped, stops hold (`sharing/term.rs`). Beats go on in a task
+//! beside it (`sharing/beats.rs`). When they fail, each robot is let go of in time, and taken again by the
+//! gateway that is first.
 
 mod beats;
+mod far;
 mod term;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,6 +20,7 @@ use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, oneshot, watch};
 
 use self::beats::Beats;
+use self::far::Links;
 use crate::auditor::AuditSettings;
 use crate::certificate::Certificate;
 use crate::clock;
@@ -294,6 +295,8 @@ struct Look {
     unfit: BTreeSet<RobotName>,
     /// What could not be taken because an arm has one name, and why, as it was told of last.
     tied: BTreeMap<Owned, String>,
+    /// What other gateways tell of their robots.
+    links: Links,
 }
 
 impl Look {
@@ -322,6 +325,7 @@ impl Look {
         }
         self.unfit = unfit;
         inner.owners.looked(&looked, &robots);
+        self.links.update(inner, &robots).await;
         let places = places(&robots);
         let rivals = rivals(&places, &looked.addresses);
         let known: BTreeSet<_> = robots.into_keys().map(Owned::Robot).chain([Owned::Hall]).collect();

@@ -28,6 +28,8 @@ pub enum Bearer {
     Token(i64),
     /// This user, with a session.
     User(String),
+    /// The gateway itself, to read.
+    Gateway,
 }
 
 /// What a gateway says of a request that it passes on.

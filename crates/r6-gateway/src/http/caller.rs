@@ -10,6 +10,7 @@ use axum::http::header::{AUTHORIZATION, ORIGIN, UPGRADE};
 use axum::http::request::Parts;
 use axum::http::{Method, StatusCode};
 use r6_api::Code;
+use r6_api::gateway::Role;
 use r6_http::{Guest, Peer, Refusal};
 
 use super::body::Json;
@@ -49,7 +50,12 @@ pub enum Who {
     User(SignedIn),
     /// A user with a session at another gateway, which passes the request on.
     Passed(Arc<StoredUser>),
+    /// Another gateway that shares the store: it reads what this one has, and no more.
+    Gateway(u64),
 }
+
+/// What another gateway may do.
+static OF_GATEWAY: Grant = Grant { role: Role::Viewer, only: None };
 
 impl Caller {
     /// What the caller has proved to be.
@@ -63,6 +69,7 @@ impl Caller {
             Who::Token(token) | Who::Page(token, _) => token.label.clone(),
             Who::User(signed_in) => signed_in.user.account.name.to_string(),
             Who::Passed(user) => user.account.name.to_string(),
+            Who::Gateway(number) => format!("gateway {number}"),
         };
         By { actor, source: self.source.map(|source| source.to_string()) }
     }
@@ -79,6 +86,7 @@ impl Caller {
             Who::Token(token) | Who::Page(token, _) => &token.grant,
             Who::User(signed_in) => &signed_in.user.account.grant,
             Who::Passed(user) => &user.account.grant,
+            Who::Gateway(_) => &OF_GATEWAY,
         }
     }
 
@@ -91,14 +99,14 @@ impl Caller {
     pub fn token(&self) -> Option<i64> {
         match &self.who {
             Who::Token(token) | Who::Page(token, _) => Some(token.number),
-            Who::User(_) | Who::Passed(_) => None,
+            Who::User(_) | Who::Passed(_) | Who::Gateway(_) => None,
         }
     }
 
     /// The session of a user; `None` for a token.
     pub fn session(&self) -> Option<&SignedIn> {
         match &self.who {
-            Who::Token(_) | Who::Page(..) | Who::Passed(_) => None,
+            Who::Token(_) | Who::Page(..) | Who::Passed(_) | Who::Gateway(_) => None,
             Who::User(signed_in) => Some(signed_in),
         }
     }
@@ -107,8 +115,13 @@ impl Caller {
     pub fn page(&self) -> Option<&Page> {
         match &self.who {
             Who::Page(_, page) => Some(page),
-            Who::Token(_) | Who::User(_) | Who::Passed(_) => None,
+            Who::Token(_) | Who::User(_) | Who::Passed(_) | Who::Gateway(_) => None,
         }
+    }
+
+    /// Whether another gateway asks, to tell its own readers.
+    pub fn is_gateway(&self) -> bool {
+        matches!(self.who, Who::Gateway(_))
     }
 
     /// Whether the request came with a session, of a user or for a token.
@@ -140,6 +153,7 @@ impl Caller {
             Who::Token(token) | Who::Page(token, _) => state.tokens.request(token.number),
             Who::User(signed_in) => state.accounts.request(&signed_in.user.account.name),
             Who::Passed(user) => state.accounts.request(&user.account.name),
+            Who::Gateway(_) => Ok(()),
         };
         counted.map_err(Refusal::too_many)
     }
@@ -165,6 +179,7 @@ impl Caller {
             Who::Page(_, page) => state.tokens.is_open(&page.id),
             Who::User(signed_in) => state.accounts.is_open(&signed_in.id),
             Who::Passed(user) => state.accounts.has(&user.account.name),
+            Who::Gateway(number) => state.shared.owners.has_gateway(*number),
         }
     }
 
@@ -174,6 +189,7 @@ impl Caller {
             Who::Token(token) | Who::Page(token, _) => Bearer::Token(token.number),
             Who::User(signed_in) => Bearer::User(signed_in.user.account.name.to_string()),
             Who::Passed(user) => Bearer::User(user.account.name.to_string()),
+            Who::Gateway(_) => Bearer::Gateway,
         }
     }
 
@@ -224,6 +240,7 @@ impl Caller {
         let who = match &passed.bearer {
             Bearer::Token(number) => state.tokens.find_number(*number).await.map(Who::Token),
             Bearer::User(name) => state.accounts.find(name).await.map(Who::Passed),
+            Bearer::Gateway => Some(Who::Gateway(passed.from)),
         };
         let who = who.ok_or_else(|| {
             let message = "the token or the user is not valid any more";

@@ -33,7 +33,7 @@ use crate::core::owner::Owned;
 use crate::core::pass::Bearer;
 use crate::core::role::Right;
 use crate::ownership::owners::Place;
-use crate::peers::{self, Failed, Onward, PASS};
+use crate::peers::{self, ADMITTED, Failed, Onward, PASS, REFUSED, is_admitted};
 use crate::problem::Problem;
 
 /// How long an answer may take. The longest is that of an admin who takes the lease while a run is stopped.
@@ -45,17 +45,13 @@ const KNOWN_WITHIN: Duration = Duration::from_millis(1_500);
 /// How often to look whether the owner is another one.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// What the header of the pass says in an answer: the request was taken.
-const ADMITTED: &str = "admitted";
-
-/// It was not, and nothing was done.
-const REFUSED: &str = "refused";
-
 static PLACES: Places = Places::new();
 
 /// Whom a gateway asks for: the caller of a request that came with a pass.
 #[derive(Clone, Debug)]
 pub struct Passed {
+    /// The gateway that passes it on.
+    pub from: u64,
     /// Who asks.
     pub bearer: Bearer,
     /// The address that the request came from.
@@ -207,7 +203,7 @@ async fn admit(state: &State, request: Request) -> Result<Request, Refusal> {
     let body = body::bytes(body).await?;
     let pass = owners.admit(pass, &body).ok_or_else(refused)?;
     parts.headers.remove(PASS);
-    parts.extensions.insert(Passed { bearer: pass.bearer, source: pass.source });
+    parts.extensions.insert(Passed { from: pass.from, bearer: pass.bearer, source: pass.source });
     Ok(Request::from_parts(parts, Body::from(body)))
 }
 
@@ -296,9 +292,8 @@ async fn is_another(state: &State, owned: &Owned, number: u64) -> &'static str {
 
 /// What an answer means. A stop asks again where no owner is.
 async fn outcome(answer: hyper::Response<hyper::body::Incoming>, kind: Kind) -> Outcome {
-    let mark = answer.headers().get(PASS);
-    let (is_refused, is_admitted) =
-        (mark.is_some_and(|mark| mark == REFUSED), mark.is_some_and(|mark| mark == ADMITTED));
+    let is_refused = answer.headers().get(PASS).is_some_and(|mark| mark == REFUSED);
+    let is_admitted = is_admitted(answer.headers());
     if is_refused || (!is_admitted && answer.status() == StatusCode::UNAUTHORIZED) {
         let message = "what answers there takes no request of this gateway, and did nothing: it was just started, or \
                        is another one";

@@ -27,9 +27,9 @@ use crate::{problem, programs};
     OfToken,
 ))]
 pub async fn list(caller: Caller, Of(state): Of<State>) -> Json<Robots> {
-    let all = state.fleet.stations();
-    let seen = all.iter().filter(|station| caller.grant().covers(station.name()));
-    Json(Robots { robots: seen.map(|station| station.summary()).collect() })
+    let (_, all) = state.fleet.shown_now(!caller.is_gateway());
+    let seen = all.iter().filter(|robot| caller.grant().covers(robot.name()));
+    Json(Robots { robots: seen.map(|robot| robot.summary()).collect() })
 }
 
 /// One robot with its values.

@@ -145,7 +145,7 @@ pub async fn show(caller: Caller) -> Result<impl IntoResponse, Refusal> {
         Who::Token(token) => of_token(token, None),
         Who::Page(token, page) => of_token(token, Some(page)),
         Who::User(signed_in) => of_user(signed_in),
-        Who::Passed(_) => {
+        Who::Passed(_) | Who::Gateway(_) => {
             let message = "the session is at another gateway";
             return Err(Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message));
         }

@@ -12,8 +12,15 @@ const KEPT: usize = 1_000;
 /// The last events of all robots.
 #[derive(Debug)]
 pub struct News {
-    kept: Mutex<VecDeque<Event>>,
+    kept: Mutex<VecDeque<Kept>>,
     last: watch::Sender<u64>,
+}
+
+/// An event, and whether it is of a robot of another gateway.
+#[derive(Clone, Debug)]
+struct Kept {
+    event: Event,
+    is_far: bool,
 }
 
 impl Default for News {
@@ -25,9 +32,19 @@ impl Default for News {
 impl News {
     /// Adds an event.
     pub fn add(&self, time: String, robot: &str, happened: Happened) {
+        self.push(time, robot, happened, false);
+    }
+
+    /// Adds an event of a robot of another gateway, as that one tells it.
+    pub fn add_far(&self, time: String, robot: &str, happened: Happened) {
+        self.push(time, robot, happened, true);
+    }
+
+    fn push(&self, time: String, robot: &str, happened: Happened, is_far: bool) {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let id = *self.last.borrow() + 1;
-        kept.push_back(Event { id, time, robot: robot.to_owned(), happened });
+        let event = Event { id, time, robot: robot.to_owned(), happened };
+        kept.push_back(Kept { event, is_far });
         if kept.len() > KEPT {
             kept.pop_front();
         }
@@ -43,9 +60,9 @@ impl News {
     ///
     /// # Errors
     /// The number of the oldest event that is kept: events in between are not kept any more.
-    pub fn after(&self, id: u64) -> Result<Option<Event>, u64> {
+    fn kept_after(&self, id: u64) -> Result<Option<Kept>, u64> {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(oldest) = kept.front().map(|event| event.id) else { return Ok(None) };
+        let Some(oldest) = kept.front().map(|kept| kept.event.id) else { return Ok(None) };
         if id + 1 < oldest {
             return Err(oldest);
         }
@@ -68,21 +85,28 @@ pub enum Told {
 pub struct Reading {
     at: u64,
     is_lost: bool,
+    /// Whether events of robots of other gateways are left out.
+    own_only: bool,
 }
 
 impl Reading {
     /// A reader of what happens from now on.
     pub fn from_now(news: &News) -> Self {
-        Self { at: *news.last.borrow(), is_lost: false }
+        Self { at: *news.last.borrow(), is_lost: false, own_only: false }
     }
 
     /// A reader that has everything up to this event. `None`: it has events of another start of the gateway.
     pub fn after(news: &News, id: Option<u64>) -> Self {
         match id {
-            Some(at) if at <= *news.last.borrow() => Self { at, is_lost: false },
+            Some(at) if at <= *news.last.borrow() => Self { at, is_lost: false, own_only: false },
             // Of an earlier start of the gateway, or from the future: tell all that is kept.
-            _ => Self { at: 0, is_lost: true },
+            _ => Self { at: 0, is_lost: true, own_only: false },
         }
+    }
+
+    /// The same, without events of robots of other gateways: they tell of them.
+    pub fn of_own(self) -> Self {
+        Self { own_only: true, ..self }
     }
 
     /// The last event that the reader got.
@@ -95,15 +119,19 @@ impl Reading {
         if std::mem::take(&mut self.is_lost) {
             return Some(Told::Lost);
         }
-        match news.after(self.at) {
-            Err(oldest) => {
-                self.at = oldest.saturating_sub(1);
-                Some(Told::Lost)
-            }
-            Ok(event) => {
-                let event = event?;
-                self.at = event.id;
-                Some(Told::Event(event))
+        loop {
+            match news.kept_after(self.at) {
+                Err(oldest) => {
+                    self.at = oldest.saturating_sub(1);
+                    return Some(Told::Lost);
+                }
+                Ok(kept) => {
+                    let Kept { event, is_far } = kept?;
+                    self.at = event.id;
+                    if !(is_far && self.own_only) {
+                        return Some(Told::Event(event));
+                    }
+                }
             }
         }
     }
@@ -118,15 +146,30 @@ mod tests {
     #[test]
     fn events_are_numbered_and_a_late_reader_is_told() {
         let news = News::default();
-        assert_eq!(news.after(0), Ok(None));
+        let after = |id| news.kept_after(id).map(|kept| kept.map(|kept| kept.event.id));
+        assert_eq!(after(0), Ok(None));
         for _ in 0..=KEPT {
             news.add("now".to_owned(), "press", Happened::LinkUp {});
         }
-        assert_eq!(news.after(0), Err(2), "the first is gone");
-        assert_eq!(news.after(1).unwrap().unwrap().id, 2);
-        assert_eq!(news.after(KEPT as u64).unwrap().unwrap().id, KEPT as u64 + 1);
-        assert_eq!(news.after(KEPT as u64 + 1), Ok(None));
+        assert_eq!(after(0), Err(2), "the first is gone");
+        assert_eq!(after(1), Ok(Some(2)));
+        assert_eq!(after(KEPT as u64), Ok(Some(KEPT as u64 + 1)));
+        assert_eq!(after(KEPT as u64 + 1), Ok(None));
         assert_eq!(*news.watch().borrow(), KEPT as u64 + 1);
+    }
+
+    #[test]
+    fn another_gateway_is_told_only_of_robots_that_it_does_not_tell_of() {
+        let news = News::default();
+        let (mut all, mut own) = (Reading::from_now(&news), Reading::from_now(&news).of_own());
+        news.add_far("now".to_owned(), "saw", Happened::LinkUp {});
+        news.add("now".to_owned(), "press", Happened::LinkUp {});
+        let robot = |told: Option<Told>| match told {
+            Some(Told::Event(event)) => event.robot,
+            told => panic!("{told:?}"),
+        };
+        assert_eq!((robot(all.next(&news)), robot(all.next(&news))), ("saw".to_owned(), "press".to_owned()));
+        assert_eq!((robot(own.next(&news)), own.next(&news)), ("press".to_owned(), None));
     }
 
     proptest! {

@@ -15,7 +15,7 @@ use crate::core::name::RobotName;
 use crate::core::owner::{Claim, EXPIRES, Life, Owned, SeenGateway};
 use crate::core::pass::{self, Pass};
 use crate::fleet::config::RobotConfig;
-use crate::peers::{Door, Failed, Onward, Peers};
+use crate::peers::{Door, Failed, LiveStream, Onward, Peers};
 use crate::problem::Problem;
 use crate::store::Keeper;
 use crate::store::postgres::owner::Looked;
@@ -205,17 +205,41 @@ impl Owners {
         self.with(|held| held.robots.contains_key(name)).unwrap_or(false)
     }
 
+    /// Whether there is a gateway with this number.
+    #[must_use]
+    pub fn has_gateway(&self, number: u64) -> bool {
+        self.with(|held| held.doors.contains_key(&number)).unwrap_or(false)
+    }
+
     /// Passes a request on to the gateway with this number, once.
     ///
     /// # Errors
     /// [`Failed`].
     pub async fn send(&self, to: u64, onward: Onward) -> Result<Response<Incoming>, Failed> {
-        let way = self.with(|held| Some((held.number, held.doors.get(&to)?.clone())));
-        let (Some(both), Some(Some((own, door)))) = (&self.0, way) else {
+        let Some((both, own, door)) = self.way_to(to) else {
             return Err(Failed::NotSent("it has ended".to_owned()));
         };
-        let until = || self.store_time().map_or(0, |now| now + PASS_LASTS);
-        both.peers.send((own, to), &door, onward, until).await
+        both.peers.send((own, to), &door, onward, || self.pass_ends()).await
+    }
+
+    /// Opens a WebSocket to the gateway with this number.
+    ///
+    /// # Errors
+    /// Why it could not be opened, for people.
+    pub async fn open_stream(&self, to: u64, onward: Onward) -> Result<LiveStream, String> {
+        let (both, own, door) = self.way_to(to).ok_or("it has ended")?;
+        both.peers.open_stream((own, to), &door, onward, || self.pass_ends()).await
+    }
+
+    /// How this gateway reaches another one: with which number of its own, and where.
+    fn way_to(&self, to: u64) -> Option<(&Both, u64, Door)> {
+        let (own, door) = self.with(|held| Some((held.number, held.doors.get(&to)?.clone())))??;
+        Some((self.0.as_ref()?, own, door))
+    }
+
+    /// Until when a pass is taken that is made now.
+    fn pass_ends(&self) -> u64 {
+        self.store_time().map_or(0, |now| now + PASS_LASTS)
     }
 
     /// Whether a pass says that it is for this gateway, and is of a gateway that this one does not know yet.

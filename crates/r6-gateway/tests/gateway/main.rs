@@ -4,6 +4,8 @@ mod access;
 mod alarms;
 mod browsers;
 mod commands;
+#[cfg(unix)]
+mod far;
 mod fleet;
 #[cfg(unix)]
 mod forward;

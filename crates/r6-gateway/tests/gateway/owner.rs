@@ -326,8 +326,17 @@ impl There {
         Self { child, address: line.await.unwrap().parse().unwrap() }
     }
 
+    /// Freezes it, or lets it go on. When this returns, it is frozen.
     pub fn signal(&self, name: &str) {
         signal(name, &self.child.id().to_string());
+        let status = format!("/proc/{}/status", self.child.id());
+        let begun = Instant::now();
+        while name == "STOP"
+            && std::fs::read_to_string(&status).is_ok_and(|status| !status.contains("State:\tT"))
+        {
+            assert!(begun.elapsed() < PATIENCE, "it does not stop");
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
 }
 

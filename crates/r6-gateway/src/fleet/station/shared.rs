@@ -9,6 +9,7 @@ use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
 use crate::history::Recorder;
 use crate::live::board::Board;
+use crate::live::far::FarRobots;
 use crate::live::news::News;
 use crate::ownership::owners::Owners;
 use crate::store::Keeper;
@@ -28,6 +29,8 @@ pub struct Shared {
     pub pulse: watch::Sender<u64>,
     /// Which gateway owns what.
     pub owners: Owners,
+    /// The robots of other gateways.
+    pub far: FarRobots,
     /// When this gateway started: numbers of events and of changes count from then.
     pub epoch: u64,
     /// The last number of a change of any robot, of a robot that came or went.
@@ -49,6 +52,7 @@ impl Shared {
             news,
             pulse,
             owners,
+            far: FarRobots::default(),
             epoch,
             numbers: AtomicU64::new(0),
             removed: AtomicU64::new(0),
@@ -70,12 +74,12 @@ impl Shared {
     }
 
     /// The next number. To be called under the lock of what it is about.
-    pub(in crate::fleet) fn draw(&self) -> u64 {
+    pub(crate) fn draw(&self) -> u64 {
         self.numbers.fetch_add(1, Ordering::SeqCst) + 1
     }
 
     /// Notes that a robot goes. To be called under the lock of the list of robots.
-    pub(in crate::fleet) fn note_removal(&self) {
+    pub(crate) fn note_removal(&self) {
         self.removed.store(self.draw(), Ordering::SeqCst);
     }
 

@@ -10,6 +10,7 @@ use crate::clock;
 use crate::core::live::follower::Step;
 use crate::core::live::numbers::Span;
 use crate::fleet::config::RobotConfig;
+use crate::live::far::Shown;
 
 impl Station {
     /// The robot without its values.
@@ -67,9 +68,23 @@ impl Station {
         let period_ms = millis(self.config().period);
         RobotState { summary: self.summary(), period_ms, epoch: self.shared.epoch, number, signals }
     }
+}
 
-    /// What a reader gets, and the values for it: all for a snapshot, and those that changed for changes.
-    pub fn tell_reader(&self, step: impl FnOnce(Span) -> Step) -> (Span, Step, Vec<Signal>) {
+impl Shown for Station {
+    fn name(&self) -> &str {
+        self.name()
+    }
+
+    fn summary(&self) -> RobotSummary {
+        self.summary()
+    }
+
+    fn state_with(&self, number: u64, signals: Vec<Signal>) -> RobotState {
+        self.state_with(number, signals)
+    }
+
+    /// All values for a snapshot, and those that changed for changes.
+    fn tell_reader(&self, step: &mut dyn FnMut(Span) -> Step) -> (Span, Step, Vec<Signal>) {
         let board = self.board();
         let span = board.span();
         let step = step(span);

@@ -17,7 +17,7 @@ use super::super::caller::Caller;
 use super::subscription::{BeginEvents, Subscription};
 use crate::core::live::follower::{Begin, Follower, Step};
 use crate::core::live::point::Point;
-use crate::fleet::station::Station;
+use crate::live::far::Shown;
 use crate::live::news::{Reading, Told};
 
 /// The shortest time between two looks for changes: 50 messages a second and robot are more than a screen
@@ -57,7 +57,7 @@ struct Pass {
     /// Messages to make before those of the next robot: two for a robot that begins anew, and at the begin of
     /// the pass one for each robot that is gone.
     ready: VecDeque<LiveMessage>,
-    stations: vec::IntoIter<Arc<Station>>,
+    stations: vec::IntoIter<Arc<dyn Shown>>,
 }
 
 impl Feed {
@@ -87,9 +87,12 @@ impl Feed {
     pub fn subscribe(&mut self, subscription: Subscription) {
         let news = &self.state.shared.news;
         self.events = subscription.events.map(|begin| Events {
-            reading: match begin {
-                BeginEvents::Now => Reading::from_now(news),
-                BeginEvents::After(id) => Reading::after(news, id),
+            reading: {
+                let reading = match begin {
+                    BeginEvents::Now => Reading::from_now(news),
+                    BeginEvents::After(id) => Reading::after(news, id),
+                };
+                if self.caller.is_gateway() { reading.of_own() } else { reading }
             },
             last: news.watch(),
         });
@@ -229,7 +232,7 @@ impl Feed {
         (self.due, self.looked_at) = (false, Some(now));
         // What changes from here on is a reason to look again.
         self.pulse.mark_unchanged();
-        let (top, mut stations) = self.state.fleet.stations_now();
+        let (top, mut stations) = self.state.fleet.shown_now(!self.caller.is_gateway());
         stations.retain(|station| self.subscription.covers(&self.caller, station.name()));
         // Both are in the order of the names.
         let is_there = |robot: &str| stations.binary_search_by(|station| station.name().cmp(robot)).is_ok();
@@ -250,7 +253,7 @@ impl Feed {
             }
             let station = pass.stations.next()?;
             let robot = station.name().to_owned();
-            let (span, step, mut signals) = station.tell_reader(|at| self.follower.step(&robot, at));
+            let (span, step, mut signals) = station.tell_reader(&mut |at| self.follower.step(&robot, at));
             keep(&self.subscription, &mut signals);
             let message = match step {
                 Step::Nothing => None,

@@ -195,12 +195,13 @@ impl Subscription {
         state: &State,
         mut wanted: BTreeSet<Address>,
     ) -> Result<(), Refusal> {
-        for station in state.fleet.stations() {
+        let here = state.fleet.stations().into_iter().map(|station| station.config());
+        for config in here.chain(state.shared.owners.robots()) {
             if wanted.is_empty() {
                 break;
             }
-            if self.covers(caller, station.name()) {
-                for address in station.config().all_addresses() {
+            if self.covers(caller, config.name.as_str()) {
+                for address in config.all_addresses() {
                     wanted.remove(&address);
                 }
             }
@@ -229,13 +230,14 @@ impl Subscription {
 /// The robot that the caller wants to see, if it may.
 pub fn only(caller: &Caller, state: &State, robot: String) -> Result<String, Refusal> {
     caller.must(Right::Read, &robot)?;
-    match state.fleet.station(&robot) {
-        Some(_) => Ok(robot),
-        None => Err(match state.shared.owners.absent(&robot) {
-            Some(problem) => refusal::of(problem),
-            None => Refusal::not_found(Code::NoSuchRobot, "there is no robot with this name"),
-        }),
+    let is_there = state.fleet.station(&robot).is_some() || state.shared.far.one(&robot).is_some();
+    if is_there {
+        return Ok(robot);
     }
+    Err(match state.shared.owners.absent(&robot) {
+        Some(problem) => refusal::of(problem),
+        None => Refusal::not_found(Code::NoSuchRobot, "there is no robot with this name"),
+    })
 }
 
 /// A refusal of what is asked for.

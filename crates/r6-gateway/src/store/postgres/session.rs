@@ -78,8 +78,7 @@ impl Session {
         self.run(Some(Begin::Read), work, "COMMIT")
     }
 
-    /// Writes, all or nothing, if all of these claims still hold. Others that write wait, those alone that
-    /// write the same if the lock says so.
+    /// Writes, all or nothing, if all of these claims still hold. `lock` says which others wait meanwhile.
     ///
     /// # Errors
     /// [`StoreError::NotOwner`] if one of them does not. Other [`StoreError`]s: nothing was written, or that

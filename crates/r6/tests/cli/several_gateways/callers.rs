@@ -81,8 +81,11 @@ impl Caller {
         let robot = self.robot.clone();
         let (status, lease) = self.post("lease", &json!({ "duration_ms": 2_000 }))?;
         if status == 409 {
-            // The last one was not given back, because there was no answer.
-            assert_eq!(lease["code"], "leased", "{robot}: {lease}");
+            // The last one was not given back, because there was no answer. Or this one ended before the
+            // database had it: another gateway froze in the middle of a write, and that holds up the others
+            // for 2 s.
+            let code = lease["code"].as_str().unwrap();
+            assert!(matches!(code, "leased" | "no_lease"), "{robot}: {lease}");
             return Some(());
         }
         assert_eq!(status, 200, "{robot}: {lease}");
