@@ -150,7 +150,7 @@ impl Fleet {
         if with_far {
             shown.extend(far.iter().map(|(name, far)| (name.as_str(), Arc::clone(far) as Arc<dyn Shown>)));
         }
-        // A robot of this gateway takes the place of what others told of it.
+        // A robot of this gateway takes the place of what others tell of it.
         let here = posts.iter();
         shown.extend(here.map(|(name, post)| (name.as_str(), Arc::clone(&post.station) as Arc<dyn Shown>)));
         (self.shared.top(), shown.into_values().collect())

@@ -1,10 +1,12 @@
 //! The robots of other gateways, as their owners tell of them.
 //!
-//! What is here is a copy: of the last values, over the stream that browsers use (`sharing/far.rs`), and of
-//! the state of the robot. Readers get it as they get that of a robot of this gateway ([`Shown`]), under
-//! numbers of this gateway. Once the owner is not heard of any more, no value is told as fresh.
+//! What is here are copies: of the last values, over the stream that browsers use (`sharing/far.rs`), and of
+//! the state of the robot. Each gateway that tells of a robot has a copy of its own ([`Far`]), and the rows of
+//! the store say which of them counts: so a gateway that was frozen and goes on with a robot that it has lost
+//! changes nothing. Readers get a copy as they get a robot of this gateway ([`Shown`]), under numbers of this
+//! gateway. Once the owner is not heard of any more, no value is told as fresh.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 use std::time::Duration;
 
@@ -14,6 +16,11 @@ use r6_proto::time::Instant;
 use crate::clock;
 use crate::core::live::follower::Step;
 use crate::core::live::numbers::{Numbers, Span};
+use crate::core::owner::CLOSE;
+
+/// For how long a value that its owner told as fresh is still told as fresh if the owner says nothing more of
+/// it, beyond the greatest age of a fresh value. An owner that is silent for longer may have lost the robot.
+pub const HEARD: Duration = CLOSE;
 
 /// A robot as readers of live values see it, whichever gateway owns it.
 pub trait Shown: Send + Sync {
@@ -27,127 +34,244 @@ pub trait Shown: Send + Sync {
     fn tell_reader(&self, step: &mut dyn FnMut(Span) -> Step) -> (Span, Step, Vec<Signal>);
 }
 
+/// A gateway that tells of its robots, over one stream.
+#[derive(Debug)]
+pub struct Teller {
+    number: u64,
+    /// Until when nothing had changed that it did not tell.
+    confirmed: Mutex<Instant>,
+}
+
+impl Teller {
+    /// The gateway with this number, which has confirmed nothing yet.
+    #[must_use]
+    pub fn new(number: u64) -> Self {
+        Self { number, confirmed: Mutex::new(Instant::ORIGIN) }
+    }
+
+    /// The number of the gateway.
+    #[must_use]
+    pub fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// It says that until then nothing had changed that it did not tell.
+    pub fn confirm(&self, until: Instant) {
+        let mut confirmed = self.confirmed.lock().unwrap_or_else(PoisonError::into_inner);
+        *confirmed = (*confirmed).max(until);
+    }
+
+    fn confirmed(&self) -> Instant {
+        *self.confirmed.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// A robot of another gateway, or of none at the moment.
 #[derive(Debug)]
 pub struct Far {
     name: String,
     /// Of this gateway: numbers count from its start.
     epoch: u64,
-    /// The greatest age that its owner tells a fresh value with.
-    fresh_for: Duration,
     held: Mutex<Held>,
 }
 
 #[derive(Debug)]
 struct Held {
-    /// The gateway that tells of it; `None` if it is not heard of.
+    /// The gateway whose copy counts. It has one.
     owner: Option<u64>,
+    /// The copies, by the gateways that tell of the robot.
+    told: BTreeMap<u64, Copied>,
+    /// What is shown without an owner: nothing of it is fresh.
+    last: Copied,
+    numbers: Numbers,
+}
+
+/// What one gateway told of a robot.
+#[derive(Clone, Debug)]
+struct Copied {
+    /// `None`: it is not heard of.
+    teller: Option<Arc<Teller>>,
     summary: RobotSummary,
     /// When the summary came.
     summed_at: Instant,
     period_ms: u64,
-    /// The number of the last change, as the owner counts.
+    /// The greatest age that its owner tells a fresh value with.
+    fresh_for: Duration,
+    /// The number of the last change, as its owner counts.
     there: u64,
-    numbers: Numbers,
+    /// The values, and when each came.
     rows: Vec<(Signal, Instant)>,
-    /// Until when nothing else had changed.
-    confirmed: Instant,
+}
+
+impl Copied {
+    fn new(teller: Option<Arc<Teller>>, state: RobotState, fresh_for: Duration) -> Self {
+        let now = clock::now();
+        let RobotState { summary, period_ms, number, signals, .. } = state;
+        let rows = signals.into_iter().map(|signal| (signal, now)).collect();
+        Self { teller, summary, summed_at: now, period_ms, fresh_for, there: number, rows }
+    }
+
+    /// The same, once it is not heard of any more: nothing is fresh. Returns the places of what was fresh.
+    fn lost(mut self) -> (Self, Vec<usize>) {
+        self.silence();
+        let mut stale = Vec::new();
+        for (place, (signal, _)) in self.rows.iter_mut().enumerate() {
+            if signal.quality == SignalQuality::Fresh {
+                signal.quality = SignalQuality::Stale;
+                stale.push(place);
+            }
+        }
+        (self, stale)
+    }
+
+    /// No owner tells of it.
+    fn silence(&mut self) {
+        self.teller = None;
+        self.summary.link = RobotLink::Down;
+        // A lease ends with its owner.
+        self.summary.lease = None;
+        self.summary.stops_under_way = 0;
+        self.summary.global_speed = None;
+    }
+
+    /// Takes in what changed. Returns the places; `None`: something is missing in between.
+    fn change(&mut self, change: LiveChange) -> Option<Vec<usize>> {
+        if self.there != change.after {
+            return None;
+        }
+        let now = clock::now();
+        let mut places = Vec::new();
+        for signal in change.signals {
+            let place = self.rows.iter().position(|(known, _)| known.address == signal.address)?;
+            *self.rows.get_mut(place)? = (signal, now);
+            places.push(place);
+        }
+        self.there = change.number;
+        Some(places)
+    }
+
+    /// A value as it is told now.
+    fn signal(&self, place: usize, now: Instant) -> Option<Signal> {
+        let (signal, told_at) = self.rows.get(place)?;
+        let mut signal = signal.clone();
+        let Some(age) = signal.age_ms else { return Some(signal) };
+        let mut age = age.saturating_add(millis(now.since(*told_at)));
+        if let (SignalQuality::Fresh, Some(teller)) = (signal.quality, &self.teller) {
+            let confirmed = teller.confirmed();
+            if confirmed >= *told_at {
+                // Its owner reads it again and again, and tells of it only if it changes or grows old.
+                age = age.min(millis(self.fresh_for + now.since(confirmed)));
+            }
+            if age > millis(self.fresh_for + HEARD) {
+                signal.quality = SignalQuality::Stale;
+            }
+        }
+        signal.age_ms = Some(age);
+        Some(signal)
+    }
+
+    fn signals(&self, now: Instant) -> Vec<Signal> {
+        (0..self.rows.len()).filter_map(|place| self.signal(place, now)).collect()
+    }
 }
 
 impl Far {
-    /// A robot of which this is known. No value of it is fresh yet, and `born` is larger than all numbers
-    /// before.
+    /// A robot of which this is known, and that no gateway tells of. `born` is larger than all numbers before.
     #[must_use]
-    pub fn new(state: RobotState, epoch: u64, fresh_for: Duration, born: u64) -> Self {
-        let now = clock::now();
-        let RobotState { summary, period_ms, signals, .. } = state;
-        let mut held = Held {
-            owner: None,
-            summary,
-            summed_at: now,
-            period_ms,
-            there: 0,
-            numbers: Numbers::new(born, signals.len()),
-            rows: signals.into_iter().map(|signal| (signal, now)).collect(),
-            confirmed: now,
-        };
-        held.lose();
-        Self { name: held.summary.name.clone(), epoch, fresh_for, held: Mutex::new(held) }
+    pub fn new(state: RobotState, epoch: u64, born: u64) -> Self {
+        let name = state.summary.name.clone();
+        let (last, _) = Copied::new(None, state, Duration::ZERO).lost();
+        let numbers = Numbers::new(born, last.rows.len());
+        Self { name, epoch, held: Mutex::new(Held { owner: None, told: BTreeMap::new(), last, numbers }) }
     }
 
-    /// The gateway that tells of it.
+    /// Whether a gateway tells of it.
     #[must_use]
-    pub fn owner(&self) -> Option<u64> {
-        self.held().owner
+    pub fn is_told(&self) -> bool {
+        !self.held().told.is_empty()
     }
 
-    /// Its owner tells all of it. `draw` gives the next number.
-    pub fn take_snapshot(&self, owner: u64, state: RobotState, draw: impl FnOnce() -> u64) {
-        let now = clock::now();
-        let RobotState { summary, period_ms, number, signals, .. } = state;
+    /// A gateway tells all of it. `fresh_for`: the greatest age of a value that it tells as fresh. `draw` gives
+    /// the next number. Without another owner it counts at once, until the rows of the store were seen.
+    pub fn take_snapshot(
+        &self,
+        teller: &Arc<Teller>,
+        state: RobotState,
+        fresh_for: Duration,
+        draw: impl FnOnce() -> u64,
+    ) {
         let mut held = self.held();
-        let numbers = Numbers::new(draw(), signals.len());
-        *held = Held {
-            owner: Some(owner),
-            summary,
-            summed_at: now,
-            period_ms,
-            there: number,
-            numbers,
-            rows: signals.into_iter().map(|signal| (signal, now)).collect(),
-            confirmed: now,
-        };
+        let number = teller.number();
+        held.told.insert(number, Copied::new(Some(Arc::clone(teller)), state, fresh_for));
+        if held.owner.is_none_or(|owner| owner == number) {
+            held.show(number, draw());
+        }
     }
 
-    /// Its owner tells what changed. `false`: something is missing in between.
-    pub fn take_change(&self, owner: u64, change: LiveChange, draw: impl FnOnce() -> u64) -> bool {
-        let now = clock::now();
+    /// A gateway tells what changed. `false`: something is missing in between.
+    pub fn take_change(&self, gateway: u64, change: LiveChange, draw: impl FnOnce() -> u64) -> bool {
         let mut held = self.held();
-        if held.owner != Some(owner) || held.there != change.after {
+        let is_shown = held.owner == Some(gateway);
+        let Some(places) = held.told.get_mut(&gateway).and_then(|copied| copied.change(change)) else {
             return false;
-        }
-        let mut places = Vec::new();
-        for signal in change.signals {
-            let row =
-                held.rows.iter_mut().enumerate().find(|(_, (known, _))| known.address == signal.address);
-            let Some((place, row)) = row else { return false };
-            *row = (signal, now);
-            places.push(place);
-        }
-        held.there = change.number;
-        if !places.is_empty() {
+        };
+        if is_shown && !places.is_empty() {
             let number = draw();
             held.numbers.change(&places, number);
         }
         true
     }
 
-    /// Its owner says that nothing else had changed until then.
-    pub fn confirm(&self, owner: u64, until: Instant) {
-        let mut held = self.held();
-        if held.owner == Some(owner) {
-            held.confirmed = held.confirmed.max(until);
+    /// A gateway tells the present state of it.
+    pub fn take_summary(&self, gateway: u64, summary: RobotSummary) {
+        if let Some(copied) = self.held().told.get_mut(&gateway) {
+            (copied.summary, copied.summed_at) = (summary, clock::now());
         }
     }
 
-    /// Its owner tells its present state.
-    pub fn take_summary(&self, owner: u64, summary: RobotSummary) {
+    /// A gateway does not tell of it any more. Returns whether readers are told.
+    pub fn forget(&self, gateway: u64, draw: impl FnOnce() -> u64) -> bool {
         let mut held = self.held();
-        if held.owner == Some(owner) {
-            (held.summary, held.summed_at) = (summary, clock::now());
+        let is_shown = held.owner == Some(gateway);
+        if is_shown {
+            held.lose(draw);
         }
+        held.told.remove(&gateway);
+        is_shown
     }
 
-    /// Its owner is not heard of any more: no value is fresh. Returns whether that is new.
-    pub fn lose(&self, draw: impl FnOnce() -> u64) -> bool {
+    /// The rows of the store were seen: this gateway owns it, if any does, and these live. Returns whether
+    /// readers are told.
+    pub fn settle(&self, owner: Option<u64>, live: &BTreeSet<u64>, draw: impl FnOnce() -> u64) -> bool {
         let mut held = self.held();
-        if held.owner.is_none() {
-            return false;
-        }
-        let stale = held.lose();
-        let number = draw();
-        held.numbers.change(&stale, number);
-        true
+        let is_changed = match owner.filter(|owner| held.told.contains_key(owner)) {
+            owner if owner == held.owner => false,
+            Some(owner) => {
+                held.show(owner, draw());
+                true
+            }
+            None => {
+                held.lose(draw);
+                true
+            }
+        };
+        held.told.retain(|number, _| live.contains(number));
+        is_changed
+    }
+
+    /// What this gateway knew of it, when it lets go of it.
+    pub fn leave(&self, state: RobotState, draw: impl FnOnce() -> u64) {
+        let mut held = self.held();
+        let born = draw();
+        (held.owner, held.last) = (None, Copied::new(None, state, Duration::ZERO).lost().0);
+        held.numbers = Numbers::new(born, held.last.rows.len());
+    }
+
+    /// How it was in the end.
+    pub fn take_last(&self, summary: RobotSummary) {
+        let mut held = self.held();
+        held.last.summary = summary;
+        held.last.silence();
     }
 
     fn held(&self) -> MutexGuard<'_, Held> {
@@ -156,39 +280,23 @@ impl Far {
 }
 
 impl Held {
-    /// Makes what was fresh stale. Returns the places of it.
-    fn lose(&mut self) -> Vec<usize> {
-        self.owner = None;
-        self.summary.link = RobotLink::Down;
-        // A lease ends with its owner.
-        self.summary.lease = None;
-        self.summary.stops_under_way = 0;
-        let mut stale = Vec::new();
-        for (place, (signal, _)) in self.rows.iter_mut().enumerate() {
-            if signal.quality == SignalQuality::Fresh {
-                signal.quality = SignalQuality::Stale;
-                stale.push(place);
-            }
-        }
-        stale
+    /// What is shown.
+    fn copied(&self) -> &Copied {
+        self.owner.and_then(|owner| self.told.get(&owner)).unwrap_or(&self.last)
     }
 
-    /// A value as it is told now.
-    fn signal(&self, place: usize, now: Instant, fresh_for: Duration) -> Option<Signal> {
-        let (signal, told_at) = self.rows.get(place)?;
-        let mut signal = signal.clone();
-        if let Some(age) = &mut signal.age_ms {
-            *age = age.saturating_add(millis(now.since(*told_at)));
-            if signal.quality == SignalQuality::Fresh && self.confirmed >= *told_at {
-                // Its owner reads it again and again, and tells of it only if it changes or grows old.
-                *age = (*age).min(millis(fresh_for + now.since(self.confirmed)));
-            }
-        }
-        Some(signal)
+    /// Shows the copy of this gateway from now on. `born` is larger than all numbers before.
+    fn show(&mut self, owner: u64, born: u64) {
+        self.owner = Some(owner);
+        self.numbers = Numbers::new(born, self.copied().rows.len());
     }
 
-    fn signals(&self, now: Instant, fresh_for: Duration) -> Vec<Signal> {
-        (0..self.rows.len()).filter_map(|place| self.signal(place, now, fresh_for)).collect()
+    /// Shows what was shown, and nothing of it as fresh.
+    fn lose(&mut self, draw: impl FnOnce() -> u64) {
+        let (last, stale) = self.copied().clone().lost();
+        (self.owner, self.last) = (None, last);
+        let number = draw();
+        self.numbers.change(&stale, number);
     }
 }
 
@@ -199,8 +307,9 @@ impl Shown for Far {
 
     fn summary(&self) -> RobotSummary {
         let held = self.held();
-        let passed = millis(clock::now().since(held.summed_at));
-        let mut summary = held.summary.clone();
+        let copied = held.copied();
+        let passed = millis(clock::now().since(copied.summed_at));
+        let mut summary = copied.summary.clone();
         if let Some(lease) = &mut summary.lease {
             lease.expires_in_ms = lease.expires_in_ms.saturating_sub(passed);
         }
@@ -208,7 +317,7 @@ impl Shown for Far {
     }
 
     fn state_with(&self, number: u64, signals: Vec<Signal>) -> RobotState {
-        let period_ms = self.held().period_ms;
+        let period_ms = self.held().copied().period_ms;
         RobotState { summary: self.summary(), period_ms, epoch: self.epoch, number, signals }
     }
 
@@ -216,20 +325,19 @@ impl Shown for Far {
         let held = self.held();
         let span = held.numbers.span();
         let step = step(span);
-        let now = clock::now();
+        let (now, copied) = (clock::now(), held.copied());
         let signals = match step {
             Step::Nothing => Vec::new(),
-            Step::Snapshot { .. } => held.signals(now, self.fresh_for),
+            Step::Snapshot { .. } => copied.signals(now),
             Step::Changes { after } => {
-                let places = held.numbers.since(after);
-                places.filter_map(|place| held.signal(place, now, self.fresh_for)).collect()
+                held.numbers.since(after).filter_map(|place| copied.signal(place, now)).collect()
             }
         };
         (span, step, signals)
     }
 }
 
-/// All robots of other gateways, by their names.
+/// All robots of other gateways, by their names. A robot of this gateway may be here too; then it is not shown.
 #[derive(Debug, Default)]
 pub struct FarRobots(RwLock<BTreeMap<String, Arc<Far>>>);
 
@@ -240,23 +348,28 @@ impl FarRobots {
         self.read().get(name).cloned()
     }
 
-    /// All of them. While this is held, none comes or goes.
+    /// All of them.
+    #[must_use]
+    pub fn all(&self) -> Vec<Arc<Far>> {
+        self.read().values().cloned().collect()
+    }
+
+    /// The same. While this is held, no robot comes or goes.
     pub fn read(&self) -> RwLockReadGuard<'_, BTreeMap<String, Arc<Far>>> {
         self.0.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a robot, or puts it in the place of the one of its name. `make` is called under the lock.
-    pub fn put(&self, make: impl FnOnce() -> Far) {
+    /// The robot with this name, which is added if it is not there. `make` is called under the lock.
+    pub fn one_or(&self, name: &str, make: impl FnOnce() -> Far) -> Arc<Far> {
         let mut robots = self.0.write().unwrap_or_else(PoisonError::into_inner);
-        let robot = make();
-        robots.insert(robot.name.clone(), Arc::new(robot));
+        Arc::clone(robots.entry(name.to_owned()).or_insert_with(|| Arc::new(make())))
     }
 
     /// Removes those that do not stay. `removed` is called under the lock for each.
-    pub fn retain(&self, stays: impl Fn(&str) -> bool, removed: impl Fn()) {
+    pub fn retain(&self, stays: impl Fn(&Far) -> bool, removed: impl Fn()) {
         let mut robots = self.0.write().unwrap_or_else(PoisonError::into_inner);
-        robots.retain(|name, _| {
-            let stays = stays(name);
+        robots.retain(|_, robot| {
+            let stays = stays(robot);
             if !stays {
                 removed();
             }
@@ -267,4 +380,121 @@ impl FarRobots {
 
 fn millis(time: Duration) -> u64 {
     u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    const FRESH_FOR: Duration = Duration::from_millis(500);
+
+    fn state(value: &str, number: u64) -> RobotState {
+        let state = json!({
+            "name": "press", "address": "10.0.0.1:9760", "managed_by": "file", "link": "up", "identity": null,
+            "identity_changed": null, "virtual": null, "stopped": false, "stops_under_way": 0, "period_ms": 100,
+            "lease": { "number": 1, "holder": "token 1", "expires_in_ms": 9_000 }, "epoch": 7, "number": number,
+            "signals": [signal(value, SignalQuality::Fresh)],
+        });
+        serde_json::from_value(state).unwrap()
+    }
+
+    fn signal(unit: &str, quality: SignalQuality) -> Signal {
+        // The unit says which copy it is of.
+        let unit = Some(unit.to_owned());
+        Signal { address: "axis-0".to_owned(), value: None, unit, quality, age_ms: Some(0) }
+    }
+
+    fn change(unit: &str, after: u64, number: u64) -> LiveChange {
+        let signals = vec![signal(unit, SignalQuality::Fresh)];
+        LiveChange { robot: "press".to_owned(), after, number, signals }
+    }
+
+    /// What a reader sees: whose copy, whether it is fresh, and the numbers.
+    fn seen(far: &Far) -> (String, bool, Span) {
+        let (span, _, signals) = far.tell_reader(&mut |_| Step::Snapshot { reset: false });
+        let signal = signals.into_iter().next().unwrap();
+        (signal.unit.unwrap(), signal.quality == SignalQuality::Fresh, span)
+    }
+
+    fn heard(number: u64) -> Arc<Teller> {
+        let teller = Teller::new(number);
+        teller.confirm(clock::now());
+        Arc::new(teller)
+    }
+
+    #[test]
+    fn the_rows_say_whose_copy_counts_in_whatever_order_the_gateways_tell() {
+        let far = Far::new(state("start", 0), 7, 1);
+        assert_eq!(seen(&far), ("start".to_owned(), false, Span { born: 1, number: 1 }));
+        let live = BTreeSet::from([3, 4]);
+        far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+        assert_eq!(
+            seen(&far),
+            ("three".to_owned(), true, Span { born: 2, number: 2 }),
+            "no other owner is known"
+        );
+        assert!(!far.settle(Some(3), &live, || unreachable!()));
+        // The next owner is faster than the rows.
+        far.take_snapshot(&heard(4), state("four", 8), FRESH_FOR, || unreachable!());
+        assert!(far.take_change(4, change("four", 8, 9), || unreachable!()));
+        assert_eq!(seen(&far).0, "three");
+        assert!(far.settle(Some(4), &live, || 3));
+        assert_eq!(seen(&far), ("four".to_owned(), true, Span { born: 3, number: 3 }));
+        // The last one goes on with what it has lost.
+        assert!(far.take_change(3, change("three", 5, 6), || unreachable!()));
+        far.take_snapshot(&heard(3), state("three", 7), FRESH_FOR, || unreachable!());
+        assert!(!far.forget(3, || unreachable!()));
+        assert_eq!(seen(&far).0, "four");
+        assert!(far.take_change(4, change("four", 9, 11), || 4));
+        assert_eq!(seen(&far).2, Span { born: 3, number: 4 });
+        assert!(!far.take_change(4, change("four", 10, 12), || unreachable!()), "a change is missing");
+        assert!(
+            !far.take_change(3, change("three", 7, 8), || unreachable!()),
+            "it told nothing to begin with"
+        );
+    }
+
+    #[test]
+    fn nothing_is_fresh_once_the_owner_is_lost_and_a_copy_is_never_stuck() {
+        let live = BTreeSet::from([3]);
+        let far = Far::new(state("start", 0), 7, 1);
+        far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+        // A look that is older than the snapshot.
+        assert!(far.settle(None, &live, || 3));
+        assert_eq!(seen(&far), ("three".to_owned(), false, Span { born: 2, number: 3 }));
+        assert_eq!((far.summary().link, far.summary().lease), (RobotLink::Down, None));
+        assert!(far.settle(Some(3), &live, || 4));
+        assert_eq!(seen(&far), ("three".to_owned(), true, Span { born: 4, number: 4 }));
+        // This gateway had it for a while, and the next owner told of it before.
+        far.leave(state("here", 9), || 5);
+        assert_eq!(seen(&far), ("here".to_owned(), false, Span { born: 5, number: 5 }));
+        assert!(far.settle(Some(3), &live, || 6));
+        assert_eq!(seen(&far), ("three".to_owned(), true, Span { born: 6, number: 6 }));
+        assert!(far.forget(3, || 7));
+        assert_eq!(seen(&far), ("three".to_owned(), false, Span { born: 6, number: 7 }));
+        assert!(!far.is_told());
+    }
+
+    #[test]
+    fn a_value_of_an_owner_that_says_nothing_is_not_told_as_fresh_for_long() {
+        let now = clock::now();
+        let teller = Arc::new(Teller::new(3));
+        let copied = Copied::new(Some(Arc::clone(&teller)), state("three", 5), FRESH_FOR);
+        let at = |after: Duration| {
+            let signal = copied.signal(0, now + after).unwrap();
+            (signal.quality, Duration::from_millis(signal.age_ms.unwrap()))
+        };
+        let long = Duration::from_secs(60);
+        assert_eq!(at(Duration::from_millis(10)).0, SignalQuality::Fresh);
+        assert_eq!(at(FRESH_FOR + HEARD + Duration::from_millis(10)).0, SignalQuality::Stale);
+        assert!(at(long).1 + Duration::from_millis(1) >= long, "nothing says that it is younger");
+        // Its owner says again and again that nothing changed.
+        teller.confirm(now + long);
+        assert_eq!(at(long), (SignalQuality::Fresh, FRESH_FOR));
+        let last = long + HEARD;
+        assert_eq!(at(last), (SignalQuality::Fresh, FRESH_FOR + HEARD));
+        assert_eq!(at(last + Duration::from_millis(1)).0, SignalQuality::Stale);
+    }
 }

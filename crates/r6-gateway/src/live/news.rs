@@ -16,10 +16,13 @@ pub struct News {
     last: watch::Sender<u64>,
 }
 
-/// An event, and whether it is of a robot of another gateway.
+/// What is kept of one number.
 #[derive(Clone, Debug)]
 struct Kept {
-    event: Event,
+    id: u64,
+    /// `None`: another gateway may have told of events that did not come.
+    event: Option<Event>,
+    /// Whether it is about a robot of another gateway.
     is_far: bool,
 }
 
@@ -32,19 +35,25 @@ impl Default for News {
 impl News {
     /// Adds an event.
     pub fn add(&self, time: String, robot: &str, happened: Happened) {
-        self.push(time, robot, happened, false);
+        self.push(Some((time, robot, happened)), false);
     }
 
     /// Adds an event of a robot of another gateway, as that one tells it.
     pub fn add_far(&self, time: String, robot: &str, happened: Happened) {
-        self.push(time, robot, happened, true);
+        self.push(Some((time, robot, happened)), true);
     }
 
-    fn push(&self, time: String, robot: &str, happened: Happened, is_far: bool) {
+    /// Notes that events of robots of another gateway may be missing here.
+    pub fn lose_far(&self) {
+        self.push(None, true);
+    }
+
+    fn push(&self, event: Option<(String, &str, Happened)>, is_far: bool) {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let id = *self.last.borrow() + 1;
-        let event = Event { id, time, robot: robot.to_owned(), happened };
-        kept.push_back(Kept { event, is_far });
+        let event =
+            event.map(|(time, robot, happened)| Event { id, time, robot: robot.to_owned(), happened });
+        kept.push_back(Kept { id, event, is_far });
         if kept.len() > KEPT {
             kept.pop_front();
         }
@@ -62,7 +71,7 @@ impl News {
     /// The number of the oldest event that is kept: events in between are not kept any more.
     fn kept_after(&self, id: u64) -> Result<Option<Kept>, u64> {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(oldest) = kept.front().map(|kept| kept.event.id) else { return Ok(None) };
+        let Some(oldest) = kept.front().map(|kept| kept.id) else { return Ok(None) };
         if id + 1 < oldest {
             return Err(oldest);
         }
@@ -126,10 +135,10 @@ impl Reading {
                     return Some(Told::Lost);
                 }
                 Ok(kept) => {
-                    let Kept { event, is_far } = kept?;
-                    self.at = event.id;
+                    let Kept { id, event, is_far } = kept?;
+                    self.at = id;
                     if !(is_far && self.own_only) {
-                        return Some(Told::Event(event));
+                        return Some(event.map_or(Told::Lost, Told::Event));
                     }
                 }
             }
@@ -146,7 +155,7 @@ mod tests {
     #[test]
     fn events_are_numbered_and_a_late_reader_is_told() {
         let news = News::default();
-        let after = |id| news.kept_after(id).map(|kept| kept.map(|kept| kept.event.id));
+        let after = |id| news.kept_after(id).map(|kept| kept.map(|kept| kept.id));
         assert_eq!(after(0), Ok(None));
         for _ in 0..=KEPT {
             news.add("now".to_owned(), "press", Happened::LinkUp {});
@@ -164,11 +173,13 @@ mod tests {
         let (mut all, mut own) = (Reading::from_now(&news), Reading::from_now(&news).of_own());
         news.add_far("now".to_owned(), "saw", Happened::LinkUp {});
         news.add("now".to_owned(), "press", Happened::LinkUp {});
+        news.lose_far();
         let robot = |told: Option<Told>| match told {
             Some(Told::Event(event)) => event.robot,
             told => panic!("{told:?}"),
         };
         assert_eq!((robot(all.next(&news)), robot(all.next(&news))), ("saw".to_owned(), "press".to_owned()));
+        assert_eq!(all.next(&news), Some(Told::Lost), "the other gateway may have told more");
         assert_eq!((robot(own.next(&news)), own.next(&news)), ("press".to_owned(), None));
     }
 

@@ -57,6 +57,8 @@ struct Held {
     looked: Option<Instant>,
     /// The store's clock in milliseconds, and when it said so.
     time: Option<(u64, Instant)>,
+    /// The other gateways that live.
+    alive: BTreeSet<u64>,
     /// How to find all gateways.
     doors: BTreeMap<u64, Door>,
     /// All robots of the hall.
@@ -165,11 +167,12 @@ impl Owners {
                 |number: &u64| seen.gateways.get(number).is_none_or(|seen| seen.life == Life::Ended);
             held.doors = doors.clone();
             held.doors.retain(|number, _| !has_ended(number));
+            let lives = |seen: &SeenGateway| matches!(seen.life, Life::Alive | Life::Ahead);
+            let alive = seen.gateways.iter().filter(|(number, seen)| **number != held.number && lives(seen));
+            held.alive = alive.map(|(number, _)| *number).collect();
             for (owned, owner) in &seen.owners {
-                let Some(number) = owner.gateway.filter(|number| *number != held.number) else { continue };
-                let lives = |seen: &SeenGateway| matches!(seen.life, Life::Alive | Life::Ahead);
-                let is_alive = seen.gateways.get(&number).is_some_and(lives);
-                if is_alive && !held.terms.contains_key(owned) {
+                let Some(number) = owner.gateway else { continue };
+                if held.alive.contains(&number) && !held.terms.contains_key(owned) {
                     held.others.insert(owned.clone(), number);
                 }
             }
@@ -203,6 +206,12 @@ impl Owners {
     #[must_use]
     pub fn is_known(&self, name: &RobotName) -> bool {
         self.with(|held| held.robots.contains_key(name)).unwrap_or(false)
+    }
+
+    /// The other gateways that live, at the last look that the store answered.
+    #[must_use]
+    pub fn alive(&self) -> BTreeSet<u64> {
+        self.with(|held| held.alive.clone()).unwrap_or_default()
     }
 
     /// Whether there is a gateway with this number.

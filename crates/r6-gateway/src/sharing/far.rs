@@ -1,11 +1,12 @@
 //! What other gateways tell of their robots, over the stream that browsers use.
 //!
-//! There is a task for each gateway that owns something and lives. It follows `GET /v1/live` there, with
-//! values and events of the robots of that gateway alone, and keeps the latest of each robot (`live/far.rs`).
-//! An event says that the state of a robot may be another one: then the list of the robots is read again.
+//! There is a task for each gateway that lives. It follows `GET /v1/live` there, with values and events of the
+//! robots of that gateway alone, and keeps the latest of each robot (`live/far.rs`). An event says that the
+//! state of a robot may be another one: then the list of the robots is read again.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::body::Bytes;
@@ -15,7 +16,7 @@ use http_body_util::{BodyExt, Limited};
 use r6_api::gateway::{LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
 use tokio::sync::Notify;
 use tokio::task::JoinHandle;
-use tokio::time::{sleep, timeout};
+use tokio::time::{Instant, sleep, timeout};
 use tokio_tungstenite::tungstenite::Message;
 
 use super::Inner;
@@ -24,25 +25,28 @@ use crate::core::name::RobotName;
 use crate::core::owner::Owned;
 use crate::core::pass::Bearer;
 use crate::fleet::config::RobotConfig;
-use crate::live::far::Far;
+use crate::live::far::{Far, HEARD, Shown, Teller};
 use crate::ownership::owners::Place;
-use crate::peers::Onward;
+use crate::peers::{Onward, is_admitted};
 
 /// After a stream that ended, the next one begins so soon.
 const AGAIN: Duration = Duration::from_millis(300);
 
-/// How long a stream may say nothing. Its owner says every 2 s that it is alive.
-const SILENCE: Duration = Duration::from_secs(3);
+/// How long a stream may say nothing. Its gateway says twice a second that it is alive.
+const SILENCE: Duration = HEARD;
 
 /// How long a list of robots may take, and how much of it is read: a robot takes some kilobytes at most.
 const LIST_WITHIN: Duration = Duration::from_secs(2);
 const MAX_LIST: usize = 8 * 1024 * 1024;
 
-/// How long a look at the rows waits for what the store has of new robots: takeovers must not wait for it.
-const KEPT_WITHIN: Duration = Duration::from_millis(300);
-
 /// How long after an event the list is read: what happens together is read once.
 const LIST_AFTER: Duration = Duration::from_millis(50);
+
+/// How old the list may be without an event: a lease is renewed without one.
+const LIST_EACH: Duration = Duration::from_secs(2);
+
+/// How long a look at the rows waits for what the store has of new robots: takeovers must not wait for it.
+const KEPT_WITHIN: Duration = Duration::from_millis(300);
 
 /// The stream: values, events, and signs of life.
 const LIVE: &str = "/v1/live?events=true&alive=true";
@@ -53,100 +57,108 @@ pub struct Links(BTreeMap<u64, Link>);
 
 /// A task that ends when this is dropped.
 #[derive(Debug)]
-struct Link(JoinHandle<()>);
+struct Link {
+    task: JoinHandle<()>,
+    /// Whether its stream was open since it was lost last.
+    is_open: Arc<AtomicBool>,
+}
 
 impl Drop for Link {
     fn drop(&mut self) {
-        self.0.abort();
+        self.task.abort();
     }
 }
 
 impl Links {
-    /// Follows these gateways and no others, and knows these robots and no others.
+    /// Follows the gateways that live and no others, and knows these robots and no others.
     pub async fn update(&mut self, inner: &Arc<Inner>, robots: &BTreeMap<RobotName, RobotConfig>) {
-        let gateways: BTreeSet<_> = robots
-            .keys()
-            .filter_map(|name| match inner.owners.place(&Owned::Robot(name.clone())) {
-                Place::There(number) => Some(number),
-                Place::Here | Place::Nowhere => None,
-            })
-            .collect();
-        self.0.retain(|number, link| gateways.contains(number) && !link.0.is_finished());
-        for number in gateways {
-            let start = || Link(tokio::spawn(follow(Arc::clone(inner), number)));
-            self.0.entry(number).or_insert_with(start);
+        let gateways = inner.owners.alive();
+        let gone: Vec<_> = self.0.keys().filter(|number| !gateways.contains(number)).copied().collect();
+        for number in gone {
+            if let Some(link) = self.0.remove(&number) {
+                link.task.abort();
+                lose(inner, number, &link.is_open);
+            }
         }
-        inner.look_after_far(robots).await;
+        for number in gateways.iter().copied() {
+            self.0.entry(number).or_insert_with(|| {
+                let is_open = Arc::new(AtomicBool::new(false));
+                let task = tokio::spawn(follow(Arc::clone(inner), number, Arc::clone(&is_open)));
+                Link { task, is_open }
+            });
+        }
+        inner.look_after_far(robots, &gateways).await;
     }
 }
 
 impl Inner {
-    /// Adds the robots that are not here, removes those that are gone, and loses those whose owner is another
-    /// one, or does not live.
-    async fn look_after_far(&self, robots: &BTreeMap<RobotName, RobotConfig>) {
+    /// Adds the robots that are not known yet, removes those that are gone, and says whose copy counts.
+    async fn look_after_far(&self, robots: &BTreeMap<RobotName, RobotConfig>, gateways: &BTreeSet<u64>) {
         let (shared, fleet) = (&self.state.shared, &self.state.fleet);
-        let mut is_changed = false;
-        let is_new = |name: &&RobotName| {
-            fleet.station(name.as_str()).is_none() && shared.far.one(name.as_str()).is_none()
-        };
-        let new: Vec<_> = robots.keys().filter(is_new).cloned().collect();
-        // Whether a stop holds, the store knows. Without it the robots are not told of yet.
-        let kept = match new.is_empty() {
-            true => Vec::new(),
-            false => {
-                let names = new.clone();
-                let kept = shared.keeper.work(move |store| store.kept(&names));
-                // The next look asks again.
-                timeout(KEPT_WITHIN, kept).await.unwrap_or_else(|_| Ok(Vec::new())).unwrap_or_default()
-            }
-        };
-        let mut kept: BTreeMap<_, _> = new.into_iter().zip(kept.into_iter().map(|(seat, _)| seat)).collect();
-        for (name, config) in robots {
-            if fleet.station(name.as_str()).is_some() {
-                continue;
-            }
-            match shared.far.one(name.as_str()) {
-                None => {
-                    let Some(seat) = kept.remove(name) else { continue };
-                    let mut state = unknown(config);
-                    state.summary.stopped = seat.stopped;
-                    state.summary.stopped_by = seat.stopped_by;
-                    state.summary.identity = seat.identity;
-                    let fresh_for = fresh_for(config);
-                    shared.far.put(|| Far::new(state, shared.epoch, fresh_for, shared.draw()));
-                    is_changed = true;
-                }
-                Some(far) => {
-                    let place = self.owners.place(&Owned::Robot(name.clone()));
-                    let is_told = far.owner().is_none_or(|owner| place == Place::There(owner));
-                    is_changed |= !is_told && far.lose(|| shared.draw());
-                }
-            }
+        let mut is_changed = self.add_new(robots).await;
+        for name in robots.keys() {
+            let Some(far) = shared.far.one(name.as_str()) else { continue };
+            let owner = match self.owners.place(&Owned::Robot(name.clone())) {
+                Place::There(number) => Some(number),
+                Place::Here | Place::Nowhere => None,
+            };
+            is_changed |= far.settle(owner, gateways, || shared.draw());
         }
         let is_known = |name: &str| robots.keys().any(|known| known.as_str() == name);
-        // Before the lock of the far robots: readers take both in the other order.
-        let here: BTreeSet<_> = fleet.stations().iter().map(|station| station.name().to_owned()).collect();
-        shared.far.retain(
-            |name| is_known(name) && !here.contains(name),
-            || {
-                shared.note_removal();
-            },
-        );
+        // A robot that was just added somewhere else may be told of before the rows have it. A copy of a robot
+        // of this gateway stays, because its next owner may tell of it before this gateway has let go of it.
+        let stays = |far: &Far, name: &str| far.is_told() || is_known(name) || fleet.station(name).is_some();
+        let gone: BTreeSet<_> = {
+            let all = shared.far.all();
+            let names = all.iter().map(|far| (far, far.name()));
+            names.filter(|(far, name)| !stays(far, name)).map(|(_, name)| name.to_owned()).collect()
+        };
+        if !gone.is_empty() {
+            // Readers take the lock of the fleet before that of the far robots, so no robot is looked for here.
+            shared.far.retain(|far| !gone.contains(far.name()) || far.is_told(), || shared.note_removal());
+            is_changed = true;
+        }
         if is_changed {
             shared.wake_readers();
         }
     }
-}
 
-impl Inner {
-    /// What readers see of a robot of this gateway from when it is let go of until its next owner tells of
-    /// it.
-    pub fn show_as_far(&self, name: &RobotName) {
+    /// Adds the robots that are not known yet. Returns whether there are any.
+    async fn add_new(&self, robots: &BTreeMap<RobotName, RobotConfig>) -> bool {
         let (shared, fleet) = (&self.state.shared, &self.state.fleet);
-        if let Some(station) = fleet.station(name.as_str()) {
-            let (state, config) = (station.state(), station.config());
-            shared.far.put(|| Far::new(state, shared.epoch, fresh_for(&config), shared.draw()));
+        let is_new = |name: &&RobotName| {
+            fleet.station(name.as_str()).is_none() && shared.far.one(name.as_str()).is_none()
+        };
+        let new: Vec<_> = robots.keys().filter(is_new).cloned().collect();
+        if new.is_empty() {
+            return false;
         }
+        // Whether a stop holds, the store knows. Without it the robots are not told of yet; the next look asks
+        // again.
+        let names = new.clone();
+        let kept = shared.keeper.work(move |store| store.kept(&names));
+        let Ok(Ok(kept)) = timeout(KEPT_WITHIN, kept).await else { return false };
+        for (config, (seat, _)) in new.iter().filter_map(|name| robots.get(name)).zip(kept) {
+            let mut state = unknown(config);
+            state.summary.stopped = seat.stopped;
+            state.summary.stopped_by = seat.stopped_by;
+            state.summary.identity = seat.identity;
+            shared.far.one_or(config.name.as_str(), || Far::new(state, shared.epoch, shared.draw()));
+        }
+        true
+    }
+
+    /// Lets go of a robot, until this is over. From then on readers see what this gateway knew of it, until
+    /// its next owner tells of it.
+    pub async fn let_go(&self, name: &RobotName, over: impl Future<Output = ()>) {
+        let (shared, fleet) = (&self.state.shared, &self.state.fleet);
+        let Some(station) = fleet.station(name.as_str()) else { return };
+        let make = || Far::new(unknown(&station.config()), shared.epoch, shared.draw());
+        let far = shared.far.one_or(name.as_str(), make);
+        far.leave(station.state(), || shared.draw());
+        fleet.let_go(name, over).await;
+        // The arm may have been stopped in the end.
+        far.take_last(station.summary());
     }
 }
 
@@ -176,33 +188,31 @@ fn unknown(config: &RobotConfig) -> RobotState {
     RobotState { summary, period_ms, epoch: 0, number: 0, signals: Vec::new() }
 }
 
-/// The greatest age that a value is told as fresh with.
-fn fresh_for(config: &RobotConfig) -> Duration {
-    config.period + config.settings.liveness.suspect_after
-}
-
 /// Follows a gateway, for as long as it is polled.
-async fn follow(inner: Arc<Inner>, number: u64) {
+async fn follow(inner: Arc<Inner>, number: u64, is_open: Arc<AtomicBool>) {
     let dirty = Notify::new();
     loop {
-        let stream = read_stream(&inner, number, &dirty);
+        let stream = read_stream(&inner, number, &is_open, &dirty);
         let list = keep_list(&inner, number, &dirty);
         let why = tokio::select! {
             why = stream => why,
-            () = list => "the list ended".to_owned(),
+            why = list => why,
         };
         tracing::debug!(gateway = number, why, "the stream of another gateway ended");
-        lose(&inner, number);
+        lose(&inner, number, &is_open);
         sleep(AGAIN).await;
     }
 }
 
 /// What this gateway told of is not heard of any more.
-fn lose(inner: &Inner, number: u64) {
+fn lose(inner: &Inner, number: u64, is_open: &AtomicBool) {
     let shared = &inner.state.shared;
-    let all: Vec<_> = shared.far.read().values().cloned().collect();
-    for far in all.iter().filter(|far| far.owner() == Some(number)) {
-        far.lose(|| shared.draw());
+    for far in shared.far.all() {
+        far.forget(number, || shared.draw());
+    }
+    if is_open.swap(false, Ordering::SeqCst) {
+        // The next stream begins with what happens from then on.
+        shared.news.lose_far();
     }
     shared.wake_readers();
 }
@@ -218,11 +228,14 @@ fn asks(target: &str) -> Onward {
 }
 
 /// Reads the stream of a gateway to its end. Returns why it ended.
-async fn read_stream(inner: &Inner, number: u64, dirty: &Notify) -> String {
+async fn read_stream(inner: &Inner, number: u64, is_open: &AtomicBool, dirty: &Notify) -> String {
     let mut stream = match inner.owners.open_stream(number, asks(LIVE)).await {
         Ok(stream) => stream,
         Err(error) => return error,
     };
+    is_open.store(true, Ordering::SeqCst);
+    let teller = Arc::new(Teller::new(number));
+    let mut listed = Instant::now();
     loop {
         let message = match timeout(SILENCE, stream.next()).await {
             Err(_) => return format!("it said nothing for {SILENCE:?}"),
@@ -238,42 +251,41 @@ async fn read_stream(inner: &Inner, number: u64, dirty: &Notify) -> String {
         };
         match serde_json::from_str::<LiveSent>(&text) {
             Ok(sent) => {
-                if !take(inner, number, sent.message, dirty) {
+                if !take(inner, &teller, sent.message, dirty) {
                     return "something was missed".to_owned();
                 }
             }
             // A newer r6 may tell more.
             Err(error) => tracing::debug!(gateway = number, %error, "a message of another gateway"),
         }
+        if listed.elapsed() >= LIST_EACH {
+            listed = Instant::now();
+            dirty.notify_one();
+        }
     }
 }
 
 /// Takes in a message. `false`: something was missed.
-fn take(inner: &Inner, number: u64, message: LiveMessage, dirty: &Notify) -> bool {
+fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, dirty: &Notify) -> bool {
     let shared = &inner.state.shared;
+    let number = teller.number();
     match message {
         LiveMessage::Snapshot(state) => {
-            let name = state.summary.name.clone();
-            // What is not known here is known with the next look at the rows.
-            let Some(config) = inner.owners.robot(&name) else { return true };
-            match shared.far.one(&name) {
-                Some(far) => far.take_snapshot(number, *state, || shared.draw()),
-                None if inner.state.fleet.station(&name).is_none() => {
-                    let fresh_for = fresh_for(&config);
-                    shared.far.put(|| Far::new(unknown(&config), shared.epoch, fresh_for, shared.draw()));
-                    if let Some(far) = shared.far.one(&name) {
-                        far.take_snapshot(number, *state, || shared.draw());
-                    }
-                }
-                None => {}
-            }
+            let config = inner.owners.robot(&state.summary.name);
+            let settings =
+                config.map_or_else(|| inner.sharing.robot_settings.clone(), |config| config.settings);
+            let suspect_after = settings.liveness.suspect_after;
+            let fresh_for = Duration::from_millis(state.period_ms).saturating_add(suspect_after);
+            let make = || Far::new((*state).clone(), shared.epoch, shared.draw());
+            let far = shared.far.one_or(&state.summary.name, make);
+            far.take_snapshot(teller, *state, fresh_for, || shared.draw());
             shared.wake_readers();
         }
         LiveMessage::Change(change) => {
-            let far = shared.far.one(&change.robot);
-            if far.is_some_and(|far| {
-                far.owner() == Some(number) && !far.take_change(number, change, || shared.draw())
-            }) {
+            // A robot that was removed here is told of with `removed`.
+            if let Some(far) = shared.far.one(&change.robot)
+                && !far.take_change(number, change, || shared.draw())
+            {
                 return false;
             }
             shared.wake_readers();
@@ -284,18 +296,17 @@ fn take(inner: &Inner, number: u64, message: LiveMessage, dirty: &Notify) -> boo
         }
         LiveMessage::Alive(alive) => {
             if let Some(ago) = alive.passed_ms_ago {
-                let until = clock::before(clock::now(), Duration::from_millis(ago));
-                let all: Vec<_> = shared.far.read().values().cloned().collect();
-                all.iter().for_each(|far| far.confirm(number, until));
+                teller.confirm(clock::before(clock::now(), Duration::from_millis(ago)));
             }
-            // Also without an event: a lease is renewed without one.
+        }
+        LiveMessage::EventsLost(_) => {
+            shared.news.lose_far();
             dirty.notify_one();
         }
-        LiveMessage::EventsLost(_) | LiveMessage::Reset(_) => dirty.notify_one(),
+        LiveMessage::Reset(_) => dirty.notify_one(),
         LiveMessage::Removed(removed) => {
             // Its next owner tells of it, or the next look says that it is gone.
-            if let Some(far) = shared.far.one(&removed.robot).filter(|far| far.owner() == Some(number)) {
-                far.lose(|| shared.draw());
+            if shared.far.one(&removed.robot).is_some_and(|far| far.forget(number, || shared.draw())) {
                 shared.wake_readers();
             }
         }
@@ -304,21 +315,29 @@ fn take(inner: &Inner, number: u64, message: LiveMessage, dirty: &Notify) -> boo
     true
 }
 
-/// Reads the list of the robots of a gateway again, each time that it may be another one.
-async fn keep_list(inner: &Inner, number: u64, dirty: &Notify) {
+/// Reads the list of the robots of a gateway again, each time that it may be another one. Returns why that
+/// cannot be done: then the stream begins anew, because what is told of its robots would grow old.
+async fn keep_list(inner: &Inner, number: u64, dirty: &Notify) -> String {
+    let mut is_failed = false;
     loop {
         dirty.notified().await;
         sleep(LIST_AFTER).await;
-        match timeout(LIST_WITHIN, read_list(inner, number)).await {
-            Ok(Ok(list)) => {
+        let read = timeout(LIST_WITHIN, read_list(inner, number)).await;
+        match read.unwrap_or_else(|_| Err(format!("no list of robots within {LIST_WITHIN:?}"))) {
+            Ok(list) => {
+                is_failed = false;
                 for summary in list.robots {
                     if let Some(far) = inner.state.shared.far.one(&summary.name) {
                         far.take_summary(number, summary);
                     }
                 }
             }
-            Ok(Err(error)) => tracing::debug!(gateway = number, error, "the robots of another gateway"),
-            Err(_) => tracing::debug!(gateway = number, "another gateway did not list its robots in time"),
+            Err(error) if is_failed => return error,
+            Err(error) => {
+                tracing::debug!(gateway = number, error, "the robots of another gateway");
+                is_failed = true;
+                dirty.notify_one();
+            }
         }
     }
 }
@@ -326,7 +345,7 @@ async fn keep_list(inner: &Inner, number: u64, dirty: &Notify) {
 async fn read_list(inner: &Inner, number: u64) -> Result<Robots, String> {
     let answer =
         inner.owners.send(number, asks("/v1/robots")).await.map_err(|failed| format!("{failed:?}"))?;
-    if !answer.status().is_success() {
+    if !answer.status().is_success() || !is_admitted(answer.headers()) {
         return Err(format!("status {}", answer.status()));
     }
     let body =

@@ -100,8 +100,7 @@ async fn begin_robots(inner: &Arc<Inner>, robots: &[(Claim, Ownership)]) -> Resu
 /// Keeps a robot until it is lost, or is to be given back. Then it has no connection any more.
 async fn keep_robot(inner: Arc<Inner>, name: RobotName, claim: Claim, ownership: Ownership) {
     until_left(&inner, &claim, &ownership).await;
-    inner.show_as_far(&name);
-    inner.state.fleet.let_go(&name, ownership.until_over()).await;
+    inner.let_go(&name, ownership.until_over()).await;
     inner.end_term(&claim, &ownership).await;
 }
 

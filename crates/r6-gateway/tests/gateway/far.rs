@@ -1,5 +1,7 @@
 //! Robots of other gateways: their state, values and events at any gateway.
 
+use std::cell::Cell;
+use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use r6_sim::VirtualController;
@@ -7,6 +9,9 @@ use serde_json::{Value, json};
 
 use crate::owner::{Here, There, database, lease};
 use crate::support::{PATIENCE, Stream, call, ready_to_start, signal};
+
+/// No fresh value is older: the period, what the client allows beyond it, and how long an owner may say nothing.
+const FRESH: Duration = Duration::from_millis(3_600);
 
 /// The robot with this name in the list of a gateway, once it is as wanted.
 async fn listed(here: &Here, robot: &str, is: impl Fn(&Value) -> bool) -> Value {
@@ -27,6 +32,16 @@ async fn listed(here: &Here, robot: &str, is: impl Fn(&Value) -> bool) -> Value 
 fn has_fresh(data: &Value) -> bool {
     let signals = data["signals"].as_array();
     signals.is_some_and(|signals| signals.iter().any(|signal| signal["quality"] == "fresh"))
+}
+
+/// Waits for a snapshot, and for a value that is fresh, in it or after it.
+async fn anew(stream: &mut Stream) {
+    let begun = Cell::new(false);
+    let is = |kind: &str, data: &Value| {
+        begun.set(begun.get() || kind == "snapshot");
+        begun.get() && has_fresh(data)
+    };
+    until(stream, is).await;
 }
 
 /// The next message of a stream that is as wanted.
@@ -97,8 +112,7 @@ async fn any_gateway_tells_of_all_robots() {
     // Its owner ends: the stream goes on, and the robot is this gateway's.
     one.gateway.shutdown().await.unwrap();
     other.until_up("press").await;
-    until(&mut live, |kind, _| kind == "snapshot").await;
-    until(&mut live, |_, data| has_fresh(data)).await;
+    anew(&mut live).await;
     let (_, list) = other.call("GET", "/v1/robots", None).await;
     assert_eq!(list["robots"].as_array().unwrap().len(), 2, "{list}");
     other.gateway.shutdown().await.unwrap();
@@ -113,7 +127,9 @@ async fn no_value_of_a_silent_gateway_is_told_as_fresh_and_the_next_owner_tells_
     lease(there.address, &token, "press").await;
     let here = Here::start(&url, &token, &robots).await;
     listed(&here, "press", |robot| robot["link"] == "up").await;
-    let mut live = Stream::open(here.gateway.address(), &token, "/v1/live", "").await;
+    let at = here.gateway.address();
+    let mut live = Stream::open(at, &token, "/v1/live", "").await;
+    let mut events = Stream::open(at, &token, "/v1/events", "").await;
     let is_fresh = |state: &Value| signal(state, "axis-0")["quality"] == "fresh";
     until(&mut live, |kind, data| kind == "snapshot" && is_fresh(data)).await;
     there.child.kill().unwrap();
@@ -127,11 +143,91 @@ async fn no_value_of_a_silent_gateway_is_told_as_fresh_and_the_next_owner_tells_
         kind == "change" && signals.iter().all(|signal| signal["quality"] == "stale") && !signals.is_empty()
     };
     until(&mut live, is_stale).await;
+    // What the owner told last may not have come.
+    until(&mut events, |kind, _| kind == "reset").await;
     // The next owner tells anew.
-    until(&mut live, |kind, _| kind == "snapshot").await;
-    until(&mut live, |_, data| has_fresh(data)).await;
+    anew(&mut live).await;
     here.until_up("press").await;
     let (status, _) = call(here.gateway.address(), &token, "GET", "/v1/robots/press", None).await;
     assert_eq!(status, 200);
     here.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_value_of_a_frozen_gateway_is_never_told_as_younger_than_it_is() {
+    let Some((_server, url, token)) = database("the test of a frozen gateway").await else { return };
+    let press = ready_to_start().await;
+    let robots = [("press", press.address())];
+    let there = There::start(&url, &robots).await;
+    lease(there.address, &token, "press").await;
+    let here = Here::start(&url, &token, &robots).await;
+    listed(&here, "press", |robot| robot["link"] == "up").await;
+    let at = here.gateway.address();
+    // Values that do not change are fresh for as long as their owner says so.
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    let state = snapshot(at, &token).await;
+    assert_eq!(signal(&state, "axis-0")["quality"], "fresh", "{state}");
+    there.signal("STOP");
+    let frozen = Instant::now();
+    let (mut looks, mut stale) = (0, 0);
+    while here.gateway.owned() == Some(0) {
+        let since = frozen.elapsed();
+        let state = snapshot(at, &token).await;
+        if here.gateway.owned() != Some(0) {
+            break;
+        }
+        for signal in state["signals"].as_array().unwrap() {
+            let Some(age) = signal["age_ms"].as_u64().map(Duration::from_millis) else { continue };
+            assert!(age + Duration::from_millis(100) > since, "after {since:?}: {signal}");
+            assert!(signal["quality"] != "fresh" || age < FRESH, "after {since:?}: {signal}");
+            stale += u32::from(signal["quality"] == "stale");
+        }
+        looks += 1;
+        tokio::time::sleep(Duration::from_millis(100)).await;
+        assert!(since < PATIENCE);
+    }
+    assert!(looks > 5 && stale > 0, "{looks} looks, {stale} stale values");
+    here.until_up("press").await;
+    let mut live = Stream::open(at, &token, "/v1/live", "").await;
+    anew(&mut live).await;
+    there.signal("CONT");
+    here.gateway.shutdown().await.unwrap();
+}
+
+/// What a reader that begins now gets of the one robot.
+async fn snapshot(at: SocketAddr, token: &str) -> Value {
+    let mut live = Stream::open(at, token, "/v1/live", "").await;
+    until(&mut live, |kind, _| kind == "snapshot").await
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_that_is_added_and_removed_at_one_gateway_comes_and_goes_at_the_others() {
+    let Some((_server, url, token)) = database("the test of a robot that is added").await else { return };
+    let (press, saw) = (ready_to_start().await, ready_to_start().await);
+    let robots = [("press", press.address())];
+    let one = Here::start(&url, &token, &robots).await;
+    one.until_up("press").await;
+    let other = Here::start(&url, &token, &robots).await;
+    listed(&other, "press", |robot| robot["link"] == "up").await;
+    let mut lives = Vec::new();
+    for here in [&one, &other] {
+        lives.push(Stream::open(here.gateway.address(), &token, "/v1/live", "").await);
+    }
+    let wanted = json!({ "address": saw.address() });
+    let (status, added) = other.call("PUT", "/v1/robots/saw", Some(&wanted)).await;
+    assert_eq!(status, 201, "{added}");
+    for (here, live) in [&one, &other].into_iter().zip(&mut lives) {
+        listed(here, "saw", |robot| robot["link"] == "up").await;
+        let is_saw = |data: &Value| data["robot"] == "saw" || data["name"] == "saw";
+        until(live, |_, data| is_saw(data) && has_fresh(data)).await;
+    }
+    let (status, removed) = one.call("DELETE", "/v1/robots/saw", None).await;
+    assert_eq!(status, 204, "{removed}");
+    for (here, live) in [&one, &other].into_iter().zip(&mut lives) {
+        until(live, |kind, data| kind == "removed" && data["robot"] == "saw").await;
+        let (_, list) = here.call("GET", "/v1/robots", None).await;
+        assert_eq!(list["robots"].as_array().unwrap().len(), 1, "{list}");
+    }
+    one.gateway.shutdown().await.unwrap();
+    other.gateway.shutdown().await.unwrap();
 }

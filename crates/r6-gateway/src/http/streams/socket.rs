@@ -39,6 +39,9 @@ const SILENCE: Duration = Duration::from_secs(30);
 /// after five of them.
 const ALIVE: Duration = Duration::from_secs(2);
 
+/// How often another gateway is told that: what this one told as fresh is so for `live/far.rs` a moment longer.
+const ALIVE_FOR_GATEWAY: Duration = Duration::from_millis(500);
+
 /// When the first one comes: after a connection was lost, it says that nothing has changed.
 const FIRST_ALIVE: Duration = Duration::from_millis(200);
 
@@ -152,7 +155,8 @@ async fn write(
     Manner { mut begins_later, tells_alive }: Manner,
 ) -> End {
     let mut ping = interval_at(Instant::now() + PING, PING);
-    let mut alive = interval_at(Instant::now() + FIRST_ALIVE, ALIVE);
+    let often = if feed.caller().is_gateway() { ALIVE_FOR_GATEWAY } else { ALIVE };
+    let mut alive = interval_at(Instant::now() + FIRST_ALIVE, often);
     let plain = |message| text(&LiveSent { message, resume: None });
     loop {
         let message = tokio::select! {
