@@ -104,6 +104,8 @@ struct Inner {
     leaving: Mutex<BTreeMap<Owned, Arc<Notify>>>,
     /// What others are left for now, and until when.
     shunned: Mutex<BTreeMap<Owned, Instant>>,
+    /// Asks for a look before its time.
+    look_soon: Notify,
     /// Whether the gateway ends.
     ends: watch::Receiver<bool>,
 }
@@ -170,6 +172,7 @@ impl Running {
             rows: AsyncMutex::new(rows),
             leaving: Mutex::default(),
             shunned: Mutex::default(),
+            look_soon: Notify::new(),
             ends,
         });
         let (looked, first) = oneshot::channel();
@@ -254,6 +257,7 @@ async fn run(inner: Arc<Inner>, looked: oneshot::Sender<()>) -> Result<(), Store
             biased;
             () = ended(&mut ends) => break,
             () = tokio::time::sleep(pause) => {}
+            () = inner.look_soon.notified(), if !pause.is_zero() => {}
         }
         let (next, begun) = look.once(&inner, &mut rows).await;
         pause = next;

@@ -39,7 +39,8 @@ use crate::problem::Problem;
 /// How long an answer may take. The longest is that of an admin who takes the lease while a run is stopped.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 
-/// How long a pass of a gateway waits that this one does not know yet.
+/// How long a pass of a gateway waits that this one does not know yet, and a request for a robot whose rows it
+/// has not seen.
 const KNOWN_WITHIN: Duration = Duration::from_millis(1_500);
 
 /// How often to look whether the owner is another one.
@@ -72,6 +73,7 @@ pub async fn pass_on(Of(state): Of<State>, request: Request, next: Next) -> Resp
         answer.headers_mut().insert(PASS, HeaderValue::from_static(mark));
         return answer;
     }
+    until_known(&state, request.uri().path()).await;
     let Some(owned) = asked_for(&state, request.method(), request.uri().path()) else {
         return next.run(request).await;
     };
@@ -113,14 +115,33 @@ fn asked_for(state: &State, method: &Method, path: &str) -> Option<Owned> {
     if path == "/v1/audit/head" || (path == "/v1/settings" && !is_read) {
         return Some(Owned::Hall);
     }
-    let name = path.strip_prefix("/v1/robots/")?.split('/').next()?;
     // What cannot be the name of a robot is refused here.
-    let name = RobotName::new(&decoded(name)?)?;
+    let name = named(path)?;
     if state.shared.owners.is_known(&name) || state.fleet.station(name.as_str()).is_some() {
         return Some(Owned::Robot(name));
     }
     // The owner of the hall adds robots.
     (*method == Method::PUT).then_some(Owned::Hall)
+}
+
+/// Waits for the rows of a robot that another gateway tells of already: it was added, or has changed its owner,
+/// a moment ago.
+async fn until_known(state: &State, path: &str) {
+    let Some(name) = named(path) else { return };
+    let (owned, owners) = (Owned::Robot(name.clone()), &state.shared.owners);
+    let is_new = || {
+        let told = state.shared.far.one(name.as_str()).is_some_and(|far| far.is_told());
+        told && owners.place(&owned) == Place::Nowhere && !owners.is_blind()
+    };
+    let begun = Instant::now();
+    while is_new() && begun.elapsed() < KNOWN_WITHIN {
+        sleep(LOOK).await;
+    }
+}
+
+/// The robot that a path names.
+fn named(path: &str) -> Option<RobotName> {
+    RobotName::new(&decoded(path.strip_prefix("/v1/robots/")?.split('/').next()?)?)
 }
 
 /// A name in a path as the routes read it.

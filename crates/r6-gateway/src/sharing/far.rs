@@ -272,6 +272,11 @@ fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, dirty: &Notif
     match message {
         LiveMessage::Snapshot(state) => {
             let config = inner.owners.robot(&state.summary.name);
+            let is_its = |name| inner.owners.place(&Owned::Robot(name)) == Place::There(number);
+            if !RobotName::new(&state.summary.name).is_some_and(is_its) {
+                // The rows say more: it was just added, or has another owner.
+                inner.look_soon.notify_one();
+            }
             let settings =
                 config.map_or_else(|| inner.sharing.robot_settings.clone(), |config| config.settings);
             let suspect_after = settings.liveness.suspect_after;
