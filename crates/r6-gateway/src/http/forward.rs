@@ -39,8 +39,8 @@ use crate::problem::Problem;
 /// How long an answer may take. The longest is that of an admin who takes the lease while a run is stopped.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 
-/// How long a pass of a gateway waits that this one does not know yet, and a request for a robot whose rows it
-/// has not seen.
+/// How long a pass of a gateway waits that this one does not know yet, and a request for a robot whose rows
+/// it has not seen.
 const KNOWN_WITHIN: Duration = Duration::from_millis(1_500);
 
 /// How often to look whether the owner is another one.
@@ -124,8 +124,8 @@ fn asked_for(state: &State, method: &Method, path: &str) -> Option<Owned> {
     (*method == Method::PUT).then_some(Owned::Hall)
 }
 
-/// Waits for the rows of a robot that another gateway tells of already: it was added, or has changed its owner,
-/// a moment ago.
+/// Waits for the rows of a robot that another gateway tells of already: it was added, or has changed its
+/// owner, a moment ago.
 async fn until_known(state: &State, path: &str) {
     let Some(name) = named(path) else { return };
     let (owned, owners) = (Owned::Robot(name.clone()), &state.shared.owners);

@@ -1,10 +1,10 @@
 //! The robots of other gateways, as their owners tell of them.
 //!
 //! What is here are copies: of the last values, over the stream that browsers use (`sharing/far.rs`), and of
-//! the state of the robot. Each gateway that tells of a robot has a copy of its own ([`Far`]), and the rows of
-//! the store say which of them counts: so a gateway that was frozen and goes on with a robot that it has lost
-//! changes nothing. Readers get a copy as they get a robot of this gateway ([`Shown`]), under numbers of this
-//! gateway. Once the owner is not heard of any more, no value is told as fresh.
+//! the state of the robot. Each gateway that tells of a robot has a copy of its own ([`Far`]), and the rows
+//! of the store say which of them counts: so a gateway that was frozen and goes on with a robot that it has
+//! lost changes nothing. Readers get a copy as they get a robot of this gateway ([`Shown`]), under numbers of
+//! this gateway. Once the owner is not heard of any more, no value is told as fresh.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
@@ -92,6 +92,8 @@ struct Copied {
     /// `None`: it is not heard of.
     teller: Option<Arc<Teller>>,
     summary: RobotSummary,
+    /// When the values came first.
+    begun: Instant,
     /// When the summary came.
     summed_at: Instant,
     period_ms: u64,
@@ -108,7 +110,7 @@ impl Copied {
         let now = clock::now();
         let RobotState { summary, period_ms, number, signals, .. } = state;
         let rows = signals.into_iter().map(|signal| (signal, now)).collect();
-        Self { teller, summary, summed_at: now, period_ms, fresh_for, there: number, rows }
+        Self { teller, summary, begun: now, summed_at: now, period_ms, fresh_for, there: number, rows }
     }
 
     /// The same, once it is not heard of any more: nothing is fresh. Returns the places of what was fresh.
@@ -176,7 +178,8 @@ impl Copied {
 }
 
 impl Far {
-    /// A robot of which this is known, and that no gateway tells of. `born` is larger than all numbers before.
+    /// A robot of which this is known, and that no gateway tells of. `born` is larger than all numbers
+    /// before.
     #[must_use]
     pub fn new(state: RobotState, epoch: u64, born: u64) -> Self {
         let name = state.summary.name.clone();
@@ -191,8 +194,17 @@ impl Far {
         !self.held().told.is_empty()
     }
 
-    /// A gateway tells all of it. `fresh_for`: the greatest age of a value that it tells as fresh. `draw` gives
-    /// the next number. Without another owner it counts at once, until the rows of the store were seen.
+    /// How far what is told of it may be behind its owner, while one tells.
+    #[must_use]
+    pub fn behind(&self, now: Instant) -> Duration {
+        let held = self.held();
+        let copied = held.copied();
+        let confirmed = copied.teller.as_ref().map(|teller| teller.confirmed().max(copied.begun));
+        confirmed.map_or(Duration::ZERO, |confirmed| now.since(confirmed))
+    }
+
+    /// A gateway tells all of it. `fresh_for`: the greatest age of a value that it tells as fresh. `draw`
+    /// gives the next number. Without another owner it counts at once, until the rows of the store were seen.
     pub fn take_snapshot(
         &self,
         teller: &Arc<Teller>,
@@ -337,7 +349,8 @@ impl Shown for Far {
     }
 }
 
-/// All robots of other gateways, by their names. A robot of this gateway may be here too; then it is not shown.
+/// All robots of other gateways, by their names. A robot of this gateway may be here too; then it is not
+/// shown.
 #[derive(Debug, Default)]
 pub struct FarRobots(RwLock<BTreeMap<String, Arc<Far>>>);
 
@@ -493,6 +506,11 @@ mod tests {
         // Its owner says again and again that nothing changed.
         teller.confirm(now + long);
         assert_eq!(at(long), (SignalQuality::Fresh, FRESH_FOR));
+        assert_eq!(Far::new(state("start", 0), 7, 1).behind(now + long), Duration::ZERO, "it is not fresh");
+        let far = Far::new(state("start", 0), 7, 1);
+        far.take_snapshot(&teller, state("three", 5), FRESH_FOR, || 2);
+        assert_eq!(far.behind(now + long), Duration::ZERO);
+        assert_eq!(far.behind(now + long + HEARD), HEARD);
         let last = long + HEARD;
         assert_eq!(at(last), (SignalQuality::Fresh, FRESH_FOR + HEARD));
         assert_eq!(at(last + Duration::from_millis(1)).0, SignalQuality::Stale);

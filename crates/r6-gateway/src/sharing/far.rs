@@ -1,19 +1,20 @@
 //! What other gateways tell of their robots, over the stream that browsers use.
 //!
-//! There is a task for each gateway that lives. It follows `GET /v1/live` there, with values and events of the
-//! robots of that gateway alone, and keeps the latest of each robot (`live/far.rs`). An event says that the
-//! state of a robot may be another one: then the list of the robots is read again.
+//! There is a task for each gateway that lives. It follows `GET /v1/live` there, with values and events of
+//! the robots of that gateway alone, and keeps the latest of each robot (`live/far.rs`). An event says that
+//! the state of a robot may be another one: then the list of the robots is read again, and readers here get
+//! the event after that. So what they read first is as new as the events that they do not get.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::http::{HeaderMap, Method};
 use futures_util::StreamExt;
 use http_body_util::{BodyExt, Limited};
-use r6_api::gateway::{LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
+use r6_api::gateway::{Event, LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
 use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep, timeout};
@@ -26,6 +27,7 @@ use crate::core::owner::Owned;
 use crate::core::pass::Bearer;
 use crate::fleet::config::RobotConfig;
 use crate::live::far::{Far, HEARD, Shown, Teller};
+use crate::live::news::News;
 use crate::ownership::owners::Place;
 use crate::peers::{Onward, is_admitted};
 
@@ -36,11 +38,14 @@ const AGAIN: Duration = Duration::from_millis(300);
 const SILENCE: Duration = HEARD;
 
 /// How long a list of robots may take, and how much of it is read: a robot takes some kilobytes at most.
-const LIST_WITHIN: Duration = Duration::from_secs(2);
+const LIST_WITHIN: Duration = Duration::from_secs(1);
 const MAX_LIST: usize = 8 * 1024 * 1024;
 
 /// How long after an event the list is read: what happens together is read once.
-const LIST_AFTER: Duration = Duration::from_millis(50);
+const LIST_AFTER: Duration = Duration::from_millis(20);
+
+/// How many events wait for a list: as many as a gateway keeps.
+const MAX_WAITING: usize = 1_000;
 
 /// How old the list may be without an event: a lease is renewed without one.
 const LIST_EACH: Duration = Duration::from_secs(2);
@@ -105,8 +110,9 @@ impl Inner {
             is_changed |= far.settle(owner, gateways, || shared.draw());
         }
         let is_known = |name: &str| robots.keys().any(|known| known.as_str() == name);
-        // A robot that was just added somewhere else may be told of before the rows have it. A copy of a robot
-        // of this gateway stays, because its next owner may tell of it before this gateway has let go of it.
+        // A robot that was just added somewhere else may be told of before the rows have it. A copy of a
+        // robot of this gateway stays, because its next owner may tell of it before this gateway has let go
+        // of it.
         let stays = |far: &Far, name: &str| far.is_told() || is_known(name) || fleet.station(name).is_some();
         let gone: BTreeSet<_> = {
             let all = shared.far.all();
@@ -114,7 +120,8 @@ impl Inner {
             names.filter(|(far, name)| !stays(far, name)).map(|(_, name)| name.to_owned()).collect()
         };
         if !gone.is_empty() {
-            // Readers take the lock of the fleet before that of the far robots, so no robot is looked for here.
+            // Readers take the lock of the fleet before that of the far robots, so no robot is looked for
+            // here.
             shared.far.retain(|far| !gone.contains(far.name()) || far.is_told(), || shared.note_removal());
             is_changed = true;
         }
@@ -133,8 +140,8 @@ impl Inner {
         if new.is_empty() {
             return false;
         }
-        // Whether a stop holds, the store knows. Without it the robots are not told of yet; the next look asks
-        // again.
+        // Whether a stop holds, the store knows. Without it the robots are not told of yet; the next look
+        // asks again.
         let names = new.clone();
         let kept = shared.keeper.work(move |store| store.kept(&names));
         let Ok(Ok(kept)) = timeout(KEPT_WITHIN, kept).await else { return false };
@@ -188,17 +195,62 @@ fn unknown(config: &RobotConfig) -> RobotState {
     RobotState { summary, period_ms, epoch: 0, number: 0, signals: Vec::new() }
 }
 
+/// Events that wait until the list was read again.
+#[derive(Debug, Default)]
+struct Waiting {
+    /// `None`: some were lost.
+    events: Mutex<VecDeque<Option<Event>>>,
+    /// The list may be another one.
+    dirty: Notify,
+}
+
+impl Waiting {
+    fn add(&self, event: Option<Event>) {
+        let mut events = self.events();
+        if events.len() < MAX_WAITING {
+            events.push_back(event);
+        } else if let Some(last) = events.back_mut() {
+            *last = None;
+        }
+        self.dirty.notify_one();
+    }
+
+    fn count(&self) -> usize {
+        self.events().len()
+    }
+
+    /// Tells the first so many to the readers.
+    fn tell(&self, news: &News, count: usize) {
+        let told: Vec<_> = {
+            let mut events = self.events();
+            let count = count.min(events.len());
+            events.drain(..count).collect()
+        };
+        for event in told {
+            match event {
+                Some(Event { time, robot, happened, .. }) => news.add_far(time, &robot, happened),
+                None => news.lose_far(),
+            }
+        }
+    }
+
+    fn events(&self) -> MutexGuard<'_, VecDeque<Option<Event>>> {
+        self.events.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// Follows a gateway, for as long as it is polled.
 async fn follow(inner: Arc<Inner>, number: u64, is_open: Arc<AtomicBool>) {
-    let dirty = Notify::new();
+    let waiting = Waiting::default();
     loop {
-        let stream = read_stream(&inner, number, &is_open, &dirty);
-        let list = keep_list(&inner, number, &dirty);
+        let stream = read_stream(&inner, number, &is_open, &waiting);
+        let list = keep_list(&inner, number, &waiting);
         let why = tokio::select! {
             why = stream => why,
             why = list => why,
         };
         tracing::debug!(gateway = number, why, "the stream of another gateway ended");
+        waiting.tell(&inner.state.shared.news, usize::MAX);
         lose(&inner, number, &is_open);
         sleep(AGAIN).await;
     }
@@ -228,7 +280,7 @@ fn asks(target: &str) -> Onward {
 }
 
 /// Reads the stream of a gateway to its end. Returns why it ended.
-async fn read_stream(inner: &Inner, number: u64, is_open: &AtomicBool, dirty: &Notify) -> String {
+async fn read_stream(inner: &Inner, number: u64, is_open: &AtomicBool, waiting: &Waiting) -> String {
     let mut stream = match inner.owners.open_stream(number, asks(LIVE)).await {
         Ok(stream) => stream,
         Err(error) => return error,
@@ -251,7 +303,7 @@ async fn read_stream(inner: &Inner, number: u64, is_open: &AtomicBool, dirty: &N
         };
         match serde_json::from_str::<LiveSent>(&text) {
             Ok(sent) => {
-                if !take(inner, &teller, sent.message, dirty) {
+                if !take(inner, &teller, sent.message, waiting) {
                     return "something was missed".to_owned();
                 }
             }
@@ -260,13 +312,13 @@ async fn read_stream(inner: &Inner, number: u64, is_open: &AtomicBool, dirty: &N
         }
         if listed.elapsed() >= LIST_EACH {
             listed = Instant::now();
-            dirty.notify_one();
+            waiting.dirty.notify_one();
         }
     }
 }
 
 /// Takes in a message. `false`: something was missed.
-fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, dirty: &Notify) -> bool {
+fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, waiting: &Waiting) -> bool {
     let shared = &inner.state.shared;
     let number = teller.number();
     match message {
@@ -295,20 +347,14 @@ fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, dirty: &Notif
             }
             shared.wake_readers();
         }
-        LiveMessage::Event(event) => {
-            shared.news.add_far(event.time, &event.robot, event.happened);
-            dirty.notify_one();
-        }
+        LiveMessage::Event(event) => waiting.add(Some(event)),
         LiveMessage::Alive(alive) => {
             if let Some(ago) = alive.passed_ms_ago {
                 teller.confirm(clock::before(clock::now(), Duration::from_millis(ago)));
             }
         }
-        LiveMessage::EventsLost(_) => {
-            shared.news.lose_far();
-            dirty.notify_one();
-        }
-        LiveMessage::Reset(_) => dirty.notify_one(),
+        LiveMessage::EventsLost(_) => waiting.add(None),
+        LiveMessage::Reset(_) => waiting.dirty.notify_one(),
         LiveMessage::Removed(removed) => {
             // Its next owner tells of it, or the next look says that it is gone.
             if shared.far.one(&removed.robot).is_some_and(|far| far.forget(number, || shared.draw())) {
@@ -322,11 +368,12 @@ fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, dirty: &Notif
 
 /// Reads the list of the robots of a gateway again, each time that it may be another one. Returns why that
 /// cannot be done: then the stream begins anew, because what is told of its robots would grow old.
-async fn keep_list(inner: &Inner, number: u64, dirty: &Notify) -> String {
+async fn keep_list(inner: &Inner, number: u64, waiting: &Waiting) -> String {
     let mut is_failed = false;
     loop {
-        dirty.notified().await;
+        waiting.dirty.notified().await;
         sleep(LIST_AFTER).await;
+        let count = waiting.count();
         let read = timeout(LIST_WITHIN, read_list(inner, number)).await;
         match read.unwrap_or_else(|_| Err(format!("no list of robots within {LIST_WITHIN:?}"))) {
             Ok(list) => {
@@ -336,12 +383,13 @@ async fn keep_list(inner: &Inner, number: u64, dirty: &Notify) -> String {
                         far.take_summary(number, summary);
                     }
                 }
+                waiting.tell(&inner.state.shared.news, count);
             }
             Err(error) if is_failed => return error,
             Err(error) => {
                 tracing::debug!(gateway = number, error, "the robots of another gateway");
                 is_failed = true;
-                dirty.notify_one();
+                waiting.dirty.notify_one();
             }
         }
     }

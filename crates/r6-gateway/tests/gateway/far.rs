@@ -10,7 +10,8 @@ use serde_json::{Value, json};
 use crate::owner::{Here, There, database, lease};
 use crate::support::{PATIENCE, Stream, call, ready_to_start, signal};
 
-/// No fresh value is older: the period, what the client allows beyond it, and how long an owner may say nothing.
+/// No fresh value is older: the period, what the client allows beyond it, and how long an owner may say
+/// nothing.
 const FRESH: Duration = Duration::from_millis(3_600);
 
 /// The robot with this name in the list of a gateway, once it is as wanted.
@@ -106,8 +107,10 @@ async fn any_gateway_tells_of_all_robots() {
     let (status, stopped) = one.call("POST", "/v1/robots/press/stop", None).await;
     assert_eq!(status, 200, "{stopped}");
     until(&mut live, |kind, data| kind == "event" && data["event"] == "stop_ended").await;
-    let seen = listed(&other, "press", |robot| robot["stopped"] == true).await;
-    assert_eq!(seen["stopped_by"]["by"], "token 1");
+    // What is read after an event is as new as the event.
+    let (_, list) = other.call("GET", "/v1/robots", None).await;
+    let seen = &list["robots"][0];
+    assert_eq!((&seen["stopped"], &seen["stopped_by"]["by"]), (&json!(true), &json!("token 1")), "{list}");
 
     // Its owner ends: the stream goes on, and the robot is this gateway's.
     one.gateway.shutdown().await.unwrap();

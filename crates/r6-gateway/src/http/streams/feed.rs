@@ -15,6 +15,7 @@ use tokio::time::Instant;
 use super::super::State;
 use super::super::caller::Caller;
 use super::subscription::{BeginEvents, Subscription};
+use crate::clock;
 use crate::core::live::follower::{Begin, Follower, Step};
 use crate::core::live::point::Point;
 use crate::live::far::Shown;
@@ -128,14 +129,26 @@ impl Feed {
     }
 
     /// How long ago the last whole pass began of which everything was taken; `None` before the first one is
-    /// over. Nothing has changed since a pass after which there was no reason to look again.
+    /// over. Nothing has changed since a pass after which there was no reason to look again, but what other
+    /// gateways did not tell yet.
     pub fn passed_ago(&self) -> Option<Duration> {
         let is_all = self.pass.is_none() && self.held.is_none() && self.event.is_none();
         let has_events =
             self.events.as_ref().is_some_and(|events| *events.last.borrow() > events.reading.at());
         let is_still = is_all && !has_events && !self.due && !self.pulse.has_changed().unwrap_or(true);
         let ago = self.passed_at?.elapsed();
-        Some(if is_still { Duration::ZERO } else { ago })
+        let ago = if is_still { Duration::ZERO } else { ago };
+        Some(if self.caller.is_gateway() { ago } else { ago.max(self.behind()) })
+    }
+
+    /// How far the robots of other gateways may be behind.
+    fn behind(&self) -> Duration {
+        let (fleet, now) = (&self.state.fleet, clock::now());
+        let mut all = self.state.shared.far.all();
+        all.retain(|far| {
+            self.subscription.covers(&self.caller, far.name()) && fleet.station(far.name()).is_none()
+        });
+        all.iter().map(|far| far.behind(now)).max().unwrap_or_default()
     }
 
     /// Waits until there may be something to tell.

@@ -39,7 +39,8 @@ const SILENCE: Duration = Duration::from_secs(30);
 /// after five of them.
 const ALIVE: Duration = Duration::from_secs(2);
 
-/// How often another gateway is told that: what this one told as fresh is so for `live/far.rs` a moment longer.
+/// How often another gateway is told that: what this one told as fresh is so for `live/far.rs` a moment
+/// longer.
 const ALIVE_FOR_GATEWAY: Duration = Duration::from_millis(500);
 
 /// When the first one comes: after a connection was lost, it says that nothing has changed.
