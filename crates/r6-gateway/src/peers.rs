@@ -12,11 +12,12 @@ use std::time::Duration;
 use axum::body::Bytes;
 use axum::http::header::{CONNECTION, CONTENT_LENGTH, HOST, HeaderValue, TRANSFER_ENCODING};
 use axum::http::{HeaderMap, HeaderName, Method};
-use http_body_util::Full;
+use http_body_util::{BodyExt, Full, Limited};
 use hyper::body::Incoming;
 use hyper::client::conn::http1;
 use hyper::{Request, Response};
 use hyper_util::rt::TokioIo;
+use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
@@ -29,6 +30,9 @@ use crate::secret;
 
 /// The header that has a pass.
 pub const PASS: &str = "r6-pass";
+
+/// The longest answer that a gateway reads for itself: a robot takes some kilobytes in a list.
+const MAX_ANSWER: usize = 8 * 1024 * 1024;
 
 /// What that header says in an answer: the request was taken.
 pub const ADMITTED: &str = "admitted";
@@ -60,6 +64,31 @@ pub struct Door {
     pub key: String,
     /// The SHA-256 of its certificate.
     pub certificate: Option<String>,
+}
+
+/// What this gateway reads from another one for its own readers.
+#[must_use]
+pub fn asks(target: &str) -> Onward {
+    Onward {
+        method: Method::GET,
+        target: target.to_owned(),
+        headers: HeaderMap::new(),
+        body: Bytes::new(),
+        bearer: (Bearer::Gateway, None),
+    }
+}
+
+/// What an answer to that says.
+///
+/// # Errors
+/// What is wrong with the answer, for people.
+pub async fn read<T: DeserializeOwned>(answer: Response<Incoming>) -> Result<T, String> {
+    if !answer.status().is_success() || !is_admitted(answer.headers()) {
+        return Err(format!("status {}", answer.status()));
+    }
+    let body = Limited::new(answer.into_body(), MAX_ANSWER).collect().await;
+    let body = body.map_err(|error| error.to_string())?;
+    serde_json::from_slice(&body.to_bytes()).map_err(|error| error.to_string())
 }
 
 /// A request to pass on.

@@ -193,7 +193,7 @@ export interface paths {
         };
         /**
          * The alarms of all robots that the caller may see: the active ones first, then those that ended within a
-         *     day, the latest first.
+         *     day, the latest first. `no_owner`: another gateway that owns some of the robots does not answer.
          */
         get: operations["alarms"];
         put?: never;
@@ -4280,7 +4280,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_owner` */
+            /** @description `overloaded`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;

@@ -16,6 +16,7 @@ use super::State;
 use super::body;
 use super::caller::{AcknowledgeAlarm, Caller, Read, Robot, ShelveAlarm};
 use super::described::{OfBody, OfChange, OfRight, OfToken};
+use super::forward;
 use super::range::check_limit;
 use super::refusal::{self, bad_value, of_lost_work};
 use crate::core::alarms::{LONGEST_SHELF_MS, MAX_WORDS, SHORTEST_SHELF_MS};
@@ -49,7 +50,7 @@ pub struct Named {
 }
 
 /// The alarms of all robots that the caller may see: the active ones first, then those that ended within a
-/// day, the latest first.
+/// day, the latest first. `no_owner`: another gateway that owns some of the robots does not answer.
 #[utoipa::path(
     get,
     path = "/v1/alarms",
@@ -58,6 +59,7 @@ pub struct Named {
     responses(
         (status = 200, description = "The alarms", body = RobotAlarms),
         (status = 422, description = "`bad_value`", body = Problem),
+        (status = 503, description = "`overloaded`", body = Problem),
         OfToken,
     )
 )]
@@ -67,9 +69,22 @@ pub async fn all(
     which: Result<Query<Which>, QueryRejection>,
 ) -> Result<Json<RobotAlarms>, Refusal> {
     let Query(which) = which.map_err(|error| bad_value(error.body_text()))?;
+    check_limit(which.limit, MAX_LIMIT)?;
+    let target = format!("/v1/alarms?limit={MAX_LIMIT}&active={}", which.active);
+    let others: Vec<RobotAlarms> = forward::gather(&caller, &state, &target).await?;
     let stations = state.fleet.stations();
-    let seen = stations.iter().filter(|station| caller.grant().covers(station.name()));
-    chosen(seen.flat_map(|station| station.alarms()).collect(), &which).map(Json)
+    let is_here = |robot: &str| stations.iter().any(|station| station.name() == robot);
+    let mut left_out = 0;
+    let mut alarms: Vec<_> = stations.iter().flat_map(|station| station.alarms()).collect();
+    for other in others {
+        left_out += other.left_out;
+        // What has changed hands meanwhile is told once.
+        alarms.extend(other.alarms.into_iter().filter(|alarm| !is_here(&alarm.robot)));
+    }
+    alarms.retain(|alarm| caller.grant().covers(&alarm.robot));
+    let mut told = chosen(alarms, &which)?;
+    told.left_out += left_out;
+    Ok(Json(told))
 }
 
 /// The alarms of a robot: the active one, and those that ended within a day, 30 at most.

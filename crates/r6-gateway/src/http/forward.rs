@@ -5,6 +5,7 @@
 //! may have been carried out: that is told, and nothing is sent again. A stop is the exception (`stop`). A
 //! request whose pass the owner does not take has done nothing; the owner says so in the header of the pass.
 
+mod gather;
 mod places;
 mod stop;
 
@@ -25,6 +26,7 @@ use r6_api::Code;
 use r6_http::Refusal;
 use tokio::time::{Instant, sleep, timeout};
 
+pub use self::gather::gather;
 use self::places::Places;
 use super::caller::Caller;
 use super::{State, body, refusal};

@@ -10,10 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use axum::body::Bytes;
-use axum::http::{HeaderMap, Method};
 use futures_util::StreamExt;
-use http_body_util::{BodyExt, Limited};
 use r6_api::gateway::{Event, LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
 use tokio::sync::Notify;
 use tokio::task::JoinHandle;
@@ -24,12 +21,11 @@ use super::Inner;
 use crate::clock;
 use crate::core::name::RobotName;
 use crate::core::owner::Owned;
-use crate::core::pass::Bearer;
 use crate::fleet::config::RobotConfig;
 use crate::live::far::{Far, HEARD, Shown, Teller};
 use crate::live::news::News;
 use crate::ownership::owners::Place;
-use crate::peers::{Onward, is_admitted};
+use crate::peers::{asks, read};
 
 /// After a stream that ended, the next one begins so soon.
 const AGAIN: Duration = Duration::from_millis(300);
@@ -37,9 +33,8 @@ const AGAIN: Duration = Duration::from_millis(300);
 /// How long a stream may say nothing. Its gateway says twice a second that it is alive.
 const SILENCE: Duration = HEARD;
 
-/// How long a list of robots may take, and how much of it is read: a robot takes some kilobytes at most.
+/// How long a list of robots may take.
 const LIST_WITHIN: Duration = Duration::from_secs(1);
-const MAX_LIST: usize = 8 * 1024 * 1024;
 
 /// How long after an event the list is read: what happens together is read once.
 const LIST_AFTER: Duration = Duration::from_millis(20);
@@ -109,7 +104,7 @@ impl Inner {
             };
             is_changed |= far.settle(owner, gateways, || shared.draw());
         }
-        let is_known = |name: &str| robots.keys().any(|known| known.as_str() == name);
+        let is_known = |name: &str| RobotName::new(name).is_some_and(|name| robots.contains_key(&name));
         // A robot that was just added somewhere else may be told of before the rows have it. A copy of a
         // robot of this gateway stays, because its next owner may tell of it before this gateway has let go
         // of it.
@@ -269,16 +264,6 @@ fn lose(inner: &Inner, number: u64, is_open: &AtomicBool) {
     shared.wake_readers();
 }
 
-fn asks(target: &str) -> Onward {
-    Onward {
-        method: Method::GET,
-        target: target.to_owned(),
-        headers: HeaderMap::new(),
-        body: Bytes::new(),
-        bearer: (Bearer::Gateway, None),
-    }
-}
-
 /// Reads the stream of a gateway to its end. Returns why it ended.
 async fn read_stream(inner: &Inner, number: u64, is_open: &AtomicBool, waiting: &Waiting) -> String {
     let mut stream = match inner.owners.open_stream(number, asks(LIVE)).await {
@@ -374,8 +359,8 @@ async fn keep_list(inner: &Inner, number: u64, waiting: &Waiting) -> String {
         waiting.dirty.notified().await;
         sleep(LIST_AFTER).await;
         let count = waiting.count();
-        let read = timeout(LIST_WITHIN, read_list(inner, number)).await;
-        match read.unwrap_or_else(|_| Err(format!("no list of robots within {LIST_WITHIN:?}"))) {
+        let list = timeout(LIST_WITHIN, read_list(inner, number)).await;
+        match list.unwrap_or_else(|_| Err(format!("no list of robots within {LIST_WITHIN:?}"))) {
             Ok(list) => {
                 is_failed = false;
                 for summary in list.robots {
@@ -396,12 +381,6 @@ async fn keep_list(inner: &Inner, number: u64, waiting: &Waiting) -> String {
 }
 
 async fn read_list(inner: &Inner, number: u64) -> Result<Robots, String> {
-    let answer =
-        inner.owners.send(number, asks("/v1/robots")).await.map_err(|failed| format!("{failed:?}"))?;
-    if !answer.status().is_success() || !is_admitted(answer.headers()) {
-        return Err(format!("status {}", answer.status()));
-    }
-    let body =
-        Limited::new(answer.into_body(), MAX_LIST).collect().await.map_err(|error| error.to_string())?;
-    serde_json::from_slice(&body.to_bytes()).map_err(|error| error.to_string())
+    let answer = inner.owners.send(number, asks("/v1/robots")).await;
+    read(answer.map_err(|failed| format!("{failed:?}"))?).await
 }

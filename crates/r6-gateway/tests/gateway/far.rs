@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
+use r6_controller::PanelAction;
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
 
@@ -82,6 +83,17 @@ async fn any_gateway_tells_of_all_robots() {
     let is_fresh = |state: &Value| signal(state, "axis-0")["quality"] == "fresh";
     let state = until(&mut live, |kind, data| kind == "snapshot" && is_fresh(data)).await;
     assert!(signal(&state, "isMoving")["age_ms"].as_u64().unwrap() < 3_000, "{state}");
+    // What a reader has of another gateway says nothing here.
+    let mut elsewhere = Stream::open(one.gateway.address(), &token, "/v1/live", "").await;
+    let place = loop {
+        let message = elsewhere.next().await.unwrap();
+        if !message.id.is_empty() {
+            break message.id;
+        }
+    };
+    let mut again = Stream::open(at, &token, &format!("/v1/live?resume={place}"), "").await;
+    until(&mut again, |kind, _| kind == "reset").await;
+    until(&mut again, |kind, data| kind == "snapshot" && data["name"] == "press").await;
     let mut events = Stream::open(at, &token, "/v1/events?robot=press", "").await;
     let program = "[[instruction]]\ndo = \"axis-move\"\nto = [60, 0, 0, 0, 0, 0]\nspeed = 1\n";
     let asked = json!({ "program": program, "lease": key });
@@ -111,6 +123,16 @@ async fn any_gateway_tells_of_all_robots() {
     let (_, list) = other.call("GET", "/v1/robots", None).await;
     let seen = &list["robots"][0];
     assert_eq!((&seen["stopped"], &seen["stopped_by"]["by"]), (&json!(true), &json!("token 1")), "{list}");
+
+    // The alarms of all robots, too.
+    press.handle().operate(&PanelAction::EmergencyStop).unwrap();
+    until(&mut events, |_, data| data["event"] == "alarm_began").await;
+    for here in [&one, &other] {
+        let (status, told) = here.call("GET", "/v1/alarms?active=true", None).await;
+        assert_eq!((status, &told["alarms"][0]["robot"]), (200, &json!("press")), "{told}");
+        assert_eq!((told["alarms"].as_array().unwrap().len(), &told["left_out"]), (1, &json!(0)), "{told}");
+    }
+    press.handle().operate(&PanelAction::ReleaseEmergencyStop).unwrap();
 
     // Its owner ends: the stream goes on, and the robot is this gateway's.
     one.gateway.shutdown().await.unwrap();
@@ -172,6 +194,9 @@ async fn a_value_of_a_frozen_gateway_is_never_told_as_younger_than_it_is() {
     assert_eq!(signal(&state, "axis-0")["quality"], "fresh", "{state}");
     there.signal("STOP");
     let frozen = Instant::now();
+    // It may have alarms that nobody tells here.
+    let (status, problem) = here.call("GET", "/v1/alarms", None).await;
+    assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "{problem}");
     let (mut looks, mut stale) = (0, 0);
     while here.gateway.owned() == Some(0) {
         let since = frozen.elapsed();
