@@ -45,6 +45,9 @@ const READABLE_WHEN_BUSY: Duration = Duration::from_secs(12);
 /// How long one answer may take.
 const ONE_ANSWER: Duration = Duration::from_secs(2);
 
+/// How long a look at one robot may take. The gateway that is asked may wait for the one that was frozen.
+const ONE_LOOK: Duration = Duration::from_millis(500);
+
 /// How long something else may take.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -221,7 +224,8 @@ impl Hall {
             if robot["link"] != "up" || times.contains_key(name) {
                 continue;
             }
-            let Some(state) = self.get_of(number, &format!("/v1/robots/{name}")) else { return };
+            let path = format!("/v1/robots/{name}");
+            let Some(state) = self.get_within(number, &path, ONE_LOOK) else { return };
             let since = struck.elapsed();
             let is_new = |signal: &Value| {
                 signal["quality"] == "fresh"
@@ -292,7 +296,11 @@ impl Hall {
 
     /// What this gateway answers; `None` if it has too many callers, or does not answer this at the moment.
     fn get_of(&self, number: usize, path: &str) -> Option<Value> {
-        let answer = attempt(&self.door(number), &self.admin, "GET", path, "", &Value::Null, ONE_ANSWER);
+        self.get_within(number, path, ONE_ANSWER)
+    }
+
+    fn get_within(&self, number: usize, path: &str, time: Duration) -> Option<Value> {
+        let answer = attempt(&self.door(number), &self.admin, "GET", path, "", &Value::Null, time);
         answer.and_then(|(status, body)| (status == 200).then_some(body))
     }
 

@@ -168,7 +168,7 @@ impl fmt::Display for Denied {
             }
             Self::NotUp => f.write_str("the robot does not answer, or its state could not be read lately"),
             Self::Manual => f.write_str("the robot is in manual mode: the pendant leads"),
-            Self::Closed => f.write_str("the robot was removed from the gateway, or the gateway ends"),
+            Self::Closed => f.write_str("the robot was removed from the gateway, goes to another one, or the gateway ends"),
             Self::Reconfiguring => f.write_str("the robot is being configured anew: ask again"),
             Self::RunUnderWay => f.write_str(
                 "a program runs on this robot: until its end, commands that move, lists, and changes of the tool or the \

@@ -184,12 +184,10 @@ async fn accept(
         look_up.ask(Asked { seen: Arc::clone(&seen), number, ends });
         let mut served = Box::pin(serve(controller.clone(), stream));
         // It gets the next number of the controller now.
-        poll_fn(|context| {
-            let _ = served.as_mut().poll(context);
-            Poll::Ready(())
-        })
-        .await;
-        tokio::spawn(served);
+        let first = poll_fn(|context| Poll::Ready(served.as_mut().poll(context))).await;
+        if first.is_pending() {
+            tokio::spawn(served);
+        }
     }
 }
 
