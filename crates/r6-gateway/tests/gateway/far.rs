@@ -194,7 +194,7 @@ async fn a_value_of_a_frozen_gateway_is_never_told_as_younger_than_it_is() {
     assert_eq!(signal(&state, "axis-0")["quality"], "fresh", "{state}");
     there.signal("STOP");
     let frozen = Instant::now();
-    // It may have alarms that nobody tells here.
+    // It may have alarms that are not known here.
     let (status, problem) = here.call("GET", "/v1/alarms", None).await;
     assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "{problem}");
     let (mut looks, mut stale) = (0, 0);

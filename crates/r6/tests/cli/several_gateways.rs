@@ -45,7 +45,7 @@ const READABLE_WHEN_BUSY: Duration = Duration::from_secs(12);
 /// How long one answer may take.
 const ONE_ANSWER: Duration = Duration::from_secs(2);
 
-/// How long a look at one robot may take. The gateway that is asked may wait for the one that was frozen.
+/// How long a look at one robot may take. The gateway that is asked may wait for a frozen gateway.
 const ONE_LOOK: Duration = Duration::from_millis(500);
 
 /// How long something else may take.
