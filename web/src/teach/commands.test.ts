@@ -42,6 +42,7 @@ function commands(document: Document): Command[] {
     putPoint(document, "P1", { name: "above", axes: [9, 9, 9], pose: [1, 1, 1, 1, 1, 1] }),
     removePoint(document, "P1"),
     putPointAndMove(document, { name: "P2", axes: [0, 0, 0], pose: null }, 1),
+    putPointAndMove(document, { name: "P2", axes: [0, 0, 0], pose: null }, 1, { output: "Y011", on: false }),
     { kind: "replace", document: EMPTY },
     { kind: "all", commands: [{ kind: "remove", at: 1, count: 1 }, { kind: "insert", at: 0, steps: [wait] }] },
   ];
@@ -148,4 +149,26 @@ test("the history is bounded", () => {
   let now = historyOf(start());
   for (let round = 0; round < MAX_ENTRIES + 5; round += 1) now = change(now, { kind: "move", from: 0, to: 2 }, null);
   expect(now.done.length).toBe(MAX_ENTRIES);
+});
+
+test("a pick is a point, a move to it, its output and a wait, where it was asked for", () => {
+  const point = { name: "P2", axes: [7, 8, 9], pose: null };
+  const { document } = apply(start(), putPointAndMove(start(), point, 1, { output: "Y011", on: true }));
+  expect(pointsOf(document).map(({ name }) => name)).toEqual(["P1", "P2"]);
+  expect(document.steps.map((step) => step.fields.map(({ key, value }) => `${key} ${String(value)}`).join(", "))).toEqual([
+    "do axis-move, to 1,2,3, speed 50",
+    "do axis-move, to 7,8,9, speed 20",
+    "do output, point Y011, on true",
+    "do wait, seconds 0.5",
+    "do linear-move, to 4,5,6, speed 10",
+    "do wait, seconds 1",
+  ]);
+  expect(linked(document, document.steps[1]!, "to")?.name).toBe("P2");
+});
+
+test("a place in a taught program is steps of a taught program", () => {
+  const taught = start('[[step]]\ndo = "photo"\n');
+  const { document } = apply(taught, putPointAndMove(taught, { name: "P1", axes: [1], pose: null }, 1, { output: "Y010", on: false }));
+  expect(document.steps.map(({ table }) => table)).toEqual(["step", "step", "step", "step"]);
+  expect(valueAt(document.steps[2]!, "on")).toBe(false);
 });

@@ -17,6 +17,7 @@ import {
   pointsOf,
   wants,
 } from "./document.ts";
+import { free } from "./free.ts";
 
 export type Command =
   | { kind: "insert"; at: number; steps: readonly Step[] }
@@ -144,8 +145,7 @@ export function removePoint(document: Document, name: string): Command {
 
 /** A name that no point has: `P1`, `P2`. */
 export function freeName(document: Document): string {
-  const names = new Set(pointsOf(document).map(({ name }) => name));
-  for (let number = 1; ; number += 1) if (!names.has(`P${number}`)) return `P${number}`;
+  return free("P", pointsOf(document).map(({ name }) => name));
 }
 
 /** The speed of a new move, in percent. */
@@ -160,8 +160,28 @@ export function moveTo(document: Document, { name, axes, pose }: Point): Step {
   ]);
 }
 
-/** A new point, and a move to it that becomes the step `at`, from 0: one change. */
-export function putPointAndMove(document: Document, point: Point, at: number): Command {
-  const insert: Command = { kind: "insert", at, steps: [moveTo(document, point)] };
-  return { kind: "all", commands: [putPoint(document, null, point), insert] };
+/** How long a new pick or place waits for its gripper, in seconds. */
+export const GRIP_SECONDS = 0.5;
+
+/** What a gripper does where the arm stands: `on` picks, and off places. `output`: its output, such as `Y010`. */
+export interface Grip {
+  output: string;
+  on: boolean;
+}
+
+/**
+ * A new point, and a move to it that becomes the step `at`, from 0: one change. With a grip its output and a wait are
+ * the steps behind the move.
+ */
+export function putPointAndMove(document: Document, point: Point, at: number, grip: Grip | null = null): Command {
+  const table = document.steps[0]?.table ?? "instruction";
+  const gripping =
+    grip === null
+      ? []
+      : [
+          [{ key: "do", value: "output" }, { key: "point", value: grip.output }, { key: "on", value: grip.on }],
+          [{ key: "do", value: "wait" }, { key: "seconds", value: GRIP_SECONDS }],
+        ];
+  const steps = [moveTo(document, point), ...gripping.map((fields) => newStep(table, fields))];
+  return { kind: "all", commands: [putPoint(document, null, point), { kind: "insert", at, steps }] };
 }

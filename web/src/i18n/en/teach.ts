@@ -112,6 +112,9 @@ export const teach = {
     none: "No point yet. Move the arm with its pendant, then take its position. Or take it, and type other numbers.",
     take: (robot: string) => `Take point from ${robot}`,
     takeAndMove: (robot: string) => `Take point from ${robot} and add a move`,
+    grip: (isPick: boolean, output: string, wait: number) =>
+      `${isPick ? "Pick here: point, move," : "Place here: point, move,"} ${output} ${isPick ? "on" : "off"}, ${wait} s`,
+    gripper: "Output of the gripper",
     becomes: (step: number) => `The move becomes step ${step}.`,
     taking: "Reading the position…",
     taken: (name: string) => `${name} taken.`,
