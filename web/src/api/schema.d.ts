@@ -9379,7 +9379,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_such_path`: there is no such page; or this build has no dashboard: then it is a page that says so */
+            /** @description `no_such_path`: there is no such page; or this build has no dashboard: then it is a page that says so. A browser gets the page */
             404: {
                 headers: {
                     [name: string]: unknown;

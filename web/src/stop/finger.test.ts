@@ -103,3 +103,30 @@ test("another finger ends no press, and what is dropped presses nothing", () => 
   finger.up(at(), true);
   expect(presses()).toBe(1);
 });
+
+test("a finger on a button that goes away pressed it, unless it was about to scroll", () => {
+  const { finger, at, pass, presses } = start();
+  expect(finger.leave()).toBe(false);
+  finger.down(at());
+  pass(REST / 2);
+  expect(finger.leave()).toBe(true);
+  // It is said once, and the finger that is lifted afterwards adds nothing.
+  expect(finger.leave()).toBe(false);
+  finger.up(at(), true);
+  pass(2 * REST);
+  expect(presses()).toBe(0);
+  finger.down(at());
+  finger.move(at(0, SLIDE + 1));
+  expect(finger.leave(), "it slid").toBe(false);
+  finger.down(at());
+  finger.move(at(0, SLIDE - 1));
+  expect(finger.leave(), "it trembled").toBe(true);
+  pass(RUNS);
+  finger.scrolled(at().timeStamp);
+  finger.down(at());
+  expect(finger.leave(), "it held a list that ran").toBe(false);
+  finger.down(at());
+  pass(2 * REST);
+  expect(presses(), "it pressed while it rested").toBe(1);
+  expect(finger.leave()).toBe(false);
+});
