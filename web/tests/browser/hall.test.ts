@@ -110,6 +110,21 @@ test("the hall shows who needs a person, finds robots, and stops them", async ()
   await page.context().close();
 });
 
+test("an address of no page says so, with the stop and the way to the hall", async () => {
+  const token = (await r6("gateway", "token", "--data", data.path, "--role", "viewer")).trim();
+  const { page } = await openPage(browser);
+  await page.goto(`${url}/#${token}`);
+  await page.waitForSelector("[data-robot]");
+  const answer = await page.goto(`${url}/robots/press-01/no/such/page`);
+  expect(answer?.status()).toBe(404);
+  await says(page, "h1", "There is no such page.");
+  await page.getByRole("button", { name: /^STOP/ }).waitFor();
+  await isAccessible(page);
+  await page.getByRole("link", { name: "Back to the hall" }).click();
+  await page.waitForSelector("[data-robot]");
+  await page.context().close();
+});
+
 test("a viewer sees everything, and each control says why it is off", async () => {
   const token = (await r6("gateway", "token", "--data", data.path, "--role", "viewer")).trim();
   const { page, faults } = await openPage(browser, { viewport: { width: 768, height: 1024 }, colorScheme: "dark" });
