@@ -3073,6 +3073,11 @@ export interface components {
              */
             code: number;
             /**
+             * @description Whether its end was seen: just before `until` it was still there. If not, it may have ended at any time since
+             *     the robot was seen last.
+             */
+            end_seen: boolean;
+            /**
              * Format: int64
              * @description Its number. No other alarm of this robot has it.
              * @example 1764043200031200

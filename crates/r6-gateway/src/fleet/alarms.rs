@@ -34,8 +34,13 @@ impl Station {
         let Some(Reading::Integer(code)) = value.reading else { return };
         let Ok(code) = u32::try_from(code) else { return };
         let at = clock::before(now, value.age);
-        let began = events.iter().any(|event| event.observed == Observed::AlarmBegan { code });
-        let ends_soon = self.desk.with(|alarms| alarms.read(at, time(at).kept(), code, began));
+        let is_change = |event: &Event| match event.observed {
+            Observed::AlarmBegan { code: new } => new == code,
+            Observed::AlarmEnded { .. } => true,
+            _ => false,
+        };
+        let is_seen = events.iter().any(is_change);
+        let ends_soon = self.desk.with(|alarms| alarms.read(at, time(at).kept(), code, is_seen));
         if ends_soon {
             self.to_write.notify_one();
         }
@@ -173,7 +178,7 @@ impl Station {
     }
 
     fn shown(&self, alarms: &Alarms, alarm: &Alarm, now: Micros, is_seen: bool) -> RobotAlarm {
-        let Alarm { id, code, since, begin_seen, until, acknowledged } = alarm.clone();
+        let Alarm { id, code, since, begin_seen, until, end_seen, acknowledged } = alarm.clone();
         let Meaning { text: words, axis, remedy, .. } = meaning(code);
         RobotAlarm {
             robot: self.name().to_owned(),
@@ -191,6 +196,7 @@ impl Station {
             since: text(since),
             begin_seen,
             until: until.map(text),
+            end_seen,
             acknowledged: acknowledged.map(|of| Acknowledged {
                 by: of.by,
                 at: text(of.at),

@@ -64,6 +64,8 @@ export const alarms = {
   still: "now",
   lastedFor: (seconds: number) => duration(seconds),
   atLeast: (text: string) => `at least ${text}`,
+  atMost: (text: string) => `at most ${text}`,
+  lastedUnknown: "not known",
   meaning: "Meaning",
   by: "Seen by",
   unacknowledged: "not acknowledged",

@@ -65,6 +65,8 @@ export const alarms: typeof english = {
   still: "仍存在",
   lastedFor: (seconds) => duration(seconds),
   atLeast: (text) => `至少 ${text}`,
+  atMost: (text) => `至多 ${text}`,
+  lastedUnknown: "未知",
   meaning: "含义",
   by: "确认人",
   unacknowledged: "未确认",

@@ -9,7 +9,7 @@ function entry(robot: string, code: number, since: number | null, part: Partial<
 }
 
 function alarm(robot: string, code: number, part: Partial<RobotAlarm> = {}): RobotAlarm {
-  const rest = { id: 1, text: "limit", axis: null, remedy: "", state: "active" as const, begin_seen: true, until: null, acknowledged: null, shelved: null };
+  const rest = { id: 1, text: "limit", axis: null, remedy: "", state: "active" as const, begin_seen: true, end_seen: false, until: null, acknowledged: null, shelved: null };
   return { robot, code, since: "1970-01-01T00:00:10Z", ...rest, ...part };
 }
 
