@@ -160,6 +160,7 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
 
   await page.click("[data-make]");
   await page.waitForSelector("[data-preview=done]");
+  await says(page, "#speed-known", "So its panel says.");
   expect(Number(await page.getAttribute("[data-duration]", "data-duration"))).toBeGreaterThan(500);
   await page.click("[data-pace='4']");
   const begin = await page.textContent('[data-planned-axis="0"]');
