@@ -163,7 +163,7 @@ export const en = {
     noLink: (seconds: number | null) => (seconds === null ? "no link" : `no link ${duration(seconds)}`),
     alarm: (code: number) => `alarm ${code}`,
     parts: (n: number) => `counter ${n}`,
-    stands: (seconds: number) => `stands for ${duration(seconds)}`,
+    stands: (seconds: number) => `stands, ${duration(seconds)} or more`,
     old: (seconds: number) => `${duration(seconds)} old`,
     held: (holder: string) => `${holder} controls it`,
     stopHolds: "stop holds",
@@ -224,7 +224,8 @@ export const en = {
     clearStop: "Clear stop",
     prepare: "Prepare start…",
     run: (robot: string) => `Hold to run ${robot}`,
-    runHint: "Hold the button for 1 s, or press Enter twice on it.",
+    runHint: "Hold the button for 1 s.",
+    runKeys: "Or press Enter twice on it.",
     cancel: "Cancel",
     close: "Close",
     prepareTitle: (robot: string) => `Start ${robot}?`,
@@ -263,8 +264,10 @@ export const en = {
       `${what}: OUTCOME UNKNOWN. The robot may have acted. Look at it, and stop it if in doubt. It is not sent again.`,
     start: "Start",
     lease: "Control",
-    alarmRefused: (what: string, said: string) =>
-      `${what}: the controller refused it. Remove the cause, release the emergency stop, and try again; some firmware clears alarms at the pendant alone. Gateway: ${said}`,
+    alarmRefused: (what: string, said: string, hasPanel: boolean) =>
+      `${what}: ${said}. Remove the cause and release the emergency stop, then try again, or clear it at the ${
+        hasPanel ? "panel of this virtual robot, below" : "pendant"
+      }.`,
     startRefused: (what: string, said: string) =>
       `${what}: the controller refused it. It starts in automatic mode, without an alarm, with the emergency stop released: look at the pendant. Gateway: ${said}`,
   },

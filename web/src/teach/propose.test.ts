@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { EMPTY, type Document, read } from "./document.ts";
-import { pointsIn, proposed, usesOf } from "./propose.ts";
+import { pointsIn, proposed, standsAt, usesOf } from "./propose.ts";
 
 const POINTS = `# point "P1" = axes [1, 0] pose [1, 0, 0, 0, 0, 0]
 # point "P2" = axes [2, 0]
@@ -35,4 +35,32 @@ test("a step uses the points whose numbers it has", () => {
   const document = start(to("P1"), WAIT, to("P2").replace("[2,", "[9,"));
   expect(document.steps.map((step) => pointsIn(document, step))).toEqual([["P1"], [], []]);
   expect([usesOf(document, "P1"), usesOf(document, "P2")]).toEqual([1, 0]);
+});
+
+test("at a step the arm stands at the point of its move, or of the last move before", () => {
+  const result = read(`# point "P1" = axes [1, 2]
+# point "P2" = axes [3, 4]
+[[instruction]]
+do = "wait"
+seconds = 1
+[[instruction]]
+do = "axis-move"
+to = [1, 2] # point "P1"
+speed = 5
+[[instruction]]
+do = "output"
+point = "Y010"
+on = true
+[[instruction]]
+do = "axis-move"
+to = [3, 5] # point "P2"
+speed = 5
+[[instruction]]
+do = "wait"
+seconds = 1
+`);
+  if ("wrong" in result) throw new Error("not read");
+  const names = result.ok.steps.map((_, at) => standsAt(result.ok, at)?.name ?? null);
+  // The last move has numbers of its own.
+  expect(names).toEqual([null, "P1", "P1", null, null]);
 });

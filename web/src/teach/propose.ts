@@ -9,6 +9,16 @@ export function pointsIn(document: Document, step: Step): string[] {
   });
 }
 
+/**
+ * The point that the arm stands at when a step, from 0, is carried out: that of its own move, or of the last one before.
+ * `null` if there is none, or if that move has numbers of its own.
+ */
+export function standsAt(document: Document, step: number): Point | null {
+  const moves = document.steps.slice(0, step + 1);
+  const last = moves.findLast((one) => one.fields.some(({ key }) => wants(doOf(one), key) !== null));
+  return last === undefined ? null : linked(document, last, "to");
+}
+
 /** How many steps move to a point. */
 export function usesOf(document: Document, name: string): number {
   return document.steps.filter((step) => pointsIn(document, step).includes(name)).length;
@@ -24,15 +34,7 @@ export function proposed(document: Document, before: number | null, wanted: "axe
   const used = new Set(document.steps.flatMap((step) => pointsIn(document, step)));
   const unused = points.find(({ name }) => !used.has(name));
   if (unused !== undefined) return unused;
-  const last = lastPoint(document, before);
-  const at = points.findIndex(({ name }) => name === last);
+  const last = before === null ? null : standsAt(document, before);
+  const at = points.findIndex(({ name }) => name === last?.name);
   return (at < 0 ? undefined : points[at + 1]) ?? points.at(-1) ?? null;
-}
-
-/** The point that the arm comes from: steps such as outputs do not move it. */
-function lastPoint(document: Document, before: number | null): string | null {
-  if (before === null) return null;
-  const steps = document.steps.slice(0, before + 1);
-  const last = steps.findLast((step) => step.fields.some(({ key }) => wants(doOf(step), key) !== null));
-  return last === undefined ? null : (linked(document, last, "to")?.name ?? null);
 }

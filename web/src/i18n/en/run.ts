@@ -121,6 +121,7 @@ export const run = {
       run_under_way: "a program runs on it",
       look_first: "what became of the last program is not known: look at the arm, and say so below",
     })[reason],
+  startAbove: "the program of the controller does not run: prepare its start above",
   sent: (robot: string) => `Sent to ${robot}. No answer yet.`,
   accepted: (robot: string, accepted: number, done: number, steps: number) =>
     `Accepted by ${robot}: ${accepted} of ${steps} steps. Seen done: ${done}.`,

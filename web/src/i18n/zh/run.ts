@@ -115,6 +115,7 @@ export const run: typeof english = {
       run_under_way: "正在运行一个程序",
       look_first: "上一个程序的结果未知：请先查看机械臂，并在下方确认",
     })[reason],
+  startAbove: "控制器的程序没有运行：请在上方准备启动",
   sent: (robot) => `已发送到 ${robot}，尚无应答。`,
   accepted: (robot, accepted, done, steps) => `${robot} 已接受 ${accepted} / ${steps} 个步骤，确认完成 ${done} 个。`,
   unheard: (robot, done, steps) =>
