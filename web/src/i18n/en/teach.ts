@@ -113,7 +113,7 @@ export const teach = {
     take: (robot: string) => `Take point from ${robot}`,
     takeAndMove: (robot: string) => `Take point from ${robot} and add a move`,
     grip: (isPick: boolean, output: string, wait: number) =>
-      `${isPick ? "Pick here: point, move," : "Place here: point, move,"} ${output} ${isPick ? "on" : "off"}, ${wait} s`,
+      `${isPick ? "Pick" : "Place"} here: move, ${output} ${isPick ? "on" : "off"}, ${wait} s`,
     gripper: "Output of the gripper",
     becomes: (step: number) => `The move becomes step ${step}.`,
     taking: "Reading the position…",

@@ -111,7 +111,7 @@ export const teach: typeof english = {
     none: "还没有示教点。请用示教器移动机械臂，然后记录其位置。也可先记录，再输入其他数值。",
     take: (robot) => `记录 ${robot} 的当前点`,
     takeAndMove: (robot) => `记录 ${robot} 的当前点并添加移动`,
-    grip: (isPick, output, wait) => `${isPick ? "在此抓取" : "在此放置"}：取点、移动、${output} ${isPick ? "开" : "关"}、等待 ${wait} 秒`,
+    grip: (isPick, output, wait) => `${isPick ? "在此抓取" : "在此放置"}：移动、${output} ${isPick ? "开" : "关"}、等待 ${wait} 秒`,
     gripper: "夹爪输出",
     becomes: (step) => `移动将成为步骤 ${step}。`,
     taking: "正在读取位置…",
