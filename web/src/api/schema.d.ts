@@ -3073,8 +3073,8 @@ export interface components {
              */
             code: number;
             /**
-             * @description Whether its end was seen: just before `until` it was still there. If not, it may have ended at any time since
-             *     the robot was seen last.
+             * @description Whether its end was seen: just before `until` it was still there. If it ended and this is `false`, it
+             *     may have ended at any time since the robot was seen last. `false` while it is active.
              */
             end_seen: boolean;
             /**

@@ -264,10 +264,9 @@ export const en = {
       `${what}: OUTCOME UNKNOWN. The robot may have acted. Look at it, and stop it if in doubt. It is not sent again.`,
     start: "Start",
     lease: "Control",
+    /** The gateway says what to do, too. */
     alarmRefused: (what: string, said: string, hasPanel: boolean) =>
-      `${what}: ${said}. Remove the cause and release the emergency stop, then try again, or clear it at the ${
-        hasPanel ? "panel of this virtual robot, below" : "pendant"
-      }.`,
+      `${what}: ${said}.${hasPanel ? " The panel of this virtual robot is its pendant." : ""}`,
     startRefused: (what: string, said: string) =>
       `${what}: the controller refused it. It starts in automatic mode, without an alarm, with the emergency stop released: look at the pendant. Gateway: ${said}`,
   },

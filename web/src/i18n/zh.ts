@@ -249,7 +249,7 @@ export const zh: typeof en = {
     start: "启动",
     lease: "控制权",
     alarmRefused: (what, _said, hasPanel) =>
-      `${what}：被控制器拒绝。请排除原因、松开急停后重试，或${hasPanel ? "在下方此虚拟机器人的面板上" : "在示教器上"}清除报警。`,
+      `${what}：被控制器拒绝。请排除原因、松开急停后重试，或${hasPanel ? "在此虚拟机器人的面板上" : "在示教器上"}清除报警。`,
     startRefused: (what) =>
       `${what}：被控制器拒绝。控制器只在自动模式、无报警且急停已松开时启动：请查看示教器。`,
   },

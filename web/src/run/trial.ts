@@ -5,7 +5,7 @@ export interface Trial {
   /** Whether the program may be run on this robot at all: a real arm has to have a twin. */
   hasTwin: boolean;
   /** Whether the text may run here without a trial elsewhere: on the twin itself, or on a virtual robot without one. */
-  isFirst: boolean;
+  needsNoTrial: boolean;
   /** Whether nothing has to run before: it is the first one, or the twin ran this text to its end. */
   tried: boolean;
 }
@@ -18,8 +18,8 @@ export function trialOf(
   // Of a robot of which that is not known a twin is asked for, as of an arm.
   const isArm = virtual !== true;
   // A twin that is there is tried first, whatever the arm is.
-  const isFirst = twin_of !== null || (twin === null && !isArm);
-  return { hasTwin: twin !== null || !isArm, isFirst, tried: isFirst || (twin !== null && hasRun(twin)) };
+  const needsNoTrial = twin_of !== null || (twin === null && !isArm);
+  return { hasTwin: twin !== null || twin_of !== null || !isArm, needsNoTrial, tried: needsNoTrial || (twin !== null && hasRun(twin)) };
 }
 
 /** What the page knows of who controls a robot. */

@@ -29,6 +29,12 @@ export function say(robot: string, state: StopState, words: Words, clock: (at: D
   }
 }
 
+/** The same beside a button that has the name of the robot: without it. */
+export function sayBeside(robot: string, state: StopState, words: Words, clock: (at: Date) => string): string {
+  const text = say(robot, state, words, clock);
+  return text.startsWith(robot) ? text.slice(robot.length).replace(/^(?:: |：)/, "") : text;
+}
+
 /** Whether it has to be read by somebody. */
 export function isBad(state: StopState | null): boolean {
   return state !== null && (state.kind === "not_confirmed" || state.kind === "not_sent");

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { type Command, apply, copied, freeName, putPoint, putPointAndMove, removePoint, withField, withoutField } from "./commands.ts";
-import { type Document, EMPTY, fieldOf, fieldWith, linked, newStep, pointsOf, read, valueAt, write } from "./document.ts";
+import { type Document, EMPTY, doOf, fieldOf, fieldWith, linked, newStep, pointsOf, read, valueAt, write } from "./document.ts";
 import { MAX_ENTRIES, change, choose, historyOf, redo, undo } from "./history.ts";
 
 const TEXT = `# point "P1" = axes [1, 2, 3] pose [4, 5, 6, 7, 8, 9]
@@ -151,7 +151,7 @@ test("the history is bounded", () => {
   expect(now.done.length).toBe(MAX_ENTRIES);
 });
 
-test("a pick is a point, a move to it, its output and a wait, where it was asked for", () => {
+test("a pick is a point, a move to it, its output, a wait and the way back, where it was asked for", () => {
   const point = { name: "P2", axes: [7, 8, 9], pose: null };
   const { document } = apply(start(), putPointAndMove(start(), point, 1, { output: "Y011", on: true }));
   expect(pointsOf(document).map(({ name }) => name)).toEqual(["P1", "P2"]);
@@ -160,10 +160,15 @@ test("a pick is a point, a move to it, its output and a wait, where it was asked
     "do axis-move, to 7,8,9, speed 20",
     "do output, point Y011, on true",
     "do wait, seconds 0.5",
+    "do axis-move, to 1,2,3, speed 20",
     "do linear-move, to 4,5,6, speed 10",
     "do wait, seconds 1",
   ]);
   expect(linked(document, document.steps[1]!, "to")?.name).toBe("P2");
+  expect(linked(document, document.steps[4]!, "to")?.name).toBe("P1");
+  // The first step has nowhere to go back to.
+  const first = apply(EMPTY, putPointAndMove(EMPTY, point, 0, { output: "Y011", on: true })).document;
+  expect(first.steps.map(doOf)).toEqual(["axis-move", "output", "wait"]);
 });
 
 test("a place in a taught program is steps of a taught program", () => {

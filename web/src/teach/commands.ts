@@ -17,7 +17,8 @@ import {
   pointsOf,
   wants,
 } from "./document.ts";
-import { free } from "./free.ts";
+import { standsAt } from "./propose.ts";
+import { firstFreeName } from "./free.ts";
 
 export type Command =
   | { kind: "insert"; at: number; steps: readonly Step[] }
@@ -145,7 +146,7 @@ export function removePoint(document: Document, name: string): Command {
 
 /** A name that no point has: `P1`, `P2`. */
 export function freeName(document: Document): string {
-  return free("P", pointsOf(document).map(({ name }) => name));
+  return firstFreeName("P", pointsOf(document).map(({ name }) => name));
 }
 
 /** The speed of a new move, in percent. */
@@ -169,9 +170,14 @@ export interface Grip {
   on: boolean;
 }
 
+/** The point from which the arm comes to the step `at`, from 0, and to which it goes back with the part; `null` without one. */
+export function backFrom(document: Document, at: number): Point | null {
+  return standsAt(document, at - 1);
+}
+
 /**
- * A new point, and a move to it that becomes the step `at`, from 0: one change. With a grip its output and a wait are
- * the steps behind the move.
+ * A new point, and a move to it that becomes the step `at`, from 0: one change. With a grip its output, a wait, and the
+ * move back to the point before are the steps behind it.
  */
 export function putPointAndMove(document: Document, point: Point, at: number, grip: Grip | null = null): Command {
   const table = document.steps[0]?.table ?? "instruction";
@@ -182,6 +188,11 @@ export function putPointAndMove(document: Document, point: Point, at: number, gr
           [{ key: "do", value: "output" }, { key: "point", value: grip.output }, { key: "on", value: grip.on }],
           [{ key: "do", value: "wait" }, { key: "seconds", value: GRIP_SECONDS }],
         ];
-  const steps = [moveTo(document, point), ...gripping.map((fields) => newStep(table, fields))];
+  const back = grip === null ? null : backFrom(document, at);
+  const steps = [
+    moveTo(document, point),
+    ...gripping.map((fields) => newStep(table, fields)),
+    ...(back === null ? [] : [moveTo(document, back)]),
+  ];
   return { kind: "all", commands: [putPoint(document, null, point), { kind: "insert", at, steps }] };
 }

@@ -37,30 +37,20 @@ test("a step uses the points whose numbers it has", () => {
   expect([usesOf(document, "P1"), usesOf(document, "P2")]).toEqual([1, 0]);
 });
 
-test("at a step the arm stands at the point of its move, or of the last move before", () => {
-  const result = read(`# point "P1" = axes [1, 2]
-# point "P2" = axes [3, 4]
-[[instruction]]
-do = "wait"
-seconds = 1
-[[instruction]]
-do = "axis-move"
-to = [1, 2] # point "P1"
-speed = 5
-[[instruction]]
-do = "output"
-point = "Y010"
-on = true
-[[instruction]]
-do = "axis-move"
-to = [3, 5] # point "P2"
-speed = 5
-[[instruction]]
-do = "wait"
-seconds = 1
-`);
-  if ("wrong" in result) throw new Error("not read");
-  const names = result.ok.steps.map((_, at) => standsAt(result.ok, at)?.name ?? null);
-  // The last move has numbers of its own.
-  expect(names).toEqual([null, "P1", "P1", null, null]);
+test("at a step the arm stands at the point of its move or of the last move before, if the steps tell that", () => {
+  const P1 = to("P1");
+  const own = P1.replace("[1, 0]", "[1, 5]");
+  const step = (text: string): string => `[[step]]\n${text}\n`;
+  const rows: [what: string, steps: string[], point: string | null][] = [
+    ["nothing moved yet", [WAIT], null],
+    ["its own move", [to("P2"), P1], "P1"],
+    ["an output and a wait behind it", [to("P2"), P1, '[[instruction]]\ndo = "output"\npoint = "Y010"\non = true\n', WAIT], "P1"],
+    ["a move with numbers of its own", [P1, own, WAIT], null],
+    ["a move to registers", [P1, step('do = "move-to-registers"\nspeed = 5'), WAIT], null],
+    ["a label, which is jumped to", [P1, step('do = "label"\nname = "again"'), WAIT], null],
+    ["another program that was called", [P1, step('do = "call"\nprogram = "other"'), WAIT], null],
+  ];
+  for (const [what, steps, point] of rows) {
+    expect(standsAt(start(...steps), steps.length - 1)?.name ?? null, what).toBe(point);
+  }
 });

@@ -9,14 +9,36 @@ export function pointsIn(document: Document, step: Step): string[] {
   });
 }
 
+/** Steps that do not move the arm, and behind which the step below them comes. */
+const STILL: ReadonlySet<string> = new Set([
+  "wait",
+  "output",
+  "board-output",
+  "stop-on-signal",
+  "path-speed",
+  "photo",
+  "take-point",
+  "counter",
+  "register",
+  "wait-for-registers",
+]);
+
 /**
  * The point that the arm stands at when a step, from 0, is carried out: that of its own move, or of the last one before.
- * `null` if there is none, or if that move has numbers of its own.
+ * `null` if that is not told by the steps: a move with numbers of its own or to registers, a label that is jumped to.
  */
 export function standsAt(document: Document, step: number): Point | null {
-  const moves = document.steps.slice(0, step + 1);
-  const last = moves.findLast((one) => one.fields.some(({ key }) => wants(doOf(one), key) !== null));
-  return last === undefined ? null : linked(document, last, "to");
+  for (let at = step; at >= 0; at -= 1) {
+    const one = document.steps[at];
+    if (one === undefined) return null;
+    if (isMove(one)) return linked(document, one, "to");
+    if (!STILL.has(doOf(one))) return null;
+  }
+  return null;
+}
+
+function isMove(step: Step): boolean {
+  return step.fields.some(({ key }) => wants(doOf(step), key) !== null);
 }
 
 /** How many steps move to a point. */
@@ -34,7 +56,8 @@ export function proposed(document: Document, before: number | null, wanted: "axe
   const used = new Set(document.steps.flatMap((step) => pointsIn(document, step)));
   const unused = points.find(({ name }) => !used.has(name));
   if (unused !== undefined) return unused;
-  const last = before === null ? null : standsAt(document, before);
-  const at = points.findIndex(({ name }) => name === last?.name);
+  const last = before === null ? undefined : document.steps.slice(0, before + 1).findLast(isMove);
+  const from = last === undefined ? null : linked(document, last, "to");
+  const at = points.findIndex(({ name }) => name === from?.name);
   return (at < 0 ? undefined : points[at + 1]) ?? points.at(-1) ?? null;
 }

@@ -97,6 +97,9 @@ test("scrolling the list of stops sends none; a tap, a press and a jab at a butt
   // A finger that is not lifted.
   await page.waitForSelector("[role=group] [data-told=not_confirmed], [role=group] [data-told=not_sent]");
   expect(await heights()).toEqual(before);
+  const told = page.locator("[role=group] [data-told^=not_]");
+  expect(await told.textContent()).toMatch(/^\s*NOT \w+\. Use the emergency stop at the robot\. /);
+  expect(await told.evaluate((one) => one.scrollHeight <= one.clientHeight), "all of it is seen").toBe(true);
   await reach();
   await touch("touchStart", await middle());
   await expect.poll(() => stopped.length, { timeout: 20_000 }).toBeGreaterThan(3);

@@ -24,8 +24,8 @@ speed = 20
 
 /** What the page says if the controller refuses to clear an alarm: why, in English alone, and where it can be cleared. */
 const REFUSED: Record<string, RegExp> = {
-  "en-GB": /does not know clearAlarm\. Remove [^;]* panel of this virtual robot, below\.$/,
-  "zh-CN": /在下方此虚拟机器人的面板上清除报警/,
+  "en-GB": /does not know clearAlarm; .* on the pendant\. The panel of this virtual robot is its pendant\.$/,
+  "zh-CN": /在此虚拟机器人的面板上清除报警/,
 };
 
 /** Each test is a whole day of an operator, in milliseconds. */

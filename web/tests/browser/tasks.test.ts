@@ -168,18 +168,18 @@ for (const of of LANGUAGES) {
       await person.follow(words.controls.teach);
       await person.press(own.programs.make);
       const take = `+ ${own.points.takeAndMove("weld-01-twin")}`;
-      const grip = (isPick: boolean): string => `+ ${own.points.grip(isPick, "Y010", 0.5)}`;
+      const grip = (isPick: boolean, back: string): string => `+ ${own.points.grip(isPick, "Y010", 0.5, back)}`;
       const points = person.part(own.points.title);
       const teach = async (name: string, how: string, ...axes: number[]): Promise<void> => {
         await lead(...axes);
         await person.press(how);
         await points.getByRole("button", { name: new RegExp(`^${name} `) }).waitFor();
       };
-      // Above the part, down to it where the gripper closes, up and over to the other side, and down where it opens.
+      // Above the part, down to it where the gripper closes, and back up. The same on the other side, where it opens.
       await teach("P1", take, 0, 10, -20, 0, -60, 0);
-      await teach("P2", grip(true), 0, 25, -30, 0, -60, 0);
+      await teach("P2", grip(true, "P1"), 0, 25, -30, 0, -60, 0);
       await teach("P3", take, 40, 10, -20, 0, -60, 0);
-      await teach("P4", grip(false), 40, 25, -30, 0, -60, 0);
+      await teach("P4", grip(false, "P3"), 40, 25, -30, 0, -60, 0);
       await page.getByText(own.check.ok).waitFor();
       await picture(page, `${name}-3-steps`);
       const done = (robot: string): Promise<void> => page.getByText(words.run.done(robot, words.run.proof["reached"]!)).waitFor();

@@ -46,8 +46,8 @@ pub struct Alarm {
     pub begin_seen: bool,
     /// When it was seen to be gone; `None` while it is active.
     pub until: Option<Micros>,
-    /// Whether its end was seen: the reading before still had it. `false` while it is active, and in files that do
-    /// not tell.
+    /// Whether its end was seen: the reading before still had it. `false` while it is active, and in files
+    /// that do not tell.
     #[serde(default)]
     pub end_seen: bool,
     /// Who acknowledged it.
@@ -133,11 +133,11 @@ impl Alarms {
         &self.saved
     }
 
-    /// The robot tells this code, 0 for no alarm, as was asked at this moment and time of day.
-    /// `is_seen`: whether the reading before had another code, with nothing lost in between. A reading that is older
+    /// The robot tells this code, 0 for no alarm, as was asked at this moment and time of day. `change_seen`:
+    /// whether the reading before had another code, with nothing lost in between. A reading that is older
     /// than the last one says nothing. Returns whether an acknowledged alarm ended: that has to be saved
     /// soon.
-    pub fn read(&mut self, at: Instant, time: Micros, code: u32, is_seen: bool) -> bool {
+    pub fn read(&mut self, at: Instant, time: Micros, code: u32, change_seen: bool) -> bool {
         if self.read_at.is_some_and(|last| at < last) {
             return false;
         }
@@ -150,13 +150,13 @@ impl Alarms {
         let was_acknowledged = ended.as_ref().is_some_and(|ended| ended.acknowledged.is_some());
         if let Some(ended) = ended {
             let until = Some(time.max(ended.since));
-            self.saved.ended.push(Alarm { until, end_seen: is_seen && !is_replaced, ..ended });
+            self.saved.ended.push(Alarm { until, end_seen: change_seen && !is_replaced, ..ended });
             self.make_room(time);
         }
         if code != 0 {
             let id = u64::try_from(time.0).unwrap_or(0).max(self.saved.last_id.saturating_add(1));
             self.saved.last_id = id;
-            let (since, begin_seen) = (time, is_seen && !is_replaced);
+            let (since, begin_seen) = (time, change_seen && !is_replaced);
             self.saved.active =
                 Some(Alarm { id, code, since, begin_seen, until: None, end_seen: false, acknowledged: None });
         }

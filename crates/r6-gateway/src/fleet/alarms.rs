@@ -34,13 +34,11 @@ impl Station {
         let Some(Reading::Integer(code)) = value.reading else { return };
         let Ok(code) = u32::try_from(code) else { return };
         let at = clock::before(now, value.age);
-        let is_change = |event: &Event| match event.observed {
-            Observed::AlarmBegan { code: new } => new == code,
-            Observed::AlarmEnded { .. } => true,
-            _ => false,
+        let is_of_alarm = |event: &Event| {
+            matches!(event.observed, Observed::AlarmBegan { .. } | Observed::AlarmEnded { .. })
         };
-        let is_seen = events.iter().any(is_change);
-        let ends_soon = self.desk.with(|alarms| alarms.read(at, time(at).kept(), code, is_seen));
+        let change_seen = events.iter().any(is_of_alarm);
+        let ends_soon = self.desk.with(|alarms| alarms.read(at, time(at).kept(), code, change_seen));
         if ends_soon {
             self.to_write.notify_one();
         }

@@ -53,7 +53,8 @@ async fn the_page_needs_no_token_and_may_load_its_own_files_alone() {
     assert_eq!(foreign.status, 403, "no other page may load it");
 }
 
-/// A person who typed an address gets the dashboard, which says that there is no such page; a program gets a problem.
+/// A person who typed an address gets the dashboard, which says that there is no such page. A program gets
+/// a problem.
 #[tokio::test]
 async fn an_address_of_no_page_is_told_as_the_caller_asked() {
     let hall = Hall::start().await;

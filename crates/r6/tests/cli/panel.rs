@@ -5,6 +5,7 @@ use std::net::{TcpListener, TcpStream};
 
 use serde_json::Value;
 
+use crate::gateway_calls::until;
 use crate::support::{Outcome, Running, TempFile, r6};
 
 /// Virtual controllers with a panel.
@@ -40,6 +41,31 @@ impl Cell {
         assert_eq!(outcome.code, 0, "{args:?}: {outcome:?}");
         outcome
     }
+}
+
+#[test]
+fn the_robot_of_the_demo_that_drifts_works_again_once_it_was_cleared_and_started() {
+    let cell = Cell::start(&[
+        "--model",
+        "BRTIRUS0805A",
+        "--profile",
+        "r6-pendant",
+        "--program",
+        "examples/hall/glue.toml",
+        "--start",
+        "auto",
+        "--clock",
+        "200x",
+    ]);
+    let status = || cell.done(&["status"]).out;
+    cell.done(&["button", "start"]);
+    until(|| status().contains("130").then_some(()));
+    cell.done(&["clear"]);
+    cell.done(&["button", "start"]);
+    // A minute of its time: several cycles. The alarm came back with the first move before.
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    let after = status();
+    assert!(after.contains("running") && !after.contains("130"), "{after}");
 }
 
 #[test]

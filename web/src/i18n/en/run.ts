@@ -52,7 +52,7 @@ export const run = {
   /** `speed`: what the plan is made for. */
   speedUnknown: (speed: number) =>
     `The set speed is not known: it may be ${speed < 100 ? "faster or slower" : "slower"}.`,
-  speedOfPanel: "So its panel says.",
+  speedOfPanel: (percent: number) => `Its panel shows ${percent} %.`,
   list: "Its list is empty.",
   listUnknown: "Its firmware does not tell whether its list is empty: the gateway asks before it sends.",
   noPath: "The model of the arm is not set: expect any path, at full speed.",

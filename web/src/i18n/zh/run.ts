@@ -48,7 +48,7 @@ export const run: typeof english = {
     `${mm}，用时 ${seconds(ms)}，速度 ${speed} %${set === null ? "" : `（${who(set.by)} 于 ${set.at} 设定，未回读）`}。`,
   speedSet: (percent, by, at) => `${who(by)} 于 ${at} 设为 ${percent} %：控制器不报告此值是否仍有效。`,
   speedUnknown: (speed) => `已设定的速度未知，实际可能${speed < 100 ? "更快或" : ""}更慢。`,
-  speedOfPanel: "与其面板显示一致。",
+  speedOfPanel: (percent) => `其面板显示 ${percent} %。`,
   list: "列表为空。",
   listUnknown: "固件不报告列表是否为空：网关发送前会查询。",
   noPath: "尚未设置机械臂型号：请按任意路径、全速对待。",

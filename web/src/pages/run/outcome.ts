@@ -5,6 +5,14 @@ import { machineOf } from "../../robots/consent.ts";
 import { type View, isRunning, isSeen } from "../../robots/view.ts";
 import type { Told } from "../../state/act.svelte.ts";
 
+/**
+ * Whether what ran last on a robot came to its end, and is another text than the one of the page. `sentText`: the text
+ * that this page sent; `null` if another page did.
+ */
+export function isOfOther(sent: Sent | null, sentText: string | null, text: string): boolean {
+  return sent?.kind === "ended" && sent.run.state === "done" && sentText !== null && sentText !== text;
+}
+
 /** `time`: a time of the gateway as a time of day of the hall. */
 export function outcomeOf(sent: Sent | null, robot: string, words: typeof en, time: (at: string) => string): Told | null {
   const own = words.run;
