@@ -21,7 +21,7 @@ let admin = "";
 let yesterday = 0;
 
 /** So long pick-01 makes some parts, in milliseconds. */
-const CYCLES = 6_000;
+const CYCLES = 9_000;
 /** A machine that does other things too takes its time, in milliseconds. */
 const LONG = 240_000;
 
