@@ -227,8 +227,9 @@ async fn no_such_path(
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let is_of_api = uri.path().starts_with("/v1/");
-    if method == Method::GET && !is_of_api && page::wants_page(&headers) {
+    // A path that begins with two slashes is another host for scripts of the page.
+    let is_no_page = uri.path().starts_with("/v1/") || uri.path().starts_with("//");
+    if method == Method::GET && !is_no_page && page::wants_page(&headers) {
         return Ok(page::none());
     }
     caller?;

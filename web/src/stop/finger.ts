@@ -45,9 +45,10 @@ export class Finger {
     });
   }
 
-  move({ pointerId, clientX, clientY }: Touch): void {
+  move({ pointerId, clientY }: Touch): void {
     const { on } = this;
-    if (on?.id !== pointerId || Math.hypot(clientX - on.x, clientY - on.y) <= SLIDE) return;
+    // Sideways nothing scrolls.
+    if (on?.id !== pointerId || Math.abs(clientY - on.y) <= SLIDE) return;
     on.hasSlid = true;
     this.unrest();
   }

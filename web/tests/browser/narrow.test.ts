@@ -80,6 +80,8 @@ test("scrolling the list of stops sends none; a tap, a press and a jab at a butt
   };
   /** How high each robot of the list is: what is told of a stop moves no button. */
   const heights = (): Promise<number[]> => page.locator("[role=group] li").evaluateAll((all) => all.map((one) => one.clientHeight));
+  const list = page.locator("[role=group]:has([data-stop=saw])");
+  expect(await list.evaluate((one) => Math.round((one.clientHeight / innerHeight) * 10)), "it does not grow under a finger").toBe(7);
   const before = await heights();
   const from = await middle();
   await touch("touchStart", from);

@@ -68,7 +68,7 @@ async fn an_address_of_no_page_is_told_as_the_caller_asked() {
         let program = request(address, "Accept: */*\r\n", "GET", path, None).await;
         assert_eq!(header(&program.head, "content-type"), "application/json", "{path}");
     }
-    for path in ["/v1/", "/v1/robot"] {
+    for path in ["/v1/", "/v1/robot", "//", "//other.example/x"] {
         let page = request(address, browser, "GET", path, None).await;
         assert_eq!(page.status, 401, "{path}: the API is told to a known caller alone");
     }

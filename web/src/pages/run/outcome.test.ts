@@ -41,14 +41,15 @@ test("a program is told as not running any more only if it ran before, and is se
 test("of another program only an end that needs nothing is left out", () => {
   const ended = (state: Run["state"]): Sent => ({ kind: "ended", run: { state } as Run });
   expect(isOfOther(ended("done"), "a", "b")).toBe(true);
-  for (const [what, sent, sentText, text] of [
-    ["the same text", ended("done"), "b", "b"],
+  for (const [what, sent, ran, name] of [
+    ["the same program", ended("done"), "b", "b"],
     ["another page sent it", ended("done"), null, "b"],
+    ["the page of the robot", ended("done"), "a", undefined],
     ["it failed", ended("failed"), "a", "b"],
     ["its end is not known", ended("unknown"), "a", "b"],
     ["it is under way", { kind: "sent" }, "a", "b"],
     ["nothing was sent", null, "a", "b"],
   ] as const) {
-    expect(isOfOther(sent, sentText, text), what).toBe(false);
+    expect(isOfOther(sent, ran, name), what).toBe(false);
   }
 });
