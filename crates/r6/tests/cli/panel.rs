@@ -59,13 +59,13 @@ fn the_robot_of_the_demo_that_drifts_works_again_once_it_was_cleared_and_started
     ]);
     let status = || cell.done(&["status"]).out;
     cell.done(&["button", "start"]);
-    until(|| status().contains("130").then_some(()));
+    until(|| status().contains("130 (J1").then_some(()));
     cell.done(&["clear"]);
     cell.done(&["button", "start"]);
     // A minute of its time: several cycles. The alarm came back with the first move before.
     std::thread::sleep(std::time::Duration::from_millis(300));
     let after = status();
-    assert!(after.contains("running") && !after.contains("130"), "{after}");
+    assert!(after.contains("running") && !after.contains("130 (J1"), "{after}");
 }
 
 #[test]
