@@ -284,11 +284,12 @@ export const en = {
     dismissOf: (robot: string) => `Seen ${robot}`,
     not: "Not an emergency stop",
     key: "F9",
-    waiting: (robot: string) => `${robot}: waits to be sent`,
-    sending: (robot: string) => `${robot}: sending`,
-    stopped: (robot: string, at: string) => `${robot}: stopped, seen ${at}`,
-    notConfirmed: (robot: string) => `${robot}: NOT CONFIRMED. Use the emergency stop at the robot.`,
-    notSent: (robot: string) => `${robot}: NOT SENT. Use the emergency stop at the robot.`,
+    of: (robot: string, text: string) => `${robot}: ${text}`,
+    waiting: "waits to be sent",
+    sending: "sending",
+    stopped: (at: string) => `stopped, seen ${at}`,
+    notConfirmed: "NOT CONFIRMED. Use the emergency stop at the robot.",
+    notSent: "NOT SENT. Use the emergency stop at the robot.",
     why: (why: string) =>
       ({
         no_answer: "No answer yet.",

@@ -267,11 +267,12 @@ export const zh: typeof en = {
     dismissOf: (robot) => `已阅 ${robot}`,
     not: "不是急停",
     key: "F9",
-    waiting: (robot) => `${robot}：等待发送`,
-    sending: (robot) => `${robot}：正在发送`,
-    stopped: (robot, at) => `${robot}：已停止，${at} 确认`,
-    notConfirmed: (robot) => `${robot}：未确认。请使用机器人旁的急停按钮。`,
-    notSent: (robot) => `${robot}：未发送。请使用机器人旁的急停按钮。`,
+    of: (robot, text) => `${robot}：${text}`,
+    waiting: "等待发送",
+    sending: "正在发送",
+    stopped: (at) => `已停止，${at} 确认`,
+    notConfirmed: "未确认。请使用机器人旁的急停按钮。",
+    notSent: "未发送。请使用机器人旁的急停按钮。",
     why: (why) =>
       ({
         no_answer: "尚无应答。",

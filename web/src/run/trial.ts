@@ -1,5 +1,6 @@
 /** Where a text has to run before it may run on a robot of the page that teaches: rules of that page, pure. */
 import type { RobotSummary } from "../api/types.ts";
+import type { Ready } from "./guard.ts";
 
 export interface Trial {
   /** Whether the program may be run on this robot at all: a real arm has to have a twin. */
@@ -22,15 +23,8 @@ export function trialOf(
   return { hasTwin: twin !== null || twin_of !== null || !isArm, needsNoTrial, tried: needsNoTrial || (twin !== null && hasRun(twin)) };
 }
 
-/** What the page knows of who controls a robot. */
-export interface Access {
-  gateway: boolean;
-  right: boolean;
-  /** Whether this page has the lease. */
-  lease: boolean;
-  /** Whether somebody has it, as the gateway says. */
-  isHeld: boolean;
-}
+/** What this page may do, and whether somebody controls the robot, as the gateway says. */
+export type Access = Pick<Ready, "gateway" | "right" | "lease"> & { isHeld: boolean };
 
 /** Whether nobody controls the robot, and this page may: then preparing a run takes control first, and says so. */
 export function isFreeToTake({ gateway, right, lease, isHeld }: Access): boolean {

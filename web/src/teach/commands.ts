@@ -17,8 +17,8 @@ import {
   pointsOf,
   wants,
 } from "./document.ts";
-import { standsAt } from "./propose.ts";
 import { firstFreeName } from "./free.ts";
+import { standsAt } from "./propose.ts";
 
 export type Command =
   | { kind: "insert"; at: number; steps: readonly Step[] }
@@ -170,29 +170,23 @@ export interface Grip {
   on: boolean;
 }
 
-/** The point from which the arm comes to the step `at`, from 0, and to which it goes back with the part; `null` without one. */
-export function backFrom(document: Document, at: number): Point | null {
-  return standsAt(document, at - 1);
-}
-
 /**
- * A new point, and a move to it that becomes the step `at`, from 0: one change. With a grip its output, a wait, and the
- * move back to the point before are the steps behind it.
+ * The steps of a new move to a point, which becomes the step `at`, from 0. With a grip they are followed by its output, a
+ * wait, and the move back to where the arm came from, if the steps tell that.
  */
-export function putPointAndMove(document: Document, point: Point, at: number, grip: Grip | null = null): Command {
-  const table = document.steps[0]?.table ?? "instruction";
-  const gripping =
-    grip === null
-      ? []
-      : [
-          [{ key: "do", value: "output" }, { key: "point", value: grip.output }, { key: "on", value: grip.on }],
-          [{ key: "do", value: "wait" }, { key: "seconds", value: GRIP_SECONDS }],
-        ];
-  const back = grip === null ? null : backFrom(document, at);
-  const steps = [
-    moveTo(document, point),
-    ...gripping.map((fields) => newStep(table, fields)),
+export function stepsTo(document: Document, point: Point, at: number, grip: Grip | null): Step[] {
+  const move = moveTo(document, point);
+  if (grip === null) return [move];
+  const back = standsAt(document, at - 1);
+  return [
+    move,
+    newStep(move.table, [{ key: "do", value: "output" }, { key: "point", value: grip.output }, { key: "on", value: grip.on }]),
+    newStep(move.table, [{ key: "do", value: "wait" }, { key: "seconds", value: GRIP_SECONDS }]),
     ...(back === null ? [] : [moveTo(document, back)]),
   ];
+}
+
+/** A new point, and steps that begin with `at`, from 0: one change. */
+export function putPointAndSteps(document: Document, point: Point, at: number, steps: readonly Step[]): Command {
   return { kind: "all", commands: [putPoint(document, null, point), { kind: "insert", at, steps }] };
 }

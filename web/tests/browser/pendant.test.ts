@@ -74,7 +74,7 @@ for (const { words, locale } of [
       await moves(person);
       await person.press(words.lease.take);
       await person.press(new RegExp(words.stop.one("virtual")));
-      await page.getByText(words.stop.stopped("virtual", "@").split("@")[0]!.trim()).first().waitFor();
+      await page.getByText(words.stop.of("virtual", words.stop.stopped("@")).split("@")[0]!.trim()).first().waitFor();
       const control = person.part(words.control.title);
       await person.press(words.control.clearStop, control);
       // The alarm that the stop left is cleared here, and the key is turned at the pendant.

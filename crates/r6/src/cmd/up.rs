@@ -111,8 +111,7 @@ pub struct UpArgs {
     /// (docs/SIMULATOR.md). Each robot has a twin, as with `r6 gateway --twins`
     #[arg(id = "hall", long = "cell", value_name = "FILE", conflicts_with_all = ONE_ROBOT)]
     hall: Option<PathBuf>,
-    /// Beside the robot, put another one behind the gateway that works by itself, so that something moves:
-    /// what `make run` does
+    /// Also start a second robot, `demo`, which runs a program from the start. `make run` does so
     #[arg(long)]
     demo: bool,
     #[command(flatten)]
@@ -151,11 +150,8 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let gateway = match simulation.controllers().first() {
         Some(robot) => {
             let mut cell = Cell::of_one(robot.local_address(), panel, model)?;
-            if let Some((demo, robot)) =
-                demo.as_ref().and_then(|demo| Some((demo, demo.controllers().first()?)))
-            {
-                let panel = demo.panel().and_then(|panel| Panel::new(panel, 1));
-                cell.add(demo::NAME, robot.local_address(), panel, Some(demo::MODEL.to_owned()))?;
+            if let Some(demo) = &demo {
+                demo::add_to(&mut cell, demo)?;
             }
             CellGateway::start(place, cell, usual_port, data.as_deref()).await?
         }

@@ -57,15 +57,18 @@ fn the_robot_of_the_demo_that_drifts_works_again_once_it_was_cleared_and_started
         "--clock",
         "200x",
     ]);
-    let status = || cell.done(&["status"]).out;
+    let read = |address: &str| -> Value {
+        let answer = r6(&["-r", &cell.robot, "query", address, "--json"]);
+        assert_eq!(answer.code, 0, "{answer:?}");
+        serde_json::from_str::<Value>(&answer.out).unwrap()["values"][address].clone()
+    };
     cell.done(&["button", "start"]);
-    until(|| status().contains("130 (J1").then_some(()));
+    until(|| (read("curAlarm") == 130).then_some(()));
+    let parts = read("counter-1");
     cell.done(&["clear"]);
     cell.done(&["button", "start"]);
-    // A minute of its time: several cycles. The alarm came back with the first move before.
-    std::thread::sleep(std::time::Duration::from_millis(300));
-    let after = status();
-    assert!(after.contains("running") && !after.contains("130 (J1"), "{after}");
+    // Without the mend the first move ends in the alarm again, and no part is made.
+    until(|| (read("counter-1") != parts).then_some(()));
 }
 
 #[test]

@@ -1,18 +1,20 @@
-//! A robot that works by itself, beside the one that people try things on: something moves from the start.
+//! The second robot of `r6 up --demo`. It runs a program from the start, so something moves.
 
 use std::net::{Ipv4Addr, SocketAddr};
 
 use r6_controller::Library;
+use r6_gateway::Panel;
 use r6_sim::{Clock, SimSettings, Simulation};
 
+use super::gateway::Cell;
 use crate::cmd::sim::given;
 use crate::exit::Failure;
 
 /// Its name in the gateway, and that of its program.
-pub const NAME: &str = "demo";
+const NAME: &str = "demo";
 
 /// The model of its arm: its program is for this one.
-pub const MODEL: &str = "BRTIRUS0707A";
+const MODEL: &str = "BRTIRUS0707A";
 
 const PROGRAM: &str = include_str!("demo.toml");
 
@@ -31,4 +33,13 @@ pub async fn start(clock: Clock) -> Result<Simulation, Failure> {
         ..SimSettings::default()
     };
     Simulation::start(settings).await.map_err(Failure::usage)
+}
+
+/// Puts it behind the gateway of this cell.
+pub fn add_to(cell: &mut Cell, demo: &Simulation) -> Result<(), Failure> {
+    let panel = demo.panel().and_then(|panel| Panel::new(panel, 1));
+    for robot in demo.controllers() {
+        cell.add(NAME, robot.local_address(), panel, Some(MODEL.to_owned()))?;
+    }
+    Ok(())
 }
