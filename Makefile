@@ -10,11 +10,11 @@ help: ## Show this list
 	@echo "Targets (ARGS=\"...\" is passed on to run, dist, day, breaks and bench):"
 	@sed -n 's/^\([a-z]*\):[^#]*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
 
-run: ## Build the dashboard and r6 for release, and start a virtual cell: r6 up ARGS
+run: ## Build the dashboard and r6 for release, and start a virtual cell: r6 up ARGS (without ARGS: --demo)
 	@tools/test toolchain run
 	@tools/web build || echo "going on without the dashboard"
 	@$(CARGO) build --release --locked --package r6
-	@exec "$(BUILT)/release/r6" up $(ARGS)
+	@exec "$(BUILT)/release/r6" up $(or $(ARGS),--demo)
 
 test: ## Run all tests: Rust, the examples in the documentation, the dashboard, Python
 	@tools/test

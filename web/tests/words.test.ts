@@ -70,8 +70,8 @@ test("that an arm stands is said only if it is seen, and each bad end of a stop 
     expect(zh.doing({ kind, program: null, left: null, mine: false, stands: false })).toMatch(/未知。/);
     expect(en.doing({ kind, program: null, left: null, mine: false, stands: true })).not.toContain("not known");
   }
-  for (const say of [en.stop.notConfirmed, en.stop.notSent]) expect(say("saw")).toContain("emergency stop");
-  for (const say of [zh.stop.notConfirmed, zh.stop.notSent]) expect(say("saw")).toContain("急停");
+  for (const say of [en.stop.notConfirmed, en.stop.notSent]) expect(say).toContain("emergency stop");
+  for (const say of [zh.stop.notConfirmed, zh.stop.notSent]) expect(say).toContain("急停");
   for (const why of ["no_answer", "no_gateway", "in_turn", "given_up", "not_stopped"]) {
     for (const words of [en, zh]) expect(words.stop.why(why)).not.toContain(why);
   }

@@ -42,8 +42,8 @@ use std::sync::Arc;
 
 use axum::extract::DefaultBodyLimit;
 use axum::http::header::CONTENT_TYPE;
-use axum::http::{StatusCode, Uri};
-use axum::response::IntoResponse;
+use axum::http::{HeaderMap, Method, StatusCode, Uri};
+use axum::response::{IntoResponse, Response};
 use axum::{Router, middleware};
 use r6_api::Code;
 use r6_client::RobotSettings;
@@ -237,12 +237,25 @@ async fn describe(_caller: Caller) -> impl IntoResponse {
     ([(CONTENT_TYPE, "application/json")], openapi())
 }
 
-async fn no_such_path(_caller: Caller, uri: Uri) -> Refusal {
+/// A browser at an address of no page gets the dashboard, which says so; paths of the API are told to a known
+/// caller alone.
+async fn no_such_path(
+    caller: Result<Caller, Refusal>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    // A path that begins with two slashes is another host for scripts of the page.
+    let is_no_page = uri.path().starts_with("/v1/") || uri.path().starts_with("//");
+    if method == Method::GET && !is_no_page && page::wants_page(&headers) {
+        return Ok(page::none());
+    }
+    caller?;
     let path: String = uri.path().chars().take(100).collect();
-    Refusal::not_found(
+    Err(Refusal::not_found(
         Code::NoSuchPath,
         format!("there is no `{path}`; GET /v1/openapi.json names all paths"),
-    )
+    ))
 }
 
 async fn no_such_method(_caller: Caller) -> Refusal {

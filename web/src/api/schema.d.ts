@@ -3073,6 +3073,11 @@ export interface components {
              */
             code: number;
             /**
+             * @description Whether its end was seen: just before `until` it was still there. If it ended and this is `false`, it
+             *     may have ended at any time since the robot was seen last. `false` while it is active.
+             */
+            end_seen: boolean;
+            /**
              * Format: int64
              * @description Its number. No other alarm of this robot has it.
              * @example 1764043200031200
@@ -9379,7 +9384,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `no_such_path`: there is no such page; or this build has no dashboard: then it is a page that says so */
+            /** @description `no_such_path`: there is no such page; or this build has no dashboard: then it is a page that says so. A browser gets the page */
             404: {
                 headers: {
                     [name: string]: unknown;

@@ -163,7 +163,7 @@ export const en = {
     noLink: (seconds: number | null) => (seconds === null ? "no link" : `no link ${duration(seconds)}`),
     alarm: (code: number) => `alarm ${code}`,
     parts: (n: number) => `counter ${n}`,
-    stands: (seconds: number) => `stands for ${duration(seconds)}`,
+    stands: (seconds: number) => `stands, ${duration(seconds)} or more`,
     old: (seconds: number) => `${duration(seconds)} old`,
     held: (holder: string) => `${holder} controls it`,
     stopHolds: "stop holds",
@@ -224,7 +224,8 @@ export const en = {
     clearStop: "Clear stop",
     prepare: "Prepare start…",
     run: (robot: string) => `Hold to run ${robot}`,
-    runHint: "Hold the button for 1 s, or press Enter twice on it.",
+    runHint: "Hold the button for 1 s.",
+    runKeys: "Or press Enter twice on it.",
     cancel: "Cancel",
     close: "Close",
     prepareTitle: (robot: string) => `Start ${robot}?`,
@@ -263,8 +264,9 @@ export const en = {
       `${what}: OUTCOME UNKNOWN. The robot may have acted. Look at it, and stop it if in doubt. It is not sent again.`,
     start: "Start",
     lease: "Control",
-    alarmRefused: (what: string, said: string) =>
-      `${what}: the controller refused it. Remove the cause, release the emergency stop, and try again; some firmware clears alarms at the pendant alone. Gateway: ${said}`,
+    /** The gateway says what to do, too. */
+    alarmRefused: (what: string, said: string, hasPanel: boolean) =>
+      `${what}: ${said}.${hasPanel ? " The panel of this virtual robot is its pendant." : ""}`,
     startRefused: (what: string, said: string) =>
       `${what}: the controller refused it. It starts in automatic mode, without an alarm, with the emergency stop released: look at the pendant. Gateway: ${said}`,
   },
@@ -282,11 +284,12 @@ export const en = {
     dismissOf: (robot: string) => `Seen ${robot}`,
     not: "Not an emergency stop",
     key: "F9",
-    waiting: (robot: string) => `${robot}: waits to be sent`,
-    sending: (robot: string) => `${robot}: sending`,
-    stopped: (robot: string, at: string) => `${robot}: stopped, seen ${at}`,
-    notConfirmed: (robot: string) => `${robot}: NOT CONFIRMED. Use the emergency stop at the robot.`,
-    notSent: (robot: string) => `${robot}: NOT SENT. Use the emergency stop at the robot.`,
+    of: (robot: string, text: string) => `${robot}: ${text}`,
+    waiting: "waits to be sent",
+    sending: "sending",
+    stopped: (at: string) => `stopped, seen ${at}`,
+    notConfirmed: "NOT CONFIRMED. Use the emergency stop at the robot.",
+    notSent: "NOT SENT. Use the emergency stop at the robot.",
     why: (why: string) =>
       ({
         no_answer: "No answer yet.",

@@ -160,7 +160,7 @@ export const zh: typeof en = {
     noLink: (seconds) => (seconds === null ? "无连接" : `无连接 ${duration(seconds)}`),
     alarm: (code) => `报警 ${code}`,
     parts: (n) => `计数 ${n}`,
-    stands: (seconds) => `静止 ${duration(seconds)}`,
+    stands: (seconds) => `静止至少 ${duration(seconds)}`,
     old: (seconds) => `${duration(seconds)}前`,
     held: (holder) => `${who(holder)} 正在控制`,
     stopHolds: "停止有效",
@@ -215,7 +215,8 @@ export const zh: typeof en = {
     clearStop: "解除停止",
     prepare: "准备启动…",
     run: (robot) => `按住以运行 ${robot}`,
-    runHint: "按住按钮 1 秒，或在按钮上按两次 Enter。",
+    runHint: "按住按钮 1 秒。",
+    runKeys: "或在按钮上按两次 Enter。",
     cancel: "取消",
     close: "关闭",
     prepareTitle: (robot) => `启动 ${robot}？`,
@@ -247,8 +248,8 @@ export const zh: typeof en = {
     unknown: (what) => `${what}：结果未知。机器人可能已动作，请查看，如有疑问请停止。不会重新发送。`,
     start: "启动",
     lease: "控制权",
-    alarmRefused: (what) =>
-      `${what}：被控制器拒绝。请排除原因、松开急停后重试；某些固件只能在示教器上清除报警。`,
+    alarmRefused: (what, _said, hasPanel) =>
+      `${what}：被控制器拒绝。请排除原因、松开急停后重试，或${hasPanel ? "在此虚拟机器人的面板上" : "在示教器上"}清除报警。`,
     startRefused: (what) =>
       `${what}：被控制器拒绝。控制器只在自动模式、无报警且急停已松开时启动：请查看示教器。`,
   },
@@ -266,11 +267,12 @@ export const zh: typeof en = {
     dismissOf: (robot) => `已阅 ${robot}`,
     not: "不是急停",
     key: "F9",
-    waiting: (robot) => `${robot}：等待发送`,
-    sending: (robot) => `${robot}：正在发送`,
-    stopped: (robot, at) => `${robot}：已停止，${at} 确认`,
-    notConfirmed: (robot) => `${robot}：未确认。请使用机器人旁的急停按钮。`,
-    notSent: (robot) => `${robot}：未发送。请使用机器人旁的急停按钮。`,
+    of: (robot, text) => `${robot}：${text}`,
+    waiting: "等待发送",
+    sending: "正在发送",
+    stopped: (at) => `已停止，${at} 确认`,
+    notConfirmed: "未确认。请使用机器人旁的急停按钮。",
+    notSent: "未发送。请使用机器人旁的急停按钮。",
     why: (why) =>
       ({
         no_answer: "尚无应答。",

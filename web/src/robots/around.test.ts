@@ -6,7 +6,7 @@ const at = (seconds: number): string => new Date(Date.UTC(2026, 10, 25, 9, 0, 0)
 
 function alarm(since: number, until: number | null): RobotAlarm {
   const state = until === null ? "active" : "ended";
-  const known = { axis: null, begin_seen: true, id: 1, remedy: "", text: "", acknowledged: null, shelved: null } as const;
+  const known = { axis: null, begin_seen: true, end_seen: true, id: 1, remedy: "", text: "", acknowledged: null, shelved: null } as const;
   return { ...known, code: 5001, robot: "press-03", since: at(since), until: until === null ? null : at(until), state };
 }
 

@@ -21,6 +21,7 @@ function alarm(robot: string, code: number, part: Partial<RobotAlarm> = {}): Rob
     state: "active",
     since: "1970-01-01T00:00:10Z",
     begin_seen: true,
+    end_seen: false,
     until: null,
     acknowledged: null,
     shelved: null,

@@ -55,19 +55,24 @@ test("a finger that scrolls presses nothing, however late the page hears of the 
 test("a slide that scrolls nothing presses, on the button alone", () => {
   const { finger, at, pass, presses } = start();
   finger.down(at());
-  finger.move(at(SLIDE + 8));
+  finger.move(at(0, SLIDE + 8));
   pass(REST);
   expect(presses(), "it may be about to scroll").toBe(0);
-  finger.up(at(SLIDE + 8), true);
+  finger.up(at(0, SLIDE + 8), true);
   expect(presses()).toBe(1);
+  finger.down(at());
+  finger.move(at(SLIDE + 8));
+  pass(REST);
+  expect(presses(), "sideways nothing scrolls: it rests").toBe(2);
+  finger.up(at(SLIDE + 8), true);
   finger.down(at());
   finger.up(at(900), false);
   pass(REST);
-  expect(presses()).toBe(1);
+  expect(presses()).toBe(2);
   finger.down(at());
   finger.cancel(at(0, SLIDE + 1));
   pass(REST);
-  expect(presses()).toBe(2);
+  expect(presses()).toBe(3);
 });
 
 test("a short touch holds a list that still runs, and a longer one presses", () => {
@@ -102,4 +107,34 @@ test("another finger ends no press, and what is dropped presses nothing", () => 
   pass(2 * REST);
   finger.up(at(), true);
   expect(presses()).toBe(1);
+});
+
+test("a finger on a button that goes away pressed it, unless it was about to scroll", () => {
+  const { finger, at, pass, presses } = start();
+  expect(finger.leave()).toBe(false);
+  finger.down(at());
+  pass(REST / 2);
+  expect(finger.leave()).toBe(true);
+  // It is said once, and the finger that is lifted afterwards adds nothing.
+  expect(finger.leave()).toBe(false);
+  finger.up(at(), true);
+  pass(2 * REST);
+  expect(presses()).toBe(0);
+  finger.down(at());
+  finger.move(at(0, SLIDE + 1));
+  expect(finger.leave(), "it slid").toBe(false);
+  finger.down(at());
+  finger.move(at(0, SLIDE - 1));
+  expect(finger.leave(), "it trembled").toBe(true);
+  finger.down(at());
+  finger.move(at(3 * SLIDE, 0));
+  expect(finger.leave(), "sideways nothing scrolls").toBe(true);
+  pass(RUNS);
+  finger.scrolled(at().timeStamp);
+  finger.down(at());
+  expect(finger.leave(), "it held a list that ran").toBe(false);
+  finger.down(at());
+  pass(2 * REST);
+  expect(presses(), "it pressed while it rested").toBe(1);
+  expect(finger.leave()).toBe(false);
 });

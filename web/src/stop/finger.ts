@@ -24,7 +24,7 @@ export interface Touch {
 }
 
 export class Finger {
-  private on: { id: number; x: number; y: number; isTap: boolean } | null = null;
+  private on: { id: number; x: number; y: number; isTap: boolean; hasSlid: boolean } | null = null;
   private unrest: () => void = () => {};
   private scrolledAt = -Infinity;
 
@@ -38,16 +38,19 @@ export class Finger {
   down({ pointerId: id, clientX: x, clientY: y, timeStamp }: Touch): void {
     this.drop();
     const isTap = timeStamp - this.scrolledAt >= RUNS;
-    this.on = { id, x, y, isTap };
+    this.on = { id, x, y, isTap, hasSlid: false };
     this.unrest = this.world.after(isTap ? REST : 2 * REST, () => {
       this.drop();
       this.world.press();
     });
   }
 
-  move({ pointerId, clientX, clientY }: Touch): void {
+  move({ pointerId, clientY }: Touch): void {
     const { on } = this;
-    if (on?.id === pointerId && Math.hypot(clientX - on.x, clientY - on.y) > SLIDE) this.unrest();
+    // Sideways nothing scrolls.
+    if (on?.id !== pointerId || Math.abs(clientY - on.y) <= SLIDE) return;
+    on.hasSlid = true;
+    this.unrest();
   }
 
   /** `isOver`: the finger is still over the button. */
@@ -67,6 +70,13 @@ export class Finger {
     this.world.after(REST, () => {
       if (this.scrolledAt < timeStamp - REST) this.world.press();
     });
+  }
+
+  /** The button goes away under the finger, as when its list is closed. Says whether that was a press by then. */
+  leave(): boolean {
+    const { on } = this;
+    this.drop();
+    return on !== null && on.isTap && !on.hasSlid;
   }
 
   /** What the finger began is forgotten. */

@@ -6,27 +6,34 @@ export interface Words {
   not: string;
   dismiss: string;
   dismissOf(robot: string): string;
-  waiting(robot: string): string;
-  sending(robot: string): string;
-  stopped(robot: string, at: string): string;
-  notConfirmed(robot: string): string;
-  notSent(robot: string): string;
+  /** A sentence with the robot that it is of. */
+  of(robot: string, text: string): string;
+  waiting: string;
+  sending: string;
+  stopped(at: string): string;
+  notConfirmed: string;
+  notSent: string;
   why(why: string): string;
 }
 
-export function say(robot: string, state: StopState, words: Words, clock: (at: Date) => string): string {
+/** Beside a button that has the name of the robot. */
+export function sayBeside(state: StopState, words: Words, clock: (at: Date) => string): string {
   switch (state.kind) {
     case "waiting":
-      return words.waiting(robot);
+      return words.waiting;
     case "sending":
-      return words.sending(robot);
+      return words.sending;
     case "stopped":
-      return words.stopped(robot, clock(state.at));
+      return words.stopped(clock(state.at));
     case "not_confirmed":
-      return `${words.notConfirmed(robot)} ${words.why(state.why)}`;
+      return `${words.notConfirmed} ${words.why(state.why)}`;
     case "not_sent":
-      return `${words.notSent(robot)} ${words.why(state.why)}`;
+      return `${words.notSent} ${words.why(state.why)}`;
   }
+}
+
+export function say(robot: string, state: StopState, words: Words, clock: (at: Date) => string): string {
+  return words.of(robot, sayBeside(state, words, clock));
 }
 
 /** Whether it has to be read by somebody. */

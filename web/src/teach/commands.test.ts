@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
-import { type Command, apply, copied, freeName, putPoint, putPointAndMove, removePoint, withField, withoutField } from "./commands.ts";
-import { type Document, EMPTY, fieldOf, fieldWith, linked, newStep, pointsOf, read, valueAt, write } from "./document.ts";
+import { type Command, type Grip, apply, copied, freeName, putPoint, putPointAndSteps, removePoint, stepsTo, withField, withoutField } from "./commands.ts";
+import { type Document, EMPTY, type Point, doOf, fieldOf, fieldWith, linked, newStep, pointsOf, read, valueAt, write } from "./document.ts";
 import { MAX_ENTRIES, change, choose, historyOf, redo, undo } from "./history.ts";
 
 const TEXT = `# point "P1" = axes [1, 2, 3] pose [4, 5, 6, 7, 8, 9]
@@ -29,6 +29,11 @@ const wait = newStep("instruction", [
   { key: "seconds", value: 0.5 },
 ]);
 
+/** A new point, and what the arm does there. */
+function taken(document: Document, point: Point, at: number, grip: Grip | null = null): Command {
+  return putPointAndSteps(document, point, at, stepsTo(document, point, at, grip));
+}
+
 function commands(document: Document): Command[] {
   return [
     { kind: "insert", at: 0, steps: [wait] },
@@ -41,7 +46,8 @@ function commands(document: Document): Command[] {
     putPoint(document, null, { name: "P2", axes: [0, 0, 0], pose: null }),
     putPoint(document, "P1", { name: "above", axes: [9, 9, 9], pose: [1, 1, 1, 1, 1, 1] }),
     removePoint(document, "P1"),
-    putPointAndMove(document, { name: "P2", axes: [0, 0, 0], pose: null }, 1),
+    taken(document, { name: "P2", axes: [0, 0, 0], pose: null }, 1),
+    taken(document, { name: "P2", axes: [0, 0, 0], pose: null }, 1, { output: "Y011", on: false }),
     { kind: "replace", document: EMPTY },
     { kind: "all", commands: [{ kind: "remove", at: 1, count: 1 }, { kind: "insert", at: 0, steps: [wait] }] },
   ];
@@ -106,12 +112,12 @@ test("a new point goes behind the others, with a name that is free", () => {
 
 test("a point and the move to it are one change", () => {
   let now = choose(historyOf(start()), { step: 0 });
-  now = change(now, putPointAndMove(now.document, { name: "P2", axes: [7, 8, 9], pose: null }, 1), { step: 1 });
+  now = change(now, taken(now.document, { name: "P2", axes: [7, 8, 9], pose: null }, 1), { step: 1 });
   expect([now.done.length, now.document.steps.length, linked(now.document, now.document.steps[1]!, "to")?.name]).toEqual([1, 4, "P2"]);
   expect(write(now.document)).toContain('do = "axis-move"\nto = [7, 8, 9] # point "P2"\nspeed = 20\n');
   now = undo(now);
   expect([write(now.document), now.selection]).toEqual([TEXT, { step: 0 }]);
-  const posed = apply(EMPTY, putPointAndMove(EMPTY, { name: "P1", axes: null, pose: [1, 2, 3, 4, 5, 6] }, 0)).document;
+  const posed = apply(EMPTY, taken(EMPTY, { name: "P1", axes: null, pose: [1, 2, 3, 4, 5, 6] }, 0)).document;
   expect(write(posed)).toContain('do = "linear-move"\nto = [1, 2, 3, 4, 5, 6] # point "P1"');
 });
 
@@ -148,4 +154,31 @@ test("the history is bounded", () => {
   let now = historyOf(start());
   for (let round = 0; round < MAX_ENTRIES + 5; round += 1) now = change(now, { kind: "move", from: 0, to: 2 }, null);
   expect(now.done.length).toBe(MAX_ENTRIES);
+});
+
+test("a pick is a point, a move to it, its output, a wait and the way back, where it was asked for", () => {
+  const point = { name: "P2", axes: [7, 8, 9], pose: null };
+  const { document } = apply(start(), taken(start(), point, 1, { output: "Y011", on: true }));
+  expect(pointsOf(document).map(({ name }) => name)).toEqual(["P1", "P2"]);
+  expect(document.steps.map((step) => step.fields.map(({ key, value }) => `${key} ${String(value)}`).join(", "))).toEqual([
+    "do axis-move, to 1,2,3, speed 50",
+    "do axis-move, to 7,8,9, speed 20",
+    "do output, point Y011, on true",
+    "do wait, seconds 0.5",
+    "do axis-move, to 1,2,3, speed 20",
+    "do linear-move, to 4,5,6, speed 10",
+    "do wait, seconds 1",
+  ]);
+  expect(linked(document, document.steps[1]!, "to")?.name).toBe("P2");
+  expect(linked(document, document.steps[4]!, "to")?.name).toBe("P1");
+  // The first step has nowhere to go back to.
+  const first = apply(EMPTY, taken(EMPTY, point, 0, { output: "Y011", on: true })).document;
+  expect(first.steps.map(doOf)).toEqual(["axis-move", "output", "wait"]);
+});
+
+test("a place in a taught program is steps of a taught program", () => {
+  const taught = start('[[step]]\ndo = "photo"\n');
+  const { document } = apply(taught, taken(taught, { name: "P1", axes: [1], pose: null }, 1, { output: "Y010", on: false }));
+  expect(document.steps.map(({ table }) => table)).toEqual(["step", "step", "step", "step"]);
+  expect(valueAt(document.steps[2]!, "on")).toBe(false);
 });

@@ -17,6 +17,8 @@ import {
   pointsOf,
   wants,
 } from "./document.ts";
+import { firstFreeName } from "./free.ts";
+import { standsAt } from "./propose.ts";
 
 export type Command =
   | { kind: "insert"; at: number; steps: readonly Step[] }
@@ -144,8 +146,7 @@ export function removePoint(document: Document, name: string): Command {
 
 /** A name that no point has: `P1`, `P2`. */
 export function freeName(document: Document): string {
-  const names = new Set(pointsOf(document).map(({ name }) => name));
-  for (let number = 1; ; number += 1) if (!names.has(`P${number}`)) return `P${number}`;
+  return firstFreeName("P", pointsOf(document).map(({ name }) => name));
 }
 
 /** The speed of a new move, in percent. */
@@ -160,8 +161,32 @@ export function moveTo(document: Document, { name, axes, pose }: Point): Step {
   ]);
 }
 
-/** A new point, and a move to it that becomes the step `at`, from 0: one change. */
-export function putPointAndMove(document: Document, point: Point, at: number): Command {
-  const insert: Command = { kind: "insert", at, steps: [moveTo(document, point)] };
-  return { kind: "all", commands: [putPoint(document, null, point), insert] };
+/** How long a new pick or place waits for its gripper, in seconds. */
+export const GRIP_SECONDS = 0.5;
+
+/** What a gripper does where the arm stands: `on` picks, and off places. `output`: its output, such as `Y010`. */
+export interface Grip {
+  output: string;
+  on: boolean;
+}
+
+/**
+ * The steps of a new move to a point, which becomes the step `at`, from 0. With a grip they are followed by its output, a
+ * wait, and the move back to where the arm came from, if the steps tell that.
+ */
+export function stepsTo(document: Document, point: Point, at: number, grip: Grip | null): Step[] {
+  const move = moveTo(document, point);
+  if (grip === null) return [move];
+  const back = standsAt(document, at - 1);
+  return [
+    move,
+    newStep(move.table, [{ key: "do", value: "output" }, { key: "point", value: grip.output }, { key: "on", value: grip.on }]),
+    newStep(move.table, [{ key: "do", value: "wait" }, { key: "seconds", value: GRIP_SECONDS }]),
+    ...(back === null ? [] : [moveTo(document, back)]),
+  ];
+}
+
+/** A new point, and steps that begin with `at`, from 0: one change. */
+export function putPointAndSteps(document: Document, point: Point, at: number, steps: readonly Step[]): Command {
+  return { kind: "all", commands: [putPoint(document, null, point), { kind: "insert", at, steps }] };
 }

@@ -9,6 +9,38 @@ export function pointsIn(document: Document, step: Step): string[] {
   });
 }
 
+/** Steps that do not move the arm, and behind which the step below them comes. */
+const STILL: ReadonlySet<string> = new Set([
+  "wait",
+  "output",
+  "board-output",
+  "stop-on-signal",
+  "path-speed",
+  "photo",
+  "take-point",
+  "counter",
+  "register",
+  "wait-for-registers",
+]);
+
+/**
+ * The point that the arm stands at when a step, from 0, is carried out: that of its own move, or of the last one before.
+ * `null` if that is not told by the steps: a move with numbers of its own or to registers, a label that is jumped to.
+ */
+export function standsAt(document: Document, step: number): Point | null {
+  for (let at = step; at >= 0; at -= 1) {
+    const one = document.steps[at];
+    if (one === undefined) return null;
+    if (isMove(one)) return linked(document, one, "to");
+    if (!STILL.has(doOf(one))) return null;
+  }
+  return null;
+}
+
+function isMove(step: Step): boolean {
+  return step.fields.some(({ key }) => wants(doOf(step), key) !== null);
+}
+
 /** How many steps move to a point. */
 export function usesOf(document: Document, name: string): number {
   return document.steps.filter((step) => pointsIn(document, step).includes(name)).length;
@@ -24,15 +56,8 @@ export function proposed(document: Document, before: number | null, wanted: "axe
   const used = new Set(document.steps.flatMap((step) => pointsIn(document, step)));
   const unused = points.find(({ name }) => !used.has(name));
   if (unused !== undefined) return unused;
-  const last = lastPoint(document, before);
-  const at = points.findIndex(({ name }) => name === last);
+  const last = before === null ? undefined : document.steps.slice(0, before + 1).findLast(isMove);
+  const from = last === undefined ? null : linked(document, last, "to");
+  const at = points.findIndex(({ name }) => name === from?.name);
   return (at < 0 ? undefined : points[at + 1]) ?? points.at(-1) ?? null;
-}
-
-/** The point that the arm comes from: steps such as outputs do not move it. */
-function lastPoint(document: Document, before: number | null): string | null {
-  if (before === null) return null;
-  const steps = document.steps.slice(0, before + 1);
-  const last = steps.findLast((step) => step.fields.some(({ key }) => wants(doOf(step), key) !== null));
-  return last === undefined ? null : (linked(document, last, "to")?.name ?? null);
 }

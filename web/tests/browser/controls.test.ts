@@ -269,7 +269,7 @@ test("a kept program is checked, planned, run by holding, and its end is proved"
   await page.click("[data-prepare]");
   await says(page, "[data-prepared]", /sweep, version 1: 1 step, 1 time\./);
   await says(page, "[data-prepared]", /\d+ mm in \d+\.\d\d s at 100 %\./);
-  await says(page, "[data-prepared]", "The set speed is not known: it may be slower.");
+  await says(page, "[data-prepared]", "Its panel shows 100 %.");
   // At a twin nothing is at stake but the twin.
   expect(await page.textContent("[data-prepared]")).not.toContain("Stay here");
   await picture(page, "robot-run-1920-light");

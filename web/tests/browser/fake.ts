@@ -139,7 +139,7 @@ class FakeRobot {
   /** An alarm begins. */
   fail(time: number, id: number): { signals: Signal[]; events: Happened[] } {
     const since = new Date(time).toISOString();
-    const about = { axis: "J6", begin_seen: true, acknowledged: null, shelved: null, until: null };
+    const about = { axis: "J6", begin_seen: true, end_seen: false, acknowledged: null, shelved: null, until: null };
     const text = ALARM.text + this.behind;
     this.alarm = { id, robot: this.name, ...ALARM, text, ...about, since, state: "active" };
     this.alarmed = 0;

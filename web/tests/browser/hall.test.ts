@@ -95,18 +95,33 @@ test("the hall shows who needs a person, finds robots, and stops them", async ()
   await isAccessible(page);
   await picture(page, "hall-stop");
   await page.click("[data-stop=press-01]");
-  await says(page, "[role=group] li:has([data-stop=press-01]) [data-told]", "press-01: stopped, seen");
+  await says(page, "[role=group] li:has([data-stop=press-01]) [data-told]", /^\s*stopped, seen/);
   await says(page, "[data-robot=press-01]", "stop holds");
   // Those that are not seen to move can be stopped all the same.
   await page.waitForSelector(`text=Hold to stop every robot (${NAMES.length + 1})`);
   const hold = page.locator("text=/Hold to stop all/");
   await hold.click();
-  expect(await page.textContent("[role=group] li:has([data-stop=press-02]) [data-told]")).not.toContain("press-02");
+  expect(await page.textContent("[role=group] li:has([data-stop=press-02]) [data-told]")).not.toContain("stop");
   await hold.hover();
   await page.mouse.down();
-  await says(page, "[role=group] li:has([data-stop=press-02]) [data-told]", "press-02: stopped, seen");
+  await says(page, "[role=group] li:has([data-stop=press-02]) [data-told]", /^\s*stopped, seen/);
   await page.mouse.up();
   expect(faults).toEqual([]);
+  await page.context().close();
+});
+
+test("an address of no page says so, with the stop and the way to the hall", async () => {
+  const token = (await r6("gateway", "token", "--data", data.path, "--role", "viewer")).trim();
+  const { page } = await openPage(browser);
+  await page.goto(`${url}/#${token}`);
+  await page.waitForSelector("[data-robot]");
+  const answer = await page.goto(`${url}/robots/press-01/no/such/page`);
+  expect(answer?.status()).toBe(404);
+  await says(page, "h1", "There is no such page.");
+  await page.getByRole("button", { name: /^STOP/ }).waitFor();
+  await isAccessible(page);
+  await page.getByRole("link", { name: "Back to the hall" }).click();
+  await page.waitForSelector("[data-robot]");
   await page.context().close();
 });
 

@@ -78,6 +78,11 @@ test("scrolling the list of stops sends none; a tap, a press and a jab at a butt
     // A touch of a list that still runs holds the list.
     await page.waitForTimeout(2 * RUNS);
   };
+  /** How high each robot of the list is: what is told of a stop moves no button. */
+  const heights = (): Promise<number[]> => page.locator("[role=group] li").evaluateAll((all) => all.map((one) => one.clientHeight));
+  const list = page.locator("[role=group]:has([data-stop=saw])");
+  expect(await list.evaluate((one) => Math.round((one.clientHeight / innerHeight) * 10)), "it does not grow under a finger").toBe(7);
+  const before = await heights();
   const from = await middle();
   await touch("touchStart", from);
   for (const up of [8, 20, 40, 60]) await touch("touchMove", { x: from.x, y: from.y - up });
@@ -93,6 +98,10 @@ test("scrolling the list of stops sends none; a tap, a press and a jab at a butt
   await expect.poll(() => stopped.length, { timeout: 20_000 }).toBe(3);
   // A finger that is not lifted.
   await page.waitForSelector("[role=group] [data-told=not_confirmed], [role=group] [data-told=not_sent]");
+  expect(await heights()).toEqual(before);
+  const told = page.locator("[role=group] [data-told^=not_]");
+  expect(await told.textContent()).toMatch(/^\s*NOT \w+\. Use the emergency stop at the robot\. /);
+  expect(await told.evaluate((one) => one.scrollHeight <= one.clientHeight), "all of it is seen").toBe(true);
   await reach();
   await touch("touchStart", await middle());
   await expect.poll(() => stopped.length, { timeout: 20_000 }).toBeGreaterThan(3);
@@ -104,7 +113,16 @@ test("scrolling the list of stops sends none; a tap, a press and a jab at a butt
   await touch("touchMove", { x: at.x + 20, y: at.y });
   await touch("touchEnd");
   await expect.poll(() => stopped.length, { timeout: 20_000 }).toBeGreaterThan(6);
+  await expect.poll(() => stopped.length, { timeout: 20_000 }).toBe(9);
+  // The list is closed under a finger that has neither rested nor been lifted.
+  await reach();
+  await touch("touchStart", await middle());
+  await page.keyboard.press("Escape");
+  await expect.poll(() => stopped.length, { timeout: 20_000 }).toBeGreaterThan(9);
+  await touch("touchEnd");
   expect(new Set(stopped)).toEqual(new Set(["/v1/robots/saw/stop"]));
+  // What did not fit in the list is read once it is closed.
+  await page.waitForSelector("[data-outcome=saw]");
   expect(faults).toEqual([]);
   await page.context().close();
 });

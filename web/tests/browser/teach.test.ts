@@ -158,6 +158,10 @@ test("three points, an output and a wait run on the twin and then on the arm; wh
   expect(await page.getAttribute("[data-steps]", "data-steps")).toBe("5");
   await page.waitForSelector("[data-check=true]");
 
+  // The panel of the twin tells what a person at its pendant has set: no event of the gateway does.
+  await r6("-r", twin, "command", "modifyGSPD", "80");
+  await says(page, "#speed-known", "Its panel shows 80 %.");
+  expect(await page.inputValue("[data-speed]")).toBe("80");
   await page.click("[data-make]");
   await page.waitForSelector("[data-preview=done]");
   expect(Number(await page.getAttribute("[data-duration]", "data-duration"))).toBeGreaterThan(500);

@@ -40,6 +40,9 @@ pub struct RobotAlarm {
     /// ended earlier.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub until: Option<String>,
+    /// Whether its end was seen: just before `until` it was still there. If it ended and this is `false`, it
+    /// may have ended at any time since the robot was seen last. `false` while it is active.
+    pub end_seen: bool,
     /// Who acknowledged it; `null` if it was not acknowledged.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub acknowledged: Option<Acknowledged>,

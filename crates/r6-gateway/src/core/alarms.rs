@@ -46,6 +46,10 @@ pub struct Alarm {
     pub begin_seen: bool,
     /// When it was seen to be gone; `None` while it is active.
     pub until: Option<Micros>,
+    /// Whether its end was seen: the reading before still had it. `false` while it is active, and in files
+    /// that do not tell.
+    #[serde(default)]
+    pub end_seen: bool,
     /// Who acknowledged it.
     pub acknowledged: Option<Acknowledged>,
 }
@@ -129,11 +133,11 @@ impl Alarms {
         &self.saved
     }
 
-    /// The robot tells this code, 0 for no alarm, as was asked at this moment and time of day. `began`:
+    /// The robot tells this code, 0 for no alarm, as was asked at this moment and time of day. `change_seen`:
     /// whether the reading before had another code, with nothing lost in between. A reading that is older
     /// than the last one says nothing. Returns whether an acknowledged alarm ended: that has to be saved
     /// soon.
-    pub fn read(&mut self, at: Instant, time: Micros, code: u32, began: bool) -> bool {
+    pub fn read(&mut self, at: Instant, time: Micros, code: u32, change_seen: bool) -> bool {
         if self.read_at.is_some_and(|last| at < last) {
             return false;
         }
@@ -146,14 +150,15 @@ impl Alarms {
         let was_acknowledged = ended.as_ref().is_some_and(|ended| ended.acknowledged.is_some());
         if let Some(ended) = ended {
             let until = Some(time.max(ended.since));
-            self.saved.ended.push(Alarm { until, ..ended });
+            self.saved.ended.push(Alarm { until, end_seen: change_seen && !is_replaced, ..ended });
             self.make_room(time);
         }
         if code != 0 {
             let id = u64::try_from(time.0).unwrap_or(0).max(self.saved.last_id.saturating_add(1));
             self.saved.last_id = id;
-            let (since, begin_seen) = (time, began && !is_replaced);
-            self.saved.active = Some(Alarm { id, code, since, begin_seen, until: None, acknowledged: None });
+            let (since, begin_seen) = (time, change_seen && !is_replaced);
+            self.saved.active =
+                Some(Alarm { id, code, since, begin_seen, until: None, end_seen: false, acknowledged: None });
         }
         was_acknowledged
     }
@@ -322,9 +327,23 @@ mod tests {
         assert_eq!(ids(&alarms), [(91_000_000, 7, true), (2_000_000, 7, false)]);
         let new = alarms.alarm(91_000_000).unwrap();
         assert_eq!((new.begin_seen, &new.acknowledged), (false, &None));
+        assert!(!alarms.alarm(2_000_000).unwrap().end_seen, "another robot answers");
         // A reply that was overtaken says nothing.
         assert!(!alarms.read(at(0), Micros(90 * SECOND), 0, false));
         assert_eq!(alarms.all().next().unwrap().until, None);
+    }
+
+    #[test]
+    fn an_end_is_seen_only_if_the_reading_before_had_the_alarm() {
+        let mut alarms = Alarms::default();
+        read(&mut alarms, 2, 7);
+        read(&mut alarms, 3, 135);
+        // The robot was not seen for a minute, and tells no alarm then.
+        alarms.read(at(63_000), Micros(63 * SECOND), 0, false);
+        let ends: Vec<_> = alarms.all().map(|alarm| (alarm.code, alarm.end_seen)).collect();
+        assert_eq!(ends, [(135, false), (7, true)]);
+        let before = r#"{"id":5,"code":7,"since":5,"begin_seen":true,"until":9,"acknowledged":null}"#;
+        assert!(!serde_json::from_str::<Alarm>(before).unwrap().end_seen, "a file from before does not tell");
     }
 
     #[test]

@@ -34,8 +34,11 @@ impl Station {
         let Some(Reading::Integer(code)) = value.reading else { return };
         let Ok(code) = u32::try_from(code) else { return };
         let at = clock::before(now, value.age);
-        let began = events.iter().any(|event| event.observed == Observed::AlarmBegan { code });
-        let ends_soon = self.desk.with(|alarms| alarms.read(at, time(at).kept(), code, began));
+        let is_of_alarm = |event: &Event| {
+            matches!(event.observed, Observed::AlarmBegan { .. } | Observed::AlarmEnded { .. })
+        };
+        let change_seen = events.iter().any(is_of_alarm);
+        let ends_soon = self.desk.with(|alarms| alarms.read(at, time(at).kept(), code, change_seen));
         if ends_soon {
             self.to_write.notify_one();
         }
@@ -173,7 +176,7 @@ impl Station {
     }
 
     fn shown(&self, alarms: &Alarms, alarm: &Alarm, now: Micros, is_seen: bool) -> RobotAlarm {
-        let Alarm { id, code, since, begin_seen, until, acknowledged } = alarm.clone();
+        let Alarm { id, code, since, begin_seen, until, end_seen, acknowledged } = alarm.clone();
         let Meaning { text: words, axis, remedy, .. } = meaning(code);
         RobotAlarm {
             robot: self.name().to_owned(),
@@ -191,6 +194,7 @@ impl Station {
             since: text(since),
             begin_seen,
             until: until.map(text),
+            end_seen,
             acknowledged: acknowledged.map(|of| Acknowledged {
                 by: of.by,
                 at: text(of.at),

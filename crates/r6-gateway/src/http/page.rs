@@ -11,10 +11,11 @@ use std::path::PathBuf;
 use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
 use axum::http::header::{
-    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HeaderName, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
+    ACCEPT, CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HeaderName, REFERRER_POLICY,
+    X_CONTENT_TYPE_OPTIONS,
 };
-use axum::http::{HeaderValue, StatusCode};
-use axum::response::IntoResponse;
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
 
@@ -94,13 +95,29 @@ pub async fn teach_program() -> impl IntoResponse {
     responses(
         (status = 200, description = "The page", content_type = "text/html"),
         (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
-        (status = 404, description = "`no_such_path`: there is no such page; or this build has no dashboard: then it is a page that says so", body = Problem),
+        (status = 404, description = "`no_such_path`: there is no such page; or this build has no dashboard: then it is a page that says so. A browser gets the page", body = Problem),
     )
 )]
-pub async fn of_hall(page: Result<Path<String>, PathRejection>) -> Result<impl IntoResponse, Refusal> {
-    let is_page = page.is_ok_and(|page| PAGES.contains(&page.as_str()));
+pub async fn of_hall(
+    page: Result<Path<String>, PathRejection>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    if page.is_ok_and(|page| PAGES.contains(&page.as_str())) {
+        return Ok(index().into_response());
+    }
     let message = "there is no such page; GET /v1/openapi.json names all paths";
-    if is_page { Ok(index()) } else { Err(Refusal::not_found(Code::NoSuchPath, message)) }
+    if wants_page(&headers) { Ok(none()) } else { Err(Refusal::not_found(Code::NoSuchPath, message)) }
+}
+
+/// Whether somebody looks for a page: a browser in which an address was typed or followed.
+pub fn wants_page(headers: &HeaderMap) -> bool {
+    let accepts = headers.get(ACCEPT).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    accepts.split(',').any(|one| one.split(';').next().is_some_and(|kind| kind.trim() == "text/html"))
+}
+
+/// The dashboard where there is no page: it says so, and shows the way to the hall.
+pub fn none() -> Response {
+    (StatusCode::NOT_FOUND, index()).into_response()
 }
 
 /// A file of the dashboard: a script, a style sheet, a picture.

@@ -289,9 +289,11 @@ fn alarms_are_kept_with_their_records_or_not_at_all() {
             since: Micros(5),
             begin_seen: true,
             until: None,
+            end_seen: false,
             acknowledged: Some(acknowledged),
         };
-        let ended = alarms::Alarm { until: Some(Micros(4)), acknowledged: None, ..alarm.clone() };
+        let ended =
+            alarms::Alarm { until: Some(Micros(4)), end_seen: true, acknowledged: None, ..alarm.clone() };
         let (by, reason) = ("ben".to_owned(), "worn".to_owned());
         let shelf = alarms::Shelf { code: 7, by, at: Micros(6), until: Micros(8), reason };
         let saved = alarms::Saved {

@@ -106,6 +106,7 @@ async fn an_alarm_is_acknowledged_once_and_is_another_one_when_it_comes_again() 
     let both = hall.until_alarms(|alarms| alarms.len() == 2).await;
     assert_eq!((&both[1]["id"], &both[1]["state"]), (&first["id"], &json!("ended")));
     assert_eq!(both[1]["acknowledged"]["by"], "token 2 (operator)");
+    assert_eq!((&both[0]["end_seen"], &both[1]["end_seen"]), (&json!(false), &json!(true)));
     assert!(both[1]["until"].as_str() > both[1]["since"].as_str(), "{both:#?}");
     // An alarm that ended is acknowledged too.
     hall.clear().await;

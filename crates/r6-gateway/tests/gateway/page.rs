@@ -52,3 +52,26 @@ async fn the_page_needs_no_token_and_may_load_its_own_files_alone() {
     let foreign = request(address, "Sec-Fetch-Site: cross-site\r\n", "GET", "/", None).await;
     assert_eq!(foreign.status, 403, "no other page may load it");
 }
+
+/// A person who typed an address gets the dashboard, which says that there is no such page. A program gets
+/// a problem.
+#[tokio::test]
+async fn an_address_of_no_page_is_told_as_the_caller_asked() {
+    let hall = Hall::start().await;
+    let address = hall.gateway.address();
+    let browser = "Accept: text/html,application/xhtml+xml,*/*;q=0.8\r\n";
+    for path in ["/alarm", "/robots/press/teach/pick/more", "/v2/robots"] {
+        let page = request(address, browser, "GET", path, None).await;
+        assert_eq!(page.status, 404, "{path}");
+        assert_eq!(header(&page.head, "content-type"), "text/html; charset=utf-8", "{path}");
+        assert!(page.head.contains("content-security-policy"), "{path}");
+        let program = request(address, "Accept: */*\r\n", "GET", path, None).await;
+        assert_eq!(header(&program.head, "content-type"), "application/json", "{path}");
+    }
+    for path in ["/v1/", "/v1/robot", "//", "//other.example/x"] {
+        let page = request(address, browser, "GET", path, None).await;
+        assert_eq!(page.status, 401, "{path}: the API is told to a known caller alone");
+    }
+    let post = request(address, browser, "POST", "/robots/press/no/page/there", None).await;
+    assert_eq!(post.status, 401);
+}

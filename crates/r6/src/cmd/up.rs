@@ -1,5 +1,6 @@
 //! `r6 up`: a whole cell on this machine, with its live state.
 
+mod demo;
 mod gateway;
 mod hall;
 mod hall_file;
@@ -31,7 +32,7 @@ const DRAW_INTERVAL: Duration = Duration::from_millis(50);
 const DEFAULT_LISTEN_PORT: u16 = 9760;
 
 /// The options that describe one robot. The file of a hall has them for each of its robots.
-const ONE_ROBOT: [&str; 11] = [
+const ONE_ROBOT: [&str; 12] = [
     "listen",
     "panel",
     "panel_open",
@@ -43,6 +44,7 @@ const ONE_ROBOT: [&str; 11] = [
     "scenario",
     "seed",
     "state",
+    "demo",
 ];
 
 /// Where to offer the panel or the gateway.
@@ -109,6 +111,9 @@ pub struct UpArgs {
     /// (docs/SIMULATOR.md). Each robot has a twin, as with `r6 gateway --twins`
     #[arg(id = "hall", long = "cell", value_name = "FILE", conflicts_with_all = ONE_ROBOT)]
     hall: Option<PathBuf>,
+    /// Also start a second robot, `demo`, which runs a program from the start. `make run` does so
+    #[arg(long)]
+    demo: bool,
     #[command(flatten)]
     lang: LangArg,
     #[command(flatten)]
@@ -136,11 +141,18 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
     let (place, usual_port) = (args.gateway, args.listen.port() == DEFAULT_LISTEN_PORT);
     let data = args.data.clone();
     let model = args.cell.known_model();
+    let demo = match args.demo {
+        true => Some(demo::start(args.cell.clock()).await?),
+        false => None,
+    };
     let simulation = start(args).await?;
     let panel = simulation.panel().and_then(|panel| Panel::new(panel, 1));
     let gateway = match simulation.controllers().first() {
         Some(robot) => {
-            let cell = Cell::of_one(robot.local_address(), panel, model)?;
+            let mut cell = Cell::of_one(robot.local_address(), panel, model)?;
+            if let Some(demo) = &demo {
+                demo::add_to(&mut cell, demo)?;
+            }
             CellGateway::start(place, cell, usual_port, data.as_deref()).await?
         }
         None => None,
@@ -154,6 +166,10 @@ pub async fn run(args: UpArgs) -> Result<Exit, Failure> {
         None => Ok(()),
     };
     let kept = sim::end(simulation).await;
+    let kept = match demo {
+        Some(demo) => sim::end(demo).await.and(kept),
+        None => kept,
+    };
     result.and(kept).and(ended).map(|()| Exit::Done)
 }
 

@@ -103,6 +103,30 @@ fn the_lines_are_chinese_if_they_are_asked_for_and_a_hall_needs_no_gateway() {
 }
 
 #[test]
+fn beside_the_robot_that_waits_a_demo_works_by_itself() {
+    let up = ["up", "--demo", "--listen", "127.0.0.1:0", "--clock", "10x", "--gateway", "127.0.0.1:0"];
+    let mut up = Running::start(&up);
+    let (mut url, mut token) = (String::new(), String::new());
+    while token.is_empty() {
+        let line = up.line();
+        if let Some(address) = line.strip_prefix("gateway on ") {
+            url = address.strip_suffix(", 2 robots").unwrap_or_else(|| panic!("{line}")).to_owned();
+        } else if let Some(curl) = line.strip_prefix("try: curl -sN -H @") {
+            let file = std::fs::read_to_string(curl.split(' ').next().unwrap()).unwrap();
+            file.trim().strip_prefix("Authorization: Bearer ").unwrap().clone_into(&mut token);
+        }
+    }
+    let robot = |name: &str| get(&url, &token, &format!("/v1/robots/{name}")).1;
+    until(|| (value(&robot("demo"), "isMoving") == json!(true)).then_some(()));
+    until(|| (value(&robot("demo"), "axis-0").as_f64()? > 30.0).then_some(()));
+    let waiting = robot("virtual");
+    assert_eq!((value(&waiting, "isMoving"), value(&waiting, "axis-0")), (json!(false), json!(0.0)));
+    assert_eq!(robot("demo")["panel"], true);
+    assert_eq!(up.end("TERM"), Some(0));
+    assert_eq!(r6(&["up", "--demo", "--cell", "examples/hall.toml"]).code, 2);
+}
+
+#[test]
 fn a_wrong_file_starts_nothing_and_each_mistake_has_its_line() {
     let file = TempFile::new(
         "hall-wrong.toml",

@@ -5,6 +5,7 @@ use std::net::{TcpListener, TcpStream};
 
 use serde_json::Value;
 
+use crate::gateway_calls::until;
 use crate::support::{Outcome, Running, TempFile, r6};
 
 /// Virtual controllers with a panel.
@@ -40,6 +41,34 @@ impl Cell {
         assert_eq!(outcome.code, 0, "{args:?}: {outcome:?}");
         outcome
     }
+}
+
+#[test]
+fn the_robot_of_the_demo_that_drifts_works_again_once_it_was_cleared_and_started() {
+    let cell = Cell::start(&[
+        "--model",
+        "BRTIRUS0805A",
+        "--profile",
+        "r6-pendant",
+        "--program",
+        "examples/hall/glue.toml",
+        "--start",
+        "auto",
+        "--clock",
+        "200x",
+    ]);
+    let read = |address: &str| -> Value {
+        let answer = r6(&["-r", &cell.robot, "query", address, "--json"]);
+        assert_eq!(answer.code, 0, "{answer:?}");
+        serde_json::from_str::<Value>(&answer.out).unwrap()["values"][address].clone()
+    };
+    cell.done(&["button", "start"]);
+    until(|| (read("curAlarm") == 130).then_some(()));
+    let parts = read("counter-1");
+    cell.done(&["clear"]);
+    cell.done(&["button", "start"]);
+    // Without the mend the first move ends in the alarm again, and no part is made.
+    until(|| (read("counter-1") != parts).then_some(()));
 }
 
 #[test]

@@ -52,6 +52,7 @@ export const run = {
   /** `speed`: what the plan is made for. */
   speedUnknown: (speed: number) =>
     `The set speed is not known: it may be ${speed < 100 ? "faster or slower" : "slower"}.`,
+  speedOfPanel: (percent: number) => `Its panel shows ${percent} %.`,
   list: "Its list is empty.",
   listUnknown: "Its firmware does not tell whether its list is empty: the gateway asks before it sends.",
   noPath: "The model of the arm is not set: expect any path, at full speed.",
@@ -120,6 +121,7 @@ export const run = {
       run_under_way: "a program runs on it",
       look_first: "what became of the last program is not known: look at the arm, and say so below",
     })[reason],
+  startAbove: "the program of the controller does not run: prepare its start above",
   sent: (robot: string) => `Sent to ${robot}. No answer yet.`,
   accepted: (robot: string, accepted: number, done: number, steps: number) =>
     `Accepted by ${robot}: ${accepted} of ${steps} steps. Seen done: ${done}.`,

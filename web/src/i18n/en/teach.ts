@@ -112,6 +112,10 @@ export const teach = {
     none: "No point yet. Move the arm with its pendant, then take its position. Or take it, and type other numbers.",
     take: (robot: string) => `Take point from ${robot}`,
     takeAndMove: (robot: string) => `Take point from ${robot} and add a move`,
+    /** `back`: the point that the arm goes back to; `null` if there is none before. */
+    grip: (isPick: boolean, output: string, wait: number, back: string | null) =>
+      `${isPick ? "Pick" : "Place"} here: move, ${output} ${isPick ? "on" : "off"}, ${wait} s${back === null ? "" : `, back to ${back}`}`,
+    gripper: "Output of the gripper",
     becomes: (step: number) => `The move becomes step ${step}.`,
     taking: "Reading the position…",
     taken: (name: string) => `${name} taken.`,
@@ -136,6 +140,7 @@ export const teach = {
     poseUnknown: "The pose of these axes is not known: no linear move can use this point.",
     axesUnknown: "The axes are not known: no axis move can use this point.",
     posed: "X Y Z U V W, as told by the robot that it was taken from",
+    second: (name: string) => `Second arm: ${name}`,
     used: (n: number) => (n === 0 ? "no move uses it" : `${count(n, "move uses", "moves use")} it`),
     noNumber: "This is no number.",
   },

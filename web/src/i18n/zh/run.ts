@@ -48,6 +48,7 @@ export const run: typeof english = {
     `${mm}，用时 ${seconds(ms)}，速度 ${speed} %${set === null ? "" : `（${who(set.by)} 于 ${set.at} 设定，未回读）`}。`,
   speedSet: (percent, by, at) => `${who(by)} 于 ${at} 设为 ${percent} %：控制器不报告此值是否仍有效。`,
   speedUnknown: (speed) => `已设定的速度未知，实际可能${speed < 100 ? "更快或" : ""}更慢。`,
+  speedOfPanel: (percent) => `其面板显示 ${percent} %。`,
   list: "列表为空。",
   listUnknown: "固件不报告列表是否为空：网关发送前会查询。",
   noPath: "尚未设置机械臂型号：请按任意路径、全速对待。",
@@ -114,6 +115,7 @@ export const run: typeof english = {
       run_under_way: "正在运行一个程序",
       look_first: "上一个程序的结果未知：请先查看机械臂，并在下方确认",
     })[reason],
+  startAbove: "控制器的程序没有运行：请在上方准备启动",
   sent: (robot) => `已发送到 ${robot}，尚无应答。`,
   accepted: (robot, accepted, done, steps) => `${robot} 已接受 ${accepted} / ${steps} 个步骤，确认完成 ${done} 个。`,
   unheard: (robot, done, steps) =>

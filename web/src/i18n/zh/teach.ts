@@ -111,6 +111,9 @@ export const teach: typeof english = {
     none: "还没有示教点。请用示教器移动机械臂，然后记录其位置。也可先记录，再输入其他数值。",
     take: (robot) => `记录 ${robot} 的当前点`,
     takeAndMove: (robot) => `记录 ${robot} 的当前点并添加移动`,
+    grip: (isPick, output, wait, back) =>
+      `${isPick ? "在此抓取" : "在此放置"}：移动、${output} ${isPick ? "接通" : "断开"}、等待 ${wait} 秒${back === null ? "" : `、回到 ${back}`}`,
+    gripper: "夹爪输出",
     becomes: (step) => `移动将成为步骤 ${step}。`,
     taking: "正在读取位置…",
     taken: (name) => `已记录 ${name}。`,
@@ -135,6 +138,7 @@ export const teach: typeof english = {
     poseUnknown: "这组轴值的位姿未知：直线移动不能使用此点。",
     axesUnknown: "轴值未知：轴移动不能使用此点。",
     posed: "X Y Z U V W（由取点的机器人给出）",
+    second: (name) => `第二个机械臂：${name}`,
     used: (n) => (n === 0 ? "没有移动使用" : `${n} 个移动使用`),
     noNumber: "这不是数字。",
   },

@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import type { Production, RobotAlarm } from "../../api/types.ts";
 import type { Entry } from "../../robots/attention.ts";
-import { lastEnd, linesOf, pareto, shelvedOf } from "./groups.ts";
+import { lastEnd, lasted, linesOf, pareto, shelvedOf } from "./groups.ts";
 import { spanOf } from "./span.ts";
 
 function entry(robot: string, code: number, since: number | null, part: Partial<Entry> = {}): Entry {
@@ -9,7 +9,7 @@ function entry(robot: string, code: number, since: number | null, part: Partial<
 }
 
 function alarm(robot: string, code: number, part: Partial<RobotAlarm> = {}): RobotAlarm {
-  const rest = { id: 1, text: "limit", axis: null, remedy: "", state: "active" as const, begin_seen: true, until: null, acknowledged: null, shelved: null };
+  const rest = { id: 1, text: "limit", axis: null, remedy: "", state: "active" as const, begin_seen: true, end_seen: false, until: null, acknowledged: null, shelved: null };
   return { robot, code, since: "1970-01-01T00:00:10Z", ...rest, ...part };
 }
 
@@ -32,7 +32,7 @@ test("links that are lost stay the one line that they are", () => {
 
 test("the last end of an alarm is known if the alarm has ended, and not known if it has not", () => {
   const ended = alarm("a", 1, { state: "ended", until: "1970-01-01T00:01:00Z" });
-  expect(lastEnd([ended, alarm("b", 1, { state: "ended", until: "1970-01-01T00:00:30Z" }), alarm("c", 1)])).toBe(60_000);
+  expect(lastEnd([ended, alarm("b", 1, { state: "ended", until: "1970-01-01T00:00:30Z" }), alarm("c", 1)])).toEqual({ at: ended.until, isSeen: false });
   expect(lastEnd([alarm("c", 1)])).toBeNull();
 });
 
@@ -60,4 +60,14 @@ test("an alarm lies on the time line where it was, cut at its ends", () => {
   expect(spanOf(alarm("a", 1), 20_000, 20_000)).toEqual([0.5, 1]);
   expect(spanOf(alarm("a", 1, { until: "1970-01-01T00:00:15Z" }), 20_000, 20_000)).toEqual([0.5, 0.75]);
   expect(spanOf(alarm("a", 1), 40_000, 20_000)).toEqual([0, 1]);
+});
+
+test("how long an alarm lasted is said as far as its begin and its end were seen", () => {
+  const of = (begin_seen: boolean, end_seen: boolean, until: string | null = "1970-01-01T00:01:10Z") =>
+    lasted(alarm("a", 1, { state: "ended", until, begin_seen, end_seen }));
+  expect(of(true, true)).toEqual({ seconds: 60, is: "exact" });
+  expect(of(true, false), "it may have ended before").toEqual({ seconds: 60, is: "most" });
+  expect(of(false, true), "it may have begun before").toEqual({ seconds: 60, is: "least" });
+  expect(of(false, false)).toBeNull();
+  expect(of(true, false, null)).toBeNull();
 });

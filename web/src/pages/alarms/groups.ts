@@ -52,10 +52,24 @@ function floodOf(entry: Entry, entries: Entry[]): Entry[] {
   return end - begin + 1 >= FLOOD ? same.slice(begin, end + 1) : [entry];
 }
 
-/** When the last alarm that was seen ended, in milliseconds since 1970; `null` if none is known. */
-export function lastEnd(alarms: RobotAlarm[]): number | null {
-  const ends = alarms.filter(({ state, until }) => state === "ended" && until !== null).map(({ until }) => Date.parse(until!));
-  return ends.length === 0 ? null : Math.max(...ends);
+/** The alarm that ended last, of those that were seen; `null` if none is known. */
+export function lastEnd(alarms: RobotAlarm[]): { at: string; isSeen: boolean } | null {
+  let last: { at: string; isSeen: boolean } | null = null;
+  for (const { until, end_seen: isSeen } of alarms) {
+    if (until !== null && (last === null || Date.parse(until) > Date.parse(last.at))) last = { at: until, isSeen };
+  }
+  return last;
+}
+
+/**
+ * For how long an alarm that ended was there, in seconds, as far as its begin and its end were seen. `null`: neither was,
+ * so nothing is known.
+ */
+export function lasted(alarm: Pick<RobotAlarm, "since" | "until" | "begin_seen" | "end_seen">): { seconds: number; is: "exact" | "most" | "least" } | null {
+  const { since, until, begin_seen: begin, end_seen: end } = alarm;
+  if (until === null || (!begin && !end)) return null;
+  const seconds = (Date.parse(until) - Date.parse(since)) / 1000;
+  return { seconds, is: begin && end ? "exact" : begin ? "most" : "least" };
 }
 
 /** What is shelved: each code of a robot once. */

@@ -3,7 +3,7 @@ import { viewLike } from "../../../tests/view.ts";
 import type { Run } from "../../api/types.ts";
 import { en } from "../../i18n/en.ts";
 import type { Sent } from "../../run/sent.ts";
-import { ceased, outcomeOf } from "./outcome.ts";
+import { ceased, isOfOther, outcomeOf } from "./outcome.ts";
 
 const REFUSED: Sent = {
   kind: "list_refused",
@@ -35,5 +35,21 @@ test("a program is told as not running any more only if it ran before, and is se
     ["another machine answers", REFUSED, before, viewLike("saw", { mode: 3, who: 2 })],
   ] as const) {
     expect(ceased(sent, then, seen), what).toBeNull();
+  }
+});
+
+test("of another program only an end that needs nothing is left out", () => {
+  const ended = (state: Run["state"]): Sent => ({ kind: "ended", run: { state } as Run });
+  expect(isOfOther(ended("done"), "a", "b")).toBe(true);
+  for (const [what, sent, ran, name] of [
+    ["the same program", ended("done"), "b", "b"],
+    ["another page sent it", ended("done"), null, "b"],
+    ["the page of the robot", ended("done"), "a", undefined],
+    ["it failed", ended("failed"), "a", "b"],
+    ["its end is not known", ended("unknown"), "a", "b"],
+    ["it is under way", { kind: "sent" }, "a", "b"],
+    ["nothing was sent", null, "a", "b"],
+  ] as const) {
+    expect(isOfOther(sent, ran, name), what).toBe(false);
   }
 });

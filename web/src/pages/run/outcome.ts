@@ -5,6 +5,14 @@ import { machineOf } from "../../robots/consent.ts";
 import { type View, isRunning, isSeen } from "../../robots/view.ts";
 import type { Told } from "../../state/act.svelte.ts";
 
+/**
+ * Whether what ran last on a robot came to its end, and is another program than the one of the page. `ran`: what this page
+ * called it; `null` if another page sent it. `name`: the program of the page, if it has one.
+ */
+export function isOfOther(sent: Sent | null, ran: string | null, name: string | undefined): boolean {
+  return sent?.kind === "ended" && sent.run.state === "done" && ran !== null && name !== undefined && ran !== name;
+}
+
 /** `time`: a time of the gateway as a time of day of the hall. */
 export function outcomeOf(sent: Sent | null, robot: string, words: typeof en, time: (at: string) => string): Told | null {
   const own = words.run;

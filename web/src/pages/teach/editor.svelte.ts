@@ -6,9 +6,10 @@ import { call } from "../../api/client.ts";
 import type { ProgramChecked, ProgramVersion, StoredProgram } from "../../api/types.ts";
 import { session } from "../../state/session.svelte.ts";
 import type { Command } from "../../teach/commands.ts";
-import { type Document, EMPTY, read, write } from "../../teach/document.ts";
+import { type Document, EMPTY, type Point, pointsOf, read, write } from "../../teach/document.ts";
 import { Drafted } from "../../teach/draft.ts";
 import { type History, type Selection, change, choose, historyOf, redo, undo } from "../../teach/history.ts";
+import { standsAt } from "../../teach/propose.ts";
 import type { Wrong } from "../../teach/toml.ts";
 import { type Failure, failureOf } from "../../api/failure.ts";
 import { shelf } from "./shelf.ts";
@@ -103,6 +104,14 @@ export class Editor {
 
   get selection(): Selection {
     return this.history.selection;
+  }
+
+  /** The chosen point, or the one that the arm stands at when the chosen step is carried out; `null` without one. */
+  get point(): Point | null {
+    const { selection } = this;
+    if (selection === null || this.raw !== null) return null;
+    if ("step" in selection) return standsAt(this.document, selection.step);
+    return pointsOf(this.document).find(({ name }) => name === selection.point) ?? null;
   }
 
   get #path(): string {

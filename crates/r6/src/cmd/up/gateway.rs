@@ -47,10 +47,23 @@ impl Cell {
     /// One robot, with its address, its panel if there is one on this machine, and the model of its arm if it
     /// is one of those with a name.
     pub fn of_one(robot: SocketAddr, panel: Option<Panel>, model: Option<String>) -> Result<Self, Failure> {
-        let name = RobotName::new(ROBOT).ok_or_else(|| Failure::usage(RobotName::WANTED))?;
+        let mut cell = Self { robots: Vec::new(), raw: None, hall: None, role: Role::Operator };
+        cell.raw = Some(cell.add(ROBOT, robot, panel, model)?);
+        Ok(cell)
+    }
+
+    /// Another robot. Returns its name.
+    pub fn add(
+        &mut self,
+        name: &str,
+        robot: SocketAddr,
+        panel: Option<Panel>,
+        model: Option<String>,
+    ) -> Result<RobotName, Failure> {
+        let name = RobotName::new(name).ok_or_else(|| Failure::usage(RobotName::WANTED))?;
         let usual = RobotConfig::new(name.clone(), robot.to_string());
-        let config = RobotConfig { settings: robot::settings(), model, panel, ..usual };
-        Ok(Self { robots: vec![config], raw: Some(name), hall: None, role: Role::Operator })
+        self.robots.push(RobotConfig { settings: robot::settings(), model, panel, ..usual });
+        Ok(name)
     }
 
     /// What a line says of the robots. A hall counts its robots without their twins.
@@ -59,6 +72,8 @@ impl Cell {
         match (self.robots.as_slice(), language) {
             ([only], Language::English) => format!("robot `{}`", only.name),
             ([only], Language::Chinese) => format!("机器人 `{}`", only.name),
+            (all, Language::English) if twins == 0 => output::counted(all.len(), "robot"),
+            (all, Language::Chinese) if twins == 0 => format!("{} 台机器人", all.len()),
             (all, Language::English) => {
                 let robots = output::counted(all.len().saturating_sub(twins), "robot");
                 format!("{robots}, {}", output::counted(twins, "twin"))
