@@ -69,13 +69,14 @@ pub struct Door {
 /// What this gateway reads from another one for its own readers.
 #[must_use]
 pub fn asks(target: &str) -> Onward {
-    Onward {
-        method: Method::GET,
-        target: target.to_owned(),
-        headers: HeaderMap::new(),
-        body: Bytes::new(),
-        bearer: (Bearer::Gateway, None),
-    }
+    asks_for(target, (Bearer::Gateway, None))
+}
+
+/// What this gateway reads from another one for this caller, who gets what is for it alone.
+#[must_use]
+pub fn asks_for(target: &str, bearer: (Bearer, Option<std::net::SocketAddr>)) -> Onward {
+    let (headers, body) = (HeaderMap::new(), Bytes::new());
+    Onward { method: Method::GET, target: target.to_owned(), headers, body, bearer }
 }
 
 /// What an answer to that says.
@@ -166,13 +167,14 @@ impl Peers {
             // So many do not live at once.
             return None;
         }
-        taken.entry(pass.from).or_default().take(pass.number).then_some(pass)
+        taken.entry(pass.from).or_default().take(pass.number, pass.until).then_some(pass)
     }
 
-    /// Forgets gateways that are not there any more.
-    pub fn retain(&self, is_there: impl Fn(u64) -> bool) {
+    /// Forgets gateways that are not there any more, once what they signed is too old at this time of the
+    /// store. One whose beats fail goes on to sign.
+    pub fn retain(&self, now: u64, is_there: impl Fn(u64) -> bool) {
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
-        taken.retain(|number, _| is_there(*number));
+        taken.retain(|number, taken| is_there(*number) || !taken.is_over(now));
     }
 
     /// Opens a WebSocket to the gateway `to`. `until`: until when a pass is taken that is made now.
@@ -338,7 +340,12 @@ mod tests {
         assert_eq!(Peers::open(&text, to, &sent, |_| None), None, "who signed is not known");
         assert_eq!(peers.admit(pass.clone(), b"{ }"), None, "another body");
         assert_eq!(peers.admit(pass.clone(), body), Some(pass.clone()));
-        assert_eq!(peers.admit(pass, body), None, "it came before");
+        peers.retain(pass.until, |_| false);
+        assert_eq!(peers.admit(pass.clone(), body), None, "it came before, and its gateway's beats fail");
+        peers.retain(pass.until + 1, |_| true);
+        assert_eq!(peers.admit(pass.clone(), body), None, "its gateway lives");
+        peers.retain(pass.until + 1, |_| false);
+        assert!(peers.taken.lock().unwrap().is_empty(), "what it signed is too old by now");
     }
 
     #[test]

@@ -193,7 +193,7 @@ export interface paths {
         };
         /**
          * The alarms of all robots that the caller may see: the active ones first, then those that ended within a
-         *     day, the latest first. `no_owner`: another gateway that owns some of the robots does not answer.
+         *     day, the latest first. Robots whose alarms are not known now are named.
          */
         get: operations["alarms"];
         put?: never;
@@ -3114,6 +3114,13 @@ export interface components {
              * @description How many more there are than `limit`.
              */
             left_out: number;
+            /**
+             * @description Robots whose alarms are not known now, and are not here: no gateway has them, or the one that has them
+             *     does not answer. It is empty if the gateway shares its store with no other one.
+             */
+            not_known: string[];
+            /** @description Of which robots these are, for another gateway; for callers it is not there. */
+            robots?: string[] | null;
         };
         /**
          * @description Limits of lists. They compare numbers with numbers, and protect no people. A limit that is `null` or

@@ -10,6 +10,14 @@ pub struct RobotAlarms {
     pub alarms: Vec<RobotAlarm>,
     /// How many more there are than `limit`.
     pub left_out: u64,
+    /// Robots whose alarms are not known now, and are not here: no gateway has them, or the one that has them
+    /// does not answer. It is empty if the gateway shares its store with no other one.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub not_known: Vec<String>,
+    /// Of which robots these are, for another gateway; for callers it is not there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robots: Option<Vec<String>>,
 }
 
 /// An alarm of a robot.

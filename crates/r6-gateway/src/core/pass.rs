@@ -115,17 +115,27 @@ pub struct Taken {
     highest: u64,
     /// Those that are not too far behind it.
     recent: BTreeSet<u64>,
+    /// Until when the last of them is taken.
+    until: u64,
 }
 
 impl Taken {
-    /// Takes a pass with this number. `false`: it came before, or is too far behind.
-    pub fn take(&mut self, number: u64) -> bool {
+    /// Takes a pass with this number, which is taken until then. `false`: it came before, or is too far
+    /// behind.
+    pub fn take(&mut self, number: u64, until: u64) -> bool {
         if number.saturating_add(BEHIND) <= self.highest || !self.recent.insert(number) {
             return false;
         }
         self.highest = self.highest.max(number);
+        self.until = self.until.max(until);
         self.recent = self.recent.split_off(&self.highest.saturating_sub(BEHIND - 1));
         true
+    }
+
+    /// Whether all of them are too old at this time of the store, so that none comes again.
+    #[must_use]
+    pub fn is_over(&self, now: u64) -> bool {
+        now > self.until
     }
 }
 
@@ -171,16 +181,20 @@ mod tests {
     fn a_number_is_taken_once_in_whatever_order_they_come() {
         let mut taken = Taken::default();
         for number in [5, 3, 4, 1_000] {
-            assert!(taken.take(number), "{number}");
-            assert!(!taken.take(number), "{number} again");
+            assert!(taken.take(number, 0), "{number}");
+            assert!(!taken.take(number, 0), "{number} again");
         }
-        assert!(taken.take(2));
-        assert!(taken.take(10_000));
-        assert!(!taken.take(10_000 - BEHIND), "too far behind");
-        assert!(taken.take(10_000 - BEHIND + 1));
-        assert!(!taken.take(5), "which was taken");
+        assert!(taken.take(2, 0));
+        assert!(taken.take(10_000, 0));
+        assert!(!taken.take(10_000 - BEHIND, 0), "too far behind");
+        assert!(taken.take(10_000 - BEHIND + 1, 0));
+        assert!(!taken.take(5, 0), "which was taken");
         assert!(taken.recent.len() <= usize::try_from(BEHIND).unwrap());
-        assert!(taken.take(u64::MAX));
-        assert!(!taken.take(u64::MAX));
+        assert!(taken.take(u64::MAX, 0));
+        assert!(!taken.take(u64::MAX, 0));
+        assert!(taken.is_over(1) && !taken.is_over(0));
+        let mut taken = Taken::default();
+        assert!(taken.take(1, 9) && taken.take(2, 7));
+        assert!(!taken.is_over(9) && taken.is_over(10), "the first may still come");
     }
 }

@@ -1,6 +1,7 @@
 //! The alarms of robots: what they are, who acknowledged them, which are shelved. Nothing here changes
 //! anything at a robot: to clear an alarm is a command.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use axum::Json;
@@ -20,6 +21,9 @@ use super::forward;
 use super::range::check_limit;
 use super::refusal::{self, bad_value, of_lost_work};
 use crate::core::alarms::{LONGEST_SHELF_MS, MAX_WORDS, SHORTEST_SHELF_MS};
+use crate::core::name::RobotName;
+use crate::core::owner::Owned;
+use crate::ownership::owners::Place;
 
 /// The most alarms of one answer: half a megabyte of JSON.
 const MAX_LIMIT: usize = 1_000;
@@ -50,7 +54,7 @@ pub struct Named {
 }
 
 /// The alarms of all robots that the caller may see: the active ones first, then those that ended within a
-/// day, the latest first. `no_owner`: another gateway that owns some of the robots does not answer.
+/// day, the latest first. Robots whose alarms are not known now are named.
 #[utoipa::path(
     get,
     path = "/v1/alarms",
@@ -71,20 +75,68 @@ pub async fn all(
     let Query(which) = which.map_err(|error| bad_value(error.body_text()))?;
     check_limit(which.limit, MAX_LIMIT)?;
     let target = format!("/v1/alarms?limit={MAX_LIMIT}&active={}", which.active);
-    let others: Vec<RobotAlarms> = forward::gather(&caller, &state, &target).await?;
+    let others: Vec<(u64, RobotAlarms)> = forward::gather(&caller, &state, &target).await?;
     let stations = state.fleet.stations();
-    let is_here = |robot: &str| stations.iter().any(|station| station.name() == robot);
-    let mut left_out = 0;
-    let mut alarms: Vec<_> = stations.iter().flat_map(|station| station.alarms()).collect();
-    for other in others {
-        left_out += other.left_out;
-        // What has changed hands meanwhile is told once.
-        alarms.extend(other.alarms.into_iter().filter(|alarm| !is_here(&alarm.robot)));
+    let here = stations.iter().filter(|station| caller.grant().covers(station.name()));
+    let mut tellers = Tellers::new(&state, here.clone().map(|station| station.name().to_owned()));
+    for (number, other) in &others {
+        tellers.add(*number, other.robots.iter().flatten());
     }
-    alarms.retain(|alarm| caller.grant().covers(&alarm.robot));
+    let mut left_out = 0;
+    let mut alarms: Vec<_> = here.flat_map(|station| station.alarms()).collect();
+    for (number, other) in others {
+        left_out += other.left_out;
+        alarms.extend(other.alarms.into_iter().filter(|alarm| tellers.is_of(&alarm.robot, number)));
+    }
     let mut told = chosen(alarms, &which)?;
     told.left_out += left_out;
+    if caller.is_passed() {
+        told.robots = Some(tellers.robots().cloned().collect());
+    } else {
+        let all = forward::robots(&caller, &state).into_iter().map(|robot| robot.to_string());
+        told.not_known = all.filter(|robot| !tellers.has(robot)).collect();
+    }
     Ok(Json(told))
+}
+
+/// Which gateway's answer counts for which robot: a robot that changes hands may be in two, or in none.
+struct Tellers<'s> {
+    state: &'s State,
+    /// `None`: this gateway.
+    by_robot: BTreeMap<String, Option<u64>>,
+}
+
+impl<'s> Tellers<'s> {
+    /// Those of this gateway.
+    fn new(state: &'s State, here: impl Iterator<Item = String>) -> Self {
+        Self { state, by_robot: here.map(|robot| (robot, None)).collect() }
+    }
+
+    /// A gateway has answered for these robots.
+    fn add<'r>(&mut self, number: u64, robots: impl Iterator<Item = &'r String>) {
+        for robot in robots {
+            let owned = RobotName::new(robot).map(Owned::Robot);
+            let is_owner =
+                || owned.is_some_and(|owned| self.state.shared.owners.place(&owned) == Place::There(number));
+            match self.by_robot.get(robot) {
+                Some(None) => {}
+                Some(Some(_)) if !is_owner() => {}
+                Some(Some(_)) | None => drop(self.by_robot.insert(robot.clone(), Some(number))),
+            }
+        }
+    }
+
+    fn is_of(&self, robot: &str, number: u64) -> bool {
+        self.by_robot.get(robot) == Some(&Some(number))
+    }
+
+    fn has(&self, robot: &str) -> bool {
+        self.by_robot.contains_key(robot)
+    }
+
+    fn robots(&self) -> impl Iterator<Item = &String> {
+        self.by_robot.keys()
+    }
 }
 
 /// The alarms of a robot: the active one, and those that ended within a day, 30 at most.
@@ -214,7 +266,7 @@ fn chosen(mut alarms: Vec<RobotAlarm>, which: &Which) -> Result<RobotAlarms, Ref
     });
     let left_out = alarms.len().saturating_sub(which.limit) as u64;
     alarms.truncate(which.limit);
-    Ok(RobotAlarms { alarms, left_out })
+    Ok(RobotAlarms { alarms, left_out, not_known: Vec::new(), robots: None })
 }
 
 /// The number in a path. A text that is no number is that of no alarm.

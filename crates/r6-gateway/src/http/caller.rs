@@ -37,6 +37,8 @@ const MAX_TOLD: usize = 100;
 pub struct Caller {
     who: Who,
     source: Option<SocketAddr>,
+    /// Whether another gateway passes the request on.
+    is_passed: bool,
 }
 
 /// What a caller has proved to be.
@@ -117,6 +119,11 @@ impl Caller {
             Who::Page(_, page) => Some(page),
             Who::Token(_) | Who::User(_) | Who::Passed(_) | Who::Gateway(_) => None,
         }
+    }
+
+    /// Whether another gateway passes the request on: it asks the others itself.
+    pub fn is_passed(&self) -> bool {
+        self.is_passed
     }
 
     /// Whether another gateway asks, to tell its own readers.
@@ -231,7 +238,7 @@ impl Caller {
             };
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)
         })?;
-        Ok(Self { who: Who::Token(token), source })
+        Ok(Self { who: Who::Token(token), source, is_passed: false })
     }
 
     /// The caller whose request another gateway passes on. What it may do is looked up here.
@@ -246,7 +253,7 @@ impl Caller {
             let message = "the token or the user is not valid any more";
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)
         })?;
-        Ok(Self { who, source })
+        Ok(Self { who, source, is_passed: true })
     }
 
     /// The caller with these cookies, which a page of another port of this host can add to: the session of
@@ -284,7 +291,7 @@ impl Caller {
             let message = "with a cookie, a WebSocket needs the header `Origin`";
             return Err(Refusal::new(StatusCode::FORBIDDEN, Code::ForeignOrigin, message));
         }
-        Ok(Self { who, source })
+        Ok(Self { who, source, is_passed: false })
     }
 }
 

@@ -26,7 +26,7 @@ use r6_api::Code;
 use r6_http::Refusal;
 use tokio::time::{Instant, sleep, timeout};
 
-pub use self::gather::gather;
+pub use self::gather::{gather, robots};
 use self::places::Places;
 use super::caller::Caller;
 use super::{State, body, refusal};

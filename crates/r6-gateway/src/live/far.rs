@@ -4,7 +4,8 @@
 //! the state of the robot. Each gateway that tells of a robot has a copy of its own ([`Far`]), and the rows
 //! of the store say which of them counts: so a gateway that was frozen and goes on with a robot that it has
 //! lost changes nothing. Readers get a copy as they get a robot of this gateway ([`Shown`]), under numbers of
-//! this gateway. Once the owner is not heard of any more, no value is told as fresh.
+//! this gateway. Once the owner is not heard of any more, no value is told as fresh; whether a stop holds is
+//! read from the store then, and the lease is told until the rows say that its owner ended.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
@@ -17,6 +18,7 @@ use crate::clock;
 use crate::core::live::follower::Step;
 use crate::core::live::numbers::{Numbers, Span};
 use crate::core::owner::CLOSE;
+use crate::core::seat::Saved;
 
 /// For how long a value that its owner told as fresh is still told as fresh if the owner says nothing more of
 /// it, beyond the greatest age of a fresh value. An owner that is silent for longer may have lost the robot.
@@ -40,13 +42,15 @@ pub struct Teller {
     number: u64,
     /// Until when nothing had changed that it did not tell.
     confirmed: Mutex<Instant>,
+    /// Since when something that it told waits here, before readers get it.
+    waits_since: Mutex<Option<Instant>>,
 }
 
 impl Teller {
     /// The gateway with this number, which has confirmed nothing yet.
     #[must_use]
     pub fn new(number: u64) -> Self {
-        Self { number, confirmed: Mutex::new(Instant::ORIGIN) }
+        Self { number, confirmed: Mutex::new(Instant::ORIGIN), waits_since: Mutex::default() }
     }
 
     /// The number of the gateway.
@@ -64,6 +68,18 @@ impl Teller {
     fn confirmed(&self) -> Instant {
         *self.confirmed.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    /// Since when something that it told waits here, before readers get it; `None`: nothing does.
+    pub fn hold_back(&self, since: Option<Instant>) {
+        *self.waits_since.lock().unwrap_or_else(PoisonError::into_inner) = since;
+    }
+
+    /// How far its readers here may be behind it.
+    fn behind(&self, now: Instant, begun: Instant) -> Duration {
+        let waits = *self.waits_since.lock().unwrap_or_else(PoisonError::into_inner);
+        let waits = waits.map_or(Duration::ZERO, |since| now.since(since));
+        now.since(self.confirmed().max(begun)).max(waits)
+    }
 }
 
 /// A robot of another gateway, or of none at the moment.
@@ -77,12 +93,18 @@ pub struct Far {
 
 #[derive(Debug)]
 struct Held {
+    /// The gateway that owns it and lives, as the rows of the store said last.
+    by_rows: Option<u64>,
     /// The gateway whose copy counts. It has one.
     owner: Option<u64>,
     /// The copies, by the gateways that tell of the robot.
     told: BTreeMap<u64, Copied>,
     /// What is shown without an owner: nothing of it is fresh.
     last: Copied,
+    /// The gateway that told it last; `None`: that is over, and so is its lease.
+    last_of: Option<u64>,
+    /// Since when that is so.
+    last_since: Instant,
     numbers: Numbers,
 }
 
@@ -96,6 +118,8 @@ struct Copied {
     begun: Instant,
     /// When the summary came.
     summed_at: Instant,
+    /// When a stop was told that holds. A list that was asked for before may not know of it.
+    stopped_at: Option<Instant>,
     period_ms: u64,
     /// The greatest age that its owner tells a fresh value with.
     fresh_for: Duration,
@@ -110,30 +134,43 @@ impl Copied {
         let now = clock::now();
         let RobotState { summary, period_ms, number, signals, .. } = state;
         let rows = signals.into_iter().map(|signal| (signal, now)).collect();
-        Self { teller, summary, begun: now, summed_at: now, period_ms, fresh_for, there: number, rows }
+        let stopped_at = None;
+        Self {
+            teller,
+            summary,
+            begun: now,
+            summed_at: now,
+            stopped_at,
+            period_ms,
+            fresh_for,
+            there: number,
+            rows,
+        }
     }
 
-    /// The same, once it is not heard of any more: nothing is fresh. Returns the places of what was fresh.
-    fn lost(mut self) -> (Self, Vec<usize>) {
+    /// The same, once it is not heard of any more: nothing is fresh.
+    fn lost(mut self) -> Self {
         self.silence();
-        let mut stale = Vec::new();
-        for (place, (signal, _)) in self.rows.iter_mut().enumerate() {
+        for (signal, _) in &mut self.rows {
             if signal.quality == SignalQuality::Fresh {
                 signal.quality = SignalQuality::Stale;
-                stale.push(place);
             }
         }
-        (self, stale)
+        self
     }
 
     /// No owner tells of it.
     fn silence(&mut self) {
         self.teller = None;
         self.summary.link = RobotLink::Down;
-        // A lease ends with its owner.
-        self.summary.lease = None;
         self.summary.stops_under_way = 0;
         self.summary.global_speed = None;
+    }
+
+    /// Its owner is not its owner any more, so the lease is over.
+    fn ended(mut self) -> Self {
+        self.summary.lease = None;
+        self.lost()
     }
 
     /// Takes in what changed. Returns the places; `None`: something is missing in between.
@@ -183,9 +220,18 @@ impl Far {
     #[must_use]
     pub fn new(state: RobotState, epoch: u64, born: u64) -> Self {
         let name = state.summary.name.clone();
-        let (last, _) = Copied::new(None, state, Duration::ZERO).lost();
+        let last = Copied::new(None, state, Duration::ZERO).ended();
         let numbers = Numbers::new(born, last.rows.len());
-        Self { name, epoch, held: Mutex::new(Held { owner: None, told: BTreeMap::new(), last, numbers }) }
+        let held = Held {
+            by_rows: None,
+            owner: None,
+            told: BTreeMap::new(),
+            last_since: last.begun,
+            last,
+            last_of: None,
+            numbers,
+        };
+        Self { name, epoch, held: Mutex::new(held) }
     }
 
     /// Whether a gateway tells of it.
@@ -194,17 +240,23 @@ impl Far {
         !self.held().told.is_empty()
     }
 
+    /// Whether the copy of a gateway is shown.
+    #[must_use]
+    pub fn has_owner(&self) -> bool {
+        self.held().owner.is_some()
+    }
+
     /// How far what is told of it may be behind its owner, while one tells.
     #[must_use]
     pub fn behind(&self, now: Instant) -> Duration {
         let held = self.held();
         let copied = held.copied();
-        let confirmed = copied.teller.as_ref().map(|teller| teller.confirmed().max(copied.begun));
-        confirmed.map_or(Duration::ZERO, |confirmed| now.since(confirmed))
+        copied.teller.as_ref().map_or(Duration::ZERO, |teller| teller.behind(now, copied.begun))
     }
 
     /// A gateway tells all of it. `fresh_for`: the greatest age of a value that it tells as fresh. `draw`
-    /// gives the next number. Without another owner it counts at once, until the rows of the store were seen.
+    /// gives the next number. It counts at once if neither the rows of the store nor another gateway say
+    /// otherwise.
     pub fn take_snapshot(
         &self,
         teller: &Arc<Teller>,
@@ -215,7 +267,8 @@ impl Far {
         let mut held = self.held();
         let number = teller.number();
         held.told.insert(number, Copied::new(Some(Arc::clone(teller)), state, fresh_for));
-        if held.owner.is_none_or(|owner| owner == number) {
+        let is_its = |owner: Option<u64>| owner.is_none_or(|owner| owner == number);
+        if is_its(held.owner) && is_its(held.by_rows) {
             held.show(number, draw());
         }
     }
@@ -234,11 +287,38 @@ impl Far {
         true
     }
 
-    /// A gateway tells the present state of it.
-    pub fn take_summary(&self, gateway: u64, summary: RobotSummary) {
+    /// A gateway tells the present state of it, and was asked for it then.
+    pub fn take_summary(&self, gateway: u64, summary: RobotSummary, asked: Instant) {
         if let Some(copied) = self.held().told.get_mut(&gateway) {
             (copied.summary, copied.summed_at) = (summary, clock::now());
+            copied.summary.stopped |= copied.stopped_at.is_some_and(|stopped_at| stopped_at > asked);
         }
+    }
+
+    /// A gateway tells that a stop began that holds. Its state, which says more, comes after that, unless the
+    /// gateway ends.
+    pub fn take_stop(&self, gateway: u64) {
+        if let Some(copied) = self.held().told.get_mut(&gateway) {
+            (copied.summary.stopped, copied.stopped_at) = (true, Some(clock::now()));
+        }
+    }
+
+    /// What the store had of it, which was asked for then. It counts while no gateway tells more. Returns
+    /// whether readers are told.
+    pub fn take_saved(&self, saved: &Saved, asked: Instant, draw: impl FnOnce() -> u64) -> bool {
+        let mut held = self.held();
+        let Saved { stopped, stopped_by, identity, .. } = saved;
+        let summary = &held.last.summary;
+        let known = (&summary.stopped, &summary.stopped_by, &summary.identity);
+        if held.owner.is_some() || held.last_since > asked || known == (stopped, stopped_by, identity) {
+            return false;
+        }
+        let summary = &mut held.last.summary;
+        summary.stopped = *stopped;
+        summary.stopped_by.clone_from(stopped_by);
+        summary.identity.clone_from(identity);
+        held.anew(draw());
+        true
     }
 
     /// A gateway does not tell of it any more. Returns whether readers are told.
@@ -246,7 +326,7 @@ impl Far {
         let mut held = self.held();
         let is_shown = held.owner == Some(gateway);
         if is_shown {
-            held.lose(draw);
+            held.lose(draw());
         }
         held.told.remove(&gateway);
         is_shown
@@ -254,19 +334,28 @@ impl Far {
 
     /// The rows of the store were seen: this gateway owns it, if any does, and these live. Returns whether
     /// readers are told.
-    pub fn settle(&self, owner: Option<u64>, live: &BTreeSet<u64>, draw: impl FnOnce() -> u64) -> bool {
+    pub fn settle(&self, owner: Option<u64>, live: &BTreeSet<u64>, draw: impl Fn() -> u64) -> bool {
         let mut held = self.held();
-        let is_changed = match owner.filter(|owner| held.told.contains_key(owner)) {
+        held.by_rows = owner;
+        let mut is_changed = match owner.filter(|owner| held.told.contains_key(owner)) {
             owner if owner == held.owner => false,
             Some(owner) => {
                 held.show(owner, draw());
                 true
             }
             None => {
-                held.lose(draw);
+                held.lose(draw());
                 true
             }
         };
+        // A lease ends with its owner.
+        if held.owner.is_none() && held.last_of != owner {
+            held.last_of = None;
+            if held.last.summary.lease.take().is_some() {
+                held.anew(draw());
+                is_changed = true;
+            }
+        }
         held.told.retain(|number, _| live.contains(number));
         is_changed
     }
@@ -274,16 +363,19 @@ impl Far {
     /// What this gateway knew of it, when it lets go of it.
     pub fn leave(&self, state: RobotState, draw: impl FnOnce() -> u64) {
         let mut held = self.held();
-        let born = draw();
-        (held.owner, held.last) = (None, Copied::new(None, state, Duration::ZERO).lost().0);
-        held.numbers = Numbers::new(born, held.last.rows.len());
+        held.put_last(Copied::new(None, state, Duration::ZERO).ended(), None);
+        held.anew(draw());
     }
 
-    /// How it was in the end.
-    pub fn take_last(&self, summary: RobotSummary) {
+    /// How it was in the end, after [`Self::leave`].
+    pub fn take_last(&self, summary: RobotSummary, draw: impl FnOnce() -> u64) {
         let mut held = self.held();
-        held.last.summary = summary;
+        held.last.summary = RobotSummary { lease: None, ..summary };
         held.last.silence();
+        held.last_since = clock::now();
+        if held.owner.is_none() {
+            held.anew(draw());
+        }
     }
 
     fn held(&self) -> MutexGuard<'_, Held> {
@@ -300,15 +392,24 @@ impl Held {
     /// Shows the copy of this gateway from now on. `born` is larger than all numbers before.
     fn show(&mut self, owner: u64, born: u64) {
         self.owner = Some(owner);
-        self.numbers = Numbers::new(born, self.copied().rows.len());
+        self.anew(born);
     }
 
-    /// Shows what was shown, and nothing of it as fresh.
-    fn lose(&mut self, draw: impl FnOnce() -> u64) {
-        let (last, stale) = self.copied().clone().lost();
-        (self.owner, self.last) = (None, last);
-        let number = draw();
-        self.numbers.change(&stale, number);
+    /// Shows what was shown, and nothing of it as fresh. Readers begin anew: the link is down, which no
+    /// value says.
+    fn lose(&mut self, born: u64) {
+        self.put_last(self.copied().clone().lost(), self.owner);
+        self.anew(born);
+    }
+
+    /// From now on no gateway tells of it, and this is the last that was told, by this gateway.
+    fn put_last(&mut self, last: Copied, of: Option<u64>) {
+        (self.owner, self.last, self.last_of, self.last_since) = (None, last, of, clock::now());
+    }
+
+    /// Every reader begins anew with what is shown.
+    fn anew(&mut self, born: u64) {
+        self.numbers = Numbers::new(born, self.copied().rows.len());
     }
 }
 
@@ -476,7 +577,7 @@ mod tests {
         far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
         // A look that is older than the snapshot.
         assert!(far.settle(None, &live, || 3));
-        assert_eq!(seen(&far), ("three".to_owned(), false, Span { born: 2, number: 3 }));
+        assert_eq!(seen(&far), ("three".to_owned(), false, Span { born: 3, number: 3 }));
         assert_eq!((far.summary().link, far.summary().lease), (RobotLink::Down, None));
         assert!(far.settle(Some(3), &live, || 4));
         assert_eq!(seen(&far), ("three".to_owned(), true, Span { born: 4, number: 4 }));
@@ -486,8 +587,76 @@ mod tests {
         assert!(far.settle(Some(3), &live, || 6));
         assert_eq!(seen(&far), ("three".to_owned(), true, Span { born: 6, number: 6 }));
         assert!(far.forget(3, || 7));
-        assert_eq!(seen(&far), ("three".to_owned(), false, Span { born: 6, number: 7 }));
+        assert_eq!(seen(&far), ("three".to_owned(), false, Span { born: 7, number: 7 }));
         assert!(!far.is_told());
+    }
+
+    #[test]
+    fn a_lease_is_told_until_the_rows_say_that_its_owner_ended() {
+        let live = BTreeSet::from([3]);
+        let lease = |far: &Far| far.summary().lease.map(|lease| lease.holder);
+        let far = Far::new(state("start", 0), 7, 1);
+        assert_eq!(lease(&far), None, "nobody tells of it");
+        far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+        assert!(!far.settle(Some(3), &live, || unreachable!()));
+        // Its owner lives, and is not heard of.
+        assert!(far.forget(3, || 3));
+        assert!(!far.settle(Some(3), &live, || unreachable!()));
+        assert_eq!((lease(&far).as_deref(), far.summary().link), (Some("token 1"), RobotLink::Down));
+        assert!(far.settle(None, &live, || 4));
+        assert_eq!((lease(&far), seen(&far).2), (None, Span { born: 4, number: 4 }), "readers are told");
+        assert!(!far.settle(None, &live, || unreachable!()));
+        // It has another owner, which is not heard of either.
+        far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 5);
+        far.forget(3, || 6);
+        assert!(far.settle(Some(4), &live, || 7));
+        assert_eq!(lease(&far), None);
+        // The gateway that had it goes on with it.
+        far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || unreachable!());
+        assert!(!far.has_owner());
+    }
+
+    #[test]
+    fn a_stop_is_told_at_once_and_what_is_older_says_nothing_against_it() {
+        let far = Far::new(state("start", 0), 7, 1);
+        far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+        let (before, old) = (clock::now(), far.summary());
+        std::thread::sleep(Duration::from_millis(2));
+        far.take_stop(3);
+        assert!(far.summary().stopped);
+        far.take_summary(3, old.clone(), before);
+        assert!(far.summary().stopped, "the list was asked for before the stop");
+        far.forget(3, || 3);
+        assert!(far.summary().stopped, "its gateway ended");
+        let saved = Saved::default();
+        assert!(!far.take_saved(&saved, before, || unreachable!()), "so was the store");
+        assert!(far.summary().stopped);
+        std::thread::sleep(Duration::from_millis(2));
+        assert!(far.take_saved(&saved, clock::now(), || 4), "somebody cleared it");
+        assert_eq!((far.summary().stopped, seen(&far).2), (false, Span { born: 4, number: 4 }));
+        let stopped = Saved { stopped: true, ..Saved::default() };
+        assert!(far.take_saved(&stopped, clock::now(), || 5));
+        assert!(!far.take_saved(&stopped, clock::now(), || unreachable!()), "nothing is new");
+        assert!(far.summary().stopped);
+        far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 6);
+        assert!(!far.take_saved(&stopped, clock::now(), || unreachable!()), "its owner tells more");
+        far.take_stop(3);
+        far.take_summary(3, old, clock::now());
+        assert!(!far.summary().stopped, "it was asked for after the stop");
+    }
+
+    #[test]
+    fn what_waits_here_is_behind_its_owner() {
+        let now = clock::now();
+        let (far, teller) = (Far::new(state("start", 0), 7, 1), heard(3));
+        far.take_snapshot(&teller, state("three", 5), FRESH_FOR, || 2);
+        let later = now + Duration::from_secs(9);
+        teller.confirm(later);
+        assert_eq!(far.behind(later), Duration::ZERO);
+        teller.hold_back(Some(now));
+        assert_eq!(far.behind(later), Duration::from_secs(9), "an event is not told yet");
+        teller.hold_back(None);
+        assert_eq!(far.behind(later), Duration::ZERO);
     }
 
     #[test]

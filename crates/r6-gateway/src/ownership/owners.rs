@@ -177,10 +177,9 @@ impl Owners {
                 }
             }
         });
-        if let Some(both) = &self.0 {
-            // Whatever one signed that is silent for so long is too old.
+        if let (Some(both), Some(now)) = (&self.0, self.store_time()) {
             let lives = |number| seen.gateways.get(&number).is_some_and(|seen| seen.life != Life::Expired);
-            both.peers.retain(|number| doors.contains_key(&number) && lives(number));
+            both.peers.retain(now, |number| doors.contains_key(&number) && lives(number));
         }
     }
 
@@ -272,7 +271,7 @@ impl Owners {
     #[must_use]
     pub fn admit(&self, pass: Pass, body: &[u8]) -> Option<Pass> {
         let is_late = self.store_time().is_none_or(|now| now > pass.until);
-        self.0.as_ref()?.peers.admit(pass, body).filter(|_| !is_late)
+        self.0.as_ref().filter(|_| !is_late)?.peers.admit(pass, body)
     }
 
     /// The store's clock now, as far as this gateway knows, in milliseconds.

@@ -1,9 +1,10 @@
 //! What other gateways tell of their robots, over the stream that browsers use.
 //!
 //! There is a task for each gateway that lives. It follows `GET /v1/live` there, with values and events of
-//! the robots of that gateway alone, and keeps the latest of each robot (`live/far.rs`). An event says that
-//! the state of a robot may be another one: then the list of the robots is read again, and readers here get
-//! the event after that. So what they read first is as new as the events that they do not get.
+//! the robots of that gateway alone, and keeps the latest of each robot (`live/far.rs`). Some events say that
+//! the state of a robot is another one: then the list of the robots is read again, and readers here get the
+//! event after that. So what they read first is as new as the events that they do not get. Of a robot that
+//! no gateway tells of, the store says twice a second whether a stop holds.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use futures_util::StreamExt;
-use r6_api::gateway::{Event, LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
+use r6_api::gateway::{Event, Happened, LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
 use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep, timeout};
@@ -20,9 +21,10 @@ use tokio_tungstenite::tungstenite::Message;
 use super::Inner;
 use crate::clock;
 use crate::core::name::RobotName;
-use crate::core::owner::Owned;
+use crate::core::owner::{LOOK, Owned};
+use crate::core::seat::Saved;
 use crate::fleet::config::RobotConfig;
-use crate::live::far::{Far, HEARD, Shown, Teller};
+use crate::live::far::{Far, HEARD, Shown as _, Teller};
 use crate::live::news::News;
 use crate::ownership::owners::Place;
 use crate::peers::{asks, read};
@@ -39,11 +41,25 @@ const LIST_WITHIN: Duration = Duration::from_secs(1);
 /// How long after an event the list is read: what happens together is read once.
 const LIST_AFTER: Duration = Duration::from_millis(20);
 
+/// The shortest time between two lists, which may have hundreds of robots.
+const LIST_PACE: Duration = Duration::from_millis(200);
+
+/// After this time without a list the stream begins anew. One list that is slow ends no stream: the values
+/// come, and readers are told how far the rest is behind.
+const LIST_FAILS: Duration = Duration::from_secs(5);
+
+/// After this time without a stream of a gateway that lives, the log says so. A takeover takes less.
+const WARN_AFTER: Duration = Duration::from_secs(5);
+
 /// How many events wait for a list: as many as a gateway keeps.
 const MAX_WAITING: usize = 1_000;
 
 /// How old the list may be without an event: a lease is renewed without one.
 const LIST_EACH: Duration = Duration::from_secs(2);
+
+/// How often the store is asked for robots that no gateway tells of: a gateway that ends may leave a
+/// thousand, and they are taken over meanwhile.
+const KEPT_EACH: Duration = LOOK;
 
 /// How long a look at the rows waits for what the store has of new robots: takeovers must not wait for it.
 const KEPT_WITHIN: Duration = Duration::from_millis(300);
@@ -53,7 +69,11 @@ const LIVE: &str = "/v1/live?events=true&alive=true";
 
 /// The tasks, by the numbers of the gateways.
 #[derive(Debug, Default)]
-pub struct Links(BTreeMap<u64, Link>);
+pub struct Links {
+    links: BTreeMap<u64, Link>,
+    /// What asks the store, and since when. There is one question at a time.
+    asked: Option<(JoinHandle<()>, Instant)>,
+}
 
 /// A task that ends when this is dropped.
 #[derive(Debug)]
@@ -73,34 +93,94 @@ impl Links {
     /// Follows the gateways that live and no others, and knows these robots and no others.
     pub async fn update(&mut self, inner: &Arc<Inner>, robots: &BTreeMap<RobotName, RobotConfig>) {
         let gateways = inner.owners.alive();
-        let gone: Vec<_> = self.0.keys().filter(|number| !gateways.contains(number)).copied().collect();
+        let gone: Vec<_> = self.links.keys().filter(|number| !gateways.contains(number)).copied().collect();
         for number in gone {
-            if let Some(link) = self.0.remove(&number) {
+            if let Some(link) = self.links.remove(&number) {
                 link.task.abort();
                 lose(inner, number, &link.is_open);
             }
         }
         for number in gateways.iter().copied() {
-            self.0.entry(number).or_insert_with(|| {
+            self.links.entry(number).or_insert_with(|| {
                 let is_open = Arc::new(AtomicBool::new(false));
                 let task = tokio::spawn(follow(Arc::clone(inner), number, Arc::clone(&is_open)));
                 Link { task, is_open }
             });
         }
-        inner.look_after_far(robots, &gateways).await;
+        self.look_into_store(inner, robots).await;
+        if inner.look_after_far(robots, &gateways) {
+            inner.state.shared.wake_readers();
+        }
+    }
+
+    /// Asks the store for robots that no gateway tells of: whether a stop holds, it knows first. Robots that
+    /// are not known here are told of from then on.
+    async fn look_into_store(&mut self, inner: &Arc<Inner>, robots: &BTreeMap<RobotName, RobotConfig>) {
+        let is_due =
+            |(task, since): &(JoinHandle<()>, Instant)| task.is_finished() && since.elapsed() >= KEPT_EACH;
+        let untold = inner.untold(robots);
+        if untold.is_empty() || self.asked.as_ref().is_some_and(|asked| !is_due(asked)) {
+            return;
+        }
+        let is_new = |config: &RobotConfig| inner.state.shared.far.one(config.name.as_str()).is_none();
+        let waits = untold.iter().any(is_new);
+        let mut task = tokio::spawn(ask_store(Arc::clone(inner), untold));
+        if waits {
+            let _ = timeout(KEPT_WITHIN, &mut task).await;
+        }
+        self.asked = Some((task, Instant::now()));
+    }
+}
+
+/// Asks the store for these robots, and takes in what it has.
+async fn ask_store(inner: Arc<Inner>, robots: Vec<RobotConfig>) {
+    let (asked, shared) = (clock::now(), &inner.state.shared);
+    let names: Vec<_> = robots.iter().map(|config| config.name.clone()).collect();
+    match shared.keeper.work(move |store| store.kept(&names)).await {
+        Ok(kept) => {
+            let all = robots.iter().zip(kept.into_iter().map(|(saved, _)| saved));
+            let changed = all.filter(|(config, saved)| inner.take_saved(config, saved, asked));
+            if changed.count() > 0 {
+                shared.wake_readers();
+            }
+        }
+        // The next look asks again.
+        Err(error) => tracing::debug!(%error, "robots that no gateway tells of"),
     }
 }
 
 impl Inner {
-    /// Adds the robots that are not known yet, removes those that are gone, and says whose copy counts.
-    async fn look_after_far(&self, robots: &BTreeMap<RobotName, RobotConfig>, gateways: &BTreeSet<u64>) {
+    /// The robots that no gateway tells of.
+    fn untold(&self, robots: &BTreeMap<RobotName, RobotConfig>) -> Vec<RobotConfig> {
         let (shared, fleet) = (&self.state.shared, &self.state.fleet);
-        let mut is_changed = self.add_new(robots).await;
-        for name in robots.keys() {
-            let Some(far) = shared.far.one(name.as_str()) else { continue };
-            let owner = match self.owners.place(&Owned::Robot(name.clone())) {
-                Place::There(number) => Some(number),
-                Place::Here | Place::Nowhere => None,
+        let has_owner = |name: &str| shared.far.one(name).is_some_and(|far| far.has_owner());
+        let is_untold =
+            |name: &RobotName| fleet.station(name.as_str()).is_none() && !has_owner(name.as_str());
+        robots.values().filter(|config| is_untold(&config.name)).cloned().collect()
+    }
+
+    /// Takes in what the store had of a robot, which was asked for then. Returns whether readers are told.
+    fn take_saved(&self, config: &RobotConfig, saved: &Saved, asked: r6_proto::time::Instant) -> bool {
+        let shared = &self.state.shared;
+        let known = shared.far.one(config.name.as_str());
+        let is_new = known.is_none();
+        let far = known.unwrap_or_else(|| {
+            let make = || Far::new(of_store(config, saved), shared.epoch, shared.draw());
+            shared.far.one_or(config.name.as_str(), make)
+        });
+        far.take_saved(saved, asked, || shared.draw()) || is_new
+    }
+
+    /// Says whose copy counts, and removes robots that are gone. Returns whether readers are told.
+    fn look_after_far(&self, robots: &BTreeMap<RobotName, RobotConfig>, gateways: &BTreeSet<u64>) -> bool {
+        let (shared, fleet) = (&self.state.shared, &self.state.fleet);
+        let mut is_changed = false;
+        // Some may be in the file of another gateway alone.
+        for far in shared.far.all() {
+            let owned = RobotName::new(far.name()).map(Owned::Robot);
+            let owner = match owned.map(|owned| self.owners.place(&owned)) {
+                Some(Place::There(number)) => Some(number),
+                Some(Place::Here | Place::Nowhere) | None => None,
             };
             is_changed |= far.settle(owner, gateways, || shared.draw());
         }
@@ -120,34 +200,7 @@ impl Inner {
             shared.far.retain(|far| !gone.contains(far.name()) || far.is_told(), || shared.note_removal());
             is_changed = true;
         }
-        if is_changed {
-            shared.wake_readers();
-        }
-    }
-
-    /// Adds the robots that are not known yet. Returns whether there are any.
-    async fn add_new(&self, robots: &BTreeMap<RobotName, RobotConfig>) -> bool {
-        let (shared, fleet) = (&self.state.shared, &self.state.fleet);
-        let is_new = |name: &&RobotName| {
-            fleet.station(name.as_str()).is_none() && shared.far.one(name.as_str()).is_none()
-        };
-        let new: Vec<_> = robots.keys().filter(is_new).cloned().collect();
-        if new.is_empty() {
-            return false;
-        }
-        // Whether a stop holds, the store knows. Without it the robots are not told of yet; the next look
-        // asks again.
-        let names = new.clone();
-        let kept = shared.keeper.work(move |store| store.kept(&names));
-        let Ok(Ok(kept)) = timeout(KEPT_WITHIN, kept).await else { return false };
-        for (config, (seat, _)) in new.iter().filter_map(|name| robots.get(name)).zip(kept) {
-            let mut state = unknown(config);
-            state.summary.stopped = seat.stopped;
-            state.summary.stopped_by = seat.stopped_by;
-            state.summary.identity = seat.identity;
-            shared.far.one_or(config.name.as_str(), || Far::new(state, shared.epoch, shared.draw()));
-        }
-        true
+        is_changed
     }
 
     /// Lets go of a robot, until this is over. From then on readers see what this gateway knew of it, until
@@ -160,8 +213,18 @@ impl Inner {
         far.leave(station.state(), || shared.draw());
         fleet.let_go(name, over).await;
         // The arm may have been stopped in the end.
-        far.take_last(station.summary());
+        far.take_last(station.summary(), || shared.draw());
+        shared.wake_readers();
     }
+}
+
+/// A robot of which nothing is known but what the store has.
+fn of_store(config: &RobotConfig, saved: &Saved) -> RobotState {
+    let mut state = unknown(config);
+    state.summary.stopped = saved.stopped;
+    state.summary.stopped_by.clone_from(&saved.stopped_by);
+    state.summary.identity.clone_from(&saved.identity);
+    state
 }
 
 /// A robot of which nothing is known but how it is configured.
@@ -190,28 +253,52 @@ fn unknown(config: &RobotConfig) -> RobotState {
     RobotState { summary, period_ms, epoch: 0, number: 0, signals: Vec::new() }
 }
 
-/// Events that wait until the list was read again.
+/// Events that wait until the list was read again, in their order, each with when it came.
 #[derive(Debug, Default)]
 struct Waiting {
     /// `None`: some were lost.
-    events: Mutex<VecDeque<Option<Event>>>,
+    events: Mutex<VecDeque<(Option<Event>, r6_proto::time::Instant)>>,
     /// The list may be another one.
     dirty: Notify,
 }
 
 impl Waiting {
-    fn add(&self, event: Option<Event>) {
+    /// Some may be missing from here on.
+    fn lose(&self) {
+        self.push(None);
+        self.dirty.notify_one();
+    }
+
+    /// Keeps an event until the list was read, if it says that a robot is in another state, or others wait.
+    /// One task alone adds and tells, so they stay in their order.
+    fn add(&self, event: Event, news: &News) {
+        let is_dirty = changes_summary(&event.happened);
+        if !is_dirty && self.events().is_empty() {
+            news.add_far(event.time, &event.robot, event.happened);
+            return;
+        }
+        self.push(Some(event));
+        if is_dirty {
+            self.dirty.notify_one();
+        }
+    }
+
+    fn push(&self, event: Option<Event>) {
         let mut events = self.events();
         if events.len() < MAX_WAITING {
-            events.push_back(event);
-        } else if let Some(last) = events.back_mut() {
+            events.push_back((event, clock::now()));
+        } else if let Some((last, _)) = events.back_mut() {
             *last = None;
         }
-        self.dirty.notify_one();
     }
 
     fn count(&self) -> usize {
         self.events().len()
+    }
+
+    /// Since when the first of them waits.
+    fn since(&self) -> Option<r6_proto::time::Instant> {
+        self.events().front().map(|(_, since)| *since)
     }
 
     /// Tells the first so many to the readers.
@@ -221,7 +308,7 @@ impl Waiting {
             let count = count.min(events.len());
             events.drain(..count).collect()
         };
-        for event in told {
+        for (event, _) in told {
             match event {
                 Some(Event { time, robot, happened, .. }) => news.add_far(time, &robot, happened),
                 None => news.lose_far(),
@@ -229,24 +316,74 @@ impl Waiting {
         }
     }
 
-    fn events(&self) -> MutexGuard<'_, VecDeque<Option<Event>>> {
+    fn events(&self) -> MutexGuard<'_, VecDeque<(Option<Event>, r6_proto::time::Instant)>> {
         self.events.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Whether a robot is in another state after this: the list tells of it.
+fn changes_summary(happened: &Happened) -> bool {
+    match happened {
+        Happened::RobotAdded {}
+        | Happened::RobotChanged {}
+        | Happened::RobotRemoved {}
+        | Happened::LinkUp {}
+        | Happened::LinkDown {}
+        | Happened::IdentityChanged(_)
+        | Happened::IdentityAccepted { .. }
+        | Happened::LeaseBegan { .. }
+        | Happened::LeaseEnded { .. }
+        | Happened::StopBegan { .. }
+        | Happened::StopEnded { .. }
+        | Happened::StopCleared {}
+        | Happened::GlobalSpeed { .. } => true,
+        Happened::CommandBegan { .. }
+        | Happened::CommandEnded { .. }
+        | Happened::RunBegan { .. }
+        | Happened::RunProgress { .. }
+        | Happened::RunEnded { .. }
+        | Happened::AlarmBegan { .. }
+        | Happened::AlarmEnded { .. }
+        | Happened::AlarmAcknowledged { .. }
+        | Happened::AlarmShelved { .. }
+        | Happened::AlarmUnshelved { .. }
+        | Happened::ModeChanged { .. }
+        | Happened::ProgramChanged { .. }
+        | Happened::CycleDone { .. }
+        | Happened::Parts { .. }
+        | Happened::PartsReset { .. }
+        | Happened::LinkLost {}
+        | Happened::LinkBack {}
+        | Happened::MoreHappened {}
+        | Happened::Unseen { .. } => false,
     }
 }
 
 /// Follows a gateway, for as long as it is polled.
 async fn follow(inner: Arc<Inner>, number: u64, is_open: Arc<AtomicBool>) {
-    let waiting = Waiting::default();
+    let mut lost_at = Instant::now();
+    let mut is_told = false;
     loop {
-        let stream = read_stream(&inner, number, &is_open, &waiting);
-        let list = keep_list(&inner, number, &waiting);
+        let (teller, waiting) = (Arc::new(Teller::new(number)), Waiting::default());
+        let stream = read_stream(&inner, &teller, &is_open, &waiting);
+        let list = keep_list(&inner, &teller, &waiting);
         let why = tokio::select! {
             why = stream => why,
             why = list => why,
         };
         tracing::debug!(gateway = number, why, "the stream of another gateway ended");
+        if is_open.load(Ordering::SeqCst) {
+            (lost_at, is_told) = (Instant::now(), false);
+        }
         waiting.tell(&inner.state.shared.news, usize::MAX);
         lose(&inner, number, &is_open);
+        if lost_at.elapsed() >= WARN_AFTER && !std::mem::replace(&mut is_told, true) {
+            tracing::warn!(
+                gateway = number,
+                why,
+                "another gateway lives and does not tell of its robots: nothing new is known of them here"
+            );
+        }
         sleep(AGAIN).await;
     }
 }
@@ -258,21 +395,25 @@ fn lose(inner: &Inner, number: u64, is_open: &AtomicBool) {
         far.forget(number, || shared.draw());
     }
     if is_open.swap(false, Ordering::SeqCst) {
-        // The next stream begins with what happens from then on.
+        // It may have told more.
         shared.news.lose_far();
+        // Whether a stop holds, the store says.
+        inner.look_soon.notify_one();
     }
     shared.wake_readers();
 }
 
 /// Reads the stream of a gateway to its end. Returns why it ended.
-async fn read_stream(inner: &Inner, number: u64, is_open: &AtomicBool, waiting: &Waiting) -> String {
+async fn read_stream(inner: &Inner, teller: &Arc<Teller>, is_open: &AtomicBool, waiting: &Waiting) -> String {
+    let number = teller.number();
     let mut stream = match inner.owners.open_stream(number, asks(LIVE)).await {
         Ok(stream) => stream,
         Err(error) => return error,
     };
     is_open.store(true, Ordering::SeqCst);
-    let teller = Arc::new(Teller::new(number));
-    let mut listed = Instant::now();
+    // It begins with what happens from now on.
+    inner.state.shared.news.lose_far();
+    let (mut listed, mut heard) = (Instant::now(), clock::now());
     loop {
         let message = match timeout(SILENCE, stream.next()).await {
             Err(_) => return format!("it said nothing for {SILENCE:?}"),
@@ -280,6 +421,11 @@ async fn read_stream(inner: &Inner, number: u64, is_open: &AtomicBool, waiting: 
             Ok(Some(Err(error))) => return error.to_string(),
             Ok(Some(Ok(message))) => message,
         };
+        let now = clock::now();
+        if now.since(std::mem::replace(&mut heard, now)) > SILENCE {
+            // What waits to be read is as old as that.
+            return format!("this gateway did nothing for {SILENCE:?}");
+        }
         let text = match message {
             Message::Text(text) => text,
             Message::Close(_) => return "it was closed".to_owned(),
@@ -288,13 +434,17 @@ async fn read_stream(inner: &Inner, number: u64, is_open: &AtomicBool, waiting: 
         };
         match serde_json::from_str::<LiveSent>(&text) {
             Ok(sent) => {
-                if !take(inner, &teller, sent.message, waiting) {
+                if !take(inner, teller, sent.message, waiting) {
                     return "something was missed".to_owned();
                 }
             }
-            // A newer r6 may tell more.
-            Err(error) => tracing::debug!(gateway = number, %error, "a message of another gateway"),
+            Err(error) => {
+                // A newer r6 may tell of more.
+                tracing::debug!(gateway = number, %error, "a message of another gateway cannot be read");
+                waiting.lose();
+            }
         }
+        teller.hold_back(waiting.since());
         if listed.elapsed() >= LIST_EACH {
             listed = Instant::now();
             waiting.dirty.notify_one();
@@ -332,13 +482,20 @@ fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, waiting: &Wai
             }
             shared.wake_readers();
         }
-        LiveMessage::Event(event) => waiting.add(Some(event)),
+        LiveMessage::Event(event) => {
+            if let (Happened::StopBegan { holds: true, .. }, Some(far)) =
+                (&event.happened, shared.far.one(&event.robot))
+            {
+                far.take_stop(number);
+            }
+            waiting.add(event, &shared.news);
+        }
         LiveMessage::Alive(alive) => {
             if let Some(ago) = alive.passed_ms_ago {
                 teller.confirm(clock::before(clock::now(), Duration::from_millis(ago)));
             }
         }
-        LiveMessage::EventsLost(_) => waiting.add(None),
+        LiveMessage::EventsLost(_) => waiting.lose(),
         LiveMessage::Reset(_) => waiting.dirty.notify_one(),
         LiveMessage::Removed(removed) => {
             // Its next owner tells of it, or the next look says that it is gone.
@@ -353,30 +510,35 @@ fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, waiting: &Wai
 
 /// Reads the list of the robots of a gateway again, each time that it may be another one. Returns why that
 /// cannot be done: then the stream begins anew, because what is told of its robots would grow old.
-async fn keep_list(inner: &Inner, number: u64, waiting: &Waiting) -> String {
-    let mut is_failed = false;
+async fn keep_list(inner: &Inner, teller: &Teller, waiting: &Waiting) -> String {
+    let number = teller.number();
+    let mut failed_since = None;
     loop {
         waiting.dirty.notified().await;
         sleep(LIST_AFTER).await;
-        let count = waiting.count();
+        let (count, begun, asked) = (waiting.count(), Instant::now(), clock::now());
         let list = timeout(LIST_WITHIN, read_list(inner, number)).await;
         match list.unwrap_or_else(|_| Err(format!("no list of robots within {LIST_WITHIN:?}"))) {
             Ok(list) => {
-                is_failed = false;
+                failed_since = None;
                 for summary in list.robots {
                     if let Some(far) = inner.state.shared.far.one(&summary.name) {
-                        far.take_summary(number, summary);
+                        far.take_summary(number, summary, asked);
                     }
                 }
                 waiting.tell(&inner.state.shared.news, count);
+                teller.hold_back(waiting.since());
             }
-            Err(error) if is_failed => return error,
             Err(error) => {
+                let since = *failed_since.get_or_insert(begun);
+                if since.elapsed() >= LIST_FAILS {
+                    return error;
+                }
                 tracing::debug!(gateway = number, error, "the robots of another gateway");
-                is_failed = true;
                 waiting.dirty.notify_one();
             }
         }
+        sleep(LIST_PACE.saturating_sub(begun.elapsed())).await;
     }
 }
 

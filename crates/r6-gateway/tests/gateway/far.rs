@@ -8,7 +8,7 @@ use r6_controller::PanelAction;
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
 
-use crate::owner::{Here, There, database, lease};
+use crate::owner::{Here, There, beside, database, lease};
 use crate::support::{PATIENCE, Stream, call, ready_to_start, signal};
 
 /// No fresh value is older: the period, what the client allows beyond it, and how long an owner may say
@@ -131,6 +131,7 @@ async fn any_gateway_tells_of_all_robots() {
         let (status, told) = here.call("GET", "/v1/alarms?active=true", None).await;
         assert_eq!((status, &told["alarms"][0]["robot"]), (200, &json!("press")), "{told}");
         assert_eq!((told["alarms"].as_array().unwrap().len(), &told["left_out"]), (1, &json!(0)), "{told}");
+        assert_eq!((&told["not_known"], &told["robots"]), (&json!([]), &Value::Null), "{told}");
     }
     press.handle().operate(&PanelAction::ReleaseEmergencyStop).unwrap();
 
@@ -162,17 +163,17 @@ async fn no_value_of_a_silent_gateway_is_told_as_fresh_and_the_next_owner_tells_
     let killed = Instant::now();
     let gone = listed(&here, "press", |robot| robot["link"] == "down").await;
     assert!(killed.elapsed() < Duration::from_secs(4), "{:?}", killed.elapsed());
-    assert_eq!(gone["lease"], Value::Null, "it ends with its owner");
-    let is_stale = |kind: &str, data: &Value| {
-        let signals = data["signals"].as_array().cloned().unwrap_or_default();
-        kind == "change" && signals.iter().all(|signal| signal["quality"] == "stale") && !signals.is_empty()
-    };
+    assert_eq!(gone["lease"]["holder"], "token 1", "its owner may live");
+    // No value says that the link is down, so readers begin anew.
+    let is_stale =
+        |kind: &str, data: &Value| kind == "snapshot" && data["link"] == "down" && !has_fresh(data);
     until(&mut live, is_stale).await;
     // What the owner told last may not have come.
     until(&mut events, |kind, _| kind == "reset").await;
-    // The next owner tells anew.
+    // The next owner tells anew. The lease ended with the one before.
     anew(&mut live).await;
-    here.until_up("press").await;
+    let state = here.until_up("press").await;
+    assert_eq!(state["lease"], Value::Null);
     let (status, _) = call(here.gateway.address(), &token, "GET", "/v1/robots/press", None).await;
     assert_eq!(status, 200);
     here.gateway.shutdown().await.unwrap();
@@ -195,8 +196,8 @@ async fn a_value_of_a_frozen_gateway_is_never_told_as_younger_than_it_is() {
     there.signal("STOP");
     let frozen = Instant::now();
     // It may have alarms that are not known here.
-    let (status, problem) = here.call("GET", "/v1/alarms", None).await;
-    assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "{problem}");
+    let (status, told) = here.call("GET", "/v1/alarms", None).await;
+    assert_eq!((status, &told["alarms"], &told["not_known"]), (200, &json!([]), &json!(["press"])), "{told}");
     let (mut looks, mut stale) = (0, 0);
     while here.gateway.owned() == Some(0) {
         let since = frozen.elapsed();
@@ -220,6 +221,47 @@ async fn a_value_of_a_frozen_gateway_is_never_told_as_younger_than_it_is() {
     anew(&mut live).await;
     there.signal("CONT");
     here.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn whether_a_stop_holds_is_told_of_a_robot_whose_gateway_cannot_be_reached() {
+    let Some((server, url, token)) = database("the test of a gateway that is not reached").await else {
+        return;
+    };
+    let press = ready_to_start().await;
+    let robots = [("press", press.address())];
+    let one = Here::start(&url, &token, &robots).await;
+    one.until_up("press").await;
+    let key = one.lease("press").await;
+    let (server, rows) = (std::sync::Arc::new(server), url.clone());
+    let door = move |door: String| {
+        let (server, rows) = (std::sync::Arc::clone(&server), rows.clone());
+        beside(move || drop(server.sql(&rows, &format!("UPDATE r6_gateway.gateway SET name = '{door}'"))))
+    };
+    door("http://127.0.0.1:1".to_owned()).await;
+    let other = Here::start(&url, &token, &robots).await;
+    let seen = listed(&other, "press", |_| true).await;
+    assert_eq!((&seen["link"], &seen["stopped"]), (&json!("down"), &json!(false)));
+    let mut live = Stream::open(other.gateway.address(), &token, "/v1/live?events=true", "").await;
+    until(&mut live, |kind, _| kind == "snapshot").await;
+    let (status, stopped) = one.call("POST", "/v1/robots/press/stop", None).await;
+    assert_eq!(status, 200, "{stopped}");
+    let state = until(&mut live, |kind, data| kind == "snapshot" && data["stopped"] == true).await;
+    assert_eq!(state["stopped_by"]["by"], "token 1", "{state}");
+    let (_, told) = other.call("GET", "/v1/alarms", None).await;
+    assert_eq!(told["not_known"], json!(["press"]), "{told}");
+    let cleared = json!({ "lease": key });
+    assert_eq!(one.call("POST", "/v1/robots/press/clear-stopped", Some(&cleared)).await.0, 204);
+    until(&mut live, |kind, data| kind == "snapshot" && data["stopped"] == false).await;
+    // It is reached again. What happened meanwhile may be missing.
+    door(format!("http://{}", one.gateway.address())).await;
+    until(&mut live, |kind, data| kind == "events_lost" || (kind == "snapshot" && data["link"] == "up"))
+        .await;
+    listed(&other, "press", |robot| robot["link"] == "up" && robot["lease"]["holder"] == "token 1").await;
+    let (_, told) = other.call("GET", "/v1/alarms", None).await;
+    assert_eq!(told["not_known"], json!([]), "{told}");
+    one.gateway.shutdown().await.unwrap();
+    other.gateway.shutdown().await.unwrap();
 }
 
 /// What a reader that begins now gets of the one robot.

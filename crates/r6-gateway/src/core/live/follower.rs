@@ -57,6 +57,9 @@ pub struct Follower {
 
 #[derive(Clone, Copy, Debug)]
 struct Known {
+    /// The number with which the values began that it has; `None` if the reader itself named them. A robot
+    /// that goes to another gateway begins anew, with numbers that may be among those that the reader has.
+    born: Option<u64>,
     /// The number of the last message.
     told: u64,
     /// The number up to which there was nothing else that the reader follows.
@@ -86,7 +89,7 @@ impl Follower {
                 false
             }
             Some(Begin::Each(robots)) => {
-                let known = |told| Known { told, looked: told, resumed: true };
+                let known = |told| Known { born: None, told, looked: told, resumed: true };
                 self.known = robots.into_iter().map(|(robot, told)| (robot, known(told))).collect();
                 false
             }
@@ -105,7 +108,8 @@ impl Follower {
             (None, Some(number)) => (number.min(at.number), number.min(at.number), false),
             (None, None) => return Step::Snapshot { reset: false },
         };
-        if told < at.born || told > at.number {
+        let is_other = known.and_then(|known| known.born).is_some_and(|born| born != at.born);
+        if is_other || told < at.born || told > at.number {
             return Step::Snapshot { reset: resumed };
         }
         if looked >= at.number { Step::Nothing } else { Step::Changes { after: told } }
@@ -123,7 +127,8 @@ impl Follower {
                 known.or(self.all_after).map_or(at.number, |told| told.min(at.number))
             }
         };
-        self.known.insert(robot.to_owned(), Known { told, looked: at.number, resumed: false });
+        let known = Known { born: Some(at.born), told, looked: at.number, resumed: false };
+        self.known.insert(robot.to_owned(), known);
     }
 
     /// Ends a pass through all robots. Robots without an entry are new from now on.

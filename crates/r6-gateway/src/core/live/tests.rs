@@ -329,3 +329,19 @@ proptest! {
         run(acts, &[1]);
     }
 }
+
+#[test]
+fn a_robot_that_goes_to_another_gateway_begins_anew_whatever_its_numbers_are() {
+    let mut follower = Follower::new(Begin::New);
+    let mut far = Numbers::new(5, 1);
+    far.change(&[0], 11);
+    let told = follower.step("press", far.span());
+    assert_eq!(told, Step::Snapshot { reset: false });
+    follower.done("press", far.span(), told, true);
+    assert_eq!(follower.step("press", far.span()), Step::Nothing);
+    // It was begun with here before the last change was told there.
+    let mut here = Numbers::new(10, 1);
+    assert_eq!(follower.step("press", here.span()), Step::Snapshot { reset: false });
+    here.change(&[0], 12);
+    assert_eq!(follower.step("press", here.span()), Step::Snapshot { reset: false });
+}

@@ -12,36 +12,50 @@ use tokio::time::timeout;
 use super::super::caller::Caller;
 use super::super::{State, refusal};
 use super::PLACES;
+use crate::core::name::RobotName;
 use crate::core::owner::Owned;
+use crate::live::far::Shown as _;
 use crate::ownership::owners::Place;
-use crate::peers::{asks, read};
+use crate::peers::{asks_for, read};
 use crate::problem::Problem;
 
 /// How long an answer may take. A reader waits for the slowest gateway.
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
-/// What the other gateways that own robots of this caller answer to this, each for its own robots. A gateway
-/// that asks gets nothing: it asks the others itself.
+/// What the other gateways that own robots of this caller answer to this, each for its own robots, with the
+/// number of the gateway. One that does not answer is not there. A request that another gateway passes on
+/// gets nothing: that one asks the others itself.
 ///
 /// # Errors
-/// `no_owner`: one of them does not answer. `overloaded`.
+/// `overloaded`.
 pub async fn gather<T: DeserializeOwned>(
     caller: &Caller,
     state: &State,
     target: &str,
-) -> Result<Vec<T>, Refusal> {
+) -> Result<Vec<(u64, T)>, Refusal> {
     let owners = &state.shared.owners;
-    if caller.is_gateway() {
+    if caller.is_passed() {
         return Ok(Vec::new());
     }
-    let seen = owners.robots().into_iter().filter(|robot| caller.grant().covers(robot.name.as_str()));
-    let gateways: BTreeSet<_> = seen
-        .filter_map(|robot| match owners.place(&Owned::Robot(robot.name)) {
+    let gateways: BTreeSet<_> = robots(caller, state)
+        .into_iter()
+        .filter_map(|robot| match owners.place(&Owned::Robot(robot)) {
             Place::There(number) => Some(number),
             Place::Here | Place::Nowhere => None,
         })
         .collect();
-    try_join_all(gateways.into_iter().map(|number| one(caller, state, number, target))).await
+    let answers = try_join_all(gateways.into_iter().map(|number| one(caller, state, number, target))).await?;
+    Ok(answers.into_iter().flatten().collect())
+}
+
+/// All robots of the hall that this caller may see, as far as this gateway knows.
+pub fn robots(caller: &Caller, state: &State) -> BTreeSet<RobotName> {
+    let configured = state.shared.owners.robots().into_iter().map(|config| config.name);
+    // Another gateway may have more in its file.
+    let told = state.shared.far.all().into_iter().filter_map(|far| RobotName::new(far.name()));
+    let here = state.fleet.stations().into_iter().map(|station| station.robot_name().clone());
+    let all = configured.chain(told).chain(here);
+    all.filter(|robot| caller.grant().covers(robot.as_str())).collect()
 }
 
 async fn one<T: DeserializeOwned>(
@@ -49,18 +63,18 @@ async fn one<T: DeserializeOwned>(
     state: &State,
     number: u64,
     target: &str,
-) -> Result<T, Refusal> {
+) -> Result<Option<(u64, T)>, Refusal> {
     let _place = PLACES.request(&caller.bearer(), number).ok_or_else(|| {
         let message = "too many requests are passed on to another gateway: ask again";
         refusal::of(Problem::new(Code::Overloaded, message))
     })?;
     let asked = async {
-        let answer = state.shared.owners.send(number, asks(target)).await;
+        let onward = asks_for(target, (caller.bearer(), caller.source()));
+        let answer = state.shared.owners.send(number, onward).await;
         read(answer.map_err(|failed| format!("{failed:?}"))?).await
     };
     let answer = timeout(ANSWER_WITHIN, asked).await;
-    answer.unwrap_or_else(|_| Err(format!("no answer within {ANSWER_WITHIN:?}"))).map_err(|why| {
-        let message = format!("a gateway that owns some of the robots does not answer: {why}. Ask again");
-        refusal::of(Problem::new(Code::NoOwner, message))
-    })
+    let answer = answer.unwrap_or_else(|_| Err(format!("no answer within {ANSWER_WITHIN:?}")));
+    let told = answer.inspect_err(|why| tracing::debug!(gateway = number, why, target, "no answer"));
+    Ok(told.ok().map(|answer| (number, answer)))
 }
