@@ -531,6 +531,17 @@ def test_an_answer_that_comes_too_slowly_is_given_up_in_time() -> None:
     peer.close()
 
 
+def test_alarms_that_are_not_known_are_an_error_unless_a_part_is_wanted() -> None:
+    body = b'{"alarms": [], "left_out": 0, "not_known": ["press", "saw"]}'
+    peer = Peer(answer("200 OK", body))
+    hall = r6.Gateway(peer.url, token="x")
+    with pytest.raises(r6.NotSent, match="press, saw") as refused:
+        hall.alarms()
+    assert refused.value.reason == "no_owner"
+    assert hall.alarms(partial=True) == []
+    peer.close()
+
+
 @pytest.mark.parametrize("said", [b"{}", b'{"robots": [{}]}', b'{"robots": 1}', b'{"robots": [1]}'])
 def test_values_of_another_shape_are_an_error_of_the_package(said: bytes) -> None:
     peer = Peer(answer("200 OK", said))

@@ -251,7 +251,8 @@ class Hall {
         }
         if (link === null || link !== this.#link) return;
         this.alarms = answer.kind === "ok" ? answer.value.alarms : null;
-        const mayWork = answer.kind === "unknown" || (answer.kind === "refused" && (answer.status >= 500 || answer.status === 429));
+        const isPart = answer.kind === "ok" && answer.value.not_known.length > 0;
+        const mayWork = isPart || answer.kind === "unknown" || (answer.kind === "refused" && (answer.status >= 500 || answer.status === 429));
         if (mayWork && this.heard === null) setTimeout(() => this.readAlarms(), AGAIN);
       });
     }, TOGETHER);

@@ -388,7 +388,7 @@ export class FakeGateway {
     else if (pathname === "/v1/session") say(SESSION);
     else if (pathname === "/v1/settings") say({ time_zone: "Europe/Berlin", shifts: [], managed_by: "file", etag: '"1"' } satisfies Settings);
     else if (pathname === "/v1/models") say({ models: this.wanted.models ?? [] });
-    else if (pathname === "/v1/alarms") say({ alarms: this.alarms(), left_out: 0 } satisfies RobotAlarms);
+    else if (pathname === "/v1/alarms") say({ alarms: this.alarms(), left_out: 0, not_known: [] } satisfies RobotAlarms);
     else if (pathname === "/v1/robots") say({ robots: this.robots.map((one) => one.summary()) });
     else if (found !== undefined) say(found.state());
     else if (isHistory) say(this.history(decodeURIComponent(pathname.split("/")[3] ?? ""), searchParams));

@@ -8,9 +8,18 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
-from ._gateway_http import UNREADABLE, HttpClient
+from ._gateway_http import UNREADABLE, HttpClient, not_sent
 from ._gateway_robot import GatewayRobot
-from ._gateway_values import Changes, Events, GatewayChange, GatewayEvent, GatewayState, read_alarms, read_signals
+from ._gateway_values import (
+    Changes,
+    Events,
+    GatewayChange,
+    GatewayEvent,
+    GatewayState,
+    read_alarms,
+    read_not_known,
+    read_signals,
+)
 
 
 class Gateway:
@@ -94,13 +103,20 @@ class Gateway:
             happened = data.get("event", kind)
             yield GatewayEvent(number, happened, data.get("robot"), data.get("time"), data)
 
-    def alarms(self, *, active: bool = False) -> list[dict[str, Any]]:
+    def alarms(self, *, active: bool = False, partial: bool = False) -> list[dict[str, Any]]:
         """The alarms of all robots that the token may see: the active ones first, then those that ended within a
         day, the latest first, at most 1000. With ``active`` only those that have not ended. ``["acknowledged"]``
         and ``["shelved"]`` say by whom, or are ``None``.
+
+        Where several gateways share a store, those of some robots may not be known: ``NotSent`` with the reason
+        ``no_owner`` names them. With ``partial`` the alarms of the others are returned.
         """
         path = f"/v1/alarms?{urlencode({'active': json.dumps(active), 'limit': 1000})}"
-        return self._http.ask("GET", path, read_alarms)
+        alarms, missing = self._http.ask("GET", path, lambda answer: (read_alarms(answer), read_not_known(answer)))
+        if missing and not partial:
+            text = f"the alarms of {', '.join(missing)} are not known now: no gateway answers for them. Ask again, "
+            raise not_sent("no_owner", text + "or take those of the other robots with partial=True")
+        return alarms
 
     def audit(self, *, after: int = 0, limit: int = 100) -> list[dict[str, Any]]:
         """Entries of the audit log behind a number, oldest first, at most 1000. Engineers only."""

@@ -105,9 +105,9 @@ class HttpClient:
             connection.connect()
         except ssl.SSLCertVerificationError as error:
             advice = "the certificate.pem of the gateway, or that of who issued it, goes into ca_file"
-            raise _not_sent("unreachable", f"{self!r} is not trusted: {error}: {advice}") from error
+            raise not_sent("unreachable", f"{self!r} is not trusted: {error}: {advice}") from error
         except OSError as error:
-            raise _not_sent("unreachable", f"{self!r} cannot be reached: {error}") from error
+            raise not_sent("unreachable", f"{self!r} cannot be reached: {error}") from error
         return connection
 
     def _send(
@@ -222,7 +222,7 @@ class HttpClient:
             invalid.reason = code
             return invalid
         if status in (401, 403, 408, 409, 429, 503):
-            return _not_sent(code, text)
+            return not_sent(code, text)
         other = OutcomeUnknown(text)
         other.reason, other.effect = code, effect
         return other
@@ -318,7 +318,7 @@ def _json(text: bytes) -> Any:
         return None
 
 
-def _not_sent(code: str, text: str) -> NotSent:
+def not_sent(code: str, text: str) -> NotSent:
     problem = NotSent(text)
     problem.reason, problem.may_send_again = code, code in _AGAIN
     return problem

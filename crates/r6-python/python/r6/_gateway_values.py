@@ -134,6 +134,11 @@ def read_alarms(answer: Any) -> list[dict[str, Any]]:
     return [read_alarm(alarm) for alarm in answer["alarms"]]
 
 
+def read_not_known(answer: Any) -> list[str]:
+    """The robots whose alarms are not in an answer. A gateway of an older r6 does not name them."""
+    return [str(robot) for robot in answer.get("not_known", [])]
+
+
 def read_nothing(answer: Any) -> None:
     """Nothing: the answer has no body."""
     if answer is not None:

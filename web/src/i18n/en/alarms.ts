@@ -55,6 +55,7 @@ export const alarms = {
   unshelveOf: (what: string) => `Take off the shelf: ${what}`,
   day: "Alarms of the last day",
   dayHint: "The gateway remembers 30 ended alarms of each robot, for a day after their end. The history has older ones.",
+  notKnownOf: (robots: string[]) => `Not known now: the alarms of ${robots.join(", ")}. Their gateway does not answer.`,
   leftOut: (n: number) => `${count(n, "more is", "more are")} not shown.`,
   robot: "Robot",
   code: "Alarm",

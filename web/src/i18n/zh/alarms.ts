@@ -56,6 +56,7 @@ export const alarms: typeof english = {
   unshelveOf: (what) => `取消搁置 ${what}`,
   day: "最近一天的报警",
   dayHint: "网关为每台机器人保留 30 条已结束的报警，最长一天。更早的报警见历史页面。",
+  notKnownOf: (robots) => `目前无法得知 ${robots.join("、")} 的报警：其网关没有应答。`,
   leftOut: (n) => `另有 ${n} 条未显示。`,
   robot: "机器人",
   code: "报警",
