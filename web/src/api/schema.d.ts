@@ -3115,8 +3115,8 @@ export interface components {
              */
             left_out: number;
             /**
-             * @description Robots whose alarms are not known now, and are not here: no gateway has them, or the one that has them
-             *     does not answer. It is empty if the gateway shares its store with no other one.
+             * @description Robots whose alarms are not known now, and are not here: no gateway has the robot, or its gateway does
+             *     not answer. It is empty if the gateway has a store of its own.
              */
             not_known: string[];
             /** @description Of which robots these are, for another gateway; for callers it is not there. */

@@ -10,8 +10,8 @@ pub struct RobotAlarms {
     pub alarms: Vec<RobotAlarm>,
     /// How many more there are than `limit`.
     pub left_out: u64,
-    /// Robots whose alarms are not known now, and are not here: no gateway has them, or the one that has them
-    /// does not answer. It is empty if the gateway shares its store with no other one.
+    /// Robots whose alarms are not known now, and are not here: no gateway has the robot, or its gateway does
+    /// not answer. It is empty if the gateway has a store of its own.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub not_known: Vec<String>,

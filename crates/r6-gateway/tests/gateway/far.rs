@@ -16,7 +16,7 @@ use crate::support::{PATIENCE, Stream, call, ready_to_start, signal};
 const FRESH: Duration = Duration::from_millis(3_600);
 
 /// The robot with this name in the list of a gateway, once it is as wanted.
-async fn listed(here: &Here, robot: &str, is: impl Fn(&Value) -> bool) -> Value {
+pub async fn listed(here: &Here, robot: &str, is: impl Fn(&Value) -> bool) -> Value {
     let begun = Instant::now();
     loop {
         let (status, list) = here.call("GET", "/v1/robots", None).await;

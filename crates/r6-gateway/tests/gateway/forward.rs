@@ -6,6 +6,7 @@ use r6_gateway::{Gateway, GatewaySettings, TlsSettings};
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
 
+use crate::far::listed;
 use crate::owner::{Here, There, beside, command, database, lease, settings_of};
 use crate::support::{Browser, PASSWORD, PATIENCE, call, call_with, commands, ready_to_start, request};
 
@@ -188,6 +189,8 @@ async fn a_gateway_with_tls_is_known_by_its_certificate() {
         tokio::time::sleep(Duration::from_millis(50)).await;
     };
     assert_eq!((one.owned(), &state["name"]), (Some(1), &json!("press")));
+    // Streams and lists, too.
+    listed(&other, "press", |robot| robot["link"] == "up").await;
     // Another certificate than that in the store: the row says the right one again with each beat.
     let (pinned, silent) = (url.clone(), server);
     let wrong = beside(move || {

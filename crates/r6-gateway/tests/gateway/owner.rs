@@ -15,6 +15,7 @@ use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
+use crate::raw::lists::{list, to};
 use crate::support::{PATIENCE, call, call_with, commands, name, ready_to_start, settings};
 
 /// How long it takes until another gateway has the robots of an owner that was killed: 3 s until it is sure,
@@ -228,6 +229,28 @@ async fn each_robot_is_owned_by_one_gateway_and_a_second_one_gets_its_share() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_robot_that_is_moved_by_somebody_else_is_not_given_away() {
+    let Some((_server, url, token)) = database("the test of a list that runs").await else { return };
+    let (press, saw) = (ready_to_start().await, VirtualController::start().await.unwrap());
+    // Some other program sends a list, which runs for more than ten seconds.
+    let mut program = TcpStream::connect(press.address()).await.unwrap();
+    program.write_all(list(true, &[to("40", "1")]).as_bytes()).await.unwrap();
+    let command = r#"{"dsID": "www.hc-system.com.HCRemoteCommand", "reqType": "command", "packID": "2", "cmdData": ["startButton"]}"#;
+    program.write_all(command.as_bytes()).await.unwrap();
+    until(|| press.handle().snapshot().moving, "the arm moves").await;
+    let robots = [("press", press.address()), ("saw", saw.address())];
+    let one = Here::start(&url, &token, &robots).await;
+    one.until_up("press").await;
+    one.until_up("saw").await;
+    let other = Here::start(&url, &token, &robots).await;
+    other.until_up("saw").await;
+    assert!(press.handle().snapshot().moving, "it was moving all the time");
+    assert!(one.owns("press").await);
+    one.gateway.shutdown().await.unwrap();
+    other.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn robots_that_are_added_over_the_api_go_to_the_gateway_that_has_the_fewest() {
     let Some((_server, url, token)) = database("the test of added robots").await else { return };
     let press = VirtualController::start().await.unwrap();
@@ -277,6 +300,14 @@ async fn an_arm_gets_no_second_name_at_a_gateway_that_does_not_own_it() {
     tokio::time::sleep(Duration::from_secs(3)).await;
     let (status, problem) = other.call("GET", "/v1/robots/drill", None).await;
     assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "{problem}");
+    let (_, told) = other.call("GET", "/v1/alarms", None).await;
+    assert_eq!(told["not_known"], json!(["drill"]), "its owner tells of the press: {told}");
+    // Nobody can stop it under this name, and that is said in time.
+    let stopping = Instant::now();
+    let (status, problem) = other.call("POST", "/v1/robots/drill/stop", None).await;
+    assert_eq!((status, &problem["code"]), (504, &json!("not_stopped")), "{problem}");
+    let took = stopping.elapsed();
+    assert!((Duration::from_secs(6)..Duration::from_secs(9)).contains(&took), "{took:?}");
     assert_eq!(press.handle().snapshot().connections, 1);
     let (_, state) = one.call("GET", "/v1/robots/press", None).await;
     assert_eq!((&state["link"], &state["stopped"]), (&json!("up"), &json!(true)));
