@@ -596,7 +596,7 @@ mod tests {
         let live = BTreeSet::from([3]);
         let lease = |far: &Far| far.summary().lease.map(|lease| lease.holder);
         let far = Far::new(state("start", 0), 7, 1);
-        assert_eq!(lease(&far), None, "nobody tells of it");
+        assert_eq!(lease(&far), None, "no gateway tells of it");
         far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
         assert!(!far.settle(Some(3), &live, || unreachable!()));
         // Its owner lives, and is not heard of.

@@ -302,7 +302,7 @@ async fn an_arm_gets_no_second_name_at_a_gateway_that_does_not_own_it() {
     assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "{problem}");
     let (_, told) = other.call("GET", "/v1/alarms", None).await;
     assert_eq!(told["not_known"], json!(["drill"]), "its owner tells of the press: {told}");
-    // Nobody can stop it under this name, and that is said in time.
+    // No gateway can stop it under this name, and that is said in time.
     let stopping = Instant::now();
     let (status, problem) = other.call("POST", "/v1/robots/drill/stop", None).await;
     assert_eq!((status, &problem["code"]), (504, &json!("not_stopped")), "{problem}");

@@ -23,7 +23,7 @@ use crate::problem::Problem;
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
 /// What the other gateways that own robots of this caller answer to this, each for its own robots, with the
-/// number of the gateway. One that does not answer is not there. A request that another gateway passes on
+/// number of the gateway. Those that do not answer are left out. A request that another gateway passes on
 /// gets nothing: that one asks the others itself.
 ///
 /// # Errors
