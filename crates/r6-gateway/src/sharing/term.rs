@@ -50,7 +50,11 @@ pub async fn begin(inner: Arc<Inner>, begins: Vec<(Claim, Ownership)>) {
 
 async fn give_up(inner: &Inner, claim: &Claim, ownership: &Ownership, error: &StoreError) {
     tracing::error!(of = %claim.of, %error, "this gateway cannot begin with it, and gives it back");
-    inner.shun(&claim.of);
+    // Without time left it cannot be given back (it was frozen), so no other gateway would take it while this
+    // one lives.
+    if ownership.may_move() {
+        inner.shun(&claim.of);
+    }
     inner.end_term(claim, ownership).await;
 }
 

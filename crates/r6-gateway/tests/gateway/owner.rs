@@ -341,6 +341,13 @@ pub struct There {
 impl There {
     /// When this returns, it owns the robots, and they answer.
     pub async fn start(url: &str, robots: &Robots) -> Self {
+        let (mut there, address) = Self::spawn(url, robots);
+        there.address = address.await;
+        there
+    }
+
+    /// The process, which was just started, and what tells its address once it owns the robots.
+    fn spawn(url: &str, robots: &Robots) -> (Self, impl Future<Output = SocketAddr> + use<>) {
         let robots: Vec<_> = robots.iter().map(|(name, at)| format!("{name}={at}")).collect();
         let mut child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "owner::child", "--nocapture"])
@@ -354,7 +361,8 @@ impl There {
             let lines = BufReader::new(out).lines().map(Result::unwrap);
             lines.filter_map(|line| line.strip_prefix("gateway ").map(str::to_owned)).next()
         });
-        Self { child, address: line.await.unwrap().parse().unwrap() }
+        let unknown = SocketAddr::from(([0, 0, 0, 0], 0));
+        (Self { child, address: unknown }, async { line.await.unwrap().parse().unwrap() })
     }
 
     /// Freezes it, or lets it go on. When this returns, it is frozen.
@@ -494,6 +502,39 @@ async fn an_owner_that_was_frozen_changes_nothing_when_it_goes_on() {
     assert_eq!(command(here.gateway.address(), &token, "press", &next).await.0, 200);
     assert_eq!(commands(&mut log), ["modifyGSPD"]);
     here.gateway.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_gateway_that_was_frozen_while_it_began_with_a_robot_takes_it_again_at_once() {
+    let Some((server, url, _token)) = database("the test of a frozen begin").await else { return };
+    let (server, press) = (std::sync::Arc::new(server), ready_to_start().await);
+    let sql = |text: &'static str| {
+        let (server, url) = (std::sync::Arc::clone(&server), url.clone());
+        move || server.sql(&url, text)
+    };
+    // What it writes once it has taken the robot takes a second.
+    let slow = "CREATE FUNCTION r6_gateway.slow() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
+         IF TG_OP = 'INSERT' OR NEW.gateway IS DISTINCT FROM OLD.gateway THEN NEW.address := NULL;
+         ELSE PERFORM pg_sleep(1); END IF; RETURN NEW; END $$;
+         CREATE TRIGGER slow BEFORE INSERT OR UPDATE ON r6_gateway.owner FOR EACH ROW
+         EXECUTE FUNCTION r6_gateway.slow();";
+    beside(sql(slow)).await;
+    let (there, address) = There::spawn(&url, &[("press", press.address())]);
+    let taken = "SELECT count(*) FROM r6_gateway.owner WHERE robot = 'press' AND gateway IS NOT NULL";
+    let begun = Instant::now();
+    while beside(sql(taken)).await != "1" {
+        assert!(begun.elapsed() < PATIENCE, "it does not take the robot");
+    }
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    there.signal("STOP");
+    // The server ends its transaction meanwhile, 2 s after the last statement.
+    tokio::time::sleep(Duration::from_millis(3_300)).await;
+    beside(sql("DROP TRIGGER slow ON r6_gateway.owner")).await;
+    there.signal("CONT");
+    let begun = Instant::now();
+    address.await;
+    let took = begun.elapsed();
+    assert!(took < Duration::from_millis(2_500), "no other gateway can have it, and it waited: {took:?}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
