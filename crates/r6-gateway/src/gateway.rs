@@ -367,9 +367,7 @@ impl Gateway {
         let Some(sharing) = &self.sharing else { return state.fleet.reload(robots).await };
         roster::check(&robots)?;
         self.check_elsewhere(&robots).await?;
-        // What other gateways own is theirs to change. What is new has no owner yet.
-        let is_here = |robot: &&RobotConfig| state.fleet.station(robot.name.as_str()).is_some();
-        let changes = state.fleet.reload(robots.iter().filter(is_here).cloned().collect()).await?;
+        let changes = state.fleet.reload(robots.clone()).await?;
         sharing.configure(|configured| configured.robots = robots);
         sharing.leave_changed();
         Ok(changes)

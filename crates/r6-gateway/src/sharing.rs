@@ -156,7 +156,8 @@ impl Running {
         keeper.append(vec![gateway::started()]).await?;
         let owners = Owners::shared(peers);
         owners.set_number(number);
-        let shared = Shared::new(keeper, Roads::Tcp, history, gateway::epoch()).with_owners(owners.clone());
+        let shared =
+            Shared::new(keeper, Roads::TcpOfTerm, history, gateway::epoch()).with_owners(owners.clone());
         let hall = sharing.configured().hall.clone();
         let begun = (Vec::new(), BTreeSet::new());
         let robot_settings = sharing.robot_settings.clone();
@@ -350,6 +351,15 @@ impl Look {
         }
         // Robots that were removed, or are not in the file any more.
         held.difference(&known).for_each(|owned| inner.leave(owned));
+        // What could not be given back when this gateway lost it, and is not in its file any more.
+        for (owned, owner) in &looked.seen.owners {
+            let is_left =
+                owner.gateway == Some(inner.number) && !held.contains(owned) && !known.contains(owned);
+            let claim = Claim { of: owned.clone(), fence: owner.fence };
+            if is_left && let Err(error) = rows.release(inner.number, &claim).await {
+                tracing::warn!(of = %claim.of, %error, "it was not given back");
+            }
+        }
         inner.give(self.watch.surplus(now, &looked.seen, inner.number).min(GIVEN_AT_ONCE));
         (self.watch.pause(clock::now()), join_all(begun))
     }

@@ -4292,7 +4292,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `overloaded`; `no_owner` */
+            /** @description `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;

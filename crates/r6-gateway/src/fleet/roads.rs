@@ -1,6 +1,17 @@
 //! How connections to robots are made: over TCP, or in a simulation over its own network.
 
-use r6_client::{RequestError, Robot, RobotSettings};
+use std::fmt;
+use std::io;
+
+use r6_client::{Connect, RequestError, Robot, RobotSettings};
+use tokio::net::TcpStream;
+
+/// How long the machine of a robot may leave something unacknowledged, of a gateway that can lose its robots.
+/// Otherwise the system would send a command again when a cable is plugged in after minutes, though the
+/// gateway has closed the connection or was killed: another gateway has the robot by then. The last command
+/// is permitted 1 s after the last good beat, and another gateway takes the robot 3 s after it.
+#[cfg(target_os = "linux")]
+const UNACKNOWLEDGED: std::time::Duration = std::time::Duration::from_millis(1_500);
 
 /// The ways to the robots.
 #[derive(Clone, Debug, Default)]
@@ -8,6 +19,8 @@ pub enum Roads {
     /// TCP.
     #[default]
     Tcp,
+    /// TCP, of a gateway that shares its store: what it wrote ends with its connection.
+    TcpOfTerm,
     /// The network of a simulation.
     #[cfg(feature = "simulation")]
     Simulated(crate::simulated::Roads),
@@ -21,8 +34,55 @@ impl Roads {
     pub async fn connect(&self, address: &str, settings: RobotSettings) -> Result<Robot, RequestError> {
         match self {
             Self::Tcp => Robot::connect(address, settings).await,
+            Self::TcpOfTerm => Robot::connect_with(OfTerm::new(address)?, settings).await,
             #[cfg(feature = "simulation")]
             Self::Simulated(roads) => roads.connect(address, settings).await,
         }
+    }
+}
+
+/// An address with its port.
+#[derive(Clone, Debug)]
+struct OfTerm(String);
+
+impl OfTerm {
+    fn new(address: &str) -> Result<Self, RequestError> {
+        Ok(Self(r6_client::address_with_port(address)?))
+    }
+}
+
+impl Connect for OfTerm {
+    type Stream = TcpStream;
+
+    async fn connect(&mut self) -> io::Result<TcpStream> {
+        let stream = TcpStream::connect(&self.0).await?;
+        // Otherwise a frame waits for the acknowledgement of the one before.
+        stream.set_nodelay(true)?;
+        #[cfg(target_os = "linux")]
+        socket2::SockRef::from(&stream).set_tcp_user_timeout(Some(UNACKNOWLEDGED))?;
+        Ok(stream)
+    }
+}
+
+impl fmt::Display for OfTerm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn what_is_not_acknowledged_ends_before_another_gateway_has_the_robot() {
+        use crate::core::owner::{EXPIRES, NO_MOVES};
+
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let stream = OfTerm::new(&address).unwrap().connect().await.unwrap();
+        let timeout = socket2::SockRef::from(&stream).tcp_user_timeout().unwrap().unwrap();
+        assert!(timeout + NO_MOVES < EXPIRES, "{timeout:?}");
+        assert!(stream.nodelay().unwrap());
     }
 }

@@ -185,7 +185,8 @@ impl Fleet {
     }
 
     /// Makes the robots of the configuration these. Robots that were added through the API stay, unless one
-    /// of these has their name.
+    /// of these has their name. With a shared store, only robots of this gateway are changed and removed:
+    /// what other gateways own is theirs to change, and what is new has no owner yet.
     ///
     /// # Errors
     /// `bad_value`, `address_taken`, `not_ready` (the gateway ends) and those of [`Self::part`]: nothing was
@@ -206,7 +207,8 @@ impl Fleet {
         let (mut added, mut changed) = (Vec::new(), Vec::new());
         for robot in robots {
             match now.iter().find(|known| known.name == robot.name) {
-                None => added.push(robot),
+                None if self.shared.owners.is_alone() => added.push(robot),
+                None => {}
                 Some(known) if known.managed_by == robot.managed_by && known.is_as(&robot) => {}
                 Some(_) => changed.push(robot),
             }
@@ -341,8 +343,11 @@ impl Fleet {
         station.seat(|seat, _| seat.reconfigured());
         station.configure(robot);
         station.publish(Happened::RobotChanged {});
-        let link = Work::start(|end| link::keep(station, end));
-        if let Some(post) = self.write().get_mut(&name) {
+        let link = Work::start(|end| link::keep(Arc::clone(&station), end));
+        // Meanwhile the robot may have been lost, and taken again: then it has a connection of its own.
+        let mut posts = self.write();
+        let post = posts.get_mut(&name).filter(|post| Arc::ptr_eq(&post.station, &station));
+        if let Some(post) = post {
             post.link = Some(link);
         }
     }

@@ -420,8 +420,8 @@ impl Station {
     async fn keep_end(self: Arc<Self>, last: LastWrite) {
         while let Err(error) = self.try_keep_end(&last).await {
             tracing::error!(robot = self.name(), run = last.run.run_id, %error, "the end of a run was not kept");
-            if matches!(error, StoreError::Closed) {
-                // The next start calls its outcome unknown.
+            if matches!(error, StoreError::Closed | StoreError::NotOwner) {
+                // The next start, or the next owner, calls its outcome unknown.
                 return;
             }
             tokio::time::sleep(WRITE_AGAIN).await;

@@ -308,9 +308,13 @@ impl Station {
         let was_stopped = held.seat.stops().0;
         held.seat.handle_timeout(now);
         let (result, record) = act(&mut held, now);
-        if held.seat.stops().0 && !was_stopped {
+        if held.seat.stops().0 && !was_stopped && held.seat.saved().stopped_by.is_none() {
             // A stop of a caller has its name already. Without one, the gateway lets a stop hold.
-            held.seat.name_stop(&by_itself().acts());
+            let by = by_itself();
+            held.seat.name_stop(&by.acts());
+            let number = held.seat.stop_is_told();
+            self.publish(Happened::StopBegan { by: by.actor, holds: true, number });
+            self.publish(Happened::StopEnded { confirmed: false });
         }
         if held.seat.generation() != generation {
             std::mem::take(&mut held.permission).withdraw();

@@ -31,9 +31,10 @@ use self::places::Places;
 use super::caller::Caller;
 use super::{State, body, refusal};
 use crate::core::name::RobotName;
-use crate::core::owner::Owned;
+use crate::core::owner::{Owned, Phase};
 use crate::core::pass::Bearer;
 use crate::core::role::Right;
+use crate::fleet::station::Station;
 use crate::ownership::owners::Place;
 use crate::peers::{self, ADMITTED, Failed, Onward, PASS, REFUSED, is_admitted};
 use crate::problem::Problem;
@@ -102,9 +103,11 @@ pub async fn pass_on(Of(state): Of<State>, request: Request, next: Next) -> Resp
     }
 }
 
-/// Who can answer for this. A robot that this gateway has taken and has not begun with has no owner yet.
+/// Who can answer for this. A robot that this gateway has taken and has not begun with has no owner yet, and
+/// a robot that it is about to lose has none any more.
 fn place(state: &State, owned: &Owned) -> Place {
-    let is_here = |name: &RobotName| state.fleet.station(name.as_str()).is_some();
+    let lasts = |station: &Station| station.term.ownership.phase() < Phase::StopLists;
+    let is_here = |name: &RobotName| state.fleet.station(name.as_str()).is_some_and(|here| lasts(&here));
     match (state.shared.owners.place(owned), owned.robot()) {
         (Place::Here, Some(name)) if !is_here(name) => Place::Nowhere,
         (place, _) => place,
@@ -119,8 +122,11 @@ fn asked_for(state: &State, method: &Method, path: &str) -> Option<Owned> {
     }
     // What cannot be the name of a robot is refused here.
     let name = named(path)?;
-    if state.shared.owners.is_known(&name) || state.fleet.station(name.as_str()).is_some() {
-        return Some(Owned::Robot(name));
+    let (owners, owned) = (&state.shared.owners, Owned::Robot(name.clone()));
+    // It may be in the file of another gateway alone.
+    let has_owner = || owners.place(&owned) != Place::Nowhere;
+    if owners.is_known(&name) || state.fleet.station(name.as_str()).is_some() || has_owner() {
+        return Some(owned);
     }
     // The owner of the hall adds robots.
     (*method == Method::PUT).then_some(Owned::Hall)

@@ -17,12 +17,15 @@ use r6_proto::time::Instant;
 use crate::clock;
 use crate::core::live::follower::Step;
 use crate::core::live::numbers::{Numbers, Span};
-use crate::core::owner::CLOSE;
+use crate::core::owner::{CLOSE, EXPIRES};
 use crate::core::seat::Saved;
 
 /// For how long a value that its owner told as fresh is still told as fresh if the owner says nothing more of
 /// it, beyond the greatest age of a fresh value. An owner that is silent for longer may have lost the robot.
 pub const HEARD: Duration = CLOSE;
+
+/// How long a stop may have been told without being in the store: its owner writes for 2 s at most.
+const WRITTEN: Duration = EXPIRES;
 
 /// A robot as readers of live values see it, whichever gateway owns it.
 pub trait Shown: Send + Sync {
@@ -240,6 +243,12 @@ impl Far {
         !self.held().told.is_empty()
     }
 
+    /// Whether what this gateway tells of it may be told on: no other one is known to have it.
+    #[must_use]
+    pub fn may_be_of(&self, gateway: u64) -> bool {
+        self.held().owner.is_none_or(|owner| owner == gateway)
+    }
+
     /// Whether the copy of a gateway is shown.
     #[must_use]
     pub fn has_owner(&self) -> bool {
@@ -289,8 +298,9 @@ impl Far {
 
     /// A gateway tells the present state of it, and was asked for it then.
     pub fn take_summary(&self, gateway: u64, summary: RobotSummary, asked: Instant) {
-        if let Some(copied) = self.held().told.get_mut(&gateway) {
-            (copied.summary, copied.summed_at) = (summary, clock::now());
+        // A snapshot that came since then is newer.
+        if let Some(copied) = self.held().told.get_mut(&gateway).filter(|copied| copied.begun <= asked) {
+            (copied.summary, copied.summed_at) = (summary, asked);
             copied.summary.stopped |= copied.stopped_at.is_some_and(|stopped_at| stopped_at > asked);
         }
     }
@@ -311,6 +321,11 @@ impl Far {
         let summary = &held.last.summary;
         let known = (&summary.stopped, &summary.stopped_by, &summary.identity);
         if held.owner.is_some() || held.last_since > asked || known == (stopped, stopped_by, identity) {
+            return false;
+        }
+        // A stop that its owner has just told may not be in the store yet.
+        let is_its = held.last_of.is_some() && held.last_of == held.by_rows;
+        if is_its && summary.stopped && !stopped && asked.since(held.last_since) < WRITTEN {
             return false;
         }
         let summary = &mut held.last.summary;
@@ -641,8 +656,46 @@ mod tests {
         far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 6);
         assert!(!far.take_saved(&stopped, clock::now(), || unreachable!()), "its owner tells more");
         far.take_stop(3);
-        far.take_summary(3, old, clock::now());
+        far.take_summary(3, old.clone(), clock::now());
         assert!(!far.summary().stopped, "it was asked for after the stop");
+        let asked = clock::now();
+        std::thread::sleep(Duration::from_millis(2));
+        let mut newer = state("three", 6);
+        newer.summary.stopped = true;
+        far.take_snapshot(&heard(3), newer, FRESH_FOR, || 7);
+        far.take_summary(3, old, asked);
+        assert!(far.summary().stopped, "the snapshot is newer than the list");
+    }
+
+    #[test]
+    fn the_store_may_not_have_a_stop_yet_that_its_living_owner_told() {
+        let live = BTreeSet::from([3]);
+        let far = Far::new(state("start", 0), 7, 1);
+        far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+        far.settle(Some(3), &live, || unreachable!());
+        far.take_stop(3);
+        far.forget(3, || 3);
+        let (lost, saved) = (clock::now(), Saved::default());
+        assert!(!far.take_saved(&saved, lost + Duration::from_secs(1), || unreachable!()));
+        assert!(far.summary().stopped);
+        assert!(far.take_saved(&saved, lost + WRITTEN, || 4), "it was cleared since");
+        assert!(!far.summary().stopped);
+        let stopped = Saved { stopped: true, ..Saved::default() };
+        assert!(far.take_saved(&stopped, lost + WRITTEN, || 5));
+        // Its owner ended: what the store has counts.
+        far.settle(None, &live, || 6);
+        assert!(far.take_saved(&saved, lost + WRITTEN, || 7));
+    }
+
+    #[test]
+    fn what_a_gateway_tells_of_a_robot_of_another_one_is_not_told_on() {
+        let live = BTreeSet::from([3, 4]);
+        let far = Far::new(state("start", 0), 7, 1);
+        assert!(far.may_be_of(3) && far.may_be_of(4), "nothing is known");
+        far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+        far.take_snapshot(&heard(4), state("four", 5), FRESH_FOR, || unreachable!());
+        far.settle(Some(4), &live, || 3);
+        assert!(!far.may_be_of(3) && far.may_be_of(4));
     }
 
     #[test]

@@ -12,7 +12,7 @@ use super::Ownership;
 use crate::auditor::Auditor;
 use crate::clock;
 use crate::core::name::RobotName;
-use crate::core::owner::{Claim, EXPIRES, Life, Owned, SeenGateway};
+use crate::core::owner::{Claim, EXPIRES, Life, Owned, SeenGateway, WATCHED};
 use crate::core::pass::{self, Pass};
 use crate::fleet::config::RobotConfig;
 use crate::peers::{Door, Failed, LiveStream, Onward, Peers};
@@ -23,6 +23,9 @@ use crate::store::postgres::owner::Looked;
 /// For how long the owner takes a pass, in milliseconds of the store's clock. Who gave up says that the
 /// request may be carried out: that is so for this long.
 const PASS_LASTS: u64 = 2_000;
+
+/// How far the clocks of the store may be apart, as two gateways know them, in milliseconds.
+const PASS_AHEAD: u64 = 1_000;
 
 /// Where the owner of something is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,6 +62,8 @@ struct Held {
     time: Option<(u64, Instant)>,
     /// The other gateways that live.
     alive: BTreeSet<u64>,
+    /// The last beat of each gateway that was seen, and since when.
+    beats: BTreeMap<u64, (u64, Instant)>,
     /// How to find all gateways.
     doors: BTreeMap<u64, Door>,
     /// All robots of the hall.
@@ -167,9 +172,25 @@ impl Owners {
                 |number: &u64| seen.gateways.get(number).is_none_or(|seen| seen.life == Life::Ended);
             held.doors = doors.clone();
             held.doors.retain(|number, _| !has_ended(number));
-            let lives = |seen: &SeenGateway| matches!(seen.life, Life::Alive | Life::Ahead);
-            let alive = seen.gateways.iter().filter(|(number, seen)| **number != held.number && lives(seen));
-            held.alive = alive.map(|(number, _)| *number).collect();
+            held.beats.retain(|number, _| seen.gateways.contains_key(number));
+            for (number, seen) in &seen.gateways {
+                let beat = held.beats.entry(*number).or_insert((seen.beat, now));
+                if beat.0 != seen.beat {
+                    *beat = (seen.beat, now);
+                }
+            }
+            // The clock of the store may have been set forward: one that lived lives while its beats come.
+            let beats = |number: &u64| {
+                let since = held.beats.get(number).map(|(_, since)| *since);
+                held.alive.contains(number) && since.is_some_and(|since| now.since(since) < WATCHED)
+            };
+            let lives = |(number, seen): &(&u64, &SeenGateway)| match seen.life {
+                Life::Alive | Life::Ahead => true,
+                Life::Expired => beats(number),
+                Life::Ended => false,
+            };
+            let others = seen.gateways.iter().filter(|(number, _)| **number != held.number);
+            held.alive = others.filter(lives).map(|(number, _)| *number).collect();
             for (owned, owner) in &seen.owners {
                 let Some(number) = owner.gateway else { continue };
                 if held.alive.contains(&number) && !held.terms.contains_key(owned) {
@@ -270,8 +291,10 @@ impl Owners {
     /// The pass, if it is for this body, is not too old and was not taken before.
     #[must_use]
     pub fn admit(&self, pass: Pass, body: &[u8]) -> Option<Pass> {
-        let is_late = self.store_time().is_none_or(|now| now > pass.until);
-        self.0.as_ref().filter(|_| !is_late)?.peers.admit(pass, body)
+        let now = self.store_time()?;
+        // Far ahead it is after the clock of the store was set back: it may have been held back for long.
+        let is_for_now = (now..=now + PASS_LASTS + PASS_AHEAD).contains(&pass.until);
+        self.0.as_ref().filter(|_| is_for_now)?.peers.admit(pass, body)
     }
 
     /// The store's clock now, as far as this gateway knows, in milliseconds.
@@ -416,11 +439,27 @@ mod tests {
             owners: [(press.clone(), SeenOwner { fence: 1, gateway: Some(1) })].into(),
         };
         owners.looked(&Looked { seen, time: Some(10_000), ..Looked::default() }, &BTreeMap::new());
-        assert!(owners.admit(pass(9_999), b"").is_none(), "somebody held it back");
-        assert!(owners.admit(pass(20_000), b"x").is_none(), "it is for another body");
-        assert!(owners.admit(pass(20_001), b"").is_some());
-        assert!(owners.admit(pass(20_001), b"").is_none(), "it is taken once");
+        assert!(owners.admit(pass(9_999), b"").is_none(), "it was held back");
+        assert!(owners.admit(pass(20_000), b"").is_none(), "it was made before the clock was set back");
+        assert!(owners.admit(pass(11_000), b"x").is_none(), "it is for another body");
+        assert!(owners.admit(pass(11_001), b"").is_some());
+        assert!(owners.admit(pass(11_001), b"").is_none(), "it is taken once");
         assert_eq!((owners.place(&press), owners.is_blind()), (Place::There(1), false));
+        // The clock of the store is set forward, and nothing else happens.
+        let later = |beat, life| Seen {
+            gateways: [(1, SeenGateway { beat, life })].into(),
+            owners: [(press.clone(), SeenOwner { fence: 1, gateway: Some(1) })].into(),
+        };
+        let look =
+            |seen| owners.looked(&Looked { seen, time: Some(90_000), ..Looked::default() }, &BTreeMap::new());
+        look(later(1, Life::Expired));
+        assert_eq!(owners.place(&press), Place::There(1), "its beat was seen a moment ago");
+        owners.with(|held| held.beats.insert(1, (1, Instant::ORIGIN)));
+        look(later(1, Life::Expired));
+        assert_eq!(owners.place(&press) == Place::Nowhere, clock::now().since(Instant::ORIGIN) >= WATCHED);
+        look(later(2, Life::Expired));
+        assert_eq!(owners.place(&press), Place::Nowhere, "one that ended does not come back like this");
+        look(later(3, Life::Alive));
         owners.with(|held| held.looked = held.looked.map(|_| Instant::ORIGIN));
         let is_old = clock::now().since(Instant::ORIGIN) >= EXPIRES;
         assert_eq!(owners.is_blind(), is_old);

@@ -11,8 +11,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use futures_util::StreamExt;
+use futures_util::{SinkExt, StreamExt};
 use r6_api::gateway::{Event, Happened, LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
+use r6_proto::time::Instant as Time;
 use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep, timeout};
@@ -25,7 +26,6 @@ use crate::core::owner::{LOOK, Owned};
 use crate::core::seat::Saved;
 use crate::fleet::config::RobotConfig;
 use crate::live::far::{Far, HEARD, Shown as _, Teller};
-use crate::live::news::News;
 use crate::ownership::owners::Place;
 use crate::peers::{asks, read};
 
@@ -160,7 +160,7 @@ impl Inner {
     }
 
     /// Takes in what the store had of a robot, which was asked for then. Returns whether readers are told.
-    fn take_saved(&self, config: &RobotConfig, saved: &Saved, asked: r6_proto::time::Instant) -> bool {
+    fn take_saved(&self, config: &RobotConfig, saved: &Saved, asked: Time) -> bool {
         let shared = &self.state.shared;
         let known = shared.far.one(config.name.as_str());
         let is_new = known.is_none();
@@ -257,7 +257,7 @@ fn unknown(config: &RobotConfig) -> RobotState {
 #[derive(Debug, Default)]
 struct Waiting {
     /// `None`: some were lost.
-    events: Mutex<VecDeque<(Option<Event>, r6_proto::time::Instant)>>,
+    events: Mutex<VecDeque<(Option<Event>, Time)>>,
     /// The list may be another one.
     dirty: Notify,
 }
@@ -271,10 +271,10 @@ impl Waiting {
 
     /// Keeps an event until the list was read, if it says that a robot is in another state, or others wait.
     /// One task alone adds and tells, so they stay in their order.
-    fn add(&self, event: Event, news: &News) {
+    fn add(&self, event: Event, inner: &Inner, number: u64) {
         let is_dirty = changes_summary(&event.happened);
         if !is_dirty && self.events().is_empty() {
-            news.add_far(event.time, &event.robot, event.happened);
+            tell(event, inner, number);
             return;
         }
         self.push(Some(event));
@@ -297,12 +297,12 @@ impl Waiting {
     }
 
     /// Since when the first of them waits.
-    fn since(&self) -> Option<r6_proto::time::Instant> {
+    fn since(&self) -> Option<Time> {
         self.events().front().map(|(_, since)| *since)
     }
 
-    /// Tells the first so many to the readers.
-    fn tell(&self, news: &News, count: usize) {
+    /// Tells the first so many of this gateway to the readers.
+    fn tell(&self, inner: &Inner, number: u64, count: usize) {
         let told: Vec<_> = {
             let mut events = self.events();
             let count = count.min(events.len());
@@ -310,14 +310,27 @@ impl Waiting {
         };
         for (event, _) in told {
             match event {
-                Some(Event { time, robot, happened, .. }) => news.add_far(time, &robot, happened),
-                None => news.lose_far(),
+                Some(event) => tell(event, inner, number),
+                None => inner.state.shared.news.lose_far(),
             }
         }
     }
 
-    fn events(&self) -> MutexGuard<'_, VecDeque<(Option<Event>, r6_proto::time::Instant)>> {
+    fn events(&self) -> MutexGuard<'_, VecDeque<(Option<Event>, Time)>> {
         self.events.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Tells an event of this gateway to the readers. If the robot is another gateway's by now, which tells of it
+/// itself, it came too late: it would stand behind what happened later.
+fn tell(event: Event, inner: &Inner, number: u64) {
+    let Event { time, robot, happened, .. } = event;
+    let shared = &inner.state.shared;
+    let is_its = shared.far.one(&robot).is_none_or(|far| far.may_be_of(number));
+    if is_its && inner.state.fleet.station(&robot).is_none() {
+        shared.news.add_far(time, &robot, happened);
+    } else {
+        shared.news.lose_far();
     }
 }
 
@@ -375,7 +388,7 @@ async fn follow(inner: Arc<Inner>, number: u64, is_open: Arc<AtomicBool>) {
         if is_open.load(Ordering::SeqCst) {
             (lost_at, is_told) = (Instant::now(), false);
         }
-        waiting.tell(&inner.state.shared.news, usize::MAX);
+        waiting.tell(&inner, number, usize::MAX);
         lose(&inner, number, &is_open);
         if lost_at.elapsed() >= WARN_AFTER && !std::mem::replace(&mut is_told, true) {
             tracing::warn!(
@@ -414,6 +427,8 @@ async fn read_stream(inner: &Inner, teller: &Arc<Teller>, is_open: &AtomicBool, 
     // It begins with what happens from now on.
     inner.state.shared.news.lose_far();
     let (mut listed, mut heard) = (Instant::now(), clock::now());
+    // When the last ping left that was answered: what comes now left there after that.
+    let mut answered = None;
     loop {
         let message = match timeout(SILENCE, stream.next()).await {
             Err(_) => return format!("it said nothing for {SILENCE:?}"),
@@ -429,10 +444,25 @@ async fn read_stream(inner: &Inner, teller: &Arc<Teller>, is_open: &AtomicBool, 
         let text = match message {
             Message::Text(text) => text,
             Message::Close(_) => return "it was closed".to_owned(),
+            Message::Pong(sent) => {
+                answered = sent.as_ref().try_into().ok().map(u64::from_be_bytes).map(Time::from_nanos);
+                continue;
+            }
             // The answers to pings are given while the stream is read.
-            Message::Ping(_) | Message::Pong(_) | Message::Binary(_) | Message::Frame(_) => continue,
+            Message::Ping(_) | Message::Binary(_) | Message::Frame(_) => continue,
         };
         match serde_json::from_str::<LiveSent>(&text) {
+            Ok(LiveSent { message: LiveMessage::Alive(alive), .. }) => {
+                if let (Some(ago), Some(left)) = (alive.passed_ms_ago, answered) {
+                    teller.confirm(clock::before(left, Duration::from_millis(ago)));
+                }
+                let ping = Message::Ping(clock::now().as_nanos().to_be_bytes().to_vec().into());
+                match timeout(SILENCE, stream.send(ping)).await {
+                    Ok(Ok(())) => {}
+                    Ok(Err(error)) => return error.to_string(),
+                    Err(_) => return format!("it took nothing for {SILENCE:?}"),
+                }
+            }
             Ok(sent) => {
                 if !take(inner, teller, sent.message, waiting) {
                     return "something was missed".to_owned();
@@ -488,12 +518,7 @@ fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, waiting: &Wai
             {
                 far.take_stop(number);
             }
-            waiting.add(event, &shared.news);
-        }
-        LiveMessage::Alive(alive) => {
-            if let Some(ago) = alive.passed_ms_ago {
-                teller.confirm(clock::before(clock::now(), Duration::from_millis(ago)));
-            }
+            waiting.add(event, inner, number);
         }
         LiveMessage::EventsLost(_) => waiting.lose(),
         LiveMessage::Reset(_) => waiting.dirty.notify_one(),
@@ -503,7 +528,7 @@ fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, waiting: &Wai
                 shared.wake_readers();
             }
         }
-        LiveMessage::Subscribed(_) | LiveMessage::Problem(_) => {}
+        LiveMessage::Alive(_) | LiveMessage::Subscribed(_) | LiveMessage::Problem(_) => {}
     }
     true
 }
@@ -526,7 +551,7 @@ async fn keep_list(inner: &Inner, teller: &Teller, waiting: &Waiting) -> String 
                         far.take_summary(number, summary, asked);
                     }
                 }
-                waiting.tell(&inner.state.shared.news, count);
+                waiting.tell(inner, number, count);
                 teller.hold_back(waiting.since());
             }
             Err(error) => {

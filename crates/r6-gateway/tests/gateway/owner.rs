@@ -311,6 +311,9 @@ async fn an_arm_gets_no_second_name_at_a_gateway_that_does_not_own_it() {
     assert_eq!(press.handle().snapshot().connections, 1);
     let (_, state) = one.call("GET", "/v1/robots/press", None).await;
     assert_eq!((&state["link"], &state["stopped"]), (&json!("up"), &json!(true)));
+    // The file of this gateway has it no more. Its owner is asked all the same.
+    let (status, stopped) = other.call("POST", "/v1/robots/press/stop", None).await;
+    assert_eq!((status, &stopped["confirmed"]), (200, &json!(true)), "{stopped}");
     assert_eq!(one.gateway.reload(renamed()).await.unwrap_err().code, r6_api::Code::Stopped);
     // The owner ends: the gateway with the new file does not take the arm that was stopped.
     one.gateway.shutdown().await.unwrap();

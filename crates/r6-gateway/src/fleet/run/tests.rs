@@ -6,6 +6,7 @@ use crate::core::seat::{Ask, Secret};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
 use crate::fleet::station::{Kept, Shared, Term};
+use crate::live::news::{Reading, Told};
 use crate::store::{Keeper, Sqlite, Store};
 
 /// A station whose run is under way, and its store.
@@ -106,7 +107,11 @@ async fn a_stop_that_was_not_proved_is_owed_until_it_is_kept_that_a_stop_holds()
         assert_eq!(!scene.store().owed_stops().unwrap().is_empty(), owed, "{left:?}");
         assert_eq!(scene.store().seat(&name).unwrap().stopped, !owed);
         if owed {
+            let mut told = Reading::from_now(&station.shared.news);
             station.seat(|seat, _| seat.owed_stop_made(false));
+            let event = told.next(&station.shared.news);
+            let holds = matches!(&event, Some(Told::Event(event)) if matches!(event.happened, Happened::StopBegan { holds: true, .. }));
+            assert!(holds, "no caller made this stop, and readers are told of it: {event:?}");
             station.forget_owed().await;
             assert!(scene.store().owed_stops().unwrap().is_empty());
             assert!(scene.store().seat(&name).unwrap().stopped);

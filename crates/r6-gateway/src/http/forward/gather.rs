@@ -3,39 +3,29 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use futures_util::future::try_join_all;
-use r6_api::Code;
-use r6_http::Refusal;
+use futures_util::future::join_all;
 use serde::de::DeserializeOwned;
 use tokio::time::timeout;
 
+use super::super::State;
 use super::super::caller::Caller;
-use super::super::{State, refusal};
 use super::PLACES;
 use crate::core::name::RobotName;
 use crate::core::owner::Owned;
 use crate::live::far::Shown as _;
 use crate::ownership::owners::Place;
 use crate::peers::{asks_for, read};
-use crate::problem::Problem;
 
 /// How long an answer may take. A reader waits for the slowest gateway.
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
 /// What the other gateways that own robots of this caller answer to this, each for its own robots, with the
-/// number of the gateway. Those that do not answer are left out. A request that another gateway passes on
-/// gets nothing: that one asks the others itself.
-///
-/// # Errors
-/// `overloaded`.
-pub async fn gather<T: DeserializeOwned>(
-    caller: &Caller,
-    state: &State,
-    target: &str,
-) -> Result<Vec<(u64, T)>, Refusal> {
+/// number of the gateway. Those that do not answer are left out, and those to which too many requests are
+/// under way. A request that another gateway passes on gets nothing: that one asks the others itself.
+pub async fn gather<T: DeserializeOwned>(caller: &Caller, state: &State, target: &str) -> Vec<(u64, T)> {
     let owners = &state.shared.owners;
     if caller.is_passed() {
-        return Ok(Vec::new());
+        return Vec::new();
     }
     let gateways: BTreeSet<_> = robots(caller, state)
         .into_iter()
@@ -44,8 +34,8 @@ pub async fn gather<T: DeserializeOwned>(
             Place::Here | Place::Nowhere => None,
         })
         .collect();
-    let answers = try_join_all(gateways.into_iter().map(|number| one(caller, state, number, target))).await?;
-    Ok(answers.into_iter().flatten().collect())
+    let answers = join_all(gateways.into_iter().map(|number| one(caller, state, number, target))).await;
+    answers.into_iter().flatten().collect()
 }
 
 /// All robots of the hall that this caller may see, as far as this gateway knows.
@@ -63,12 +53,10 @@ async fn one<T: DeserializeOwned>(
     state: &State,
     number: u64,
     target: &str,
-) -> Result<Option<(u64, T)>, Refusal> {
-    let _place = PLACES.request(&caller.bearer(), number).ok_or_else(|| {
-        let message = "too many requests are passed on to another gateway: ask again";
-        refusal::of(Problem::new(Code::Overloaded, message))
-    })?;
+) -> Option<(u64, T)> {
     let asked = async {
+        let _place =
+            PLACES.request(&caller.bearer(), number).ok_or("too many requests are passed on to it")?;
         let onward = asks_for(target, (caller.bearer(), caller.source()));
         let answer = state.shared.owners.send(number, onward).await;
         read(answer.map_err(|failed| format!("{failed:?}"))?).await
@@ -76,5 +64,5 @@ async fn one<T: DeserializeOwned>(
     let answer = timeout(ANSWER_WITHIN, asked).await;
     let answer = answer.unwrap_or_else(|_| Err(format!("no answer within {ANSWER_WITHIN:?}")));
     let told = answer.inspect_err(|why| tracing::debug!(gateway = number, why, target, "no answer"));
-    Ok(told.ok().map(|answer| (number, answer)))
+    told.ok().map(|answer| (number, answer))
 }
