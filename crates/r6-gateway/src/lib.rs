@@ -81,6 +81,7 @@ pub use crate::auditor::AuditSettings;
 pub use crate::backup::{Backup, BackupError, backup, restore};
 pub use crate::certificate::{Certificate, CertificateError, TlsSettings};
 pub use crate::core::account::{Account, PasswordHash, UserName};
+pub use crate::core::camera::{Camera, CameraGrant};
 pub use crate::core::hall::{Hall, Mistake as HallMistake};
 pub use crate::core::head::PublicKey;
 pub use crate::core::name::RobotName;
@@ -97,7 +98,8 @@ pub use crate::http::openapi;
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
 pub use crate::shell::{
-    At, add_user, disable_user, has_certificate, list_tokens, list_users, make_link, make_token, revoke_token,
+    At, add_user, disable_user, grant_camera, has_certificate, list_cameras, list_tokens, list_users,
+    make_link, make_token, revoke_token,
 };
 pub use crate::store::postgres::Database;
 pub use crate::store::{StoreError, Token};

@@ -5,6 +5,7 @@
 //! this folder knows SQL. The gateway talks to its store through a [`Keeper`], a thread of its own, so that
 //! no request waits for the disk in a task.
 
+mod cameras;
 pub mod commands;
 #[cfg(test)]
 mod contract;
@@ -25,6 +26,7 @@ use r6_api::gateway::{AuditRecord, Deed, Role, Run};
 
 use crate::core::account::{self, Account, Decided, Denied, UserName, Wish};
 use crate::core::alarms;
+use crate::core::camera::{CameraGrant, MAX_GRANTS};
 use crate::core::chain::{Broken, Hash};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
@@ -32,6 +34,7 @@ use crate::core::owner::Claim;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 
+pub use cameras::NewGrant;
 use commands::{KeptCommand, NewCommand, Noted};
 pub use heads::{Ends, Heads};
 pub use keeper::Keeper;
@@ -123,7 +126,7 @@ pub trait Store: Send {
     /// [`StoreError`].
     fn add_token(&mut self, token: &NewToken, author: &Author) -> Result<i64, StoreError>;
 
-    /// Revokes a token and tells the audit log of it, both or neither. `false` if no valid token has this
+    /// Revokes a token with its grants and tells the audit log of it, both or neither. `false` if no valid token has this
     /// number.
     ///
     /// # Errors
@@ -135,6 +138,27 @@ pub trait Store: Send {
     /// # Errors
     /// [`StoreError`].
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError>;
+
+    /// The grants of cameras of a robot, or all, by robot, camera and token. A revoked token has none.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn cameras(&mut self, of: Option<&RobotName>) -> Result<Vec<(RobotName, CameraGrant)>, StoreError>;
+
+    /// Gives a token the grant for a camera and tells the audit log of it, both or neither. `false` if it has
+    /// it: nothing is changed.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchToken`], [`StoreError::TokenOfAnother`], [`StoreError::TooManyGrants`]: nothing was
+    /// changed. Other [`StoreError`]s.
+    fn grant_camera(&mut self, new: &NewGrant, author: &Author) -> Result<bool, StoreError>;
+
+    /// Takes the grant for a camera from a token and tells the audit log of it, both or neither. `false` if it
+    /// has none.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn revoke_camera(&mut self, grant: &NewGrant, author: &Author) -> Result<bool, StoreError>;
 
     /// The users, in the order of their names.
     ///
@@ -480,6 +504,12 @@ pub enum StoreError {
     Broken(Broken),
     /// There is no room for another token.
     TooManyTokens,
+    /// No valid token has this number.
+    NoSuchToken(i64),
+    /// The token with this number is for another robot.
+    TokenOfAnother(i64),
+    /// The robot has as many grants of cameras as it may have.
+    TooManyGrants,
     /// The user stays as it is.
     Denied(Denied),
     /// The one-time link was used, is too old, or is of another user.
@@ -502,6 +532,11 @@ impl fmt::Display for StoreError {
             Self::Unavailable(detail) => write!(f, "the store cannot be used: {detail}"),
             Self::Broken(broken) => write!(f, "the audit log is broken: {broken}"),
             Self::TooManyTokens => write!(f, "there are {MAX_TOKENS} tokens: revoke some first"),
+            Self::NoSuchToken(number) => write!(f, "there is no valid token {number}"),
+            Self::TokenOfAnother(number) => write!(f, "token {number} is for another robot"),
+            Self::TooManyGrants => {
+                write!(f, "this robot has {MAX_GRANTS} grants of cameras: revoke some first")
+            }
             Self::Denied(denied) => denied.fmt(f),
             Self::LinkVoid => f.write_str(
                 "this link is not valid: it was used, it is older than an hour, a newer one took its place, \

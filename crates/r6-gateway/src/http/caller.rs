@@ -337,6 +337,8 @@ needs! {
     ShelveAlarm
     /// Accepting another robot.
     AcceptIdentity
+    /// Giving and revoking grants of cameras.
+    GrantCamera
     /// Adding, changing and removing robots.
     Configure
     /// Changing users and tokens.

@@ -7,6 +7,7 @@ use r6_testkit::postgres::{Server, shared};
 use super::arms::Tied;
 use super::owner::{OwnerRows, Wanted};
 use super::*;
+use crate::core::camera::Camera;
 use crate::core::chain::Verifier;
 use crate::core::owner::{Life, Owned, SeenOwner};
 use crate::core::role::Grant;
@@ -88,6 +89,10 @@ fn a_write_with_an_old_fence_is_refused_and_changes_nothing() {
     assert_eq!(owner.append(&[started()]), refused);
     assert_eq!(owner.append(&[]), refused, "as it is asked whether the store can be written");
     assert_eq!(owner.save_seat(&name("saw"), &Saved::default()), Err(StoreError::NotOwner));
+    let camera = Camera::new(0).unwrap();
+    let grant = NewGrant { robot: name("saw"), camera, token: 1 };
+    assert_eq!(owner.grant_camera(&grant, &author()), Err(StoreError::NotOwner));
+    assert_eq!(owner.revoke_camera(&grant, &author()), Err(StoreError::NotOwner));
     // It still reads, and writes what is about the other robot, and about none.
     assert_eq!(owner.entries(0, 9).unwrap().len(), 1);
     owner.hold(&[claim("press", 7)]);
