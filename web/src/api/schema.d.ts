@@ -3043,10 +3043,7 @@ export interface components {
         };
         /** @description The parts of a picture. */
         PointsRequest: {
-            /**
-             * @description 1 to 50. All of them have to fit into a frame of the controller, which has room for some 10 with every
-             *     field.
-             */
+            /** @description 1 to 50. All of them have to fit into a frame of 2048 bytes: some 12 with all fields, 40 with X and Y. */
             points: components["schemas"]["CameraPoint"][];
         };
         /** @description A pose; `null` for a component that could not be read. */

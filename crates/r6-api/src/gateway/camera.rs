@@ -42,8 +42,7 @@ pub struct CameraPoint {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PointsRequest {
-    /// 1 to 50. All of them have to fit into a frame of the controller, which has room for some 10 with every
-    /// field.
+    /// 1 to 50. All of them have to fit into a frame of 2048 bytes: some 12 with all fields, 40 with X and Y.
     #[cfg_attr(feature = "openapi", schema(min_items = 1, max_items = 50))]
     pub points: Vec<CameraPoint>,
 }

@@ -10,8 +10,8 @@ use std::fmt;
 /// They are all read each time that one of them is used.
 pub const MAX_GRANTS: usize = 64;
 
-/// How many points one request has at most. A frame of 2048 bytes has room for fewer, unless a point is X and Y
-/// alone.
+/// How many points one request has at most: more than a frame of 2048 bytes has room for, which is looked at
+/// apart.
 pub const MAX_POINTS: usize = 50;
 
 /// A camera of a robot: `camID`.

@@ -268,7 +268,10 @@ impl Store for Postgres {
     }
 
     fn cameras(&mut self, of: Option<&RobotName>) -> Result<Vec<(RobotName, CameraGrant)>, StoreError> {
-        self.session.read(async |client| cameras::all(client, of).await)
+        self.session.read(async |client| match of {
+            Some(_) => cameras::all(client, of).await,
+            None => cameras::of_all(client).await,
+        })
     }
 
     fn grant_camera(&mut self, new: &NewGrant, author: &Author) -> Result<bool, StoreError> {
