@@ -383,14 +383,17 @@ fn the_gateway_of_an_older_version_has_let_go_before_its_robots_can_be_taken() {
     // As version 2 made it, with an owner that lives.
     server.sql(
         &url,
-        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE gateway; DROP TABLE owner;
+        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE camera; DROP TABLE gateway; DROP TABLE owner;
          CREATE TABLE owner (one integer, fence bigint, beat bigint, gateway text, beat_at timestamptz);
          INSERT INTO owner VALUES (1, 7, 9, 'old', now())",
     );
+    // To read it changes nothing.
+    assert_eq!(Postgres::open_to_read(&database).unwrap().cameras(None), Ok(Vec::new()));
     let begun = std::time::Instant::now();
-    drop(Postgres::open(&database, Hand::Shell).unwrap());
+    let mut store = Postgres::open(&database, Hand::Shell).unwrap();
     assert!(begun.elapsed() >= std::time::Duration::from_millis(3_500), "{:?}", begun.elapsed());
     assert_eq!(server.sql(&url, "SELECT count(*) FROM r6_gateway.owner"), "0");
+    assert_eq!(store.cameras(None), Ok(Vec::new()));
 }
 
 #[test]
