@@ -21,8 +21,8 @@
 //! connection and takes in values (`live/board.rs`), and `http/streams.rs` reads them for each client at its
 //! own pace. `fleet/clerk.rs` ends leases in time, and writes what need not be written first.
 //! `fleet/roster.rs` adds, changes and removes robots. The walk of a run of a program is in `fleet/run.rs`,
-//! that of an action at the panel of a virtual robot in `fleet/panel.rs`, that of the points of a camera, which
-//! needs a standing grant and no lease, in `fleet/camera.rs`.
+//! that of an action at the panel of a virtual robot in `fleet/panel.rs`, that of the points of a camera,
+//! which needs a standing grant and no lease, in `fleet/camera.rs`.
 //!
 //! # The parts
 //!

@@ -83,8 +83,8 @@ pub fn make_token(
     Ok((number, text))
 }
 
-/// Gives a token the grant to feed a camera of a robot: it counts at once, also for a running gateway. `false`
-/// if it has the grant.
+/// Gives a token the grant to feed a camera of a robot: it counts at once, also for a running gateway.
+/// `false` if it has the grant.
 ///
 /// # Errors
 /// [`StoreError`]: there is no such token, or it is for another robot.

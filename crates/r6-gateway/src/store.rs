@@ -128,8 +128,8 @@ pub trait Store: Send {
     /// [`StoreError`].
     fn add_token(&mut self, token: &NewToken, author: &Author) -> Result<i64, StoreError>;
 
-    /// Revokes a token with its grants and tells the audit log of it, both or neither. `false` if no valid token has this
-    /// number.
+    /// Revokes a token with its grants and tells the audit log of it, both or neither. `false` if no valid
+    /// token has this number.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -151,12 +151,12 @@ pub trait Store: Send {
     /// it: nothing is changed.
     ///
     /// # Errors
-    /// [`StoreError::NoSuchToken`], [`StoreError::TokenOfAnother`], [`StoreError::TooManyGrants`]: nothing was
-    /// changed. Other [`StoreError`]s.
+    /// [`StoreError::NoSuchToken`], [`StoreError::TokenOfAnother`], [`StoreError::TooManyGrants`]: nothing
+    /// was changed. Other [`StoreError`]s.
     fn grant_camera(&mut self, new: &NewGrant, author: &Author) -> Result<bool, StoreError>;
 
-    /// Takes the grant for a camera from a token and tells the audit log of it, both or neither. `false` if it
-    /// has none.
+    /// Takes the grant for a camera from a token and tells the audit log of it, both or neither. `false` if
+    /// it has none.
     ///
     /// # Errors
     /// [`StoreError`].

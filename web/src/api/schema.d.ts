@@ -566,7 +566,7 @@ export interface paths {
         put?: never;
         /**
          * Gives a token the grant to feed a camera: it may send points and answers to photos as this camera of this
-         *     robot, without the lease, whoever holds it, until the grant or the token is revoked.
+         *     robot, without the lease and also while another caller holds it, until the grant or the token is revoked.
          */
         post: operations["grant_camera"];
         delete?: never;
@@ -586,8 +586,8 @@ export interface paths {
         put?: never;
         post?: never;
         /**
-         * Takes the grant for a camera from a token. From the answer on, nothing of the token leaves for this camera,
-         *     not even what it has asked for before.
+         * Takes the grant for a camera from a token. From the answer on, nothing of the token leaves for this
+         *     camera, not even what it has asked for before.
          */
         delete: operations["revoke_camera"];
         options?: never;
@@ -605,9 +605,9 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Answers a photo that the controller asks for: the event `photo_requested` says so. The caller needs a grant
-         *     for this camera, and no lease. Controllers do not reply to this: 204 says that the answer left, and not that
-         *     it arrived. Points of the picture are sent on their own.
+         * Answers a photo that the controller asks for: the event `photo_requested` says so. The caller needs a
+         *     grant for this camera, and no lease. Controllers do not reply to this: 204 says that the answer left, and
+         *     not that it arrived. Points of the picture are sent on their own.
          */
         post: operations["answer_photo"];
         delete?: never;
@@ -1583,7 +1583,8 @@ export interface components {
         CameraPoint: {
             /**
              * Format: double
-             * @description `Angel` of the wire, degrees: W, or U on a four-axis robot. If it is missing, the tool keeps its angle.
+             * @description `Angel` of the wire, degrees: W, or U on a four-axis robot. If it is missing, the tool keeps its
+             *     angle.
              */
             angle?: number | null;
             /**
@@ -1849,8 +1850,8 @@ export interface components {
             what: "lease_ended";
         } | {
             /**
-             * @description The command as it will be sent; `AddPoints`, the camera and the number of its points; or `panel` and an
-             *     action at the panel of a virtual robot.
+             * @description The command as it will be sent; `AddPoints`, the camera and the number of its points; or `panel`
+             *     and an action at the panel of a virtual robot.
              */
             command: string;
             /**

@@ -23,7 +23,8 @@ pub struct CameraPoint {
     /// `V`, degrees. If it is missing, the tool keeps its V. A four-axis robot has no V.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub v: Option<f64>,
-    /// `Angel` of the wire, degrees: W, or U on a four-axis robot. If it is missing, the tool keeps its angle.
+    /// `Angel` of the wire, degrees: W, or U on a four-axis robot. If it is missing, the tool keeps its
+    /// angle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angle: Option<f64>,
     /// `Similarity`. The manual does not give its range.

@@ -1,8 +1,8 @@
 //! Cameras: the standing grants by which programs send points to a robot without the lease.
 //!
-//! A camera sends what it found whenever the controller or a part asks for it, and knows no lease: whoever
-//! holds it moves the robot, and the camera says where the part is. So an admin gives a token the grant for one
-//! camera of one robot. It holds until it is revoked.
+//! A camera sends what it found when the controller asks for a photo or a part comes. It does not know the
+//! lease: the holder moves the robot, and the camera says where the part is. So an admin gives a token the
+//! grant for one camera of one robot. It holds until it is revoked.
 
 use std::fmt;
 

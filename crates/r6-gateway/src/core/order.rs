@@ -47,8 +47,8 @@ impl Order {
             Self::List { replace, steps } => {
                 Request::AddRcc { empty_list: *replace, instructions: steps }.effect()
             }
-            // On the wire an answer to a photo changes something. But the program on the controller waits for it,
-            // and goes on.
+            // On the wire an answer to a photo changes something. But the program on the controller waits for
+            // it, and goes on.
             Self::Points { .. } | Self::Photo { .. } => Effect::Moves,
         }
     }

@@ -2,9 +2,9 @@
 //!
 //! A [`Seat`] knows the lease, the stop that holds, the identity and the link of one robot. It alone makes a
 //! [`Permit`], and the fleet sends nothing that changes or moves without one. Times are those of one clock
-//! that counts suspend. [`Seat::generation`] grows whenever all permits made so far on a ground are void. `run.rs` has
-//! the run of a program, `panel.rs` the panel of a virtual robot, which needs no permit. `speed.rs` knows the
-//! global speed as it was last set.
+//! that counts suspend. [`Seat::generation`] grows whenever all permits made so far on a ground are void.
+//! `run.rs` has the run of a program, `panel.rs` the panel of a virtual robot, which needs no permit.
+//! `speed.rs` knows the global speed as it was last set.
 
 mod panel;
 mod permit;

@@ -1,14 +1,11 @@
 //! Cameras of a robot: standing grants, requests for photos, and what a camera sends.
 //!
-//! A camera needs no lease. Its token has a grant, which the store has, and which is looked up there for each
-//! request: so a grant counts as soon as it is given, and not any more once it is revoked, whichever gateway
-//! or command line did that. All else is as for a command that moves: the seat gives a permit, the intent is on
+//! A camera needs no lease. Its token has a grant. The store has the grants, and is asked for each request:
+//! so a grant counts as soon as it is given, and not any more once it is revoked, also by the command line or
+//! over another gateway. All else is as for a command that moves: the seat gives a permit, the intent is on
 //! the disk before anything leaves, and nothing is sent again.
 
-use std::collections::BTreeMap;
 use std::future::pending;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
 use r6_api::Code;
 use r6_api::gateway::{CommandOutcome, Deed, Happened, PointsDone};
@@ -17,61 +14,21 @@ use tokio::sync::broadcast::error::RecvError;
 use tracing::Instrument;
 
 use super::command::{Told, outcome};
+use super::photos::Photo;
 use super::station::{By, Station};
 use crate::core::camera::{Camera, CameraGrant, Standing};
 use crate::core::live::flood::{Flood, Passage};
 use crate::core::order::Order;
-use crate::core::rate::{Limit, Rate};
 use crate::core::seat::{Asked, Denied};
 use crate::problem::Problem;
 use crate::store::{Author, NewGrant};
 use crate::{clock, traces};
-
-/// Requests of all cameras of one robot: 10 a second in the long run. They share its one connection with the
-/// polls and commands, of which a controller takes some 20 ms each, and each is two entries of the audit log. A
-/// belt that needs more parts a second sends several in one request.
-const REQUESTS: Limit = Limit { interval: Duration::from_millis(100), burst: 20 };
-
-/// What is known of the cameras of a robot.
-#[derive(Debug, Default)]
-pub(super) struct Cameras {
-    /// The photos that the controller waits for, by camera: 1000 at most.
-    photos: Mutex<BTreeMap<Camera, Photo>>,
-    rate: Mutex<Rate>,
-}
-
-/// A photo that the controller asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Photo {
-    /// The connection that it asked over: the answer is for no other.
-    connection: u64,
-    /// How many stops had begun: an answer after a stop could set the arm in motion again.
-    stops: u64,
-}
 
 /// A request of a caller with a grant.
 #[derive(Clone, Copy, Debug)]
 pub struct Granted {
     standing: Standing,
     asked: Asked,
-}
-
-impl Cameras {
-    fn photos(&self) -> MutexGuard<'_, BTreeMap<Camera, Photo>> {
-        self.photos.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Counts a request of a camera.
-    fn count(&self) -> Result<(), Problem> {
-        let mut rate = self.rate.lock().unwrap_or_else(PoisonError::into_inner);
-        let now = clock::now();
-        let wait = rate.wait(now, REQUESTS);
-        if !wait.is_zero() {
-            return Err(Problem::too_many(wait));
-        }
-        rate.count(now, REQUESTS);
-        Ok(())
-    }
 }
 
 impl Station {
@@ -160,7 +117,7 @@ impl Station {
             Order::Command(_) | Order::List { .. } | Order::Photo { .. } => 0,
         };
         let send = self.send_of_camera(&robot, granted, order);
-        // Whoever holds the lease, this is not sent under it.
+        // It is sent under no lease, also if there is one.
         let (command_id, accepted) = self.recorded(by, &text, 0, send).await?;
         let after_ms = clock::milliseconds(accepted.after);
         Ok(PointsDone { command_id, sent, taken: accepted.points, after_ms })
@@ -225,7 +182,7 @@ impl Station {
 
     /// The handle of the robot, if it may get this from a camera now.
     fn check_camera(&self, granted: Granted, order: &Order) -> Result<Robot, Problem> {
-        self.cameras.count()?;
+        self.cameras.count(clock::now()).map_err(Problem::too_many)?;
         self.seat(|seat, now| seat.check_granted(now, granted.standing, order))?;
         let robot = self.robot().ok_or_else(|| Problem::new(Code::NotReady, "there is no connection yet"))?;
         if let Order::Points { camera, points } = order {

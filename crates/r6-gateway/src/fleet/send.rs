@@ -1,4 +1,5 @@
-//! The only place from which a command or a list that changes or moves leaves the gateway, and what cameras send.
+//! The only place from which a command or a list that changes or moves leaves the gateway, and what cameras
+//! send.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -63,7 +63,7 @@ pub async fn list(robot: Robot<Read>, Of(state): Of<State>) -> Result<axum::Json
 }
 
 /// Gives a token the grant to feed a camera: it may send points and answers to photos as this camera of this
-/// robot, without the lease, whoever holds it, until the grant or the token is revoked.
+/// robot, without the lease and also while another caller holds it, until the grant or the token is revoked.
 #[utoipa::path(
     post,
     path = "/v1/robots/{name}/cameras/{camera}/grants",
@@ -97,8 +97,8 @@ pub async fn grant(
     Ok(if is_new { StatusCode::CREATED } else { StatusCode::NO_CONTENT })
 }
 
-/// Takes the grant for a camera from a token. From the answer on, nothing of the token leaves for this camera,
-/// not even what it has asked for before.
+/// Takes the grant for a camera from a token. From the answer on, nothing of the token leaves for this
+/// camera, not even what it has asked for before.
 #[utoipa::path(
     delete,
     path = "/v1/robots/{name}/cameras/{camera}/grants/{token}",
@@ -188,9 +188,9 @@ pub async fn points(
     work.await.map_err(of_lost_work)?.map(axum::Json).map_err(refusal::of)
 }
 
-/// Answers a photo that the controller asks for: the event `photo_requested` says so. The caller needs a grant
-/// for this camera, and no lease. Controllers do not reply to this: 204 says that the answer left, and not that
-/// it arrived. Points of the picture are sent on their own.
+/// Answers a photo that the controller asks for: the event `photo_requested` says so. The caller needs a
+/// grant for this camera, and no lease. Controllers do not reply to this: 204 says that the answer left, and
+/// not that it arrived. Points of the picture are sent on their own.
 #[utoipa::path(
     post,
     path = "/v1/robots/{name}/cameras/{camera}/photo",

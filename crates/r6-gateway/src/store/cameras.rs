@@ -18,8 +18,8 @@ pub struct NewGrant {
 }
 
 impl NewGrant {
-    /// Whether it can be given: `false` if it is there. `tokens`: those that are valid. `known`: the grants of
-    /// the robot.
+    /// Whether it can be given: `false` if it is there. `tokens`: those that are valid. `known`: the grants
+    /// of the robot.
     pub(super) fn is_new(&self, tokens: &[Token], known: &[CameraGrant]) -> Result<bool, StoreError> {
         let token = tokens.iter().find(|token| token.number == self.token);
         let token = token.ok_or(StoreError::NoSuchToken(self.token))?;

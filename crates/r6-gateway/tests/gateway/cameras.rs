@@ -122,7 +122,7 @@ async fn without_the_grant_for_this_camera_nothing_leaves_whatever_the_role_and_
     for path in ["/v1/robots/press/cameras/1/points", "/v1/robots/press/cameras/999/points"] {
         assert_eq!(refused(hall.post(&camera, path, &parts(&[1.0])).await), is(403, "not_allowed"), "{path}");
     }
-    // A command in the place of points is none either.
+    // The grant lets it send no command.
     let start = json!({ "command": "startButton" });
     assert_eq!(
         refused(hall.post(&camera, "/v1/robots/press/commands", &start).await),
@@ -296,7 +296,7 @@ async fn a_camera_learns_that_it_is_asked_answers_once_and_its_part_is_taken() {
     let hall = Hall::with(vec![asks_for_photos().await]).await;
     let (_, camera) = hall.camera().await;
     let mut log = hall.robots[0].handle().log_from_start();
-    // Nobody has asked yet.
+    // The controller has not asked yet.
     let taken = json!({ "taken": true });
     assert_eq!(refused(hall.post(&camera, PHOTO, &taken).await), is(409, "not_ready"));
     let mut events = Stream::open(hall.gateway.address(), &camera, "/v1/events", "").await;

@@ -236,8 +236,9 @@ impl Seat {
         self.permit_any(now, key, order)
     }
 
-    /// Permits what a camera sends, if the robot may get it. The caller has a standing grant for the camera,
-    /// and needs no lease, whoever holds it. It is checked as a command that moves: a program may wait for it.
+    /// Permits what a camera sends, if the robot may get it. The caller has a standing grant for the camera.
+    /// It needs no lease, and another caller may hold that. It is checked as a command that moves: a program
+    /// may wait for it.
     ///
     /// # Errors
     /// [`Denied`]; [`Denied::NoGrant`] for what another camera or no camera sends.

@@ -201,10 +201,10 @@ impl Model {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 512, ..ProptestConfig::default() })]
 
-    /// Never two live leases; numbers only grow; nothing moves after a stop until it is cleared; no permit for
-    /// another robot, in manual mode, or for a robot that was not seen lately. None without the lease but for
-    /// what a camera sends, and that needs its grant: the lease permits none of it, a grant nothing else. The
-    /// end of a lease does not touch it. A stop, a revoked grant and all else that voids permits do.
+    /// Never two live leases; numbers only grow; nothing moves after a stop until it is cleared; no permit
+    /// for another robot, in manual mode, or for a robot that was not seen lately. None without the lease but
+    /// for what a camera sends, and that needs its grant: the lease permits none of it, a grant nothing else.
+    /// The end of a lease does not touch it. A stop, a revoked grant and all else that voids permits do.
     #[test]
     fn a_permit_needs_all_that_it_stands_for(steps in prop::collection::vec(step(), 1..80)) {
         let mut now = Instant::ORIGIN + Duration::from_secs(1);
