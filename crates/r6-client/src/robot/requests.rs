@@ -80,7 +80,9 @@ impl Robot {
         self.drive(self.accepted_on(terms, Work::AddPoints(cameras), Lane::Ordinary)).await
     }
 
-    /// Answers a photo request as [`Self::answer_photo`], but only under these conditions.
+    /// Answers a photo request as [`Self::answer_photo`], but only under these conditions. They are checked
+    /// when the answer is given to the connection. Unlike a command, it is not taken back if the socket takes
+    /// no bytes then and the permission is withdrawn meanwhile.
     ///
     /// # Errors
     /// As [`Self::answer_photo`], and the errors that [`Conditions`] names.
