@@ -6,6 +6,7 @@
 mod account;
 mod alarm;
 mod audit;
+mod camera;
 mod command;
 mod event;
 mod history;
@@ -28,6 +29,9 @@ pub use alarm::{
     AcknowledgeRequest, Acknowledged, RobotAlarm, RobotAlarmState, RobotAlarms, ShelveRequest, Shelved,
 };
 pub use audit::{Audit, AuditEntry, AuditHead, AuditRecord, Deed, RawPortRule};
+pub use camera::{
+    CameraGrant, CameraGrantWanted, CameraGrants, CameraPoint, PhotoRequest, PointsDone, PointsRequest,
+};
 pub use command::{
     ClearRequest, CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, Stopped, WithLease, WithReason,
 };

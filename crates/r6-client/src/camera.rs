@@ -150,8 +150,9 @@ impl Robot {
             Shot::Failed => (0, Vec::new()),
             Shot::Points(points) => (1, points),
         };
-        let set = CameraSet { cam_id, points };
-        self.check_points(&set)?;
+        let sets = [CameraSet { cam_id, points }];
+        self.check_points(&sets)?;
+        let [set] = sets;
         if may() {
             self.ask(Work::PhotoAnswer(PhotoAnswer { cam_id, ret }), Lane::Ordinary).await?;
         }
@@ -161,10 +162,14 @@ impl Robot {
         Ok(())
     }
 
-    /// Whether the points fit into a frame with any `packID`.
-    fn check_points(&self, set: &CameraSet) -> Result<(), Invalid> {
+    /// Whether these points can be sent: each number can, and all of them fit into a frame with any `packID`.
+    ///
+    /// # Errors
+    /// [`Invalid::Value`], [`Invalid::TooLong`].
+    pub fn check_points(&self, sets: &[CameraSet]) -> Result<(), Invalid> {
         let settings = self.settings();
-        let points = [CameraPoints { cam_id: set.cam_id, points: &set.points }];
+        let points: Vec<_> =
+            sets.iter().map(|set| CameraPoints { cam_id: set.cam_id, points: &set.points }).collect();
         let mut frame = Vec::new();
         let addressing = settings.addressing(LONGEST_PACK_ID);
         Request::AddPoints(&points).encode(&addressing, &mut frame).map_err(Invalid::Value)?;

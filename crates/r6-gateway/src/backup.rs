@@ -468,7 +468,7 @@ mod tests {
         let control = to.join("control.db");
         let old = rusqlite::Connection::open(&control).unwrap();
         old.execute_batch(
-            "DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program; DROP TABLE alarm; DROP TABLE hall;
+            "DROP TABLE camera; DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program; DROP TABLE alarm; DROP TABLE hall;
              ALTER TABLE robot DROP COLUMN model;
              PRAGMA user_version = 1; PRAGMA journal_mode = WAL;",
         )
@@ -482,6 +482,7 @@ mod tests {
         assert_eq!(verify(&to, &[], None).unwrap().entries, 1);
         assert_eq!(crate::list_tokens(&to).unwrap().len(), 1);
         assert!(crate::list_users(&to).unwrap().is_empty());
+        assert!(crate::list_cameras(&to).unwrap().is_empty());
         assert!(std::fs::read(&control).unwrap() == bytes, "the tables are those of the older r6");
         assert_eq!(files(), names, "nothing is made beside it");
         // The same for a folder that is no backup.

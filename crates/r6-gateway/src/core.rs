@@ -10,11 +10,12 @@
 //! - [`history`]: which values are kept, and how.
 //! - [`alarms`]: the alarms of a robot, acknowledged and shelved.
 //! - [`account`]: users, their names, and which change of them is allowed.
+//! - [`camera`]: standing grants by which cameras send points without the lease.
 //! - [`session`]: the sessions of users.
 //! - [`sign_in`]: how often passwords can be tried.
 //! - [`name`]: names of robots.
 //! - [`owner`]: which gateway owns the robots of a store that several share.
-//! - [`order`]: what the holder of a lease sends.
+//! - [`order`]: what the holder of a lease sends, or a camera.
 //! - [`panel`]: actions at the panel of a virtual robot, and what they need.
 //! - [`pass`]: what a gateway says of a request that it passes on to another one.
 //! - [`rate`]: how many requests a token may make.
@@ -27,6 +28,7 @@
 
 pub mod account;
 pub mod alarms;
+pub mod camera;
 pub mod chain;
 pub mod hall;
 pub mod head;

@@ -10,12 +10,14 @@
 //! - [`command`]: leases, commands, stops and the acceptance of another robot.
 //! - [`run`]: runs programs.
 //! - [`panel`]: acts at the panel of a virtual robot.
+//! - [`camera`]: who may send points as which camera, and what it sends; [`photos`]: what it is asked for.
 //! - [`query`]: asks the robot for values that are not read again and again.
 //! - [`counts`]: what happened, counted.
 //! - [`alarms`]: the alarms of a robot, acknowledged and shelved; [`desk`] has them and saves them.
 //! - [`clerk`]: the task that ends leases in time, and writes down what need not be written first.
 
 mod alarms;
+pub mod camera;
 pub mod clerk;
 pub mod command;
 pub mod config;
@@ -25,6 +27,7 @@ pub mod guard;
 pub mod link;
 mod observe;
 pub mod panel;
+pub mod photos;
 pub mod query;
 mod record;
 pub mod roads;

@@ -8,6 +8,7 @@ mod alarms;
 mod audit;
 mod body;
 mod caller;
+mod cameras;
 mod commands;
 mod cookie;
 mod csv;
@@ -166,6 +167,11 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(commands::clear_stopped))
         .routes(routes!(commands::forget_owed_stop))
         .routes(routes!(commands::accept_identity))
+        .routes(routes!(cameras::list))
+        .routes(routes!(cameras::points))
+        .routes(routes!(cameras::photo))
+        .routes(routes!(cameras::grant))
+        .routes(routes!(cameras::revoke))
         .routes(routes!(panel::show, panel::act))
         .routes(routes!(panel::faults))
         .routes(routes!(streams::events))

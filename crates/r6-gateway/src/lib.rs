@@ -21,7 +21,8 @@
 //! connection and takes in values (`live/board.rs`), and `http/streams.rs` reads them for each client at its
 //! own pace. `fleet/clerk.rs` ends leases in time, and writes what need not be written first.
 //! `fleet/roster.rs` adds, changes and removes robots. The walk of a run of a program is in `fleet/run.rs`,
-//! that of an action at the panel of a virtual robot in `fleet/panel.rs`.
+//! that of an action at the panel of a virtual robot in `fleet/panel.rs`, that of the points of a camera,
+//! which needs a standing grant and no lease, in `fleet/camera.rs`.
 //!
 //! # The parts
 //!
@@ -81,6 +82,7 @@ pub use crate::auditor::AuditSettings;
 pub use crate::backup::{Backup, BackupError, backup, restore};
 pub use crate::certificate::{Certificate, CertificateError, TlsSettings};
 pub use crate::core::account::{Account, PasswordHash, UserName};
+pub use crate::core::camera::{Camera, CameraGrant};
 pub use crate::core::hall::{Hall, Mistake as HallMistake};
 pub use crate::core::head::PublicKey;
 pub use crate::core::name::RobotName;
@@ -97,7 +99,8 @@ pub use crate::http::openapi;
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
 pub use crate::shell::{
-    At, add_user, disable_user, has_certificate, list_tokens, list_users, make_link, make_token, revoke_token,
+    At, add_user, disable_user, grant_camera, has_certificate, list_cameras, list_tokens, list_users,
+    make_link, make_token, revoke_token,
 };
 pub use crate::store::postgres::Database;
 pub use crate::store::{StoreError, Token};

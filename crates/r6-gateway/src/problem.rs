@@ -75,6 +75,7 @@ impl From<Denied> for Problem {
     fn from(denied: Denied) -> Self {
         let code = match &denied {
             Denied::NoLease => Code::NoLease,
+            Denied::NoGrant => Code::NotAllowed,
             Denied::Leased { .. } | Denied::BeingTaken | Denied::RunEnding => Code::Leased,
             Denied::RunUnderWay | Denied::RunOver => Code::RunUnderWay,
             Denied::Stopped | Denied::StopUnderWay | Denied::StoppedSince => Code::Stopped,
@@ -115,6 +116,9 @@ impl From<StoreError> for Problem {
             StoreError::Denied(account::Denied::NameTaken) => Code::NameTaken,
             StoreError::Denied(account::Denied::HasAdmin) | StoreError::LinkVoid => Code::LinkVoid,
             StoreError::Denied(account::Denied::TooMany) | StoreError::TooManyTokens => Code::NoRoom,
+            StoreError::TooManyGrants => Code::NoRoom,
+            StoreError::NoSuchToken(_) => Code::NoSuchToken,
+            StoreError::TokenOfAnother(_) => Code::BadValue,
             StoreError::UserChanged => Code::NoSession,
             StoreError::AddressTaken(_) => Code::AddressTaken,
             StoreError::Unavailable(_)

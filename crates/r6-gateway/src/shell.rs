@@ -8,11 +8,12 @@ use crate::accounts;
 use crate::certificate;
 use crate::clock;
 use crate::core::account::{Account, UserName, Wish};
+use crate::core::camera::{Camera, CameraGrant};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
 use crate::store::postgres::session::Hand;
 use crate::store::postgres::{Database, Postgres};
-use crate::store::{Author, NewToken, Sqlite, Store, StoreError, Token, UserChange};
+use crate::store::{Author, NewGrant, NewToken, Sqlite, Store, StoreError, Token, UserChange};
 use crate::tokens;
 use crate::verify::to_read;
 
@@ -80,6 +81,29 @@ pub fn make_token(
     let token = NewToken { hash, grant: Grant { role, only }, name };
     let number = store.add_token(&token, &Author::shell(clock::time_of_day()))?;
     Ok((number, text))
+}
+
+/// Gives a token the grant to feed a camera of a robot: it counts at once, also for a running gateway.
+/// `false` if it has the grant.
+///
+/// # Errors
+/// [`StoreError`]: there is no such token, or it is for another robot.
+pub fn grant_camera(
+    at: impl Into<At>,
+    token: i64,
+    robot: RobotName,
+    camera: Camera,
+) -> Result<bool, StoreError> {
+    let new = NewGrant { robot, camera, token };
+    at.into().open_existing()?.grant_camera(&new, &Author::shell(clock::time_of_day()))
+}
+
+/// The grants of cameras of all robots, by robot, camera and token.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn list_cameras(at: impl Into<At>) -> Result<Vec<(RobotName, CameraGrant)>, StoreError> {
+    at.into().open_to_read()?.cameras(None)
 }
 
 /// Revokes a token: a running gateway refuses it within a second. `false` if no valid token has this number.

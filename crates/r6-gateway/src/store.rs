@@ -5,6 +5,8 @@
 //! this folder knows SQL. The gateway talks to its store through a [`Keeper`], a thread of its own, so that
 //! no request waits for the disk in a task.
 
+mod accounts;
+mod cameras;
 pub mod commands;
 #[cfg(test)]
 mod contract;
@@ -23,8 +25,9 @@ use std::fmt;
 
 use r6_api::gateway::{AuditRecord, Deed, Role, Run};
 
-use crate::core::account::{self, Account, Decided, Denied, UserName, Wish};
+use crate::core::account::{Account, Decided, Denied, UserName, Wish};
 use crate::core::alarms;
+use crate::core::camera::{CameraGrant, MAX_GRANTS};
 use crate::core::chain::{Broken, Hash};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
@@ -32,6 +35,8 @@ use crate::core::owner::Claim;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 
+use accounts::{check_link, decide, link_made, user_changed};
+pub use cameras::NewGrant;
 use commands::{KeptCommand, NewCommand, Noted};
 pub use heads::{Ends, Heads};
 pub use keeper::Keeper;
@@ -123,8 +128,8 @@ pub trait Store: Send {
     /// [`StoreError`].
     fn add_token(&mut self, token: &NewToken, author: &Author) -> Result<i64, StoreError>;
 
-    /// Revokes a token and tells the audit log of it, both or neither. `false` if no valid token has this
-    /// number.
+    /// Revokes a token with its grants and tells the audit log of it, both or neither. `false` if no valid
+    /// token has this number.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -135,6 +140,27 @@ pub trait Store: Send {
     /// # Errors
     /// [`StoreError`].
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError>;
+
+    /// The grants of cameras of a robot, or all, by robot, camera and token. A revoked token has none.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn cameras(&mut self, of: Option<&RobotName>) -> Result<Vec<(RobotName, CameraGrant)>, StoreError>;
+
+    /// Gives a token the grant for a camera and tells the audit log of it, both or neither. `false` if it has
+    /// it: nothing is changed.
+    ///
+    /// # Errors
+    /// [`StoreError::NoSuchToken`], [`StoreError::TokenOfAnother`], [`StoreError::TooManyGrants`]: nothing
+    /// was changed. Other [`StoreError`]s.
+    fn grant_camera(&mut self, new: &NewGrant, author: &Author) -> Result<bool, StoreError>;
+
+    /// Takes the grant for a camera from a token and tells the audit log of it, both or neither. `false` if
+    /// it has none.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn revoke_camera(&mut self, grant: &NewGrant, author: &Author) -> Result<bool, StoreError>;
 
     /// The users, in the order of their names.
     ///
@@ -480,6 +506,12 @@ pub enum StoreError {
     Broken(Broken),
     /// There is no room for another token.
     TooManyTokens,
+    /// No valid token has this number.
+    NoSuchToken(i64),
+    /// The token with this number is for another robot.
+    TokenOfAnother(i64),
+    /// The robot has as many grants of cameras as it may have.
+    TooManyGrants,
     /// The user stays as it is.
     Denied(Denied),
     /// The one-time link was used, is too old, or is of another user.
@@ -502,6 +534,11 @@ impl fmt::Display for StoreError {
             Self::Unavailable(detail) => write!(f, "the store cannot be used: {detail}"),
             Self::Broken(broken) => write!(f, "the audit log is broken: {broken}"),
             Self::TooManyTokens => write!(f, "there are {MAX_TOKENS} tokens: revoke some first"),
+            Self::NoSuchToken(number) => write!(f, "there is no valid token {number}"),
+            Self::TokenOfAnother(number) => write!(f, "token {number} is for another robot"),
+            Self::TooManyGrants => {
+                write!(f, "this robot has {MAX_GRANTS} grants of cameras: revoke some first")
+            }
             Self::Denied(denied) => denied.fmt(f),
             Self::LinkVoid => f.write_str(
                 "this link is not valid: it was used, it is older than an hour, a newer one took its place, \
@@ -542,56 +579,6 @@ fn token_made(number: i64, token: &NewToken, author: &Author) -> AuditRecord {
 /// The record about a revoked token.
 fn token_revoked(number: i64, author: &Author) -> AuditRecord {
     author.record(Deed::TokenRevoked { token: number })
-}
-
-/// What has to be checked before a change, for every store: the link, the stamp, and the rules of accounts.
-/// `link` is the link of the change, as the store has it.
-fn decide(users: &[StoredUser], change: &UserChange, link: Option<&Link>) -> Result<Decided, StoreError> {
-    if let Some((_, now)) = change.link
-        && !link.is_some_and(|link| link.is_valid(now) && link.allows(change))
-    {
-        return Err(StoreError::LinkVoid);
-    }
-    let present = users.iter().find(|user| user.account.name == change.name);
-    if change.if_stamp.is_some_and(|wanted| present.map(|user| user.stamp) != Some(wanted)) {
-        return Err(StoreError::UserChanged);
-    }
-    let accounts: Vec<_> = users.iter().map(|user| user.account.clone()).collect();
-    account::decide(&accounts, &change.name, &change.wish).map_err(StoreError::Denied)
-}
-
-/// Whether a link may be kept.
-fn check_link(users: &[StoredUser], link: &Link) -> Result<(), StoreError> {
-    let denied = match &link.user {
-        None if account::has_admin(users.iter().map(|user| &user.account)) => Denied::HasAdmin,
-        Some(user) if users.iter().all(|known| known.account.name != *user) => Denied::NoSuchUser,
-        None | Some(_) => return Ok(()),
-    };
-    Err(StoreError::Denied(denied))
-}
-
-/// The record about a link.
-fn link_made(link: &Link, author: &Author) -> AuditRecord {
-    author.record(Deed::LinkMade { user: link.user.as_ref().map(ToString::to_string) })
-}
-
-/// The record about a change of a user; `None` if nothing changes.
-fn user_changed(change: &UserChange, decided: &Decided, author: &Author) -> Option<AuditRecord> {
-    let user = change.name.to_string();
-    let deed = match decided {
-        Decided::Same => return None,
-        Decided::Removed => Deed::UserRemoved { user },
-        Decided::Made(Account { grant, disabled, .. }) => {
-            let only = grant.only.as_ref().map(ToString::to_string);
-            Deed::UserMade { user, role: grant.role, only, disabled: *disabled }
-        }
-        Decided::Changed(Account { grant, disabled, .. }) => {
-            let only = grant.only.as_ref().map(ToString::to_string);
-            let new_password = change.wish.sets_password();
-            Deed::UserChanged { user, role: grant.role, only, disabled: *disabled, new_password }
-        }
-    };
-    Some(author.record(deed))
 }
 
 /// The role with this word.

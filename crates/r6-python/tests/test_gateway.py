@@ -213,6 +213,39 @@ def test_what_happened_and_the_figures_are_read_later(operator: r6.Gateway) -> N
         list(arm.history_events(kinds=["part"]))
 
 
+def test_a_camera_with_a_grant_answers_photos_and_sends_points(
+    hall: Hall, operator: r6.Gateway, controller: r6.Simulator
+) -> None:
+    camera = r6.Gateway(hall.url, token=hall.token("--role", "viewer", "--camera", "arm:3"))
+    arm, parts = camera.robot("arm"), [r6.Point(500.5, -20), r6.Point(1, 2, z=3, angle=180, color=7, relative=True)]
+    events = camera.events(robot="arm")
+    with pytest.raises(r6.NotSent) as refused:
+        operator.robot("arm").add_points(3, parts)
+    assert refused.value.reason == "not_allowed"
+    with pytest.raises(r6.NotSent) as early:
+        arm.answer_photo(3)
+    assert early.value.reason == "not_ready"
+    told = threading.Event()
+
+    def ask() -> None:
+        # The stream may not be open yet.
+        while not told.wait(0.1):
+            controller.request_photo(3)
+
+    asking = threading.Thread(target=ask)
+    asking.start()
+    try:
+        event = next(event for event in events if event.kind == "photo_requested")
+    finally:
+        told.set()
+        asking.join()
+    assert event.data["camera"] == 3
+    arm.answer_photo(3)
+    assert arm.add_points(3, parts) == 2
+    with pytest.raises(r6.InvalidRequest, match="1 to 50 points"):
+        arm.add_points(3, [])
+
+
 def test_alarms_are_listed_acknowledged_and_shelved(
     hall: Hall, operator: r6.Gateway, controller: r6.Simulator
 ) -> None:

@@ -538,6 +538,105 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/robots/{name}/cameras": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** Who may send points to the robot as which camera. */
+        get: operations["cameras"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/robots/{name}/cameras/{camera}/grants": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Gives a token the grant to feed a camera: it may send points and answers to photos as this camera of this
+         *     robot, without the lease and also while another caller holds it, until the grant or the token is revoked.
+         */
+        post: operations["grant_camera"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/robots/{name}/cameras/{camera}/grants/{token}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /**
+         * Takes the grant for a camera from a token. From the answer on, nothing of the token leaves for this
+         *     camera, not even what it has asked for before.
+         */
+        delete: operations["revoke_camera"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/robots/{name}/cameras/{camera}/photo": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Answers a photo that the controller asks for: the event `photo_requested` says so. The caller needs a
+         *     grant for this camera, and no lease. Controllers do not reply to this: 204 says that the answer left, and
+         *     not that it arrived. Points of the picture are sent on their own.
+         */
+        post: operations["answer_photo"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/robots/{name}/cameras/{camera}/points": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Sends the parts that a camera found (`AddPoints`). The caller needs a grant for this camera, of any role,
+         *     and no lease. The audit log has the intent before they leave, and the outcome after. They are never sent
+         *     again.
+         */
+        post: operations["add_points"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/robots/{name}/clear-stopped": {
         parameters: {
             query?: never;
@@ -1448,6 +1547,89 @@ export interface components {
          * @enum {string}
          */
         Button: "start" | "stop" | "pause" | "single_cycle" | "single_step";
+        /** @description A standing grant: this token may send points to the robot as this camera, without the lease. */
+        CameraGrant: {
+            /** @description When. */
+            at: string;
+            /** @description Who gave it. */
+            by: string;
+            /**
+             * Format: int32
+             * @description `camID`.
+             */
+            camera: number;
+            /**
+             * Format: int64
+             * @description The number of the token.
+             */
+            token: number;
+            /** @description What people call the token; empty if it has no name. */
+            token_name: string;
+        };
+        /** @description A token that shall feed a camera. */
+        CameraGrantWanted: {
+            /**
+             * Format: int64
+             * @description The number of the token.
+             */
+            token: number;
+        };
+        /** @description The grants of a robot. */
+        CameraGrants: {
+            /** @description In the order of the cameras, then of the tokens. */
+            grants: components["schemas"]["CameraGrant"][];
+        };
+        /** @description A part that a camera found (manual 5.2). Numbers go over the wire with at most six decimals. */
+        CameraPoint: {
+            /**
+             * Format: double
+             * @description `Angel` of the wire, degrees: W, or U on a four-axis robot. If it is missing, the tool keeps its
+             *     angle.
+             */
+            angle?: number | null;
+            /**
+             * Format: int64
+             * @description `Color`. The manual does not give its range.
+             */
+            color?: number | null;
+            /**
+             * Format: int64
+             * @description `ModelID`: the template that recognised the part; 0 if it is missing.
+             */
+            model_id?: number;
+            /** @description `Rel`: whether the coordinates are relative. */
+            relative?: boolean;
+            /**
+             * Format: double
+             * @description `Similarity`. The manual does not give its range.
+             */
+            similarity?: number | null;
+            /**
+             * Format: double
+             * @description `U`, degrees. If it is missing, the tool keeps its U. A four-axis robot has no U.
+             */
+            u?: number | null;
+            /**
+             * Format: double
+             * @description `V`, degrees. If it is missing, the tool keeps its V. A four-axis robot has no V.
+             */
+            v?: number | null;
+            /**
+             * Format: double
+             * @description `X`, mm.
+             */
+            x: number;
+            /**
+             * Format: double
+             * @description `Y`, mm.
+             */
+            y: number;
+            /**
+             * Format: double
+             * @description `Z`, mm. If it is missing, the tool keeps its height.
+             */
+            z?: number | null;
+        };
         /** @description The points of one camera that no program has used yet. */
         CameraPoints: {
             /**
@@ -1667,11 +1849,14 @@ export interface components {
             /** @enum {string} */
             what: "lease_ended";
         } | {
-            /** @description The command as it will be sent; or `panel` and an action at the panel of a virtual robot. */
+            /**
+             * @description The command as it will be sent; `AddPoints`, the camera and the number of its points; or `panel`
+             *     and an action at the panel of a virtual robot.
+             */
             command: string;
             /**
              * Format: int64
-             * @description The lease; 0 for the end of a fault, which needs none.
+             * @description The lease; 0 for the end of a fault and for points of a camera, which need none.
              */
             lease: number;
             /** @enum {string} */
@@ -1846,6 +2031,42 @@ export interface components {
             version: number;
             /** @enum {string} */
             what: "settings_changed";
+        } | {
+            /**
+             * Format: int32
+             * @description The camera.
+             */
+            camera: number;
+            /**
+             * Format: int64
+             * @description The number of the token.
+             */
+            token: number;
+            /** @enum {string} */
+            what: "camera_granted";
+        } | {
+            /**
+             * Format: int32
+             * @description The camera.
+             */
+            camera: number;
+            /**
+             * Format: int64
+             * @description The number of the token.
+             */
+            token: number;
+            /** @enum {string} */
+            what: "camera_revoked";
+        } | {
+            /**
+             * Format: int32
+             * @description The camera.
+             */
+            camera: number;
+            /** @description Whether the picture was taken. */
+            taken: boolean;
+            /** @enum {string} */
+            what: "photo_answer";
         } | {
             /** @description The name of the program. */
             program: string;
@@ -2065,6 +2286,14 @@ export interface components {
             event: "command_ended";
             /** @description How. */
             outcome: components["schemas"]["CommandOutcome"];
+        } | {
+            /**
+             * Format: int64
+             * @description The camera, as the controller wrote it.
+             */
+            camera: number;
+            /** @enum {string} */
+            event: "photo_requested";
         } | {
             /** @enum {string} */
             event: "run_began";
@@ -2655,6 +2884,11 @@ export interface components {
              */
             old: string;
         };
+        /** @description The answer to a request for a photo. */
+        PhotoRequest: {
+            /** @description Whether the picture was taken (`ret` 1 or 0). Points that follow are sent on their own. */
+            taken: boolean;
+        };
         /**
          * @description How a plan ended.
          * @enum {string}
@@ -2787,6 +3021,31 @@ export interface components {
             number: number;
             /** @description What it does, in English. */
             text: string;
+        };
+        /** @description The controller accepted points. This does not mean that a program uses them, or that the arm moves. */
+        PointsDone: {
+            /**
+             * Format: double
+             * @description How long the reply took.
+             */
+            after_ms: number;
+            /**
+             * Format: int64
+             * @description The number of the intent in the audit log.
+             */
+            command_id: number;
+            /** @description How many points were sent. */
+            sent: number;
+            /**
+             * Format: int64
+             * @description How many the controller says it took; `null` if its reply has no number.
+             */
+            taken: number | null;
+        };
+        /** @description The parts of a picture. */
+        PointsRequest: {
+            /** @description 1 to 50. All of them have to fit into a frame of 2048 bytes: some 12 with all fields, 40 with X and Y. */
+            points: components["schemas"]["CameraPoint"][];
         };
         /** @description A pose; `null` for a component that could not be read. */
         Pose: {
@@ -6316,6 +6575,582 @@ export interface operations {
                 };
             };
             /** @description `outcome_unknown`: the gateway ends */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    cameras: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The grants */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CameraGrants"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    grant_camera: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+                /** @description The camera (`camID`), 0 to 999 */
+                camera: number;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CameraGrantWanted"];
+            };
+        };
+        responses: {
+            /** @description The token has the grant */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description It had the grant before */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description `bad_json`, `bad_body` */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot`, `no_such_token` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_slow` */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_room`: the robot has 64 grants */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_long` */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_json` */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value`: also if the token is for another robot */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `outcome_unknown`: the gateway ends */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    revoke_camera: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+                /** @description The camera (`camID`), 0 to 999 */
+                camera: number;
+                /** @description The number of the token */
+                token: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The grant is revoked */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot`; `no_such_token` has this grant */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value` */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `outcome_unknown`: the gateway ends */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    answer_photo: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A time on the clock of the gateway: an order that comes later is refused (`too_late`) */
+                "Valid-Until"?: string | null;
+            };
+            path: {
+                /** @description The name of the robot */
+                name: string;
+                /** @description The camera (`camID`), 0 to 999 */
+                camera: number;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PhotoRequest"];
+            };
+        };
+        responses: {
+            /** @description The answer left */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description `bad_json`, `bad_body` */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_slow` */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_ready`: also if the controller waits for no photo of this camera; `stopped`, `identity_changed`, `run_under_way`, `too_late` */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_long` */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_json` */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value` */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`, `overloaded`: nothing was sent; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `outcome_unknown`: a part of it left */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    add_points: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A time on the clock of the gateway: an order that comes later is refused (`too_late`) */
+                "Valid-Until"?: string | null;
+            };
+            path: {
+                /** @description The name of the robot */
+                name: string;
+                /** @description The camera (`camID`), 0 to 999 */
+                camera: number;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PointsRequest"];
+            };
+        };
+        responses: {
+            /** @description The controller accepted them. It does not say whether a program uses them */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PointsDone"];
+                };
+            };
+            /** @description `bad_json`, `bad_body` */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_slow` */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `stopped`, `not_ready`, `identity_changed`, `run_under_way`, `refused` (by the controller), `too_late` */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_long` */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_json` */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value`: also if they do not fit into a frame */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`, `overloaded`: nothing was sent; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `outcome_unknown`: the controller may have them */
             504: {
                 headers: {
                     [name: string]: unknown;

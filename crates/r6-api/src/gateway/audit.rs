@@ -197,9 +197,10 @@ pub enum Deed {
     },
     /// A command will be sent. Its outcome follows in another entry.
     CommandIntent {
-        /// The command as it will be sent; or `panel` and an action at the panel of a virtual robot.
+        /// The command as it will be sent; `AddPoints`, the camera and the number of its points; or `panel`
+        /// and an action at the panel of a virtual robot.
         command: String,
-        /// The lease; 0 for the end of a fault, which needs none.
+        /// The lease; 0 for the end of a fault and for points of a camera, which need none.
         lease: u64,
     },
     /// The outcome of a command.
@@ -334,6 +335,29 @@ pub enum Deed {
         time_zone: String,
         /// The shifts.
         shifts: Vec<Shift>,
+    },
+    /// A token may send points as this camera of the robot from now on, without the lease.
+    CameraGranted {
+        /// The camera.
+        camera: u16,
+        /// The number of the token.
+        token: i64,
+    },
+    /// A token may not send points as this camera of the robot any more. Without this entry, a grant ends
+    /// with its token.
+    CameraRevoked {
+        /// The camera.
+        camera: u16,
+        /// The number of the token.
+        token: i64,
+    },
+    /// A request for a photo will be answered. Controllers do not reply to that, so it has no outcome. If it
+    /// is not sent in the end, `refused` follows.
+    PhotoAnswer {
+        /// The camera.
+        camera: u16,
+        /// Whether the picture was taken.
+        taken: bool,
     },
     /// A version of a program was stored.
     ProgramStored {

@@ -91,6 +91,11 @@ pub enum Happened {
         /// How.
         outcome: CommandOutcome,
     },
+    /// The controller asks a camera for a photo.
+    PhotoRequested {
+        /// The camera, as the controller wrote it.
+        camera: i64,
+    },
     /// A run of a program began: its first list is being sent.
     RunBegan {
         /// The number of the run.

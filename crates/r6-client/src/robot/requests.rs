@@ -34,9 +34,7 @@ impl Robot {
         if command.name().effect() == Effect::Stops {
             return self.command(command).await;
         }
-        let Conditions { leave_within, only_on, permission } = conditions;
-        let leave_by = leave_within.map(|within| self.now() + within);
-        let terms = Terms { leave_by, only_on, permission, ..Terms::default() };
+        let terms = self.terms(conditions);
         self.drive(self.command_on(terms, command)).await
     }
 
@@ -65,6 +63,43 @@ impl Robot {
     /// [`RequestError`]. The client never resends it, because a program may wait for these points to move.
     pub async fn add_points(&self, cameras: Vec<CameraSet>) -> Result<Accepted, RequestError> {
         self.drive(self.accepted(Work::AddPoints(cameras), Lane::Ordinary)).await
+    }
+
+    /// Sends points as [`Self::add_points`], but only under these conditions. Points that do not fit into a
+    /// frame are not sent ([`crate::Invalid::TooLong`]).
+    ///
+    /// # Errors
+    /// As [`Self::add_points`], and the errors that [`Conditions`] names.
+    pub async fn add_points_under(
+        &self,
+        conditions: Conditions,
+        cameras: Vec<CameraSet>,
+    ) -> Result<Accepted, RequestError> {
+        self.check_points(&cameras)?;
+        let terms = self.terms(conditions);
+        self.drive(self.accepted_on(terms, Work::AddPoints(cameras), Lane::Ordinary)).await
+    }
+
+    /// Answers a photo request as [`Self::answer_photo`], but only under these conditions. They are checked
+    /// when the answer is given to the connection. Unlike a command, it is not taken back if the socket takes
+    /// no bytes then and the permission is withdrawn meanwhile.
+    ///
+    /// # Errors
+    /// As [`Self::answer_photo`], and the errors that [`Conditions`] names.
+    pub async fn answer_photo_under(
+        &self,
+        conditions: Conditions,
+        answer: PhotoAnswer,
+    ) -> Result<(), RequestError> {
+        let terms = self.terms(conditions);
+        self.drive(self.ask_on(terms, Work::PhotoAnswer(answer), Lane::Ordinary)).await.map(|_left| ())
+    }
+
+    /// These conditions, from now on.
+    fn terms(&self, conditions: Conditions) -> Terms {
+        let Conditions { leave_within, only_on, permission } = conditions;
+        let leave_by = leave_within.map(|within| self.now() + within);
+        Terms { leave_by, only_on, permission, ..Terms::default() }
     }
 
     /// Answers a photo request (manual 5.1). The controller does not reply: `Ok` means that the answer was

@@ -1,7 +1,8 @@
 //! The camera service on the robot's own connection.
 
 use r6_client::{
-    Address, Command, Invalid, LostReason, PhotosEnded, Point, Refused, RequestError, Robot, Shot,
+    Address, CameraSet, Command, Conditions, Invalid, LostReason, NotSent, Permission, PhotoAnswer,
+    PhotosEnded, Point, Refused, RequestError, Robot, Shot,
 };
 use serde_json::json;
 use tokio::sync::Notify;
@@ -108,6 +109,37 @@ async fn points_that_cannot_be_sent_are_not_promised() {
         }
         nothing_has_left(&robot, &mut peer).await;
     }
+}
+
+/// For programs that hand on what cameras of others send.
+#[tokio::test]
+async fn points_and_answers_leave_only_under_their_conditions() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    // The robot says who it is.
+    nothing_has_left(&robot, &mut peer).await;
+    let sets = |count: usize| vec![CameraSet { cam_id: 3, points: vec![part(); count] }];
+    let answer = PhotoAnswer { cam_id: 3, ret: 1 };
+    let void = Permission::new();
+    void.withdraw();
+    let elsewhere = Conditions { only_on: Some(robot.connection() + 1), ..Conditions::default() };
+    let withdrawn = Conditions { permission: Some(void), ..Conditions::default() };
+    for (conditions, wanted) in [(elsewhere, NotSent::Disconnected), (withdrawn, NotSent::Withdrawn)] {
+        let error = soon(robot.add_points_under(conditions.clone(), sets(1))).await.unwrap_err();
+        assert_eq!(error, RequestError::NotSent(wanted.clone()));
+        let error = soon(robot.answer_photo_under(conditions, answer)).await.unwrap_err();
+        assert_eq!(error, RequestError::NotSent(wanted));
+    }
+    let all = Conditions { only_on: Some(robot.connection()), ..Conditions::default() };
+    let error = soon(robot.add_points_under(all.clone(), sets(100))).await.unwrap_err();
+    assert!(matches!(error, RequestError::Invalid(Invalid::TooLong { limit: 2048, .. })), "{error}");
+    nothing_has_left(&robot, &mut peer).await;
+    robot.answer_photo_under(all.clone(), answer).await.unwrap();
+    assert_eq!(peer.frame().await["ret"], json!(1));
+    let (accepted, ()) = tokio::join!(robot.add_points_under(all, sets(2)), async {
+        let points = peer.frame().await;
+        peer.send(verdict(&points, &["AddPoints", "2"])).await;
+    });
+    assert_eq!(accepted.unwrap().points, Some(2));
 }
 
 #[tokio::test]

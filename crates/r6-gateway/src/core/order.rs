@@ -1,9 +1,11 @@
-//! What the holder of a lease sends to a robot: a command, or a list of instructions.
+//! What the holder of a lease sends to a robot: a command, or a list of instructions. What a camera sends.
 
 use std::fmt;
 
-use r6_proto::message::Instruction;
+use r6_proto::message::{Instruction, Point};
 use r6_proto::{Command, Effect, Request};
+
+use super::camera::Camera;
 
 /// How many steps of a list the audit log names. Controllers take 10 at most.
 const NAMED_STEPS: usize = 10;
@@ -20,6 +22,20 @@ pub enum Order {
         /// The instructions.
         steps: Vec<Instruction>,
     },
+    /// The parts that a camera found (`AddPoints`). It needs a standing grant, and no lease permits it.
+    Points {
+        /// The camera.
+        camera: Camera,
+        /// The parts.
+        points: Vec<Point>,
+    },
+    /// The answer of a camera to a request for a photo. It needs a standing grant, and no lease permits it.
+    Photo {
+        /// The camera.
+        camera: Camera,
+        /// Whether the picture was taken.
+        taken: bool,
+    },
 }
 
 impl Order {
@@ -31,6 +47,9 @@ impl Order {
             Self::List { replace, steps } => {
                 Request::AddRcc { empty_list: *replace, instructions: steps }.effect()
             }
+            // On the wire an answer to a photo changes something. But the program on the controller waits for
+            // it, and goes on.
+            Self::Points { .. } | Self::Photo { .. } => Effect::Moves,
         }
     }
 
@@ -40,7 +59,16 @@ impl Order {
     pub fn disturbs_run(&self) -> bool {
         match self {
             Self::Command(command) => self.effect() == Effect::Moves || command.name().info().changes_frame,
-            Self::List { .. } => true,
+            Self::List { .. } | Self::Points { .. } | Self::Photo { .. } => true,
+        }
+    }
+
+    /// The camera that sends it; `None` if the holder of the lease does.
+    #[must_use]
+    pub fn camera(&self) -> Option<Camera> {
+        match self {
+            Self::Command(_) | Self::List { .. } => None,
+            Self::Points { camera, .. } | Self::Photo { camera, .. } => Some(*camera),
         }
     }
 
@@ -50,16 +78,18 @@ impl Order {
         match self {
             // On the wire it has steps of 0.1 %.
             Self::Command(Command::ModifyGspd { percent }) => Some((percent * 10.0).round() / 10.0),
-            Self::Command(_) | Self::List { .. } => None,
+            Self::Command(_) | Self::List { .. } | Self::Points { .. } | Self::Photo { .. } => None,
         }
     }
 
-    /// Its word: that of the command, or `AddRCC`.
+    /// Its word: that of the command, or the type of the request.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match self {
             Self::Command(command) => command.name().word(),
             Self::List { .. } => "AddRCC",
+            Self::Points { .. } => "AddPoints",
+            Self::Photo { .. } => "photo",
         }
     }
 
@@ -69,6 +99,7 @@ impl Order {
         match self {
             Self::Command(command) => command.name().starts(),
             Self::List { replace, steps } => !replace && !steps.is_empty(),
+            Self::Points { .. } | Self::Photo { .. } => false,
         }
     }
 }
@@ -80,11 +111,19 @@ impl From<Command<'static>> for Order {
 }
 
 impl fmt::Display for Order {
-    /// A command as on the wire; of a list whether it replaces, and the names of its first steps.
+    /// A command as on the wire; of a list whether it replaces, and the names of its first steps; of a camera
+    /// what it sends.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (replace, steps) = match self {
             Self::Command(command) => return command.fmt(f),
             Self::List { replace, steps } => (replace, steps),
+            Self::Points { camera, points } => {
+                let plural = if points.len() == 1 { "" } else { "s" };
+                return write!(f, "AddPoints camera {camera}, {} point{plural}", points.len());
+            }
+            Self::Photo { camera, taken } => {
+                return write!(f, "photo camera {camera}, {}", if *taken { "taken" } else { "failed" });
+            }
         };
         let how = if *replace { "replace" } else { "append" };
         let plural = if steps.len() == 1 { "" } else { "s" };
@@ -122,6 +161,17 @@ mod tests {
             let is_speed = matches!(order, Order::Command(Command::ModifyGspd { .. }));
             assert_eq!(order.disturbs_run(), !is_speed, "{order}");
             assert_eq!(order.global_speed(), is_speed.then_some(5.0), "{order}");
+            assert_eq!(order.to_string(), shown);
+        }
+        let camera = Camera::new(2).unwrap();
+        for (order, shown) in [
+            (Order::Points { camera, points: vec![Point::default()] }, "AddPoints camera 2, 1 point"),
+            (Order::Points { camera, points: vec![Point::default(); 3] }, "AddPoints camera 2, 3 points"),
+            (Order::Photo { camera, taken: true }, "photo camera 2, taken"),
+            (Order::Photo { camera, taken: false }, "photo camera 2, failed"),
+        ] {
+            assert_eq!((order.effect(), order.runs_leftover()), (Effect::Moves, false), "{order}");
+            assert_eq!((order.disturbs_run(), order.camera()), (true, Some(camera)), "{order}");
             assert_eq!(order.to_string(), shown);
         }
         assert!(list(true, 11).to_string().ends_with("path speed, …"));

@@ -28,6 +28,8 @@ pub enum Right {
     StorePrograms,
     /// Take the lease from its holder.
     TakeLease,
+    /// Give and revoke the standing grants of cameras.
+    GrantCamera,
     /// Add, change and remove a robot.
     Configure,
     /// Change users and tokens. It is for no robot, so a grant for one robot never has it.
@@ -58,7 +60,11 @@ impl Right {
             | Self::StorePrograms
             | Self::ShelveAlarm
             | Self::SetUpPanel => Role::Engineer,
-            Self::TakeLease | Self::Configure | Self::ManageUsers | Self::ManageSettings => Role::Admin,
+            Self::TakeLease
+            | Self::GrantCamera
+            | Self::Configure
+            | Self::ManageUsers
+            | Self::ManageSettings => Role::Admin,
         }
     }
 }
@@ -103,6 +109,7 @@ mod tests {
             Right::ReadAudit,
             Right::StorePrograms,
             Right::TakeLease,
+            Right::GrantCamera,
             Right::Configure,
             Right::ManageUsers,
             Right::ManageSettings,
@@ -110,17 +117,23 @@ mod tests {
         for (role, allowed) in [
             (
                 Role::Viewer,
-                [true, false, false, false, false, false, false, false, false, false, false, false, false],
+                [
+                    true, false, false, false, false, false, false, false, false, false, false, false, false,
+                    false,
+                ],
             ),
             (
                 Role::Operator,
-                [true, true, true, true, false, false, false, false, false, false, false, false, false],
+                [
+                    true, true, true, true, false, false, false, false, false, false, false, false, false,
+                    false,
+                ],
             ),
             (
                 Role::Engineer,
-                [true, true, true, true, true, true, true, true, true, false, false, false, false],
+                [true, true, true, true, true, true, true, true, true, false, false, false, false, false],
             ),
-            (Role::Admin, [true; 13]),
+            (Role::Admin, [true; 14]),
         ] {
             let all = Grant { role, only: None };
             let one = Grant { role, only: RobotName::new("press") };

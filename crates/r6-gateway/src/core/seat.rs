@@ -2,9 +2,9 @@
 //!
 //! A [`Seat`] knows the lease, the stop that holds, the identity and the link of one robot. It alone makes a
 //! [`Permit`], and the fleet sends nothing that changes or moves without one. Times are those of one clock
-//! that counts suspend. [`Seat::generation`] grows whenever all permits made so far are void. `run.rs` has
-//! the run of a program, `panel.rs` the panel of a virtual robot, which needs no permit. `speed.rs` knows the
-//! global speed as it was last set.
+//! that counts suspend. [`Seat::generation`] grows whenever all permits made so far on a ground are void.
+//! `run.rs` has the run of a program, `panel.rs` the panel of a virtual robot, which needs no permit.
+//! `speed.rs` knows the global speed as it was last set.
 
 mod panel;
 mod permit;
@@ -19,7 +19,7 @@ use std::time::Duration;
 use r6_api::gateway::{ActedBy, GlobalSpeed, IdentityChange, LeaseEnd, RobotIdentity};
 use r6_proto::time::Instant;
 
-pub use permit::{Denied, Permit};
+pub use permit::{Asked, Denied, Ground, Permit};
 pub use run::{Cut, Left, Ticket};
 pub use speed::SpeedAnswer;
 
@@ -168,7 +168,10 @@ pub struct Seat {
     speed: speed::Speed,
     /// For how long an observation of the mode counts.
     fresh_for: Duration,
+    /// Of permits that rest on the lease.
     generation: u64,
+    /// Of permits that rest on a standing grant.
+    standing_generation: u64,
     noticed: VecDeque<Noticed>,
 }
 
@@ -206,6 +209,7 @@ impl Seat {
             speed: speed::Speed::default(),
             fresh_for,
             generation: 0,
+            standing_generation: 0,
             noticed: VecDeque::new(),
         }
     }
@@ -224,10 +228,18 @@ impl Seat {
         &self.saved
     }
 
-    /// Grows whenever all permits made so far are void.
+    /// Grows whenever all permits made so far on this ground are void.
     #[must_use]
-    pub fn generation(&self) -> u64 {
-        self.generation
+    pub fn generation(&self, ground: Ground) -> u64 {
+        match ground {
+            Ground::Lease => self.generation,
+            Ground::Grant => self.standing_generation,
+        }
+    }
+
+    /// A standing grant was revoked: what cameras have asked for and has not left yet does not leave.
+    pub fn grant_is_revoked(&mut self) {
+        self.standing_generation += 1;
     }
 
     /// The next thing that was noticed.
@@ -535,7 +547,7 @@ impl Seat {
             Some(lease) if of_run => {
                 lease.ends = Some(cause);
                 self.cut_run(Cut::Lease(cause));
-                self.void_permits();
+                self.generation += 1;
             }
             _ => self.end_lease(cause),
         }
@@ -546,13 +558,15 @@ impl Seat {
             if self.is_of_run(number) {
                 self.cut_run(Cut::Lease(cause));
             }
-            self.void_permits();
+            // Cameras need no lease.
+            self.generation += 1;
             self.noticed.push_back(Noticed::LeaseEnded { number, holder, cause });
         }
     }
 
     fn void_permits(&mut self) {
         self.generation += 1;
+        self.standing_generation += 1;
     }
 }
 

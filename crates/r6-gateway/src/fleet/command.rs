@@ -482,7 +482,7 @@ fn speed_answer(by: &By, percent: f64, failed: Option<CommandOutcome>) -> SpeedA
     }
 }
 
-fn outcome(error: &RequestError) -> CommandOutcome {
+pub(super) fn outcome(error: &RequestError) -> CommandOutcome {
     match error {
         RequestError::Invalid(_) | RequestError::NotSent(_) => CommandOutcome::NotSent,
         RequestError::Refused(_) => CommandOutcome::Refused,

@@ -59,6 +59,7 @@ async fn run(station: &Station) {
             () = watch(station, &robot, values, mode) => {}
             () = record(station, &robot, &config) => {}
             () = station.make_owed_stops(&robot) => {}
+            () = station.watch_photos(&robot) => {}
         },
         // The configuration was checked, so this is a fault of ours.
         Err(error) => tracing::error!(robot = station.name(), %error, "the values cannot be read"),

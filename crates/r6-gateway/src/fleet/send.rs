@@ -1,8 +1,10 @@
-//! The only place from which a command or a list that changes or moves leaves the gateway.
+//! The only place from which a command or a list that changes or moves leaves the gateway, and what cameras
+//! send.
 
 use std::sync::Arc;
+use std::time::Duration;
 
-use r6_client::{Accepted, Conditions, ListGate, NotSent, RequestError, Robot};
+use r6_client::{Accepted, CameraSet, Conditions, ListGate, NotSent, PhotoAnswer, RequestError, Robot};
 
 use super::station::Station;
 use crate::clock;
@@ -12,6 +14,8 @@ use crate::core::seat::{Permit, Ticket};
 impl Station {
     /// Sends the command or the list of a permit. The client looks again, in the call that writes the first
     /// byte, whether the permit is void or too old, and whether the connection is another one.
+    ///
+    /// For an answer to a photo there is no reply: `Ok` means that it left.
     pub(super) async fn send(&self, robot: &Robot, permit: Permit) -> Result<Accepted, RequestError> {
         let Some(conditions) = self.conditions(&permit) else {
             return Err(NotSent::Withdrawn.into());
@@ -20,6 +24,15 @@ impl Station {
             Order::Command(command) => robot.command_under(conditions, command).await,
             Order::List { replace, steps } => {
                 self.guarded(robot).add_rcc_under(conditions, replace, steps).await
+            }
+            Order::Points { camera, points } => {
+                let set = CameraSet { cam_id: camera.number().into(), points };
+                robot.add_points_under(conditions, vec![set]).await
+            }
+            Order::Photo { camera, taken } => {
+                let answer = PhotoAnswer { cam_id: camera.number().into(), ret: taken.into() };
+                let left = robot.answer_photo_under(conditions, answer).await;
+                left.map(|()| Accepted { after: Duration::ZERO, points: None })
             }
         }
     }
@@ -50,7 +63,7 @@ impl Station {
 
     /// The conditions of a permit; `None` if it is void.
     fn conditions(&self, permit: &Permit) -> Option<Conditions> {
-        let permission = self.permission(permit.generation())?;
+        let permission = self.permission(permit)?;
         let (latest, ownership) = (permit.latest(), self.term.ownership.clone());
         Some(Conditions {
             leave_within: Some(latest.since(clock::now())),

@@ -23,10 +23,11 @@ use crate::core::alarms;
 use crate::core::name::RobotName;
 use crate::core::raw::fresh::Freshness;
 use crate::core::refusals::Refusals;
-use crate::core::seat::{Cut, Denied, Key, Noticed, Saved, Seat, Ticket};
+use crate::core::seat::{Cut, Denied, Ground, Key, Noticed, Permit, Saved, Seat, Ticket};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
 use crate::fleet::desk::Desk;
+use crate::fleet::photos::Cameras;
 use crate::live::board::Board;
 use crate::ownership::Ownership;
 use crate::store::Keeper;
@@ -124,6 +125,8 @@ pub struct Station {
     board: Mutex<Board>,
     /// Its alarms.
     pub(super) desk: Desk,
+    /// What is known of its cameras.
+    pub(super) cameras: Cameras,
     /// The client's handle, once there was a connection to the present address.
     pub(super) robot: watch::Sender<Option<Robot>>,
     /// Wakes the task that keeps the connection.
@@ -169,8 +172,10 @@ pub struct Station {
 #[derive(Debug)]
 struct Held {
     seat: Seat,
-    /// The permission of all permits of this generation.
+    /// The permission of all permits of this generation that rest on the lease.
     permission: Permission,
+    /// The same of those that rest on a standing grant.
+    standing: Permission,
     /// What the store has of the seat.
     stored: Saved,
     pending: VecDeque<AuditRecord>,
@@ -193,6 +198,7 @@ impl Station {
         let held = Held {
             seat,
             permission: Permission::new(),
+            standing: Permission::new(),
             stored: saved,
             pending: VecDeque::new(),
             given_back: None,
@@ -206,6 +212,7 @@ impl Station {
             counts: Counts::default(),
             held: Mutex::new(held),
             desk: Desk::new(alarms),
+            cameras: Cameras::default(),
             robot: watch::Sender::new(None),
             try_now: Notify::new(),
             to_write: Notify::new(),
@@ -304,7 +311,7 @@ impl Station {
     fn hold<T>(&self, act: impl FnOnce(&mut Held, Instant) -> (T, Option<AuditRecord>)) -> T {
         let mut held = self.held();
         let now = clock::now();
-        let generation = held.seat.generation();
+        let generations = [Ground::Lease, Ground::Grant].map(|ground| held.seat.generation(ground));
         let was_stopped = held.seat.stops().0;
         held.seat.handle_timeout(now);
         let (result, record) = act(&mut held, now);
@@ -316,8 +323,12 @@ impl Station {
             self.publish(Happened::StopBegan { by: by.actor, holds: true, number });
             self.publish(Happened::StopEnded { confirmed: false });
         }
-        if held.seat.generation() != generation {
+        let [of_lease, of_grant] = generations;
+        if held.seat.generation(Ground::Lease) != of_lease {
             std::mem::take(&mut held.permission).withdraw();
+        }
+        if held.seat.generation(Ground::Grant) != of_grant {
+            std::mem::take(&mut held.standing).withdraw();
         }
         let cut = held.seat.run_cut();
         self.cut.send_if_modified(|known| std::mem::replace(known, cut) != cut);
@@ -374,10 +385,14 @@ impl Station {
         self.robot.borrow().clone()
     }
 
-    /// The permission of the permits of this generation; `None` if they are void.
-    pub(super) fn permission(&self, generation: u64) -> Option<Permission> {
+    /// The permission of this permit; `None` if it is void.
+    pub(super) fn permission(&self, permit: &Permit) -> Option<Permission> {
         let held = self.held();
-        (held.seat.generation() == generation).then(|| held.permission.clone())
+        let permission = match permit.ground() {
+            Ground::Lease => &held.permission,
+            Ground::Grant => &held.standing,
+        };
+        (held.seat.generation(permit.ground()) == permit.generation()).then(|| permission.clone())
     }
 
     /// Publishes an event.

@@ -344,6 +344,8 @@ needs! {
     ShelveAlarm
     /// Accepting another robot.
     AcceptIdentity
+    /// Giving and revoking grants of cameras.
+    GrantCamera
     /// Adding, changing and removing robots.
     Configure
     /// Changing users and tokens.

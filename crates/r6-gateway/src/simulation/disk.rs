@@ -8,6 +8,7 @@ use r6_api::gateway::{AuditRecord, Role, Run};
 
 use crate::core::account::Decided;
 use crate::core::alarms;
+use crate::core::camera::CameraGrant;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
@@ -16,8 +17,8 @@ use crate::secret;
 use crate::store::commands::{KeptCommand, NewCommand, Noted};
 use crate::store::runs::{Begun, KeptRun, NewRun};
 use crate::store::{
-    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, NewToken, NewVersion, Sqlite, Store,
-    StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange,
+    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, NewGrant, NewToken, NewVersion, Sqlite,
+    Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange,
 };
 use crate::tokens;
 use crate::verify::{self, VerifyError};
@@ -242,6 +243,18 @@ impl Store for Mounted {
 
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError> {
         self.read(|store| store.tokens())
+    }
+
+    fn cameras(&mut self, of: Option<&RobotName>) -> Result<Vec<(RobotName, CameraGrant)>, StoreError> {
+        self.read(|store| store.cameras(of))
+    }
+
+    fn grant_camera(&mut self, new: &NewGrant, author: &Author) -> Result<bool, StoreError> {
+        self.write(|store| store.grant_camera(new, author))
+    }
+
+    fn revoke_camera(&mut self, grant: &NewGrant, author: &Author) -> Result<bool, StoreError> {
+        self.write(|store| store.revoke_camera(grant, author))
     }
 
     fn users(&mut self) -> Result<Vec<StoredUser>, StoreError> {

@@ -1,5 +1,6 @@
 //! What every store does: one suite for all.
 
+mod cameras;
 mod commands;
 mod heads;
 mod programs;
@@ -248,7 +249,7 @@ fn a_file_from_before_there_were_users_gets_their_tables() {
     drop(store);
     let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
     raw.execute_batch(
-        "DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE alarm; DROP TABLE hall;
+        "DROP TABLE camera; DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE alarm; DROP TABLE hall;
          PRAGMA user_version = 2",
     )
     .unwrap();
@@ -441,7 +442,7 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
     // As r6 wrote it before there were programs.
     let raw = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
     let before =
-        "DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program;
+        "DROP TABLE camera; DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program;
                   DROP TABLE alarm; DROP TABLE hall;
                   ALTER TABLE robot DROP COLUMN model; PRAGMA user_version = 1;";
     raw.execute_batch(before).unwrap();

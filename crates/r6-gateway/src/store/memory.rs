@@ -8,12 +8,13 @@ use super::commands::{KEPT as KEYS_KEPT, KEPT_AT_LEAST, KeptCommand, MAX_KEYS, N
 use super::library::removed;
 use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS, MAX_RUNS_OF_ONE, NewRun};
 use super::{
-    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store,
-    StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, check_link, decide,
-    link_made, token_made, token_revoked, user_changed,
+    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewGrant, NewToken,
+    NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange, body,
+    check_link, decide, link_made, token_made, token_revoked, user_changed,
 };
 use crate::core::account::{Decided, UserName};
 use crate::core::alarms;
+use crate::core::camera::{Camera, CameraGrant};
 use crate::core::chain::{Hash, link};
 use crate::core::library::{Condition, MAX_VERSIONS, ProgramName};
 use crate::core::name::RobotName;
@@ -33,6 +34,7 @@ pub struct Memory {
     robots: BTreeMap<RobotName, StoredRobot>,
     /// The versions of each program, the oldest first.
     programs: BTreeMap<ProgramName, Vec<(Kept, String)>>,
+    cameras: BTreeMap<(RobotName, Camera, i64), CameraGrant>,
     users: BTreeMap<UserName, StoredUser>,
     links: Vec<Link>,
     runs: BTreeMap<u64, MemoryRun>,
@@ -138,11 +140,36 @@ impl Store for Memory {
         let Some(at) = self.tokens.iter().position(|token| token.number == number) else { return Ok(false) };
         self.append(&[token_revoked(number, author)])?;
         self.tokens.remove(at);
+        self.cameras.retain(|(_, _, token), _| *token != number);
         Ok(true)
     }
 
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError> {
         Ok(self.tokens.clone())
+    }
+
+    fn cameras(&mut self, of: Option<&RobotName>) -> Result<Vec<(RobotName, CameraGrant)>, StoreError> {
+        let wanted = self.cameras.iter().filter(|((robot, ..), _)| of.is_none_or(|of| of == robot));
+        Ok(wanted.map(|((robot, ..), grant)| (robot.clone(), grant.clone())).collect())
+    }
+
+    fn grant_camera(&mut self, new: &NewGrant, author: &Author) -> Result<bool, StoreError> {
+        let known: Vec<_> = self.cameras(Some(&new.robot))?.into_iter().map(|(_, grant)| grant).collect();
+        if !new.is_new(&self.tokens, &known)? {
+            return Ok(false);
+        }
+        self.append(&[new.granted(author)])?;
+        self.cameras.insert((new.robot.clone(), new.camera, new.token), new.given(author));
+        Ok(true)
+    }
+
+    fn revoke_camera(&mut self, grant: &NewGrant, author: &Author) -> Result<bool, StoreError> {
+        let key = (grant.robot.clone(), grant.camera, grant.token);
+        if self.cameras.remove(&key).is_none() {
+            return Ok(false);
+        }
+        self.append(&[grant.revoked(author)])?;
+        Ok(true)
     }
 
     fn users(&mut self) -> Result<Vec<StoredUser>, StoreError> {

@@ -8,6 +8,7 @@
 
 mod arms;
 mod audit;
+mod cameras;
 mod commands;
 mod database;
 pub mod history;
@@ -29,11 +30,12 @@ use self::tables::{FOUNDATION, TABLES};
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
-    Author, Ends, Entry, Heads, Kept, LibraryError, Link, NewToken, NewVersion, Store, StoreError,
+    Author, Ends, Entry, Heads, Kept, LibraryError, Link, NewGrant, NewToken, NewVersion, Store, StoreError,
     StoredRobot, StoredSettings, StoredUser, Token, UserChange,
 };
 use crate::core::account::Decided;
 use crate::core::alarms;
+use crate::core::camera::CameraGrant;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::owner::Claim;
@@ -263,6 +265,21 @@ impl Store for Postgres {
 
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError> {
         self.session.read(users::tokens)
+    }
+
+    fn cameras(&mut self, of: Option<&RobotName>) -> Result<Vec<(RobotName, CameraGrant)>, StoreError> {
+        self.session.read(async |client| match of {
+            Some(_) => cameras::all(client, of).await,
+            None => cameras::of_all(client).await,
+        })
+    }
+
+    fn grant_camera(&mut self, new: &NewGrant, author: &Author) -> Result<bool, StoreError> {
+        self.write(async |client| cameras::give(client, new, author).await)
+    }
+
+    fn revoke_camera(&mut self, grant: &NewGrant, author: &Author) -> Result<bool, StoreError> {
+        self.write(async |client| cameras::revoke(client, grant, author).await)
     }
 
     fn users(&mut self) -> Result<Vec<StoredUser>, StoreError> {

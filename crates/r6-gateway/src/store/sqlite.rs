@@ -1,5 +1,6 @@
 //! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit.
 
+mod cameras;
 mod commands;
 mod file;
 mod heads;
@@ -16,12 +17,13 @@ use self::tables::TABLES;
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
-    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewToken, NewVersion, Store,
-    StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, role, token_made,
-    token_revoked,
+    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewGrant, NewToken,
+    NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, role,
+    token_made, token_revoked,
 };
 use crate::core::account::Decided;
 use crate::core::alarms;
+use crate::core::camera::CameraGrant;
 use crate::core::chain::{Broken, Hash, link};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
@@ -30,6 +32,9 @@ use crate::core::seat::Saved;
 
 /// The version from which on there are users.
 const USERS_SINCE: usize = 3;
+
+/// The version from which on there are grants of cameras.
+const CAMERAS_SINCE: usize = 9;
 
 /// The version from which on there are signed heads.
 const HEADS_SINCE: usize = 6;
@@ -119,6 +124,22 @@ fn grant(word: &str, only: Option<String>) -> Result<Grant, StoreError> {
         RobotName::new(&only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`")))
     });
     Ok(Grant { role: role(word)?, only: only.transpose()? })
+}
+
+/// The tokens that are not revoked.
+fn tokens(connection: &Connection) -> Result<Vec<Token>, StoreError> {
+    let mut select = connection.prepare_cached(
+        "SELECT number, hash, role, only, name FROM token WHERE revoked IS NULL ORDER BY number",
+    )?;
+    let rows = select.query_map([], |row| {
+        let only: Option<String> = row.get(3)?;
+        Ok((row.get(0)?, row.get(1)?, row.get::<_, String>(2)?, only, row.get(4)?))
+    })?;
+    rows.map(|row| {
+        let (number, hash, word, only, name) = row?;
+        Ok(Token { number, hash, grant: grant(&word, only)?, name })
+    })
+    .collect()
 }
 
 impl Store for Sqlite {
@@ -215,24 +236,32 @@ impl Store for Sqlite {
         if revoked == 0 {
             return Ok(false);
         }
+        transaction.execute("DELETE FROM camera WHERE token = ?1", [number])?;
         append_in(&transaction, &[token_revoked(number, author)])?;
         transaction.commit()?;
         Ok(true)
     }
 
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError> {
-        let mut select = self.connection.prepare_cached(
-            "SELECT number, hash, role, only, name FROM token WHERE revoked IS NULL ORDER BY number",
-        )?;
-        let rows = select.query_map([], |row| {
-            let only: Option<String> = row.get(3)?;
-            Ok((row.get(0)?, row.get(1)?, row.get::<_, String>(2)?, only, row.get(4)?))
-        })?;
-        rows.map(|row| {
-            let (number, hash, word, only, name) = row?;
-            Ok(Token { number, hash, grant: grant(&word, only)?, name })
-        })
-        .collect()
+        tokens(&self.connection)
+    }
+
+    fn cameras(&mut self, of: Option<&RobotName>) -> Result<Vec<(RobotName, CameraGrant)>, StoreError> {
+        // A file that is only read can be older than grants.
+        if self.version()? < CAMERAS_SINCE {
+            return Ok(Vec::new());
+        }
+        cameras::all(&self.connection, of)
+    }
+
+    fn grant_camera(&mut self, new: &NewGrant, author: &Author) -> Result<bool, StoreError> {
+        let transaction = self.write()?;
+        let tokens = tokens(&transaction)?;
+        cameras::give(transaction, new, &tokens, author)
+    }
+
+    fn revoke_camera(&mut self, grant: &NewGrant, author: &Author) -> Result<bool, StoreError> {
+        cameras::revoke(self.write()?, grant, author)
     }
 
     fn users(&mut self) -> Result<Vec<StoredUser>, StoreError> {

@@ -36,7 +36,7 @@ fn start(folder: &Path, max_entries: u64) -> Result<(Auditor, Keeper), StoreErro
 fn make_old(folder: &Path) {
     change(
         folder,
-        "DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; PRAGMA user_version = 5",
+        "DROP TABLE camera; DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; PRAGMA user_version = 5",
     );
 }
 

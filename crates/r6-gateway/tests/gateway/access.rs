@@ -20,10 +20,12 @@ enum Needs {
     Role(Role),
     /// Any user, and no token.
     User,
+    /// A grant that is not a role: without it, no role is enough.
+    Grant,
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 64] = [
+const ROUTES: [(&str, &str, Needs); 69] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -44,6 +46,11 @@ const ROUTES: [(&str, &str, Needs); 64] = [
     ("DELETE", "/v1/robots/{name}/lease", Needs::Role(Role::Operator)),
     ("POST", "/v1/robots/{name}/lease", Needs::Role(Role::Operator)),
     ("POST", "/v1/robots/{name}/stop", Needs::Role(Role::Operator)),
+    ("GET", "/v1/robots/{name}/cameras", Needs::Role(Role::Viewer)),
+    ("POST", "/v1/robots/{name}/cameras/{camera}/points", Needs::Grant),
+    ("POST", "/v1/robots/{name}/cameras/{camera}/photo", Needs::Grant),
+    ("POST", "/v1/robots/{name}/cameras/{camera}/grants", Needs::Role(Role::Admin)),
+    ("DELETE", "/v1/robots/{name}/cameras/{camera}/grants/{token}", Needs::Role(Role::Admin)),
     ("GET", "/v1/robots/{name}/panel", Needs::Role(Role::Viewer)),
     ("POST", "/v1/robots/{name}/panel", Needs::Role(Role::Operator)),
     ("GET", "/v1/robots/{name}/panel/faults", Needs::Role(Role::Viewer)),
@@ -106,7 +113,8 @@ fn needs(method: &str, path: &str) -> (Needs, String) {
     let row = ROUTES.iter().find(|(m, p, _)| *m == method && *p == path);
     let Some((_, _, needs)) = row else { panic!("{method} {path} has no row in this test") };
     let path = path.replace("{name}", "press").replace("{number}", "press").replace("{id}", "7");
-    (*needs, path.replace("{program}", "pick").replace("{run}", "1"))
+    let path = path.replace("{program}", "pick").replace("{run}", "1");
+    (*needs, path.replace("{camera}", "0").replace("{token}", "7"))
 }
 
 /// The status of a request that is allowed, and that has a body with no field of the route.
@@ -117,6 +125,8 @@ fn of_nonsense(method: &str, path: &str) -> u16 {
         // There is no such user, token, program or alarm.
         ("DELETE", "/v1/users/{name}" | "/v1/tokens/{number}" | "/v1/programs/{program}") => 404,
         ("DELETE", "/v1/robots/{name}/alarms/{id}/shelve") => 404,
+        // No token has this grant.
+        ("DELETE", "/v1/robots/{name}/cameras/{camera}/grants/{token}") => 404,
         _ => 422,
     }
 }
@@ -194,6 +204,7 @@ async fn every_route_refuses_pages_without_proof_and_lower_roles_of_users() {
             }
             let is_allowed = match needs {
                 Needs::Nothing | Needs::User => true,
+                Needs::Grant => false,
                 Needs::Role(lowest) => *role >= lowest,
             };
             if !is_allowed {

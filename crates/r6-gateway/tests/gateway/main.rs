@@ -3,6 +3,7 @@
 mod access;
 mod alarms;
 mod browsers;
+mod cameras;
 mod commands;
 #[cfg(unix)]
 mod far;

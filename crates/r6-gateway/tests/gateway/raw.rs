@@ -64,10 +64,12 @@ struct Seen {
     frames: Vec<String>,
     /// Frames with this in them are not passed on.
     lost: Option<&'static str>,
+    /// This part of frames is passed on as that.
+    changed: Option<(&'static str, &'static str)>,
 }
 
 impl Tap {
-    async fn before(controller: SocketAddr) -> Self {
+    pub async fn before(controller: SocketAddr) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let seen = Arc::<Mutex<Seen>>::default();
@@ -96,6 +98,11 @@ impl Tap {
         self.seen.lock().unwrap().lost = Some(part);
     }
 
+    /// Passes this part of frames on as that, from now on.
+    pub fn change(&self, part: &'static str, to: &'static str) {
+        self.seen.lock().unwrap().changed = Some((part, to));
+    }
+
     /// The frames to the controller that have this in them.
     pub fn frames(&self, part: &str) -> Vec<String> {
         let seen = self.seen.lock().unwrap();
@@ -113,10 +120,14 @@ async fn pass(mut near: TcpStream, mut far: TcpStream, seen: Arc<Mutex<Seen>>) {
                 assert_eq!(frames.push(&up[..count]), count);
                 while let Some(frame) = frames.next() {
                     let frame = String::from_utf8(frame.unwrap().bytes.to_vec()).unwrap();
-                    let is_lost = {
+                    let (is_lost, changed) = {
                         let mut seen = seen.lock().unwrap();
                         seen.frames.push(frame.clone());
-                        seen.lost.is_some_and(|part| frame.contains(part))
+                        (seen.lost.is_some_and(|part| frame.contains(part)), seen.changed)
+                    };
+                    let frame = match changed {
+                        Some((part, to)) => frame.replace(part, to),
+                        None => frame,
                     };
                     if !is_lost && far.write_all(frame.as_bytes()).await.is_err() {
                         return;

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from time import monotonic, sleep
 from types import TracebackType
 from typing import Any, Literal
@@ -21,9 +22,11 @@ from ._gateway_values import (
     read_nothing,
     read_page,
     read_signals,
+    read_taken,
     read_took,
 )
 from ._r6 import Command
+from ._types import Point
 
 _LOOK = 0.1
 """Seconds between two looks at a run: ten requests a second, of the 100 that a token can make."""
@@ -112,6 +115,20 @@ class GatewayRobot:
     def unshelve(self, alarm: int) -> dict[str, Any]:
         """Takes the alarms of this one's code from the shelf. Engineers only."""
         return self._ask("DELETE", f"/alarms/{int(alarm)}/shelve", read_alarm, None, "changes")
+
+    def add_points(self, camera: int, points: Sequence[Point]) -> int | None:
+        """Sends the parts that a camera found, and returns how many the controller says it took; ``None`` if it does
+        not say. It needs no lease, but a token with the grant for this camera (``r6 gateway token --camera``).
+        That the controller took them does not mean that the arm moves. They are never sent again.
+        """
+        found = [{name: value for name, value in asdict(point).items() if value is not None} for point in points]
+        return self._ask("POST", f"/cameras/{int(camera)}/points", read_taken, {"points": found}, "moves")
+
+    def answer_photo(self, camera: int, taken: bool = True) -> None:
+        """Answers a photo that the controller asks for: the event ``photo_requested`` of ``Gateway.events``. It needs
+        the grant for this camera. Controllers do not reply to this: it returns when the answer left.
+        """
+        self._ask("POST", f"/cameras/{int(camera)}/photo", read_nothing, {"taken": bool(taken)}, "moves")
 
     def run(self, number: int) -> GatewayRun:
         """A run of a program, from its number. The gateway keeps it for 24 h. To begin one: ``GatewayLease.run``."""

@@ -110,6 +110,11 @@ def read_took(answer: Any) -> float:
     return float(answer["took_ms"]) / 1000
 
 
+def read_taken(answer: Any) -> int | None:
+    """How many points the controller says it took."""
+    return None if answer["taken"] is None else int(answer["taken"])
+
+
 def read_after(answer: Any) -> float:
     """The seconds until the controller accepted a command."""
     return float(answer["after_ms"]) / 1000

@@ -2,6 +2,7 @@
 //! sim`.
 
 mod by_gateway;
+mod cameras;
 mod crowded;
 mod ends;
 mod forged;

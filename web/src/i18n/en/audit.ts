@@ -78,6 +78,12 @@ export const audit = {
         return `Made token ${entry.token}${entry.name === "" ? "" : ` “${entry.name}”`}: ${rights(entry.role, entry.only)}.`;
       case "token_revoked":
         return `Revoked token ${entry.token}.`;
+      case "camera_granted":
+        return `Let token ${entry.token} feed camera ${entry.camera} without control.`;
+      case "camera_revoked":
+        return `Token ${entry.token} may not feed camera ${entry.camera} any more.`;
+      case "photo_answer":
+        return `Answers the photo of camera ${entry.camera}: ${entry.taken ? "taken" : "failed"}.`;
       case "user_made":
         return `Made user ${entry.user}: ${rights(entry.role, entry.only)}${entry.disabled ? ", disabled" : ""}.`;
       case "user_changed":

@@ -78,6 +78,12 @@ export const audit: typeof english = {
         return `生成令牌 ${entry.token}${entry.name === "" ? "" : `“${entry.name}”`}：${rights(entry.role, entry.only)}。`;
       case "token_revoked":
         return `吊销令牌 ${entry.token}。`;
+      case "camera_granted":
+        return `允许令牌 ${entry.token} 无需控制权即可为相机 ${entry.camera} 发送点位。`;
+      case "camera_revoked":
+        return `令牌 ${entry.token} 不再可以为相机 ${entry.camera} 发送点位。`;
+      case "photo_answer":
+        return `应答相机 ${entry.camera} 的拍照请求：${entry.taken ? "拍照成功" : "拍照失败"}。`;
       case "user_made":
         return `新建用户 ${entry.user}：${rights(entry.role, entry.only)}${entry.disabled ? "，已停用" : ""}。`;
       case "user_changed":

@@ -1,4 +1,4 @@
-//! The permit to send one command or list, and why it is not given.
+//! The permit to send one command or list, or what a camera sends, and why it is not given.
 
 use std::fmt;
 use std::time::Duration;
@@ -7,6 +7,7 @@ use r6_proto::Effect;
 use r6_proto::time::Instant;
 
 use super::{Key, Link, Seat};
+use crate::core::camera::Standing;
 use crate::core::order::Order;
 
 /// A permitted command does not leave later than this after it was permitted: later it would be a surprise.
@@ -41,16 +42,26 @@ impl Asked {
     }
 }
 
-/// The right to send one command or list once: on one connection, until a time. Only [`Seat::permit`] makes
-/// one.
+/// What a permit rests on, and so what voids it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ground {
+    /// The lease of its caller.
+    Lease,
+    /// The standing grant of a camera: the end of a lease voids nothing.
+    Grant,
+}
+
+/// The right to send one command or list once: on one connection, until a time. Only a [`Seat`] makes one:
+/// [`Seat::permit`] for the holder of the lease, [`Seat::permit_granted`] for a camera.
 ///
-/// It is void once [`Seat::generation`] differs from [`Self::generation`].
+/// It is void once [`Seat::generation`] of its ground differs from [`Self::generation`].
 #[derive(Debug)]
 #[must_use = "the command leaves only if the permit is used"]
 pub struct Permit {
     order: Order,
     connection: u64,
     latest: Instant,
+    ground: Ground,
     generation: u64,
 }
 
@@ -65,6 +76,12 @@ impl Permit {
     #[must_use]
     pub fn latest(&self) -> Instant {
         self.latest
+    }
+
+    /// What it rests on.
+    #[must_use]
+    pub fn ground(&self) -> Ground {
+        self.ground
     }
 
     /// The generation of the seat that made it.
@@ -85,6 +102,8 @@ impl Permit {
 pub enum Denied {
     /// The caller does not hold the lease.
     NoLease,
+    /// The caller has no grant for this camera, or it was revoked.
+    NoGrant,
     /// Another holds the lease.
     Leased {
         /// Who.
@@ -141,6 +160,9 @@ impl fmt::Display for Denied {
             Self::NoLease => f.write_str(
                 "you do not hold the lease of this robot, or it has ended: acquire one, and send its number and \
                  secret with each command",
+            ),
+            Self::NoGrant => f.write_str(
+                "you have no grant to feed this camera of this robot, or it was revoked: an admin gives one to a token",
             ),
             Self::Leased { holder, left, same_name } => {
                 let left = left.as_millis();
@@ -214,10 +236,49 @@ impl Seat {
         self.permit_any(now, key, order)
     }
 
+    /// Permits what a camera sends, if the robot may get it. The caller has a standing grant for the camera.
+    /// It needs no lease, and another caller may hold that. It is checked as a command that moves: a program
+    /// may wait for it.
+    ///
+    /// # Errors
+    /// [`Denied`]; [`Denied::NoGrant`] for what another camera or no camera sends.
+    pub fn permit_granted(
+        &mut self,
+        now: Instant,
+        standing: Standing,
+        order: Order,
+    ) -> Result<Permit, Denied> {
+        let connection = self.check_granted(now, standing, &order)?;
+        let (ground, generation) = (Ground::Grant, self.standing_generation);
+        Ok(Permit { order, connection, latest: now + LEAVE_WITHIN, ground, generation })
+    }
+
+    /// The connection, if what a camera sends would be permitted now.
+    ///
+    /// # Errors
+    /// [`Denied`].
+    pub fn check_granted(&mut self, now: Instant, standing: Standing, order: &Order) -> Result<u64, Denied> {
+        if order.camera() != Some(standing.camera()) {
+            return Err(Denied::NoGrant);
+        }
+        self.handle_timeout(now);
+        self.is_this_robot()?;
+        if self.has_run() {
+            return Err(Denied::RunUnderWay);
+        }
+        self.is_fit(now, Effect::Moves)
+    }
+
     /// What is asked for now.
     #[must_use]
     pub fn asked(&self, now: Instant) -> Asked {
         Asked { at: now, generation: self.generation }
+    }
+
+    /// What a camera asks for now.
+    #[must_use]
+    pub fn asked_by_camera(&self, now: Instant) -> Asked {
+        Asked { at: now, generation: self.standing_generation }
     }
 
     /// Whether what was asked for then may still be done.
@@ -233,6 +294,9 @@ impl Seat {
     /// # Errors
     /// [`Denied`].
     pub fn check_order(&mut self, now: Instant, key: Key, order: &Order) -> Result<(), Denied> {
+        if order.camera().is_some() {
+            return Err(Denied::NoGrant);
+        }
         if self.has_run() && order.disturbs_run() {
             self.held(now, key)?;
             return Err(Denied::RunUnderWay);
@@ -244,7 +308,8 @@ impl Seat {
     pub(super) fn permit_any(&mut self, now: Instant, key: Key, order: Order) -> Result<Permit, Denied> {
         let (connection, until) = self.may(now, key, order.effect())?;
         let latest = until.min(now + LEAVE_WITHIN);
-        Ok(Permit { order, connection, latest, generation: self.generation })
+        let (ground, generation) = (Ground::Lease, self.generation);
+        Ok(Permit { order, connection, latest, ground, generation })
     }
 
     /// Whether a command with this effect would be permitted now.

@@ -3,9 +3,10 @@
 use proptest::prelude::*;
 use r6_proto::Command;
 use r6_proto::message::instruction::PathSpeed;
-use r6_proto::message::{Action, Instruction};
+use r6_proto::message::{Action, Instruction, Point};
 
 use super::*;
+use crate::core::camera::{Camera, standing};
 use crate::core::order::Order;
 
 /// Something that a caller, the robot or the clock does.
@@ -57,6 +58,12 @@ enum Step {
     OwedStopMade {
         confirmed: bool,
     },
+    /// A camera with a grant for camera 0 sends something as this one.
+    Camera {
+        number: u16,
+        photo: bool,
+    },
+    GrantRevoked,
     Restart,
 }
 
@@ -86,6 +93,8 @@ fn step() -> impl Strategy<Value = Step> {
             _ => Left::Nothing,
         } }),
         1 => any::<bool>().prop_map(|confirmed| Step::OwedStopMade { confirmed }),
+        5 => (0..8_u16, any::<bool>()).prop_map(|(camera, photo)| Step::Camera { number: camera / 7, photo }),
+        1 => Just(Step::GrantRevoked),
         1 => Just(Step::Restart),
     ]
 }
@@ -113,6 +122,8 @@ struct Model {
     closed: bool,
     /// Permits that were given out: their generations.
     permits: Vec<u64>,
+    /// The same of cameras.
+    of_cameras: Vec<u64>,
     /// The tickets that were given out, the latest last.
     tickets: Vec<Ticket>,
     /// The run that has the robot.
@@ -157,9 +168,13 @@ impl Model {
 
     /// Whether the robot can get something that moves from this caller.
     fn may_move(&self, now: Instant, key: Key) -> bool {
+        self.holds(now, key) && self.is_fit(now)
+    }
+
+    /// Whether the robot can get something that moves.
+    fn is_fit(&self, now: Instant) -> bool {
         let seen = self.seen.is_some_and(|(at, manual)| now.since(at) <= FRESH_FOR && !manual);
-        self.holds(now, key)
-            && self.stops_under_way == 0
+        self.stops_under_way == 0
             && !self.stopped
             && !self.is_stranger()
             && !self.closed
@@ -187,7 +202,9 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 512, ..ProptestConfig::default() })]
 
     /// Never two live leases; numbers only grow; nothing moves after a stop until it is cleared; no permit
-    /// without the lease, for another robot, in manual mode, or for a robot that was not seen lately.
+    /// for another robot, in manual mode, or for a robot that was not seen lately. None without the lease but
+    /// for what a camera sends, and that needs its grant: the lease permits none of it, a grant nothing else.
+    /// The end of a lease does not touch it. A stop, a revoked grant and all else that voids permits do.
     #[test]
     fn a_permit_needs_all_that_it_stands_for(steps in prop::collection::vec(step(), 1..80)) {
         let mut now = Instant::ORIGIN + Duration::from_secs(1);
@@ -342,11 +359,39 @@ proptest! {
                         && seen;
                     prop_assert_eq!(permit.is_ok(), permitted, "{:?}", permit);
                     if let Ok(permit) = permit {
-                        prop_assert_eq!(permit.generation(), seat.generation());
+                        prop_assert_eq!(permit.generation(), seat.generation(Ground::Lease));
                         let until = model.leases.iter().rev().find_map(|(_, until)| *until).unwrap();
                         prop_assert!(now <= permit.latest() && permit.latest() <= until);
                         model.permits.push(permit.generation());
                     }
+                }
+                Step::Camera { number: camera, photo } => {
+                    let fits = camera == 0 && model.run.is_none() && model.is_fit(now);
+                    let camera = Camera::new(camera.into()).unwrap();
+                    let order = if photo {
+                        Order::Photo { camera, taken: true }
+                    } else {
+                        Order::Points { camera, points: vec![Point::default()] }
+                    };
+                    // Not even the holder of the lease sends it without the grant.
+                    prop_assert!(seat.permit(now, model.key(0), order.clone()).is_err());
+                    let asked = seat.asked_by_camera(now);
+                    let permit = seat.permit_granted(now, standing(0), order);
+                    prop_assert_eq!(permit.is_ok(), fits, "{:?}", permit);
+                    if let Ok(permit) = permit {
+                        prop_assert_eq!(permit.generation(), seat.generation(Ground::Grant));
+                        prop_assert!(now <= permit.latest());
+                        model.of_cameras.push(permit.generation());
+                        prop_assert!(asked.admit(now, permit).is_ok());
+                    }
+                    let command = Order::from(Command::StartButton);
+                    prop_assert!(seat.permit_granted(now, standing(0), command).is_err());
+                }
+                Step::GrantRevoked => {
+                    let before = seat.generation(Ground::Lease);
+                    seat.grant_is_revoked();
+                    prop_assert!(!model.of_cameras.contains(&seat.generation(Ground::Grant)));
+                    prop_assert_eq!(seat.generation(Ground::Lease), before);
                 }
                 Step::BeginRun { which } => {
                     let key = model.key(which);
@@ -355,7 +400,7 @@ proptest! {
                     prop_assert_eq!(begun.is_ok(), begins, "{:?}", begun);
                     if let Ok(ticket) = begun {
                         prop_assert!(!model.tickets.contains(&ticket));
-                        prop_assert!(!model.permits.contains(&seat.generation()), "of before the run");
+                        prop_assert!(!model.permits.contains(&seat.generation(Ground::Lease)), "of before the run");
                         model.tickets.push(ticket);
                         model.run = Some(ModelRun { key, cut: false, elsewhere: false });
                     }
@@ -368,7 +413,7 @@ proptest! {
                     let permit = seat.permit_list(now, ticket, list);
                     prop_assert_eq!(permit.is_ok(), permitted, "{:?}", permit);
                     if let Ok(permit) = permit {
-                        prop_assert_eq!(permit.generation(), seat.generation());
+                        prop_assert_eq!(permit.generation(), seat.generation(Ground::Lease));
                         let until = model.leases.iter().rev().find_map(|(_, until)| *until).unwrap();
                         prop_assert!(now <= permit.latest() && permit.latest() <= until);
                         model.permits.push(permit.generation());
@@ -415,6 +460,7 @@ proptest! {
                     (model.seen, model.answers, model.stops_under_way) = (None, None, 0);
                     model.closed = false;
                     model.permits.clear();
+                    model.of_cameras.clear();
                 }
             }
             let live = model.live(now);
@@ -425,8 +471,14 @@ proptest! {
             // Permits of a lease that has ended, or from before a stop, are void, once the seat knows the
             // time.
             seat.handle_timeout(now);
+            // Those of cameras are void as soon as no camera would get one, but for a mode that was read or a
+            // reading that is old: these are looked at when it is sent.
+            if model.stopped || model.is_stranger() || model.closed || model.seen.is_none() || model.run.is_some()
+            {
+                prop_assert!(!model.of_cameras.contains(&seat.generation(Ground::Grant)), "{:?}", model.of_cameras);
+            }
             if live.is_empty() || model.stops_under_way > 0 || model.is_stranger() || model.closed {
-                prop_assert!(!model.permits.contains(&seat.generation()), "{:?}", model.permits);
+                prop_assert!(!model.permits.contains(&seat.generation(Ground::Lease)), "{:?}", model.permits);
             }
         }
     }
@@ -509,4 +561,25 @@ fn a_robot_that_comes_out_of_reach_after_a_stop_was_asked_for_is_owed_one() {
     assert!(seat.can_make_owed_stop());
     seat.owed_stop_made(true);
     assert!(seat.permit(now, key, order).is_ok());
+}
+
+#[test]
+fn what_a_camera_sends_outlives_a_lease_and_no_stop() {
+    let (now, mut seat, key) = held();
+    let camera = Camera::new(0).unwrap();
+    let order = Order::Points { camera, points: vec![Point::default()] };
+    let permit = |seat: &mut Seat| seat.permit_granted(now, standing(0), order.clone());
+    let is_void = |seat: &Seat, permit: &Permit| seat.generation(permit.ground()) != permit.generation();
+    let of_camera = permit(&mut seat).unwrap();
+    let of_lease = seat.permit(now, key, Command::StartButton).unwrap();
+    seat.release(now, key).unwrap();
+    assert!(is_void(&seat, &of_lease) && !is_void(&seat, &of_camera));
+    seat.stop_begins();
+    assert!(is_void(&seat, &of_camera));
+    assert_eq!(permit(&mut seat).unwrap_err(), Denied::Stopped);
+    assert_eq!(
+        seat.permit_granted(now, standing(1), order.clone()).unwrap_err(),
+        Denied::NoGrant,
+        "the grant is for another camera"
+    );
 }

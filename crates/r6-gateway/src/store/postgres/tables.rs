@@ -15,7 +15,7 @@ CREATE TABLE IF NOT EXISTS r6_gateway.version (
 ";
 
 /// What makes the tables of each version out of those before, from version 1 on.
-pub const TABLES: [&str; 3] = [FIRST, COMMANDS, OWNERS];
+pub const TABLES: [&str; 4] = [FIRST, COMMANDS, OWNERS, CAMERAS];
 
 /// - `audit`: `what`, `robot` and `intent` are read from the text when it is written.
 /// - `seat`: the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -216,4 +216,16 @@ CREATE TABLE owner (
 );
 CREATE INDEX owner_gateway ON owner (gateway);
 CREATE INDEX owner_address ON owner (address);
+";
+
+/// Grants of cameras. Those of a token go with it.
+const CAMERAS: &str = "
+CREATE TABLE camera (
+    robot    text COLLATE \"C\" NOT NULL,
+    camera   bigint NOT NULL,
+    token    bigint NOT NULL,
+    given_by text NOT NULL,
+    given_at text NOT NULL,
+    PRIMARY KEY (robot, camera, token)
+);
 ";

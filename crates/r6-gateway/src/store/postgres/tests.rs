@@ -7,6 +7,7 @@ use r6_testkit::postgres::{Server, shared};
 use super::arms::Tied;
 use super::owner::{OwnerRows, Wanted};
 use super::*;
+use crate::core::camera::Camera;
 use crate::core::chain::Verifier;
 use crate::core::owner::{Life, Owned, SeenOwner};
 use crate::core::role::Grant;
@@ -88,6 +89,10 @@ fn a_write_with_an_old_fence_is_refused_and_changes_nothing() {
     assert_eq!(owner.append(&[started()]), refused);
     assert_eq!(owner.append(&[]), refused, "as it is asked whether the store can be written");
     assert_eq!(owner.save_seat(&name("saw"), &Saved::default()), Err(StoreError::NotOwner));
+    let camera = Camera::new(0).unwrap();
+    let grant = NewGrant { robot: name("saw"), camera, token: 1 };
+    assert_eq!(owner.grant_camera(&grant, &author()), Err(StoreError::NotOwner));
+    assert_eq!(owner.revoke_camera(&grant, &author()), Err(StoreError::NotOwner));
     // It still reads, and writes what is about the other robot, and about none.
     assert_eq!(owner.entries(0, 9).unwrap().len(), 1);
     owner.hold(&[claim("press", 7)]);
@@ -378,14 +383,17 @@ fn the_gateway_of_an_older_version_has_let_go_before_its_robots_can_be_taken() {
     // As version 2 made it, with an owner that lives.
     server.sql(
         &url,
-        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE gateway; DROP TABLE owner;
+        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE camera; DROP TABLE gateway; DROP TABLE owner;
          CREATE TABLE owner (one integer, fence bigint, beat bigint, gateway text, beat_at timestamptz);
          INSERT INTO owner VALUES (1, 7, 9, 'old', now())",
     );
+    // To read it changes nothing.
+    assert_eq!(Postgres::open_to_read(&database).unwrap().cameras(None), Ok(Vec::new()));
     let begun = std::time::Instant::now();
-    drop(Postgres::open(&database, Hand::Shell).unwrap());
+    let mut store = Postgres::open(&database, Hand::Shell).unwrap();
     assert!(begun.elapsed() >= std::time::Duration::from_millis(3_500), "{:?}", begun.elapsed());
     assert_eq!(server.sql(&url, "SELECT count(*) FROM r6_gateway.owner"), "0");
+    assert_eq!(store.cameras(None), Ok(Vec::new()));
 }
 
 #[test]

@@ -51,6 +51,7 @@ pub async fn revoke_token(client: &Client, number: i64, author: &Author) -> Resu
         )
         .await?;
     if revoked > 0 {
+        client.execute("DELETE FROM camera WHERE token = $1", &[&number]).await?;
         append(client, &[token_revoked(number, author)]).await?;
     }
     Ok(revoked > 0)

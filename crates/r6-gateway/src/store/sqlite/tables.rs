@@ -2,7 +2,7 @@
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-pub const TABLES: [&str; 8] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS];
+pub const TABLES: [&str; 9] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS];
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
 /// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -139,4 +139,16 @@ CREATE TABLE command (
     UNIQUE (caller, key)
 ) STRICT;
 CREATE INDEX command_made ON command (made);
+";
+
+/// Grants of cameras. Those of a token go with it.
+const CAMERAS: &str = "
+CREATE TABLE camera (
+    robot    TEXT NOT NULL,
+    camera   INTEGER NOT NULL,
+    token    INTEGER NOT NULL,
+    given_by TEXT NOT NULL,
+    given_at TEXT NOT NULL,
+    PRIMARY KEY (robot, camera, token)
+) STRICT;
 ";

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use r6_api::gateway::Role;
-use r6_gateway::{At, RobotName};
+use r6_gateway::{At, Camera, RobotName};
 
 use super::place::{self, StoreUrl};
 use super::{DEFAULT_DATA, tell_new_folder};
@@ -26,11 +26,16 @@ Roles, each with the rights of those before it:
   operator   stops; holds the lease, and with it sends commands and runs programs;
              acknowledges alarms
   engineer   accepts an exchanged robot; reads the audit log; stores programs; shelves alarms
-  admin      takes the lease from its holder; changes robots; for all robots: users, tokens, settings
+  admin      takes the lease from its holder; changes robots; gives grants of cameras;
+             for all robots: users, tokens, settings
+
+With --camera the token may also send points and answers to photos as this camera of this robot, without the \
+lease, until it is revoked. A gateway that runs knows the grant at once.
 
 Examples:
   r6 gateway token --role viewer --name screen-in-hall-2
   r6 gateway token --role operator --robot press-4
+  r6 gateway token --role viewer --robot press-4 --camera press-4:0
   r6 gateway token --list
   r6 gateway token --revoke 3")]
 pub struct TokenArgs {
@@ -50,6 +55,9 @@ pub struct TokenArgs {
     /// What people call it
     #[arg(long, value_name = "TEXT", default_value = "")]
     name: String,
+    /// Let it feed this camera of a robot (`camID`); may be given several times
+    #[arg(long = "camera", value_name = "ROBOT:ID", value_parser = camera, conflicts_with_all = ["list", "revoke"])]
+    cameras: Vec<(RobotName, Camera)>,
     /// Print the tokens that are valid, without their secrets
     #[arg(long, conflicts_with_all = ["role", "revoke"])]
     list: bool,
@@ -70,6 +78,14 @@ pub(super) fn role() -> impl TypedValueParser<Value = Role> {
     PossibleValuesParser::new(Role::ALL.map(Role::word)).try_map(|word| Role::of_word(&word).ok_or("no role"))
 }
 
+/// Reads the camera of a robot.
+fn camera(text: &str) -> Result<(RobotName, Camera), String> {
+    let (robot, camera) = text.split_once(':').ok_or("it has to be ROBOT:ID, such as press-4:0")?;
+    let robot = RobotName::new(robot).ok_or_else(|| format!("the robot has to be {}", RobotName::WANTED))?;
+    let camera = Camera::read(camera).ok_or_else(|| format!("the camera has to be {}", Camera::WANTED))?;
+    Ok((robot, camera))
+}
+
 /// Makes, lists or revokes tokens.
 pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     if let Some(number) = args.revoke {
@@ -88,22 +104,40 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         let wanted = format!("--name has at most {MAX_NAME} characters, and no control characters");
         return Err(Failure::usage(wanted));
     }
+    let is_for = |robot: &RobotName| only.as_ref().is_none_or(|only| only == robot);
+    if let Some((robot, camera)) = args.cameras.iter().find(|(robot, _)| !is_for(robot)) {
+        let wanted = format!("--camera {robot}:{camera}: by --robot, the token is for another robot");
+        return Err(Failure::usage(wanted));
+    }
     let what = what(role, only.as_ref());
     if args.store.is_none() {
         tell_new_folder(&args.data);
     }
+    let at = args.at()?;
     let (number, token) =
-        r6_gateway::make_token(args.at()?, role, only, args.name).map_err(Failure::usage)?;
+        r6_gateway::make_token(at.clone(), role, only, args.name).map_err(Failure::usage)?;
     output::line(token);
     output::note(format_args!("token {number}: {what}. It is shown this once"));
+    for (robot, camera) in args.cameras {
+        let told = format!("token {number} feeds camera {camera} of {robot}");
+        r6_gateway::grant_camera(at.clone(), number, robot, camera).map_err(|error| {
+            Failure::usage(format!("the token was made, and has not this grant: {error}"))
+                .advise(format!("`r6 gateway token --revoke {number}` revokes it"))
+        })?;
+        output::note(told);
+    }
     Ok(Exit::Done)
 }
 
 fn list(at: At) -> Result<Exit, Failure> {
-    let tokens = r6_gateway::list_tokens(at).map_err(Failure::usage)?;
+    let tokens = r6_gateway::list_tokens(at.clone()).map_err(Failure::usage)?;
+    let cameras = r6_gateway::list_cameras(at).map_err(Failure::usage)?;
     let mut table = Table::with_right_columns(&[0]);
     for token in &tokens {
-        let what = what(token.grant.role, token.grant.only.as_ref());
+        let mut what = what(token.grant.role, token.grant.only.as_ref());
+        for (robot, grant) in cameras.iter().filter(|(_, grant)| grant.token == token.number) {
+            what += &format!(", camera {} of {robot}", grant.camera);
+        }
         table.row([&token.number, &what, &r6_proto::printable(&token.name)]);
     }
     output::line(table);

@@ -1,0 +1,53 @@
+//! What a robot knows of its cameras: the photos that the controller waits for, and how much they send.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use r6_proto::time::Instant;
+
+use crate::core::camera::Camera;
+use crate::core::rate::{Limit, Rate};
+
+/// Requests of all cameras of one robot: 10 a second in the long run. They share its one connection with the
+/// polls and commands, of which a controller takes some 20 ms each, and each is two entries of the audit log.
+/// A belt that needs more parts a second sends several in one request.
+const REQUESTS: Limit = Limit { interval: Duration::from_millis(100), burst: 20 };
+
+/// What is known of the cameras of a robot.
+#[derive(Debug, Default)]
+pub struct Cameras {
+    /// The photos that the controller waits for, by camera: 1000 at most.
+    photos: Mutex<BTreeMap<Camera, Photo>>,
+    rate: Mutex<Rate>,
+}
+
+/// A photo that the controller asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Photo {
+    /// The connection that it asked over: the answer is for no other.
+    pub connection: u64,
+    /// How many stops had begun: an answer after a stop could set the arm in motion again.
+    pub stops: u64,
+}
+
+impl Cameras {
+    /// The photos that the controller waits for.
+    pub fn photos(&self) -> MutexGuard<'_, BTreeMap<Camera, Photo>> {
+        self.photos.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Counts a request of a camera.
+    ///
+    /// # Errors
+    /// It comes too early, and is not counted: how long to wait.
+    pub fn count(&self, now: Instant) -> Result<(), Duration> {
+        let mut rate = self.rate.lock().unwrap_or_else(PoisonError::into_inner);
+        let wait = rate.wait(now, REQUESTS);
+        if !wait.is_zero() {
+            return Err(wait);
+        }
+        rate.count(now, REQUESTS);
+        Ok(())
+    }
+}
