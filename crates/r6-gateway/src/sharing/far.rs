@@ -368,7 +368,8 @@ fn changes_summary(happened: &Happened) -> bool {
         | Happened::LinkLost {}
         | Happened::LinkBack {}
         | Happened::MoreHappened {}
-        | Happened::Unseen { .. } => false,
+        | Happened::Unseen { .. }
+        | Happened::PhotoRequested { .. } => false,
     }
 }
 
