@@ -179,7 +179,7 @@ impl Owners {
                     *beat = (seen.beat, now);
                 }
             }
-            // The clock of the store may have been set forward: one that lived lives while its beats come.
+            // The clock of the store may have been set forward: a gateway lives while its beats come.
             let beats = |number: &u64| {
                 let since = held.beats.get(number).map(|(_, since)| *since);
                 held.alive.contains(number) && since.is_some_and(|since| now.since(since) < WATCHED)
@@ -458,7 +458,7 @@ mod tests {
         look(later(1, Life::Expired));
         assert_eq!(owners.place(&press) == Place::Nowhere, clock::now().since(Instant::ORIGIN) >= WATCHED);
         look(later(2, Life::Expired));
-        assert_eq!(owners.place(&press), Place::Nowhere, "one that ended does not come back like this");
+        assert_eq!(owners.place(&press), Place::Nowhere, "an ended gateway does not come back like this");
         look(later(3, Life::Alive));
         owners.with(|held| held.looked = held.looked.map(|_| Instant::ORIGIN));
         let is_old = clock::now().since(Instant::ORIGIN) >= EXPIRES;
