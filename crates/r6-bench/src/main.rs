@@ -28,10 +28,6 @@ const USAGE: &str = "usage: r6-bench [ROW...]    rows with one of these words in
 /// The page with the table of all rows.
 const PAGE: &str = "docs/BENCHMARKS.md";
 
-/// As in `r6` itself.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 /// The page that quotes some rows.
 const README: &str = "README.md";
 

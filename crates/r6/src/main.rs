@@ -79,11 +79,6 @@ const OFFLINE: [&str; 9] =
 const OF_ROBOTS: [&str; 7] =
     ["robot", "type_key", "ds_id", "gateway_url", "token_file", "ca_file", "insecure_http"];
 
-/// A gateway of a thousand robots takes a tenth less memory than with the allocator of the system:
-/// `make bench` measures it.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 /// The whole command line, for the parser, the completions and the man pages.
 fn command_line() -> clap::Command {
     let mut command = Cli::command();
