@@ -145,16 +145,19 @@ mod tests {
         let passwords = Passwords::new().unwrap();
         let hash = passwords.hash(secret("correct horse")).await.unwrap();
         let mut times = [Duration::MAX; 2];
-        // The shortest of some, because the machine may be busy.
-        for _ in 0..5 {
+        let is_same = |[there, not_there]: [Duration; 2]| not_there * 2 > there && there * 2 > not_there;
+        // The shortest of some, and of more while the machine is busy.
+        for round in 0..100 {
             for (time, hash) in times.iter_mut().zip([Some(&hash), None]) {
                 let begun = Instant::now();
                 assert!(!passwords.is(secret("wrong horse"), hash).await.unwrap());
                 *time = begun.elapsed().min(*time);
             }
+            if round >= 5 && is_same(times) {
+                break;
+            }
         }
-        let [there, not_there] = times;
-        assert!(not_there * 2 > there && there * 2 > not_there, "{times:?}");
+        assert!(is_same(times), "{times:?}");
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
