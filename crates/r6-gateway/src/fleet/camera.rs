@@ -150,8 +150,13 @@ impl Station {
             connection: seat.connection().unwrap_or_default(),
             stops: seat.stops_begun(),
         });
-        // It is taken out, so that of two answers at once one is sent.
-        let photo = self.cameras.photos().remove(&camera).filter(|photo| *photo == now).ok_or_else(|| {
+        // It is taken out, so that of two answers at once one is sent. One of another connection stays: the
+        // seat may not know of that yet.
+        let photo = {
+            let mut photos = self.cameras.photos();
+            if photos.get(&camera) == Some(&now) { photos.remove(&camera) } else { None }
+        };
+        let photo = photo.ok_or_else(|| {
             let message = format!(
                 "the controller waits for no photo of camera {camera}: it asked for none over this connection and since \
                  the last stop, or it has the answer"
@@ -167,7 +172,9 @@ impl Station {
             if outcome == CommandOutcome::NotSent {
                 // The controller may have asked again meanwhile.
                 self.cameras.photos().entry(camera).or_insert(photo);
-                return untold(problem);
+                // The log says already that it was answered, so each of these is written.
+                let request = format!("photo camera {camera}");
+                self.note(by, Deed::Refused { request, code: problem.code });
             }
             (problem, Told::Yes)
         })
@@ -266,13 +273,20 @@ impl Station {
     }
 
     fn photo_is_asked_for(&self, connection: u64, cam_id: i64, flood: &mut Flood) {
-        let (is_another, stops) = self.seat(|seat, _| (seat.identity_change().is_some(), seat.stops_begun()));
+        let (is_another, stops, is_stopped) = self.seat(|seat, _| {
+            (seat.identity_change().is_some(), seat.stops_begun(), seat.stops() != (false, 0))
+        });
         if is_another {
             // It is not the robot of this name.
             return;
         }
         if let Some(camera) = Camera::new(cam_id) {
-            self.cameras.photos().insert(camera, Photo { connection, stops });
+            let mut photos = self.cameras.photos();
+            photos.remove(&camera);
+            // While a stop holds, it may be from before the arm was stopped, and is not answered later.
+            if !is_stopped {
+                photos.insert(camera, Photo { connection, stops });
+            }
         }
         match flood.event(clock::now()) {
             Passage::Told => self.publish(Happened::PhotoRequested { camera: cam_id }),

@@ -141,9 +141,10 @@ CREATE TABLE command (
 CREATE INDEX command_made ON command (made);
 ";
 
-/// Grants of cameras. Those of a token go with it.
+/// Grants of cameras. Those of a token go with it. The table may be there: an older gateway that still runs
+/// sets the version of the file back.
 const CAMERAS: &str = "
-CREATE TABLE camera (
+CREATE TABLE IF NOT EXISTS camera (
     robot    TEXT NOT NULL,
     camera   INTEGER NOT NULL,
     token    INTEGER NOT NULL,
@@ -152,3 +153,21 @@ CREATE TABLE camera (
     PRIMARY KEY (robot, camera, token)
 ) STRICT;
 ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Sqlite;
+
+    #[test]
+    fn a_file_whose_version_an_older_gateway_set_back_is_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        drop(Sqlite::open(folder.path()).unwrap());
+        let file = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
+        file.execute("INSERT INTO camera VALUES ('press', 0, 1, 'anna', 'now')", []).unwrap();
+        file.pragma_update(None, "user_version", TABLES.len() - 1).unwrap();
+        drop(Sqlite::open(folder.path()).unwrap());
+        let grants: usize = file.query_row("SELECT count(*) FROM camera", [], |row| row.get(0)).unwrap();
+        assert_eq!(grants, 1);
+    }
+}
