@@ -179,19 +179,21 @@ impl Fleet {
         self.shared.wake_readers();
     }
 
+    /// Takes a robot out of the list.
+    fn take_from_list(&self, name: &RobotName) -> Option<Post> {
+        let mut posts = self.write();
+        let post = posts.remove(name);
+        if post.is_some() {
+            self.shared.note_removal();
+        }
+        post
+    }
+
     /// Lets a robot go, in order, until this is over, because another gateway may have it then. An arm that a
     /// run moves is stopped. What has not ended by then is broken off, and the robot has no connection any
     /// more.
     pub async fn let_go(&self, name: &RobotName, over: impl Future<Output = ()>) {
-        let post = {
-            let mut posts = self.write();
-            let post = posts.remove(name);
-            if post.is_some() {
-                self.shared.note_removal();
-            }
-            post
-        };
-        let Some(post) = post else { return };
+        let Some(post) = self.take_from_list(name) else { return };
         self.shared.wake_readers();
         let station = Arc::clone(&post.station);
         let works = post.link.iter().chain([&post.clerk]);

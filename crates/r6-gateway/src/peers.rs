@@ -164,7 +164,7 @@ impl Peers {
         }
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         if taken.len() >= MAX_GATEWAYS && !taken.contains_key(&pass.from) {
-            // So many do not live at once.
+            // More gateways than live at once: the passes of others are still remembered.
             return None;
         }
         taken.entry(pass.from).or_default().take(pass.number, pass.until).then_some(pass)

@@ -587,7 +587,7 @@ export interface paths {
         post?: never;
         /**
          * Takes the grant for a camera from a token. From the answer on, nothing of the token leaves for this
-         *     camera, not even what it has asked for before.
+         *     camera, not even what it has asked for before, but an answer to a photo that waits for the robot to read.
          */
         delete: operations["revoke_camera"];
         options?: never;
@@ -7010,7 +7010,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `outcome_unknown`: a part of it left */
+            /** @description `outcome_unknown`: it may have left */
             504: {
                 headers: {
                     [name: string]: unknown;

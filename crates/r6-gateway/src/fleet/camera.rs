@@ -97,9 +97,10 @@ impl Station {
         granted: Granted,
         points: Vec<Point>,
     ) -> Result<PointsDone, Problem> {
+        let sent = points.len();
         let order = Order::Points { camera: granted.standing.camera(), points };
         let span = traces::of_command(self.name(), &order.to_string());
-        let done = self.try_points(by, granted, order).instrument(span).await;
+        let done = self.try_points(by, granted, order, sent).instrument(span).await;
         done.map_err(|told| self.refuse_camera(by, granted, "AddPoints", told))
     }
 
@@ -108,14 +109,11 @@ impl Station {
         by: &By,
         granted: Granted,
         order: Order,
+        sent: usize,
     ) -> Result<PointsDone, (Problem, Told)> {
         let _slot = self.place().map_err(|problem| (problem, Told::No))?;
         let robot = self.check_camera(granted, &order).map_err(|problem| (problem, Told::No))?;
         let text = order.to_string();
-        let sent = match &order {
-            Order::Points { points, .. } => points.len(),
-            Order::Command(_) | Order::List { .. } | Order::Photo { .. } => 0,
-        };
         let send = self.send_of_camera(&robot, granted, order);
         // It is sent under no lease, also if there is one.
         let (command_id, accepted) = self.recorded(by, &text, 0, send).await?;
@@ -158,8 +156,8 @@ impl Station {
         };
         let photo = photo.ok_or_else(|| {
             let message = format!(
-                "the controller waits for no photo of camera {camera}: it asked for none over this connection and since \
-                 the last stop, or it has the answer"
+                "the controller waits for no photo of camera {camera}: it asked for none over this connection since the \
+                 last stop was cleared, or it has the answer"
             );
             untold(Problem::new(Code::NotReady, message))
         })?;

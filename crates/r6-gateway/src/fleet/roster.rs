@@ -353,15 +353,7 @@ impl Fleet {
     }
 
     async fn take_out(&self, name: &RobotName) {
-        let post = {
-            let mut posts = self.write();
-            let post = posts.remove(name);
-            if post.is_some() {
-                self.shared.note_removal();
-            }
-            post
-        };
-        if let Some(post) = post {
+        if let Some(post) = self.take_from_list(name) {
             let station = Arc::clone(&post.station);
             post.end(LeaseEnd::Removed).await;
             station.publish(Happened::RobotRemoved {});

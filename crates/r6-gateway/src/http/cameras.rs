@@ -98,7 +98,7 @@ pub async fn grant(
 }
 
 /// Takes the grant for a camera from a token. From the answer on, nothing of the token leaves for this
-/// camera, not even what it has asked for before.
+/// camera, not even what it has asked for before, but an answer to a photo that waits for the robot to read.
 #[utoipa::path(
     delete,
     path = "/v1/robots/{name}/cameras/{camera}/grants/{token}",
@@ -212,7 +212,7 @@ pub async fn points(
         ),
         (status = 422, description = "`bad_value`", body = Problem),
         (status = 503, description = "`store_unavailable`, `overloaded`: nothing was sent", body = Problem),
-        (status = 504, description = "`outcome_unknown`: a part of it left", body = Problem),
+        (status = 504, description = "`outcome_unknown`: it may have left", body = Problem),
         OfChange,
         OfBody,
     )

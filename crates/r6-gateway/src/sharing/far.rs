@@ -6,19 +6,21 @@
 //! event after that. So what they read first is as new as the events that they do not get. Of a robot that
 //! no gateway tells of, the store says twice a second whether a stop holds.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+mod waiting;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
-use r6_api::gateway::{Event, Happened, LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
+use r6_api::gateway::{Happened, LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
 use r6_proto::time::Instant as Time;
-use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep, timeout};
 use tokio_tungstenite::tungstenite::Message;
 
+use self::waiting::Waiting;
 use super::Inner;
 use crate::clock;
 use crate::core::name::RobotName;
@@ -50,9 +52,6 @@ const LIST_FAILS: Duration = Duration::from_secs(5);
 
 /// After this time without a stream of a gateway that lives, the log says so. A takeover takes less.
 const WARN_AFTER: Duration = Duration::from_secs(5);
-
-/// How many events wait for a list: as many as a gateway keeps.
-const MAX_WAITING: usize = 1_000;
 
 /// How old the list may be without an event: a lease is renewed without one.
 const LIST_EACH: Duration = Duration::from_secs(2);
@@ -251,126 +250,6 @@ fn unknown(config: &RobotConfig) -> RobotState {
     };
     let period_ms = u64::try_from(config.period.as_millis()).unwrap_or(u64::MAX);
     RobotState { summary, period_ms, epoch: 0, number: 0, signals: Vec::new() }
-}
-
-/// Events that wait until the list was read again, in their order, each with when it came.
-#[derive(Debug, Default)]
-struct Waiting {
-    /// `None`: some were lost.
-    events: Mutex<VecDeque<(Option<Event>, Time)>>,
-    /// The list may be another one.
-    dirty: Notify,
-}
-
-impl Waiting {
-    /// Some may be missing from here on.
-    fn lose(&self) {
-        self.push(None);
-        self.dirty.notify_one();
-    }
-
-    /// Keeps an event until the list was read, if it says that a robot is in another state, or others wait.
-    /// One task alone adds and tells, so they stay in their order.
-    fn add(&self, event: Event, inner: &Inner, number: u64) {
-        let is_dirty = changes_summary(&event.happened);
-        if !is_dirty && self.events().is_empty() {
-            tell(event, inner, number);
-            return;
-        }
-        self.push(Some(event));
-        if is_dirty {
-            self.dirty.notify_one();
-        }
-    }
-
-    fn push(&self, event: Option<Event>) {
-        let mut events = self.events();
-        if events.len() < MAX_WAITING {
-            events.push_back((event, clock::now()));
-        } else if let Some((last, _)) = events.back_mut() {
-            *last = None;
-        }
-    }
-
-    fn count(&self) -> usize {
-        self.events().len()
-    }
-
-    /// Since when the first of them waits.
-    fn since(&self) -> Option<Time> {
-        self.events().front().map(|(_, since)| *since)
-    }
-
-    /// Tells the first so many of this gateway to the readers.
-    fn tell(&self, inner: &Inner, number: u64, count: usize) {
-        let told: Vec<_> = {
-            let mut events = self.events();
-            let count = count.min(events.len());
-            events.drain(..count).collect()
-        };
-        for (event, _) in told {
-            match event {
-                Some(event) => tell(event, inner, number),
-                None => inner.state.shared.news.lose_far(),
-            }
-        }
-    }
-
-    fn events(&self) -> MutexGuard<'_, VecDeque<(Option<Event>, Time)>> {
-        self.events.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// Tells an event of this gateway to the readers. If the robot is another gateway's by now, which tells of it
-/// itself, it came too late: it would stand behind what happened later.
-fn tell(event: Event, inner: &Inner, number: u64) {
-    let Event { time, robot, happened, .. } = event;
-    let shared = &inner.state.shared;
-    let is_its = shared.far.one(&robot).is_none_or(|far| far.may_be_of(number));
-    if is_its && inner.state.fleet.station(&robot).is_none() {
-        shared.news.add_far(time, &robot, happened);
-    } else {
-        shared.news.lose_far();
-    }
-}
-
-/// Whether a robot is in another state after this: the list tells of it.
-fn changes_summary(happened: &Happened) -> bool {
-    match happened {
-        Happened::RobotAdded {}
-        | Happened::RobotChanged {}
-        | Happened::RobotRemoved {}
-        | Happened::LinkUp {}
-        | Happened::LinkDown {}
-        | Happened::IdentityChanged(_)
-        | Happened::IdentityAccepted { .. }
-        | Happened::LeaseBegan { .. }
-        | Happened::LeaseEnded { .. }
-        | Happened::StopBegan { .. }
-        | Happened::StopEnded { .. }
-        | Happened::StopCleared {}
-        | Happened::GlobalSpeed { .. } => true,
-        Happened::CommandBegan { .. }
-        | Happened::CommandEnded { .. }
-        | Happened::RunBegan { .. }
-        | Happened::RunProgress { .. }
-        | Happened::RunEnded { .. }
-        | Happened::AlarmBegan { .. }
-        | Happened::AlarmEnded { .. }
-        | Happened::AlarmAcknowledged { .. }
-        | Happened::AlarmShelved { .. }
-        | Happened::AlarmUnshelved { .. }
-        | Happened::ModeChanged { .. }
-        | Happened::ProgramChanged { .. }
-        | Happened::CycleDone { .. }
-        | Happened::Parts { .. }
-        | Happened::PartsReset { .. }
-        | Happened::LinkLost {}
-        | Happened::LinkBack {}
-        | Happened::MoreHappened {}
-        | Happened::Unseen { .. }
-        | Happened::PhotoRequested { .. } => false,
-    }
 }
 
 /// Follows a gateway, for as long as it is polled.

@@ -528,10 +528,19 @@ async fn a_gateway_that_was_frozen_while_it_began_with_a_robot_takes_it_again_at
     while beside(sql(taken)).await != "1" {
         assert!(begun.elapsed() < PATIENCE, "it does not take the robot");
     }
-    tokio::time::sleep(Duration::from_millis(200)).await;
+    let writes =
+        "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() AND wait_event = 'PgSleep'";
+    while beside(sql(writes)).await != "1" {
+        assert!(begun.elapsed() < PATIENCE, "it does not write");
+    }
     there.signal("STOP");
-    // The server ends its transaction meanwhile, 2 s after the last statement.
-    tokio::time::sleep(Duration::from_millis(3_300)).await;
+    // The server ends its transaction, 2 s after the last statement.
+    let open =
+        "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() AND pid <> pg_backend_pid()
+         AND state <> 'idle'";
+    while beside(sql(open)).await != "0" {
+        assert!(begun.elapsed() < PATIENCE, "the transaction goes on");
+    }
     beside(sql("DROP TRIGGER slow ON r6_gateway.owner")).await;
     there.signal("CONT");
     let begun = Instant::now();
