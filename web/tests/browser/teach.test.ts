@@ -365,6 +365,12 @@ test("a program with a long name is no wider than the screen", async () => {
   await page.waitForSelector("#new-program");
   await page.waitForSelector(`a[href$="${name}"]`);
   await fits(page);
+  // A draft of another page of this browser is listed as soon as that page keeps it.
+  const other = await page.context().newPage();
+  await other.goto(`${url}/robots/press-4/teach`);
+  const draft = JSON.stringify({ text: "", base: null, at: Date.now() });
+  await other.evaluate((text) => localStorage.setItem("r6-draft-elsewhere", text), draft);
+  await page.waitForSelector('a[href$="/elsewhere"]');
   expect(faults).toEqual([]);
   await page.context().close();
 });
