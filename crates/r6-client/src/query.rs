@@ -150,26 +150,39 @@ impl Robot {
         asked: Arc<[Address]>,
         room: Rows,
     ) -> Result<(QueryResult, AskedAt), RequestError> {
-        let addresses = &*asked;
-        let (all, doubts) = {
+        let (lacking, doubts) = {
             let known = self.hub().known();
-            let missing = |address: &Address| known.unsupported.contains(address);
-            let none_is_missing = known.unsupported.is_empty() || !addresses.iter().any(missing);
-            (!known.doubts_lists && none_is_missing, known.doubts)
+            let is_missing = |address: &Address| known.unsupported.contains(address);
+            let lacking = !known.unsupported.is_empty() && asked.iter().any(is_missing);
+            // What is missing holds for one connection.
+            let lacking = lacking.then(|| {
+                let there: Arc<[_]> = asked.iter().copied().filter(|address| !is_missing(address)).collect();
+                (there, known.connection)
+            });
+            ((!known.doubts_lists).then_some(lacking), known.doubts)
         };
         let mut answer = None;
-        if all && !addresses.is_empty() && self.query_frames().fit(addresses) {
-            // Nearly every query is this one: all in one frame, and all of it answered.
-            match self.ask_into(room, Work::Query(Arc::clone(&asked)), lane).await? {
-                // Another query may have shown since then that lists are wrong.
-                Answer::Values { rows, on } if addresses.len() == 1 || !self.hub().doubted_since(doubts) => {
-                    self.hub().remember_supported(on.connection, addresses.iter().copied());
-                    let (took, connection) = (on.after, on.connection);
-                    let result = QueryResult { addresses: asked, rows, took, connection };
-                    self.hub().remember(lane, &result)?;
-                    return Ok((result, AskedAt::Once(on.asked_at)));
+        if let Some(lacking) = lacking {
+            let wanted = lacking.as_ref().map_or(&asked, |(there, _)| there);
+            if !wanted.is_empty() && self.query_frames().fit(wanted) {
+                // Nearly every query is this one: all in one frame, and all of it answered.
+                match self.ask_into(room, Work::Query(Arc::clone(wanted)), lane).await? {
+                    // Another query may have shown since then that lists are wrong. If all but one value are
+                    // known to be missing, there is no list.
+                    Answer::Values { rows, on }
+                        if (wanted.len() == 1 || !self.hub().doubted_since(doubts))
+                            && lacking.as_ref().is_none_or(|(_, known_on)| *known_on == on.connection) =>
+                    {
+                        self.hub().remember_supported(on.connection, wanted.iter().copied());
+                        let rows = if lacking.is_some() { with_missing(&asked, rows) } else { rows };
+                        let (took, connection) = (on.after, on.connection);
+                        let result = QueryResult { addresses: asked, rows, took, connection };
+                        self.hub().remember(lane, &result)?;
+                        return Ok((result, AskedAt::Once(on.asked_at)));
+                    }
+                    // In parts, an answer is about all that was asked for.
+                    other => answer = lacking.is_none().then_some(other),
                 }
-                other => answer = Some(other),
             }
         }
         for _ in 0..ROUNDS {
@@ -297,6 +310,15 @@ impl Robot {
         self.hub().remember(lane, &result)?;
         Ok(Some((result, AskedAt::Each(times))))
     }
+}
+
+/// The rows of all these addresses, of which the controller has the ones in `rows`, in the same order.
+fn with_missing(asked: &[Address], rows: Rows) -> Rows {
+    let mut rows = rows.into_iter().peekable();
+    let row = |address: &Address| {
+        rows.next_if(|(there, _)| there == address).unwrap_or((*address, Err(NoReading::Unsupported)))
+    };
+    asked.iter().map(row).collect()
 }
 
 fn too_many(address: Address, answered: usize) -> FieldError {

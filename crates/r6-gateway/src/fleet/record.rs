@@ -186,11 +186,16 @@ impl Feed {
     /// Takes in the values of a poll.
     fn take(&mut self, now: Instant, values: Vec<Recorded>) {
         self.notice(now);
+        // Most values of a poll were asked for together.
+        let mut last = None;
         for Recorded { address, reading, age, connection: _ } in values {
             // The poller also reads for others.
             let Some(signal) = self.signals.get_mut(&address) else { continue };
             let asked_at = clock::before(now, age);
-            let time = self.recorder.time(asked_at);
+            let (_, time) = last
+                .filter(|(of, _)| *of == asked_at)
+                .unwrap_or_else(|| (asked_at, self.recorder.time(asked_at)));
+            last = Some((asked_at, time));
             signal.asked_at = Some(asked_at);
             // A clock that was set back begins anew.
             self.until = time;

@@ -2,10 +2,10 @@
 
 #[cfg(feature = "simulation")]
 use std::path::Path;
-use std::sync::atomic::Ordering;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::{self, Thread};
 use std::time::{Duration, Instant as Monotonic};
 
 use r6_proto::Address;
@@ -45,6 +45,10 @@ const ANSWER_TIME: Duration = Duration::from_secs(2);
 /// How many batches wait: 0.4 s of a thousand robots that are read ten times a second. A batch has some
 /// kilobytes at most, so this is some megabytes.
 const MAX_WAITING: usize = 4096;
+
+/// At how many waiting batches the thread is woken before the next write. To wake it for each would cost as
+/// much as to keep it.
+const MANY: usize = MAX_WAITING / 8;
 
 /// What was read of a robot and is to be kept.
 #[derive(Debug)]
@@ -89,6 +93,10 @@ struct Shared {
     reader: query::Reader,
     /// When the thread began its last turn.
     turn: Mutex<Monotonic>,
+    /// How many batches wait.
+    waiting: AtomicUsize,
+    /// The thread, to wake it. In a simulation there is none.
+    thread: OnceLock<Thread>,
 }
 
 impl Recorder {
@@ -99,10 +107,11 @@ impl Recorder {
     pub fn start(place: Place, settings: HistorySettings) -> Result<Self, StoreError> {
         let store = place.to_write(settings.max_bytes)?;
         let (recorder, worker, jobs) = Self::new(store, place, settings);
-        thread::Builder::new()
+        let thread = thread::Builder::new()
             .name("history".to_owned())
             .spawn(move || work(worker, &jobs))
             .map_err(|error| StoreError::Unavailable(format!("the system gives no thread: {error}")))?;
+        recorder.shared.thread.get_or_init(|| thread.thread().clone());
         Ok(recorder)
     }
 
@@ -130,6 +139,8 @@ impl Recorder {
             clock,
             reader,
             turn: Mutex::new(Monotonic::now()),
+            waiting: AtomicUsize::new(0),
+            thread: OnceLock::new(),
         };
         let shared = Arc::new(shared);
         let (jobs, waiting) = sync_channel(MAX_WAITING);
@@ -145,13 +156,24 @@ impl Recorder {
     /// # Errors
     /// Too much waits already. The samples are lost, the events come back.
     pub fn keep(&self, batch: Batch) -> Result<(), Vec<Event>> {
-        self.jobs.try_send(Job::Keep(batch)).map_err(|error| match error {
-            TrySendError::Full(Job::Keep(batch)) | TrySendError::Disconnected(Job::Keep(batch)) => {
-                batch.events
+        // What happened is asked for sooner than samples.
+        let has_events = !batch.events.is_empty();
+        // Before it is sent: the thread takes off what it has taken.
+        let waiting = self.shared.waiting.fetch_add(1, Ordering::Relaxed) + 1;
+        self.jobs.try_send(Job::Keep(batch)).map_err(|error| {
+            self.shared.waiting.fetch_sub(1, Ordering::Relaxed);
+            match error {
+                TrySendError::Full(Job::Keep(batch)) | TrySendError::Disconnected(Job::Keep(batch)) => {
+                    batch.events
+                }
+                // Only a batch was sent.
+                TrySendError::Full(_) | TrySendError::Disconnected(_) => Vec::new(),
             }
-            // Only a batch was sent.
-            TrySendError::Full(_) | TrySendError::Disconnected(_) => Vec::new(),
-        })
+        })?;
+        if has_events || waiting == MANY {
+            self.shared.wake();
+        }
+        Ok(())
     }
 
     /// This gateway owns these from now on. It waits while there is no room: what comes next is written under
@@ -159,7 +181,9 @@ impl Recorder {
     pub async fn take_over(&self, claims: Vec<Claim>) {
         let jobs = self.jobs.clone();
         // A thread that waits holds up no task. Without the thread of the history nothing is written anyway.
-        drop(tokio::task::spawn_blocking(move || jobs.send(Job::TakeOver(claims))).await);
+        let shared = Arc::clone(&self.shared);
+        let send = move || jobs.send(Job::TakeOver(claims)).map(|()| shared.wake());
+        drop(tokio::task::spawn_blocking(send).await);
     }
 
     /// When a robot was read last, in this process or before. It is not known if the disk does not answer.
@@ -168,6 +192,7 @@ impl Recorder {
         if self.jobs.try_send(Job::LastSeen(robot, answer)).is_err() {
             return Before::Seen(None);
         }
+        self.shared.wake();
         match tokio::time::timeout(ANSWER_TIME, answered).await {
             Ok(Ok(before)) => before,
             Ok(Err(_)) | Err(_) => Before::Seen(None),
@@ -184,6 +209,7 @@ impl Recorder {
             TrySendError::Full(_) => StoreError::Unavailable("too many samples wait for the disk".to_owned()),
             TrySendError::Disconnected(_) => StoreError::Closed,
         })?;
+        self.shared.wake();
         match tokio::time::timeout(ANSWER_TIME, answered).await {
             Ok(answered) => answered.map_err(|_| StoreError::Closed),
             Err(_) => Err(StoreError::Unavailable("the disk of the history does not answer".to_owned())),
@@ -204,7 +230,9 @@ impl Recorder {
         let (answer, answered) = oneshot::channel();
         let jobs = self.jobs.clone();
         // There may be no room for the moment. A thread that waits for it holds up no task.
-        let sent = tokio::task::spawn_blocking(move || jobs.send(Job::End(answer)).is_ok()).await;
+        let shared = Arc::clone(&self.shared);
+        let send = move || jobs.send(Job::End(answer)).map(|()| shared.wake()).is_ok();
+        let sent = tokio::task::spawn_blocking(send).await;
         if !sent.unwrap_or(false) {
             return Err(StoreError::Closed);
         }
@@ -233,6 +261,11 @@ impl Recorder {
 }
 
 impl Shared {
+    /// Lets the thread do what waits, and not only with its next write.
+    fn wake(&self) {
+        self.thread.get().into_iter().for_each(Thread::unpark);
+    }
+
     fn clock(&self) -> MutexGuard<'_, WallClock> {
         self.clock.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -250,7 +283,10 @@ impl Worker {
     /// Does a job. `None` if it was the last one: then the files are closed.
     fn handle(mut self, job: Job) -> Option<Self> {
         match job {
-            Job::Keep(batch) => self.journal.take(clock::now(), batch),
+            Job::Keep(batch) => {
+                self.shared.waiting.fetch_sub(1, Ordering::Relaxed);
+                self.journal.take(clock::now(), batch);
+            }
             // A caller that has gone needs no answer.
             Job::Open(robot, address, answer) => drop(answer.send(self.journal.open(&robot, address))),
             Job::LastSeen(robot, answer) => {
@@ -304,13 +340,16 @@ fn work(mut worker: Worker, jobs: &Receiver<Job>) {
     let mut next_limits = next_write + LIMITS_EVERY;
     loop {
         worker.begin_turn();
-        match jobs.recv_timeout(next_write.saturating_duration_since(Monotonic::now())) {
+        match jobs.try_recv() {
             Ok(job) => {
                 let Some(goes_on) = worker.handle(job) else { return };
                 worker = goes_on;
             }
-            Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return drop(worker.flush()),
+            // A wake-up from before this call ends it at once.
+            Err(TryRecvError::Empty) => {
+                thread::park_timeout(next_write.saturating_duration_since(Monotonic::now()));
+            }
+            Err(TryRecvError::Disconnected) => return drop(worker.flush()),
         }
         if Monotonic::now() < next_write {
             continue;
@@ -326,8 +365,6 @@ fn work(mut worker: Worker, jobs: &Receiver<Job>) {
 /// The same on the time of a simulated world.
 #[cfg(feature = "simulation")]
 async fn work_in_task(mut worker: Worker, jobs: Receiver<Job>) {
-    use std::sync::mpsc::TryRecvError;
-
     use tokio::time::{Instant, sleep};
 
     let mut next_limits = Instant::now() + LIMITS_EVERY;
