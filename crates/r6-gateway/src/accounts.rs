@@ -24,6 +24,7 @@ use crate::core::rate::Rate;
 use crate::core::session::{SessionId, Sessions};
 use crate::core::sign_in::{Attempt, SignIns};
 use crate::fleet::station::By;
+use crate::outage::Outage;
 use crate::problem::Problem;
 use crate::secret;
 use crate::store::{Author, Keeper, Link, StoreError, StoredUser, UserChange};
@@ -93,11 +94,10 @@ impl Accounts {
 
     /// Reads the users again and again, for as long as it is polled.
     pub async fn keep_fresh(&self) {
+        let mut outage = Outage::default();
         loop {
             tokio::time::sleep(REFRESH).await;
-            if let Err(error) = self.refresh().await {
-                tracing::error!(%error, "the users could not be read again");
-            }
+            outage.note("the users cannot be read", &self.refresh().await);
         }
     }
 

@@ -192,20 +192,22 @@ impl Fleet {
     /// Lets a robot go, in order, until this is over, because another gateway may have it then. An arm that a
     /// run moves is stopped. What has not ended by then is broken off, and the robot has no connection any
     /// more.
-    pub async fn let_go(&self, name: &RobotName, over: impl Future<Output = ()>) {
+    pub async fn let_go(&self, name: &RobotName, cause: LeaseEnd, over: impl Future<Output = ()>) {
         let Some(post) = self.take_from_list(name) else { return };
         self.shared.wake_readers();
         let station = Arc::clone(&post.station);
         let works = post.link.iter().chain([&post.clerk]);
         let aborts: Vec<_> = works.map(|work| work.task.abort_handle()).collect();
         tokio::select! {
-            () = post.end(LeaseEnd::GatewayEnded) => {}
+            () = post.end(cause) => {}
             () = over => {
-                tracing::error!(robot = %name, "it did not come to its end in time: its connection is cut");
+                tracing::error!(robot = %name, "what was under way at it did not end in time: its connection is closed");
             }
         }
         aborts.iter().for_each(tokio::task::AbortHandle::abort);
         station.cut();
+        // The robot is not held up for them.
+        tokio::spawn(async move { station.write_last().await });
     }
 
     fn read(&self) -> RwLockReadGuard<'_, BTreeMap<RobotName, Post>> {

@@ -33,6 +33,7 @@ use crate::fleet::roster::{self, Changes};
 use crate::fleet::station::{Shared, by_itself};
 use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, Cookie, State};
+use crate::outage::Outage;
 use crate::problem::Problem;
 use crate::programs::bench::Bench;
 use crate::raw_port::{self, Door, RawPort, SharedPolicy};
@@ -367,10 +368,13 @@ impl Gateway {
         let Some(sharing) = &self.sharing else { return state.fleet.reload(robots).await };
         roster::check(&robots)?;
         self.check_elsewhere(&robots).await?;
-        let changes = state.fleet.reload(robots.clone()).await?;
-        sharing.configure(|configured| configured.robots = robots);
+        // The changes of the robots that this gateway has.
+        state.fleet.reload(robots.clone()).await?;
+        state.shared.owners.reconfigured(&robots);
+        let mut before = Vec::new();
+        sharing.configure(|configured| before = std::mem::replace(&mut configured.robots, robots.clone()));
         sharing.leave_changed();
-        Ok(changes)
+        Ok(roster::changes(&before, &robots))
     }
 
     /// Refuses to take from its arm the name of a robot that is not here, while a stop holds at it or is
@@ -555,11 +559,10 @@ pub(crate) fn epoch() -> u64 {
 
 /// Reads the tokens again and again.
 async fn refresh(tokens: Arc<Tokens>) {
+    let mut outage = Outage::default();
     loop {
         tokio::time::sleep(REFRESH).await;
-        if let Err(error) = tokens.refresh().await {
-            tracing::error!(%error, "the tokens could not be read again");
-        }
+        outage.note("the tokens cannot be read", &tokens.refresh().await);
     }
 }
 

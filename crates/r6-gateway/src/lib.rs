@@ -60,6 +60,7 @@ mod gateway;
 mod history;
 mod http;
 mod live;
+mod outage;
 mod ownership;
 mod peers;
 mod problem;

@@ -10,6 +10,7 @@ use tokio::sync::Mutex as AsyncMutex;
 
 use crate::core::hall::{Hall, Mistake, is_no_place};
 use crate::core::library::{Condition, Tag, Unfit};
+use crate::outage::Outage;
 use crate::problem::Problem;
 use crate::store::{Author, Keeper, StoreError, StoredSettings};
 
@@ -67,11 +68,10 @@ impl Settings {
 
     /// Reads what is stored again and again, for as long as it is polled.
     pub async fn keep_fresh(&self) {
+        let mut outage = Outage::default();
         loop {
             tokio::time::sleep(REFRESH).await;
-            if let Err(error) = self.refresh().await {
-                tracing::error!(%error, "the settings could not be read again");
-            }
+            outage.note("the settings cannot be read", &self.refresh().await);
         }
     }
 

@@ -17,6 +17,7 @@ use std::time::Duration;
 
 use r6_client::RobotSettings;
 use r6_proto::time::Instant;
+use sha2::{Digest, Sha256};
 use tokio::sync::{Mutex as AsyncMutex, Notify, oneshot, watch};
 
 use self::beats::Beats;
@@ -26,7 +27,7 @@ use crate::certificate::Certificate;
 use crate::clock;
 use crate::core::hall::Hall;
 use crate::core::name::RobotName;
-use crate::core::owner::{Claim, Own, Owned, Reign, Verdict, Watch};
+use crate::core::owner::{Claim, Life, Own, Owned, Reign, Verdict, Watch};
 use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
 use crate::fleet::roster::{self, MAX_ROBOTS};
@@ -34,6 +35,7 @@ use crate::fleet::station::Shared;
 use crate::gateway::{self, GatewayError};
 use crate::history::{HistorySettings, Recorder};
 use crate::http::State;
+use crate::outage::Outage;
 use crate::ownership::Ownership;
 use crate::ownership::owners::Owners;
 use crate::peers::{Door, Peers};
@@ -141,7 +143,7 @@ impl Running {
             certificate: sharing.certificate.as_ref().map(Certificate::fingerprint_now),
         };
         let mut rows = OwnerRows::new(database.clone());
-        rows.register(number, &door).await?;
+        rows.register(number, &door, &sharing.file()).await?;
         let (keeper, history) = {
             let settings = sharing.history.clone();
             blocking(move || {
@@ -213,6 +215,19 @@ impl Drop for Running {
 impl Sharing {
     fn configured(&self) -> MutexGuard<'_, Configured> {
         self.configured.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What the file says of the robots, as a hash: their names and where they are. Twins are on the machine
+    /// of each gateway, so they are left out.
+    fn file(&self) -> String {
+        let mut lines: Vec<_> = {
+            let configured = self.configured();
+            let robots = configured.robots.iter().filter(|robot| robot.twin_of.is_none());
+            robots.map(|robot| format!("{}={}\n", robot.name, robot.place())).collect()
+        };
+        lines.sort();
+        let hash = Sha256::digest(lines.concat());
+        hash.iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// All robots: those of the file, and those that were added over the API and fit to them. Returns those
@@ -294,8 +309,9 @@ async fn ended(end: &mut watch::Receiver<bool>) {
 #[derive(Debug, Default)]
 struct Look {
     watch: Watch,
-    /// Whether the last look failed.
-    failed: bool,
+    outage: Outage,
+    /// The gateways whose files say something else of the robots, as they were told of last.
+    differing: BTreeSet<String>,
     /// The added robots that do not fit, as they were told of last.
     unfit: BTreeSet<RobotName>,
     /// What could not be taken because an arm has one name, and why, as it was told of last.
@@ -313,29 +329,30 @@ impl Look {
         rows: &mut OwnerRows,
     ) -> (Duration, impl Future<Output = ()> + use<>) {
         let mut begun = Vec::new();
-        let looked = match rows.look().await {
-            Ok(looked) => looked,
-            Err(error) => {
-                if !std::mem::replace(&mut self.failed, true) {
-                    tracing::error!(%error, "it is not known which gateway owns which robot");
-                }
-                return (crate::core::owner::LOOK, join_all(begun));
-            }
-        };
-        self.failed = false;
+        let looked = rows.look().await;
+        self.outage.note("it is not known which gateway owns which robot", &looked);
+        let Ok(looked) = looked else { return (crate::core::owner::LOOK, join_all(begun)) };
         let now = clock::now();
         let (robots, unfit) = inner.sharing.robots(&looked.robots);
         for robot in unfit.difference(&self.unfit) {
             tracing::error!(%robot, "it was added over the API, and a robot of the file has its name or its address");
         }
         self.unfit = unfit;
+        let files_differ = self.compare_files(inner, &looked);
         inner.owners.looked(&looked, &robots);
         self.links.update(inner, &robots).await;
         let places = places(&robots);
         let rivals = rivals(&places, &looked.addresses);
         let known: BTreeSet<_> = robots.into_keys().map(Owned::Robot).chain([Owned::Hall]).collect();
         let held = inner.owners.held();
-        let shunned = inner.shunned(now);
+        let mut shunned = inner.shunned(now);
+        if files_differ {
+            // Another arm would get the name of the arm that the owner before had.
+            let is_moved = |(owned, place): &(&Owned, &String)| {
+                looked.addresses.get(*owned).is_some_and(|address| address != *place)
+            };
+            shunned.extend(places.iter().filter(is_moved).map(|(owned, _)| owned.clone()));
+        }
         let own =
             Own { number: inner.number, known: &known, held: &held, shunned: &shunned, rivals: &rivals };
         match self.watch.look(now, &looked.seen, own) {
@@ -360,8 +377,36 @@ impl Look {
                 tracing::warn!(of = %claim.of, %error, "it was not given back");
             }
         }
-        inner.give(self.watch.surplus(now, &looked.seen, inner.number).min(GIVEN_AT_ONCE));
+        // A gateway with another file may not take what it is given.
+        if !files_differ {
+            inner.give(self.watch.surplus(now, &looked.seen, inner.number).min(GIVEN_AT_ONCE));
+        }
         (self.watch.pause(clock::now()), join_all(begun))
+    }
+
+    /// Whether the file of a gateway that lives says something else of the robots than the one of this
+    /// gateway. The log tells of it, and that it is over.
+    fn compare_files(&mut self, inner: &Inner, looked: &Looked) -> bool {
+        let own = inner.sharing.file();
+        let lives =
+            |number: &u64| looked.seen.gateways.get(number).is_some_and(|seen| seen.life == Life::Alive);
+        let others = looked.files.iter().filter(|(number, file)| lives(number) && **file != own);
+        let urls = others.filter_map(|(number, _)| looked.doors.get(number)).map(|door| door.url.clone());
+        let differing: BTreeSet<_> = urls.collect();
+        if differing != self.differing {
+            if differing.is_empty() {
+                tracing::info!("the files of all gateways name the same robots and addresses again");
+            } else {
+                let others = differing.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+                tracing::error!(
+                    %others,
+                    "the file of this gateway names other robots or addresses than those of other gateways: no robot is \
+                     given to another gateway, or taken at another address than before, until all have read the same file"
+                );
+            }
+            self.differing = differing;
+        }
+        !self.differing.is_empty()
     }
 
     async fn take(
@@ -396,7 +441,20 @@ impl Look {
         }
         let mut begins = Vec::new();
         for claim in claims {
-            tracing::info!(of = %claim.of, fence = claim.fence, "this gateway owns it from now on");
+            let before = looked.seen.owners.get(&claim.of).and_then(|row| row.gateway);
+            let before = before.filter(|number| *number != inner.number);
+            match before.and_then(|number| looked.doors.get(&number)) {
+                Some(Door { url, .. }) => {
+                    tracing::warn!(of = %claim.of, before = %url, "its gateway does not live any more: this gateway has it now");
+                }
+                None => tracing::info!(of = %claim.of, "this gateway has it from now on"),
+            }
+            let address = wanted.get(&claim.of).cloned().flatten();
+            let moved = looked.addresses.get(&claim.of).filter(|before| Some(*before) != address.as_ref());
+            if let (Some(robot), Some(before)) = (claim.of.robot(), moved) {
+                tracing::warn!(%robot, %before, now = address, "it has another address than it had with its last gateway");
+                inner.note_moved(robot);
+            }
             self.watch.had(&claim);
             let ownership = Ownership::owns(Reign::begin(asked));
             inner.leaving().insert(claim.of.clone(), Arc::default());
@@ -465,6 +523,18 @@ impl Inner {
             tracing::info!(robot = station.name(), "another gateway has fewer robots: it gets this one");
             self.leave(&Owned::Robot(station.robot_name().clone()));
         }
+    }
+
+    /// Tells the audit log where a robot is from now on.
+    fn note_moved(&self, robot: &RobotName) {
+        let config = self.sharing.configured().robots.iter().find(|config| config.name == *robot).cloned();
+        let Some(config) = config else { return };
+        let keeper = self.state.shared.keeper.clone();
+        tokio::spawn(async move {
+            if let Err(error) = keeper.append(vec![roster::configured_by_gateway(&config)]).await {
+                tracing::error!(robot = %config.name, %error, "the audit log does not have the new address");
+            }
+        });
     }
 
     /// Leaves something to others for a while.

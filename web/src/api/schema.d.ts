@@ -2656,7 +2656,7 @@ export interface components {
          * @description Why a lease ended.
          * @enum {string}
          */
-        LeaseEnd: "released" | "expired" | "taken" | "identity_changed" | "reconfigured" | "removed" | "gateway_ended";
+        LeaseEnd: "released" | "expired" | "taken" | "identity_changed" | "reconfigured" | "removed" | "gateway_ended" | "owner_changed";
         /** @description Who holds a lease. The secret is known to the holder alone. */
         LeaseHolder: {
             /**
@@ -3599,7 +3599,7 @@ export interface components {
          * @description Why a run ended.
          * @enum {string}
          */
-        RunEnd: "finished" | "lease_expired" | "lease_released" | "lease_taken" | "stop" | "identity_changed" | "link_lost" | "robot_changed" | "gateway_ended" | "gateway_killed" | "not_ready" | "refused" | "outcome_unknown" | "alarm" | "mode_changed" | "restarted" | "stalled" | "not_at_target" | "not_proved" | "another_list" | "not_sent";
+        RunEnd: "finished" | "lease_expired" | "lease_released" | "lease_taken" | "stop" | "identity_changed" | "link_lost" | "robot_changed" | "gateway_ended" | "owner_changed" | "gateway_killed" | "not_ready" | "refused" | "outcome_unknown" | "alarm" | "mode_changed" | "restarted" | "stalled" | "not_at_target" | "not_proved" | "another_list" | "not_sent";
         /**
          * @description What proves the end of a run that is done.
          * @enum {string}

@@ -273,6 +273,8 @@ pub enum LeaseEnd {
     Removed,
     /// The gateway ended in order.
     GatewayEnded,
+    /// The gateway gave the robot to another one, or lost it because its database did not answer.
+    OwnerChanged,
 }
 
 /// How a command ended.

@@ -75,6 +75,8 @@ pub enum RunEnd {
     RobotChanged,
     /// The gateway ended in order.
     GatewayEnded,
+    /// The gateway lost the robot: its database did not answer, or another gateway has the robot.
+    OwnerChanged,
     /// The gateway was killed.
     GatewayKilled,
     /// The machine was not ready, or its state could not be read.

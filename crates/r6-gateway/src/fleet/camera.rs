@@ -144,15 +144,13 @@ impl Station {
         let camera = granted.standing.camera();
         let _slot = self.place().map_err(untold)?;
         let robot = self.check_camera(granted, &order).map_err(untold)?;
-        let now = self.seat(|seat, _| Photo {
-            connection: seat.connection().unwrap_or_default(),
-            stops: seat.stops_begun(),
-        });
+        let now = self.seat(|seat, _| (seat.connection().unwrap_or_default(), seat.stops_begun()));
         // It is taken out, so that of two answers at once one is sent. One of another connection stays: the
         // seat may not know of that yet.
         let photo = {
             let mut photos = self.cameras.photos();
-            if photos.get(&camera) == Some(&now) { photos.remove(&camera) } else { None }
+            let is_of_now = |photo: &Photo| (photo.connection, photo.stops) == now;
+            if photos.get(&camera).is_some_and(is_of_now) { photos.remove(&camera) } else { None }
         };
         let photo = photo.ok_or_else(|| {
             let message = format!(
@@ -283,7 +281,7 @@ impl Station {
             photos.remove(&camera);
             // While a stop holds, it may be from before the arm was stopped, and is not answered later.
             if !is_stopped {
-                photos.insert(camera, Photo { connection, stops });
+                photos.insert(camera, Photo { connection, at: clock::now(), stops });
             }
         }
         match flood.event(clock::now()) {

@@ -14,6 +14,10 @@ use crate::core::rate::{Limit, Rate};
 /// A belt that needs more parts a second sends several in one request.
 const REQUESTS: Limit = Limit { interval: Duration::from_millis(100), burst: 20 };
 
+/// A controller waits for a photo no longer than its program says, which the wire does not tell. After this
+/// time the gateway takes it that it does not wait any more.
+const LONGEST_WAIT: Duration = Duration::from_secs(60);
+
 /// What is known of the cameras of a robot.
 #[derive(Debug, Default)]
 pub struct Cameras {
@@ -27,6 +31,8 @@ pub struct Cameras {
 pub struct Photo {
     /// The connection that it asked over: the answer is for no other.
     pub connection: u64,
+    /// When it asked.
+    pub at: Instant,
     /// How many stops had begun: an answer after a stop could set the arm in motion again.
     pub stops: u64,
 }
@@ -35,6 +41,11 @@ impl Cameras {
     /// The photos that the controller waits for.
     pub fn photos(&self) -> MutexGuard<'_, BTreeMap<Camera, Photo>> {
         self.photos.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the controller may wait for a photo: a request for one was not answered, and is not old.
+    pub fn may_wait(&self, now: Instant) -> bool {
+        self.photos().values().any(|photo| now.since(photo.at) < LONGEST_WAIT)
     }
 
     /// Counts a request of a camera.

@@ -123,6 +123,19 @@ pub fn check_names_of_twins<'n>(
     }
 }
 
+/// What changes if the robots of the file are these, and no longer those.
+pub fn changes(before: &[RobotConfig], now: &[RobotConfig]) -> Changes {
+    let known = |robot: &&RobotConfig| before.iter().find(|known| known.name == robot.name);
+    let is_new = |robot: &&RobotConfig| known(robot).is_none();
+    let is_changed = |robot: &&RobotConfig| known(robot).is_some_and(|known| !known.is_as(robot));
+    let is_gone = |robot: &&RobotConfig| !now.iter().any(|there| there.name == robot.name);
+    Changes {
+        added: now.iter().filter(is_new).count(),
+        changed: now.iter().filter(is_changed).count(),
+        removed: before.iter().filter(is_gone).count(),
+    }
+}
+
 impl Fleet {
     /// Adds a robot, or changes a robot that this function has added before. A change ends the robot's lease.
     ///
@@ -426,6 +439,11 @@ fn record(by: &By, robot: &RobotName, deed: Deed) -> AuditRecord {
         robot: Some(robot.to_string()),
         deed,
     }
+}
+
+/// The record that a gateway has this robot so from now on.
+pub fn configured_by_gateway(robot: &RobotConfig) -> AuditRecord {
+    record(&By { actor: "gateway".to_owned(), source: None }, &robot.name, configured(robot))
 }
 
 fn configured(robot: &RobotConfig) -> Deed {

@@ -6,7 +6,6 @@ mod shared;
 mod told;
 
 use std::cmp::Ordering::{Equal, Greater, Less};
-use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -16,7 +15,7 @@ use r6_client::{Permission, Robot};
 use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
 
-use self::pending::push;
+use self::pending::Pending;
 pub use self::shared::Shared;
 use crate::clock;
 use crate::core::alarms;
@@ -160,9 +159,8 @@ pub struct Station {
     pub(crate) asking: AsyncMutex<()>,
     /// Locked while the seat is saved, so that an older state never overwrites a newer one.
     saving: AsyncMutex<()>,
-    /// Locked while records are written, so that they stand in their order, and none counts as written that
-    /// is still on its way.
-    writing: AsyncMutex<()>,
+    /// The records that wait for the audit log.
+    pending: Arc<Pending>,
     /// Which refusals and repeated stops stand in the audit log.
     refusals: Mutex<Refusals>,
     /// Which stops that were not confirmed stand in it. Refusals do not push them out.
@@ -178,7 +176,6 @@ struct Held {
     standing: Permission,
     /// What the store has of the seat.
     stored: Saved,
-    pending: VecDeque<AuditRecord>,
     /// The lease that was given back last, and by whom: its end may come later, after a run of it.
     given_back: Option<(u64, By)>,
 }
@@ -200,7 +197,6 @@ impl Station {
             permission: Permission::new(),
             standing: Permission::new(),
             stored: saved,
-            pending: VecDeque::new(),
             given_back: None,
         };
         Self {
@@ -232,7 +228,7 @@ impl Station {
             fresh: Mutex::default(),
             asking: AsyncMutex::default(),
             saving: AsyncMutex::default(),
-            writing: AsyncMutex::default(),
+            pending: Arc::default(),
         }
     }
 
@@ -339,7 +335,7 @@ impl Station {
             writes |= self.tell(&mut held, noticed);
         }
         if let Some(record) = record {
-            push(&mut held.pending, record);
+            self.pending.push(record);
             writes = true;
         }
         drop(held);
@@ -444,7 +440,7 @@ impl Station {
         };
         self.publish(happened);
         let writes = deed.is_some();
-        deed.into_iter().for_each(|deed| push(&mut held.pending, self.record(&by, deed)));
+        deed.into_iter().for_each(|deed| self.pending.push(self.record(&by, deed)));
         writes
     }
 

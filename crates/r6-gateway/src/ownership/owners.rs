@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use hyper::Response;
 use hyper::body::Incoming;
 use r6_api::Code;
+use r6_api::gateway::ManagedBy;
 use r6_proto::time::Instant;
 
 use super::Ownership;
@@ -202,6 +203,14 @@ impl Owners {
             let lives = |number| seen.gateways.get(&number).is_some_and(|seen| seen.life != Life::Expired);
             both.peers.retain(now, |number| doors.contains_key(&number) && lives(number));
         }
+    }
+
+    /// The file has these robots now. The next look has those that were added over the API, too.
+    pub fn reconfigured(&self, robots: &[RobotConfig]) {
+        self.with(|held| {
+            held.robots.retain(|_, robot| robot.managed_by == ManagedBy::Api);
+            held.robots.extend(robots.iter().map(|robot| (robot.name.clone(), robot.clone())));
+        });
     }
 
     /// Who owns this.
@@ -403,7 +412,11 @@ fn no_owner(held: &Held, owned: &Owned) -> Problem {
     let other = held.other(owned).and_then(|number| held.doors.get(&number));
     let message = match other {
         Some(Door { url, .. }) => format!("another gateway owns {what}: {url}. Ask there"),
-        None => format!("no gateway owns {what} at the moment: ask again"),
+        None if held.is_blind() => format!(
+            "this gateway cannot reach the database, so it is not known which gateway owns {what}: ask again once \
+             /readyz tells that the store answers"
+        ),
+        None => format!("no gateway owns {what} at the moment: ask again in some seconds"),
     };
     Problem::new(Code::NoOwner, message)
 }

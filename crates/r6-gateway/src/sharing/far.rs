@@ -14,7 +14,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
-use r6_api::gateway::{Happened, LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots};
+use r6_api::gateway::{
+    Happened, LeaseEnd, LiveMessage, LiveSent, RobotLink, RobotState, RobotSummary, Robots,
+};
 use r6_proto::time::Instant as Time;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep, timeout};
@@ -204,13 +206,13 @@ impl Inner {
 
     /// Lets go of a robot, until this is over. From then on readers see what this gateway knew of it, until
     /// its next owner tells of it.
-    pub async fn let_go(&self, name: &RobotName, over: impl Future<Output = ()>) {
+    pub async fn let_go(&self, name: &RobotName, cause: LeaseEnd, over: impl Future<Output = ()>) {
         let (shared, fleet) = (&self.state.shared, &self.state.fleet);
         let Some(station) = fleet.station(name.as_str()) else { return };
         let make = || Far::new(unknown(&station.config()), shared.epoch, shared.draw());
         let far = shared.far.one_or(name.as_str(), make);
         far.leave(station.state(), || shared.draw());
-        fleet.let_go(name, over).await;
+        fleet.let_go(name, cause, over).await;
         // The arm may have been stopped in the end.
         far.take_last(station.summary(), || shared.draw());
         shared.wake_readers();

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use r6_api::gateway::LeaseEnd;
+
 use super::{Inner, ended};
 use crate::auditor::{self, Auditor, open_key};
 use crate::core::name::RobotName;
@@ -103,8 +105,8 @@ async fn begin_robots(inner: &Arc<Inner>, robots: &[(Claim, Ownership)]) -> Resu
 
 /// Keeps a robot until it is lost, or is to be given back. Then it has no connection any more.
 async fn keep_robot(inner: Arc<Inner>, name: RobotName, claim: Claim, ownership: Ownership) {
-    until_left(&inner, &claim, &ownership).await;
-    inner.let_go(&name, ownership.until_over()).await;
+    let cause = until_left(&inner, &claim, &ownership).await;
+    inner.let_go(&name, cause, ownership.until_over()).await;
     inner.end_term(&claim, &ownership).await;
 }
 
@@ -148,7 +150,7 @@ async fn keep_hall(inner: Arc<Inner>, claim: Claim, ownership: Ownership) {
     };
     tokio::select! {
         () = work => {}
-        () = until_left(&inner, &claim, &ownership) => {}
+        _ = until_left(&inner, &claim, &ownership) => {}
     }
     if let Some(auditor) = auditor.filter(|_| ownership.may_move())
         && let Err(error) = auditor.put_head().await
@@ -158,8 +160,8 @@ async fn keep_hall(inner: Arc<Inner>, claim: Claim, ownership: Ownership) {
     inner.end_term(&claim, &ownership).await;
 }
 
-/// Waits until this is lost, is to be given back, or the gateway ends.
-async fn until_left(inner: &Inner, claim: &Claim, ownership: &Ownership) {
+/// Waits until this is lost, is to be given back, or the gateway ends. Returns why the leases end with it.
+async fn until_left(inner: &Inner, claim: &Claim, ownership: &Ownership) -> LeaseEnd {
     let leaves = inner.leaving().get(&claim.of).cloned();
     let mut ends = inner.ends.clone();
     let left = async {
@@ -171,9 +173,14 @@ async fn until_left(inner: &Inner, claim: &Claim, ownership: &Ownership) {
     tokio::select! {
         biased;
         () = ownership.until_lost() => {
-            tracing::error!(of = %claim.of, fence = claim.fence, "this gateway does not own it any more: it lets go of it");
+            tracing::error!(
+                of = %claim.of,
+                "the database did not confirm in time that this gateway still has it, or another one has it: its \
+                 connection is closed"
+            );
+            LeaseEnd::OwnerChanged
         }
-        () = left => {}
-        () = ended(&mut ends) => {}
+        () = left => LeaseEnd::OwnerChanged,
+        () = ended(&mut ends) => LeaseEnd::GatewayEnded,
     }
 }

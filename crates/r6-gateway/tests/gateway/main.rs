@@ -20,6 +20,7 @@ mod leases;
 mod openapi;
 #[cfg(unix)]
 mod owner;
+mod owner_changes;
 mod page;
 mod panel;
 #[cfg(unix)]

@@ -18,6 +18,7 @@ const LEASE_ENDS: Record<Extract<Deed, { event: "lease_ended" }>["cause"], strin
   reconfigured: "the robot was changed",
   removed: "the robot was removed",
   gateway_ended: "the gateway ended",
+  owner_changed: "another gateway has the robot, or the database did not answer",
 };
 
 /** What was done over the gateway. `outcome`: of a command. */

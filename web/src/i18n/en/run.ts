@@ -15,6 +15,7 @@ export const RUN_ENDS: Record<NonNullable<Run["because"]>, string> = {
   link_lost: "the link to the robot was lost",
   robot_changed: "the robot was changed or removed at the gateway",
   gateway_ended: "the gateway ended",
+  owner_changed: "another gateway has the robot, or the database did not answer",
   gateway_killed: "the gateway was killed",
   not_ready: "the robot was not ready",
   refused: "the controller refused it",

@@ -19,6 +19,7 @@ const LEASE_ENDS: Record<Extract<Deed, { event: "lease_ended" }>["cause"], strin
   reconfigured: "机器人配置已更改",
   removed: "机器人已移除",
   gateway_ended: "网关已退出",
+  owner_changed: "机器人已由其他网关接管，或数据库无响应",
 };
 
 function deed(of: Deed, outcome: CommandEnd | null): string {

@@ -15,6 +15,7 @@ export const RUN_ENDS: Record<NonNullable<Run["because"]>, string> = {
   link_lost: "与机器人的连接丢失",
   robot_changed: "网关中的机器人被修改或删除",
   gateway_ended: "网关已退出",
+  owner_changed: "机器人已由其他网关接管，或数据库无响应",
   gateway_killed: "网关被强制结束",
   not_ready: "机器人未就绪",
   refused: "控制器拒绝",

@@ -159,6 +159,7 @@ fn of_cut(cut: Cut) -> RunEnd {
             LeaseEnd::IdentityChanged => RunEnd::IdentityChanged,
             LeaseEnd::Reconfigured | LeaseEnd::Removed => RunEnd::RobotChanged,
             LeaseEnd::GatewayEnded => RunEnd::GatewayEnded,
+            LeaseEnd::OwnerChanged => RunEnd::OwnerChanged,
         },
     }
 }
@@ -233,6 +234,9 @@ fn words(because: RunEnd, stopped_by: Option<&ActedBy>) -> String {
         RunEnd::LinkLost => "the robot does not answer",
         RunEnd::RobotChanged => "the robot was configured anew or removed",
         RunEnd::GatewayEnded => "the gateway ends",
+        RunEnd::OwnerChanged => {
+            "the gateway lost the robot: its database did not answer, or another gateway has the robot"
+        }
         RunEnd::Stop => "the robot was stopped",
         _ => "the run was cut short",
     };

@@ -2,18 +2,20 @@
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_api::Code;
 use r6_api::gateway::{AuditRecord, Deed};
+use tokio::sync::Mutex as AsyncMutex;
 
 use super::{By, Station};
 use crate::clock;
 use crate::core::owner::Phase;
 use crate::core::refusals::Refusals;
+use crate::outage::Outage;
 use crate::problem::Problem;
-use crate::store::StoreError;
+use crate::store::{Keeper, StoreError};
 
 /// How many records wait to be written. If the store fails for long, refusals are lost first, then the oldest
 /// records, and the log of the process says so.
@@ -27,6 +29,10 @@ const ANSWERS_WITHIN: Duration = Duration::from_millis(250);
 /// database ends by then.
 const SHARED_WITHIN: Duration = Duration::from_secs(2);
 
+/// For how long the records are written that a term has left, and how often.
+const WRITES_ON: Duration = Duration::from_secs(600);
+const WRITES_AGAIN: Duration = Duration::from_millis(500);
+
 /// How often to look whether it has.
 const LOOK_AT_STORE: Duration = Duration::from_millis(10);
 
@@ -34,7 +40,7 @@ impl Station {
     /// Notes something for the audit log, to be written soon.
     pub(in crate::fleet) fn note(&self, by: &By, deed: Deed) {
         let record = self.record(by, deed);
-        push(&mut self.held().pending, record);
+        self.pending.push(record);
         self.to_write.notify_one();
     }
 
@@ -62,15 +68,7 @@ impl Station {
 
     /// Writes a record now, behind the records that wait. Returns its number.
     pub(in crate::fleet) async fn append(&self, record: AuditRecord) -> Result<u64, StoreError> {
-        let _turn = self.writing.lock().await;
-        let waiting = self.take_pending();
-        let records = waiting.iter().cloned().chain([record]).collect();
-        let first = self.term.keeper.append(records).await;
-        let behind = waiting.len() as u64;
-        if first.is_err() {
-            self.put_back(waiting);
-        }
-        first.map(|first| first + behind)
+        Ok(self.pending.write(&self.term.keeper, Some(record)).await?.unwrap_or_default())
     }
 
     /// Writes the state of the seat to the store, if it changed.
@@ -90,16 +88,25 @@ impl Station {
 
     /// Writes the records that wait. When this returns, they are on the disk.
     pub(in crate::fleet) async fn write_pending(&self) -> Result<(), StoreError> {
-        let _turn = self.writing.lock().await;
-        let pending = self.take_pending();
-        if pending.is_empty() {
-            return Ok(());
+        self.pending.write(&self.term.keeper, None).await.map(drop)
+    }
+
+    /// Writes the records that are left after the term, for [`WRITES_ON`] at most: what happened belongs in
+    /// the audit log, whichever gateway has the robot by now.
+    pub(in crate::fleet) async fn write_last(&self) {
+        let (begun, mut outage) = (clock::now(), Outage::default());
+        while self.pending.waits().await {
+            let written = self.pending.write(&self.shared.keeper, None).await;
+            outage.note(&format!("the last records of {} cannot be written", self.name()), &written);
+            if written.is_err() && clock::now().since(begun) >= WRITES_ON {
+                let records = self.records_waiting();
+                tracing::error!(robot = self.name(), records, "the audit log does not get its last records");
+                return;
+            }
+            if written.is_err() {
+                tokio::time::sleep(WRITES_AGAIN).await;
+            }
         }
-        let written = self.term.keeper.append(pending.clone()).await;
-        if written.is_err() {
-            self.put_back(pending);
-        }
-        written.map(drop)
     }
 
     /// Waits until all that has happened so far is on the disk, [`ANSWERS_WITHIN`] at most. So what a
@@ -147,33 +154,78 @@ impl Station {
 
     pub(super) fn is_written(&self) -> bool {
         // Records on their way count as not written.
-        let (Ok(_writing), Ok(_saving)) = (self.writing.try_lock(), self.saving.try_lock()) else {
+        let (Ok(_writing), Ok(_saving)) = (self.pending.writing.try_lock(), self.saving.try_lock()) else {
             return false;
         };
         let held = self.held();
-        held.pending.is_empty() && held.seat.saved() == &held.stored
+        self.pending.is_empty() && held.seat.saved() == &held.stored
     }
 
     /// How many records wait to be written.
     pub fn records_waiting(&self) -> usize {
-        self.held().pending.len()
-    }
-
-    fn take_pending(&self) -> Vec<AuditRecord> {
-        self.held().pending.drain(..).collect()
-    }
-
-    /// Puts records back before those that were noted meanwhile.
-    fn put_back(&self, records: Vec<AuditRecord>) {
-        let mut held = self.held();
-        let later = std::mem::replace(&mut held.pending, records.into());
-        later.into_iter().for_each(|record| push(&mut held.pending, record));
-        drop(held);
-        self.to_write.notify_one();
+        self.pending.records().len()
     }
 }
 
-pub(super) fn push(pending: &mut VecDeque<AuditRecord>, record: AuditRecord) {
+/// The records of a robot that wait for the audit log.
+#[derive(Debug, Default)]
+pub(super) struct Pending {
+    records: Mutex<VecDeque<AuditRecord>>,
+    /// Locked while records are written, so that they stand in their order, and none counts as written that
+    /// is still on its way.
+    writing: Arc<AsyncMutex<()>>,
+}
+
+impl Pending {
+    /// Lets a record wait.
+    pub fn push(&self, record: AuditRecord) {
+        push(&mut self.records(), record);
+    }
+
+    fn is_empty(&self) -> bool {
+        self.records().is_empty()
+    }
+
+    /// Whether a record waits, once those are written, or not, that are on their way.
+    async fn waits(&self) -> bool {
+        let _turn = self.writing.lock().await;
+        !self.is_empty()
+    }
+
+    /// Writes what waits, and then this one, whose number it returns. Once it is on its way it goes on if the
+    /// caller is gone: otherwise it would not be known whether it has to be written again. If it fails, what
+    /// waited waits again, before what came since.
+    async fn write(
+        self: &Arc<Self>,
+        keeper: &Keeper,
+        last: Option<AuditRecord>,
+    ) -> Result<Option<u64>, StoreError> {
+        let turn = Arc::clone(&self.writing).lock_owned().await;
+        let waiting: Vec<_> = self.records().drain(..).collect();
+        if waiting.is_empty() && last.is_none() {
+            return Ok(None);
+        }
+        let (pending, keeper) = (Arc::clone(self), keeper.clone());
+        let write = async move {
+            let _turn = turn;
+            let behind = waiting.len() as u64;
+            let written = keeper.append(waiting.iter().cloned().chain(last).collect()).await;
+            if written.is_err() {
+                let mut records = pending.records();
+                let later = std::mem::replace(&mut *records, waiting.into());
+                later.into_iter().for_each(|record| push(&mut records, record));
+            }
+            Ok(Some(written? + behind))
+        };
+        tokio::spawn(write).await.unwrap_or(Err(StoreError::Closed))
+    }
+
+    fn records(&self) -> MutexGuard<'_, VecDeque<AuditRecord>> {
+        self.records.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn push(pending: &mut VecDeque<AuditRecord>, record: AuditRecord) {
     pending.push_back(record);
     if pending.len() <= MAX_PENDING {
         return;

@@ -41,8 +41,9 @@ impl Station {
     }
 
     /// Takes leave of a robot with which nothing happens here, so that another gateway can have it: it is at
-    /// rest, its lease is free, no run, command or stop is under way or owed, and no other robot answers in
-    /// its place. From then on nothing is permitted. `false`: it stays as it is.
+    /// rest, its lease is free, no run, command or stop is under way or owed, its controller waits for no
+    /// photo, and no other robot answers in its place. From then on nothing is permitted. `false`: it stays
+    /// as it is.
     pub(crate) fn leave_if_idle(&self) -> bool {
         let rests = self.is_at_rest() == (true, true) && self.is_written();
         let is_free = self.commands.available_permits() == MAX_COMMANDS as usize
@@ -51,6 +52,7 @@ impl Station {
             && self.beginning.try_lock().is_ok();
         self.seat(|seat, now| {
             let is_idle = seat.lease(now).is_none()
+                && !self.cameras.may_wait(now)
                 && !seat.has_run()
                 && !seat.owes_stop()
                 && seat.stops().1 == 0
@@ -58,7 +60,7 @@ impl Station {
                 && seat.identity_change().is_none();
             let leaves = rests && is_free && is_idle;
             if leaves {
-                seat.close(LeaseEnd::GatewayEnded);
+                seat.close(LeaseEnd::OwnerChanged);
             }
             leaves
         })

@@ -31,6 +31,8 @@ pub struct Looked {
     pub seen: Seen,
     /// How to find each gateway.
     pub doors: BTreeMap<u64, Door>,
+    /// What the file of each gateway says of the robots, as a hash.
+    pub files: BTreeMap<u64, String>,
     /// The robots that were added over the API.
     pub robots: Vec<StoredRobot>,
     /// Where the last owners reached what they had.
@@ -75,7 +77,7 @@ impl OwnerRows {
     ///
     /// # Errors
     /// [`StoreError`].
-    pub async fn register(&mut self, own: u64, door: &Door) -> Result<(), StoreError> {
+    pub async fn register(&mut self, own: u64, door: &Door, file: &str) -> Result<(), StoreError> {
         let name = super::plain(&door.url);
         self.ask(async |client| {
             client
@@ -88,9 +90,9 @@ impl OwnerRows {
                 .await?;
             client
                 .execute(
-                    "INSERT INTO gateway (id, name, key, certificate, beat, beat_at)
-                     VALUES ($1, $2, $3, $4, 0, clock_timestamp())",
-                    &[&signed(own), &name, &door.key, &door.certificate],
+                    "INSERT INTO gateway (id, name, key, certificate, file, beat, beat_at)
+                     VALUES ($1, $2, $3, $4, $5, 0, clock_timestamp())",
+                    &[&signed(own), &name, &door.key, &door.certificate, &file],
                 )
                 .await?;
             Ok(())
@@ -109,8 +111,8 @@ impl OwnerRows {
                 .query(
                     "SELECT id, name, beat, beat_at IS NULL,
                      beat_at <= clock_timestamp() - make_interval(secs => $1), key, certificate,
-                     (extract(epoch FROM clock_timestamp()) * 1000)::bigint, beat_at > clock_timestamp()
-                     FROM gateway",
+                     (extract(epoch FROM clock_timestamp()) * 1000)::bigint, beat_at > clock_timestamp(),
+                     file FROM gateway",
                     &[&EXPIRES.as_secs_f64()],
                 )
                 .await?;
@@ -123,6 +125,7 @@ impl OwnerRows {
                 let door = Door { url: row.try_get(1)?, key: row.try_get(5)?, certificate: row.try_get(6)? };
                 looked.doors.insert(number, door);
                 looked.time = Some(unsigned(row.try_get(7)?));
+                looked.files.extend(row.try_get::<_, Option<String>>(9)?.map(|file| (number, file)));
                 looked.seen.gateways.insert(number, seen_gateway(row)?);
             }
             for row in &owners {
@@ -185,8 +188,8 @@ impl OwnerRows {
         .await
     }
 
-    /// Says that this gateway lives, and which certificate it has now. Returns what it owns, with the fences;
-    /// `None` if its row is gone: then it has to register again.
+    /// Says that this gateway lives, which certificate it has now, and what its file says. Returns what it
+    /// owns, with the fences; `None` if its row is gone: then it has to register again.
     ///
     /// # Errors
     /// [`StoreError`]: it is not known whether the beat is there.
@@ -194,13 +197,14 @@ impl OwnerRows {
         &mut self,
         own: u64,
         certificate: Option<&str>,
+        file: &str,
     ) -> Result<Option<BTreeMap<Owned, u64>>, StoreError> {
         self.ask(async |client| {
             let changed = client
                 .execute(
-                    "UPDATE gateway SET beat = beat + 1, beat_at = clock_timestamp(), certificate = $2
-                     WHERE id = $1 AND beat_at IS NOT NULL",
-                    &[&signed(own), &certificate],
+                    "UPDATE gateway SET beat = beat + 1, beat_at = clock_timestamp(), certificate = $2,
+                     file = $3 WHERE id = $1 AND beat_at IS NOT NULL",
+                    &[&signed(own), &certificate, &file],
                 )
                 .await?;
             if changed == 0 {

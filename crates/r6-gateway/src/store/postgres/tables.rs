@@ -15,7 +15,7 @@ CREATE TABLE IF NOT EXISTS r6_gateway.version (
 ";
 
 /// What makes the tables of each version out of those before, from version 1 on.
-pub const TABLES: [&str; 4] = [FIRST, COMMANDS, OWNERS, CAMERAS];
+pub const TABLES: [&str; 5] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES];
 
 /// - `audit`: `what`, `robot` and `intent` are read from the text when it is written.
 /// - `seat`: the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -228,4 +228,9 @@ CREATE TABLE camera (
     given_at text NOT NULL,
     PRIMARY KEY (robot, camera, token)
 );
+";
+
+/// What the file of each gateway says of the robots, as a hash: gateways with different files are told of it.
+const FILES: &str = "
+ALTER TABLE gateway ADD COLUMN file text;
 ";

@@ -228,8 +228,8 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     let made = tokio::task::spawn_blocking(|| database("the test of the owner")).await.unwrap();
     let Some((server, url, database)) = made else { return };
     let (mut one, mut other) = (OwnerRows::new(database.clone()), OwnerRows::new(database));
-    one.register(1, &door("one")).await.unwrap();
-    other.register(2, &door("other")).await.unwrap();
+    one.register(1, &door("one"), "file").await.unwrap();
+    other.register(2, &door("other"), "file").await.unwrap();
     let both = [robot("press"), robot("saw")];
     let none = one.look().await.unwrap();
     assert_eq!((none.seen.owners.len(), none.doors.len()), (0, 2));
@@ -240,14 +240,14 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     assert_eq!(alive.seen.owners[&robot("press")], SeenOwner { fence: 1, gateway: Some(1) });
     assert_eq!((alive.seen.gateways[&1].life, alive.doors[&1].url.as_str()), (Life::Alive, "one"));
     assert_eq!(other.take(2, &wanted(&both[..1]), &alive.seen).await.unwrap().claims, [], "it lives");
-    assert_eq!(one.beat(1, None).await.unwrap(), Some([(robot("press"), 1)].into()));
+    assert_eq!(one.beat(1, None, "file").await.unwrap(), Some([(robot("press"), 1)].into()));
     assert!(other.look().await.unwrap().seen.gateways[&1].beat > alive.seen.gateways[&1].beat);
 
     let silent = "UPDATE r6_gateway.gateway SET beat_at = now() - interval '3.1 seconds' WHERE id = 1";
     server.sql(&url, silent);
     let expired = other.look().await.unwrap();
     assert_eq!(expired.seen.gateways[&1].life, Life::Expired);
-    one.beat(1, None).await.unwrap();
+    one.beat(1, None, "file").await.unwrap();
     assert_eq!(
         other.take(2, &wanted(&both[..1]), &expired.seen).await.unwrap().claims,
         [],
@@ -257,7 +257,7 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     let expired = other.look().await.unwrap();
     assert_eq!(other.take(2, &wanted(&both[..1]), &expired.seen).await.unwrap().claims, [claim("press", 2)]);
     assert_eq!(
-        one.beat(1, None).await.unwrap(),
+        one.beat(1, None, "file").await.unwrap(),
         Some([].into()),
         "it learns with its beat that it has it no more"
     );
@@ -270,13 +270,13 @@ async fn a_robot_goes_from_one_gateway_to_the_next_with_a_higher_fence() {
     // What a gateway has let go of without giving it back, it takes anew.
     assert_eq!(other.take(2, &wanted(&both[1..]), &seen).await.unwrap().claims, [claim("saw", 2)]);
     other.end(2).await.unwrap();
-    assert_eq!(other.beat(2, None).await.unwrap(), None, "it has ended");
+    assert_eq!(other.beat(2, None, "file").await.unwrap(), None, "it has ended");
     let seen = one.look().await.unwrap().seen;
     assert_eq!(other.take(2, &wanted(&both), &seen).await.unwrap().claims, [], "and takes nothing any more");
     let taken = one.take(1, &wanted(&both), &seen).await.unwrap().claims;
     assert_eq!(taken.len(), 2, "what a gateway that ended had is free at once: {taken:?}");
     // Rows of gateways that ended and have nothing go.
-    one.register(3, &door("three")).await.unwrap();
+    one.register(3, &door("three"), "file").await.unwrap();
     assert_eq!(one.look().await.unwrap().doors.into_keys().collect::<Vec<_>>(), [1, 3]);
 }
 
@@ -285,8 +285,8 @@ async fn an_arm_is_not_taken_under_another_name_while_it_has_an_owner_or_was_sto
     let made = tokio::task::spawn_blocking(|| database("the test of one arm under two names")).await.unwrap();
     let Some((server, url, database)) = made else { return };
     let (mut one, mut other) = (OwnerRows::new(database.clone()), OwnerRows::new(database));
-    one.register(1, &door("one")).await.unwrap();
-    other.register(2, &door("other")).await.unwrap();
+    one.register(1, &door("one"), "file").await.unwrap();
+    other.register(2, &door("other"), "file").await.unwrap();
     let (press, same) = (placed("press", "10.0.0.1:9760"), placed("saw", "10.0.0.1:9760"));
     let none = one.look().await.unwrap().seen;
     // At once, before either is there.
@@ -339,7 +339,7 @@ async fn an_arm_is_not_taken_under_another_name_while_it_has_an_owner_or_was_sto
     let seen = next.look().await.unwrap().seen;
     let taken = next.take(next_number, &next_wants, &seen).await.unwrap();
     assert_eq!((taken.claims.len(), taken.tied.len()), (1, 0));
-    let of_owner = owner.beat(3 - next_number, None).await.unwrap();
+    let of_owner = owner.beat(3 - next_number, None, "file").await.unwrap();
     assert_eq!(of_owner, Some([].into()), "it learns that it has the arm no more");
 }
 
