@@ -16,6 +16,7 @@ export function viewLike(name: string, part: Partial<View> = {}, summary: Partia
     panel: false,
     twin: null,
     twin_of: null,
+    owner: null,
     lease: null,
     stopped: false,
     stopped_by: null,

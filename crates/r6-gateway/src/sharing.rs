@@ -157,7 +157,7 @@ impl Running {
         };
         keeper.append(vec![gateway::started()]).await?;
         let owners = Owners::shared(peers);
-        owners.set_number(number);
+        owners.set_number(number, &door.url);
         let shared =
             Shared::new(keeper, Roads::TcpOfTerm, history, gateway::epoch()).with_owners(owners.clone());
         let hall = sharing.configured().hall.clone();

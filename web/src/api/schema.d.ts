@@ -3479,6 +3479,12 @@ export interface components {
              */
             name: string;
             /**
+             * @description The URL of the gateway that has the robot, if several share a database; `null` if none has it at the
+             *     moment, as far as is known, and for a gateway with a store of its own.
+             * @example https://gateway-2:9780
+             */
+            owner: string | null;
+            /**
              * @description Whether the gateway reaches its panel, the person at the machine: twins and the robot of `r6 up` have
              *     one.
              */

@@ -161,6 +161,7 @@ class FakeRobot {
       twin: null,
       guard: null,
       twin_of: null,
+      owner: null,
       lease: this.behind === "" ? null : { number: 1, holder: `op-1${this.behind}`, expires_in_ms: 60_000 },
       stopped: false,
       stopped_by: null,

@@ -47,6 +47,11 @@ pub struct RobotSummary {
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub panel: bool,
+    /// The URL of the gateway that has the robot, if several share a database; `null` if none has it at the
+    /// moment, as far as is known, and for a gateway with a store of its own.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true, example = "https://gateway-2:9780"))]
+    pub owner: Option<String>,
     /// Whether it can be reached.
     pub link: RobotLink,
     /// What it says of itself; `null` until it was read.

@@ -288,6 +288,8 @@ impl Shown for Far {
         let copied = held.copied();
         let passed = millis(clock::now().since(copied.summed_at));
         let mut summary = copied.summary.clone();
+        // While no gateway tells of it, it is not known which one has it.
+        summary.owner = summary.owner.filter(|_| held.owner.is_some());
         if let Some(lease) = &mut summary.lease {
             lease.expires_in_ms = lease.expires_in_ms.saturating_sub(passed);
         }

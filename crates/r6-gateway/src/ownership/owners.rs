@@ -53,6 +53,8 @@ struct Both {
 struct Held {
     /// The number of this gateway.
     number: u64,
+    /// Where it is found.
+    url: String,
     /// What it owns, by what it is.
     terms: BTreeMap<Owned, Term>,
     /// What others own that live, and their numbers, at the last look that the store answered.
@@ -105,15 +107,21 @@ impl Owners {
         Self(Some(Arc::new(Both { held: Mutex::default(), peers })))
     }
 
+    /// Where this gateway is found, if others share its store.
+    #[must_use]
+    pub fn url(&self) -> Option<String> {
+        self.with(|held| held.url.clone())
+    }
+
     /// Whether no other gateway shares the store.
     #[must_use]
     pub fn is_alone(&self) -> bool {
         self.0.is_none()
     }
 
-    /// This gateway has this number from now on.
-    pub fn set_number(&self, number: u64) {
-        self.with(|held| held.number = number);
+    /// This gateway has this number from now on, and is found there.
+    pub fn set_number(&self, number: u64, url: &str) {
+        self.with(|held| (held.number, held.url) = (number, url.to_owned()));
     }
 
     /// This gateway has taken this. `answered`: when the store said so.
@@ -444,7 +452,7 @@ mod tests {
     #[test]
     fn a_pass_has_an_end_and_an_owner_lasts_as_long_as_its_beat() {
         let owners = Owners::shared(Peers::new().unwrap());
-        owners.set_number(2);
+        owners.set_number(2, "http://here");
         assert!(owners.admit(pass(u64::MAX), b"").is_none(), "the time is not known");
         let press = Owned::Robot(RobotName::new("press").unwrap());
         let seen = Seen {

@@ -236,6 +236,7 @@ fn unknown(config: &RobotConfig) -> RobotState {
         managed_by: config.managed_by,
         model: config.model.clone(),
         guard: config.guard.as_ref().map(|guard| guard.told().clone()),
+        owner: None,
         link: RobotLink::Down,
         r#virtual: None,
         twin_of: None,

@@ -75,6 +75,9 @@ async fn any_gateway_tells_of_all_robots() {
     let other = Here::start(&url, &token, &robots).await;
     let seen = listed(&other, "press", |robot| robot["link"] == "up").await;
     assert_eq!((&seen["lease"]["holder"], seen["stopped"].as_bool()), (&json!("token 1"), Some(false)));
+    let door = format!("http://{}", one.gateway.address());
+    assert_eq!(seen["owner"], door.as_str());
+    assert_eq!(one.call("GET", "/v1/robots/press", None).await.1["owner"], door.as_str());
     let (_, list) = other.call("GET", "/v1/robots", None).await;
     assert_eq!(list["robots"].as_array().unwrap().len(), 2, "{list}");
 
@@ -242,6 +245,7 @@ async fn whether_a_stop_holds_is_told_of_a_robot_whose_gateway_cannot_be_reached
     let other = Here::start(&url, &token, &robots).await;
     let seen = listed(&other, "press", |_| true).await;
     assert_eq!((&seen["link"], &seen["stopped"]), (&json!("down"), &json!(false)));
+    assert_eq!(seen["owner"], Value::Null, "no gateway tells that it has it");
     let mut live = Stream::open(other.gateway.address(), &token, "/v1/live?events=true", "").await;
     until(&mut live, |kind, _| kind == "snapshot").await;
     let (status, stopped) = one.call("POST", "/v1/robots/press/stop", None).await;

@@ -16,6 +16,7 @@ impl Station {
     /// The robot without its values.
     pub fn summary(&self) -> RobotSummary {
         let RobotConfig { address, managed_by, model, guard, twin_of, twin, panel, .. } = self.config();
+        let owner = self.shared.owners.url();
         self.seat(|seat, now| {
             let (stopped, stops_under_way) = seat.stops();
             let identity_changed = seat.identity_change();
@@ -36,6 +37,7 @@ impl Station {
                 managed_by,
                 model,
                 guard: guard.map(|guard| guard.told().clone()),
+                owner,
                 link: if seat.is_up() { RobotLink::Up } else { RobotLink::Down },
                 // What another machine of this name was says nothing about what is at this address.
                 r#virtual: if twin_of.is_some() { Some(true) } else { named.filter(|_| is_met) },
