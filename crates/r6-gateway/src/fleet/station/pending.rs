@@ -33,6 +33,9 @@ const SHARED_WITHIN: Duration = Duration::from_secs(2);
 const WRITES_ON: Duration = Duration::from_secs(600);
 const WRITES_AGAIN: Duration = Duration::from_millis(500);
 
+/// For how long they are written at least: a command that was under way ends within 3 s.
+const WRITES_AT_LEAST: Duration = Duration::from_secs(5);
+
 /// How often to look whether it has.
 const LOOK_AT_STORE: Duration = Duration::from_millis(10);
 
@@ -68,7 +71,7 @@ impl Station {
 
     /// Writes a record now, behind the records that wait. Returns its number.
     pub(in crate::fleet) async fn append(&self, record: AuditRecord) -> Result<u64, StoreError> {
-        Ok(self.pending.write(&self.term.keeper, Some(record)).await?.unwrap_or_default())
+        Ok(self.pending.write(&self.term.keeper, Some(record), |_| true).await?.unwrap_or_default())
     }
 
     /// Writes the state of the seat to the store, if it changed.
@@ -88,24 +91,28 @@ impl Station {
 
     /// Writes the records that wait. When this returns, they are on the disk.
     pub(in crate::fleet) async fn write_pending(&self) -> Result<(), StoreError> {
-        self.pending.write(&self.term.keeper, None).await.map(drop)
+        self.pending.write(&self.term.keeper, None, |_| true).await.map(drop)
     }
 
     /// Writes the records that are left after the term, for [`WRITES_ON`] at most: what happened belongs in
-    /// the audit log, whichever gateway has the robot by now.
+    /// the audit log, whichever gateway has the robot by now. Only outcomes are left to the next owner, which
+    /// writes that they are unknown: a command has one.
     pub(in crate::fleet) async fn write_last(&self) {
         let (begun, mut outage) = (clock::now(), Outage::default());
-        while self.pending.waits().await {
-            let written = self.pending.write(&self.shared.keeper, None).await;
+        loop {
+            let written = self.pending.write(&self.shared.keeper, None, |record| !is_outcome(record)).await;
             outage.note(&format!("the last records of {} cannot be written", self.name()), &written);
-            if written.is_err() && clock::now().since(begun) >= WRITES_ON {
+            let passed = clock::now().since(begun);
+            if written.is_err() && passed >= WRITES_ON {
                 let records = self.records_waiting();
                 tracing::error!(robot = self.name(), records, "the audit log does not get its last records");
                 return;
             }
-            if written.is_err() {
-                tokio::time::sleep(WRITES_AGAIN).await;
+            // What was under way may still tell of its end.
+            if written.is_ok() && passed >= WRITES_AT_LEAST {
+                return;
             }
+            tokio::time::sleep(WRITES_AGAIN).await;
         }
     }
 
@@ -186,22 +193,17 @@ impl Pending {
         self.records().is_empty()
     }
 
-    /// Whether a record waits, once those are written, or not, that are on their way.
-    async fn waits(&self) -> bool {
-        let _turn = self.writing.lock().await;
-        !self.is_empty()
-    }
-
-    /// Writes what waits, and then this one, whose number it returns. Once it is on its way it goes on if the
+    /// Writes what waits and is wanted, and then this one, whose number it returns. What is not wanted goes. Once it is on its way it goes on if the
     /// caller is gone: otherwise it would not be known whether it has to be written again. If it fails, what
     /// waited waits again, before what came since.
     async fn write(
         self: &Arc<Self>,
         keeper: &Keeper,
         last: Option<AuditRecord>,
+        is_wanted: impl Fn(&AuditRecord) -> bool,
     ) -> Result<Option<u64>, StoreError> {
         let turn = Arc::clone(&self.writing).lock_owned().await;
-        let waiting: Vec<_> = self.records().drain(..).collect();
+        let waiting: Vec<_> = self.records().drain(..).filter(is_wanted).collect();
         if waiting.is_empty() && last.is_none() {
             return Ok(None);
         }
@@ -223,6 +225,11 @@ impl Pending {
     fn records(&self) -> MutexGuard<'_, VecDeque<AuditRecord>> {
         self.records.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Whether it says how something ended whose begin is in the audit log.
+fn is_outcome(record: &AuditRecord) -> bool {
+    matches!(record.deed, Deed::CommandOutcome { .. } | Deed::RunOutcome { .. })
 }
 
 fn push(pending: &mut VecDeque<AuditRecord>, record: AuditRecord) {
