@@ -205,7 +205,7 @@ impl Fleet {
             }
         }
         aborts.iter().for_each(tokio::task::AbortHandle::abort);
-        station.cut();
+        station.cut(cause);
         // The robot is not held up for them.
         tokio::spawn(async move { station.write_last().await });
     }

@@ -369,8 +369,8 @@ impl Station {
     }
 
     /// Ends the robot here at once: nothing is permitted any more, and there is no connection.
-    pub(super) fn cut(&self) {
-        self.seat(|seat, _| seat.close(LeaseEnd::GatewayEnded));
+    pub(super) fn cut(&self, cause: LeaseEnd) {
+        self.seat(|seat, _| seat.close(cause));
         if let Some(robot) = self.robot.send_replace(None) {
             robot.disconnect();
         }
