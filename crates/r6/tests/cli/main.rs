@@ -26,5 +26,6 @@ mod sim;
 mod stopping;
 mod streaming;
 mod support;
+mod told_by_gateway;
 mod twins;
 mod unwritten;
