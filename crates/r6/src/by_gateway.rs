@@ -482,11 +482,34 @@ impl GatewayRobot {
         &self,
         work: impl AsyncFnOnce(&Lease) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
-        let lease: Lease = self.post("/lease", &LeaseRequest::default()).await?;
+        let lease = self.acquire().await?;
         let done = work(&lease).await;
         // It ends by itself within 10 s if this fails.
         let _ = self.release(&lease.lease).await;
         done
+    }
+
+    /// Takes the lease that is free. If that fails, nothing has left for the robot, whatever became of the
+    /// lease.
+    async fn acquire(&self) -> Result<Lease, Failure> {
+        let (path, request) = (self.path("/lease"), LeaseRequest::default());
+        let taken = self.gateway.ask(Method::POST, &path, None, &request, Exit::NoReply).await;
+        let taken = taken.and_then(|answer| {
+            let read = serde_json::from_slice(&answer);
+            read.map_err(|error| self.gateway.unclear(&path, &error.to_string(), Exit::NoReply))
+        });
+        taken.map_err(|failure| {
+            let failure = match failure.exit() {
+                Exit::Unknown => failure.with_exit(Exit::NoReply).with_code(Code::NoReply),
+                Exit::Done | Exit::Refused | Exit::Usage | Exit::NoReply => failure,
+            };
+            match failure.code() {
+                Code::NoReply => failure
+                    .lead("nothing was sent to the robot")
+                    .advise("the lease may have been taken: then it ends within 10 s. Try again"),
+                _ => failure,
+            }
+        })
     }
 
     /// Gives the lease back.

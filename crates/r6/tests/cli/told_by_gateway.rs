@@ -175,3 +175,16 @@ fn a_stop_that_reaches_no_gateway_names_the_emergency_stop_and_other_gateways() 
     assert_eq!(silent.code, 4, "{silent:?}");
     assert!(!silent.err.contains("not sent") && silent.err.contains("emergency stop"), "{}", silent.err);
 }
+
+#[test]
+fn a_command_that_failed_at_its_lease_did_not_act() {
+    let lost: [fn() -> Answer; 2] = [|| Answer::Nothing, || problem(504, "outcome_unknown")];
+    for (number, answer) in lost.into_iter().enumerate() {
+        let fake = Fake::start(&format!("lease-{number}"), move |_| answer());
+        let failed = fake.r6(&["command", "modifyGSPD", "5"]);
+        assert_eq!(failed.code, 3, "{failed:?}");
+        assert!(failed.err.starts_with("r6: nothing was sent to the robot; "), "{}", failed.err);
+        assert!(!failed.err.contains("may have acted"), "{}", failed.err);
+        assert_eq!(fake.asked(), ["POST /v1/robots/press-1/lease"]);
+    }
+}
