@@ -108,6 +108,7 @@ fn a_stop_says_what_is_proved_and_no_more() {
         ("unknown", 504, "outcome_unknown", 4, "it is not known whether the robot was stopped; the text"),
         ("failed", 500, "unknown", 4, "it is not known whether the robot was stopped; the text"),
         // What it answers before.
+        ("unowned", 503, "no_owner", 3, "the stop was not sent; the text"),
         ("full", 503, "overloaded", 1, "the stop was not sent; the text"),
         ("viewer", 403, "not_allowed", 1, "the stop was not sent; the text"),
         ("unnamed", 404, "no_such_robot", 2, "the stop was not sent; the text"),
@@ -187,4 +188,47 @@ fn a_command_that_failed_at_its_lease_did_not_act() {
         assert!(!failed.err.contains("may have acted"), "{}", failed.err);
         assert_eq!(fake.asked(), ["POST /v1/robots/press-1/lease"]);
     }
+}
+
+/// A robot in a list.
+fn listed(name: &str, link: &str, stopped: bool) -> Value {
+    json!({
+        "name": name, "address": "192.168.1.10:9760", "managed_by": "file", "link": link, "identity": null,
+        "identity_changed": null, "virtual": null, "lease": null, "stopped": stopped, "stops_under_way": 0,
+        "stop_number": 1,
+    })
+}
+
+#[test]
+fn a_robot_without_an_owner_hides_no_other_robot() {
+    let robots = [listed("press-1", "up", false), listed("press-2", "down", true)];
+    let fake = Fake::start("hall", move |what| match what {
+        "GET /v1/robots" => Answer::With(200, json!({ "robots": robots })),
+        "GET /v1/robots/press-1" => {
+            let mut state = robots[0].clone();
+            state["period_ms"] = 100.into();
+            state["epoch"] = 1.into();
+            state["number"] = 1.into();
+            state["signals"] = json!([{
+                "address": "curMode", "value": 7, "unit": null, "quality": "fresh", "age_ms": 5,
+            }]);
+            Answer::With(200, state)
+        }
+        _ => problem(503, "no_owner"),
+    });
+    let status = r6(&fake.args(&["status"]));
+    assert_eq!(status.code, 3, "{status:?}");
+    let lines: Vec<_> = status.out.lines().collect();
+    assert!(lines[1].starts_with("press-1") && lines[1].contains(" running (7) "), "{}", status.out);
+    assert!(lines[2].starts_with("press-2"), "{}", status.out);
+    assert!(lines[2].ends_with("STOPPED; NO GATEWAY answers for it at the moment"), "{}", status.out);
+    let status = r6(&fake.args(&["status", "--json"]));
+    let robots = status.json()["robots"].clone();
+    assert_eq!(
+        (status.code, &robots[0]["problem"], &robots[1]["problem"]["code"]),
+        (3, &Value::Null, &"no_owner".into())
+    );
+
+    let one = r6(&fake.args(&["-r", "press-2", "query", "axis-0", "--json"]));
+    assert_eq!((one.code, &one.json()["code"]), (3, &"no_owner".into()), "{one:?}");
 }
