@@ -9,6 +9,7 @@ mod forged;
 mod gateway;
 mod gateway_calls;
 mod gateway_kills;
+mod gateway_store;
 mod hall;
 mod help;
 mod inspect;
