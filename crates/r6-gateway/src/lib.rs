@@ -101,8 +101,8 @@ pub use crate::http::openapi;
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
 pub use crate::shell::{
-    At, add_user, disable_user, grant_camera, has_certificate, list_cameras, list_tokens, list_users,
-    make_link, make_token, revoke_token,
+    At, add_user, disable_user, grant_camera, has_certificate, is_robot_known, list_cameras, list_tokens,
+    list_users, make_link, make_token, revoke_token,
 };
 pub use crate::store::postgres::Database;
 pub use crate::store::{StoreError, Token};
