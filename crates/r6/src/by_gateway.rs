@@ -389,8 +389,8 @@ impl Gateway {
         let (authority, source) = (self.authority(), &self.source);
         let what = format!("the gateway at {authority} does not know the token of {source}");
         Failure::usage(what).with_code(Code::NoToken).advise(
-            "it was revoked, or it is of another gateway: `r6 gateway token --data DIR --list` shows those of a folder, and `r6 \
-             gateway token --data DIR --role operator` makes one",
+            "it was revoked, or it is of another gateway or store: `r6 gateway token --data DIR --list` shows those of a \
+             folder (with --store URL those of a database), and `r6 gateway token --data DIR --role operator` makes one",
         )
     }
 

@@ -3,7 +3,7 @@
 
 use r6_testkit::postgres::shared;
 
-use crate::gateway_calls::{gateway, token};
+use crate::gateway_calls::{gateway, get, token};
 use crate::support::r6;
 
 #[test]
@@ -66,7 +66,9 @@ fn a_link_for_a_user_of_a_database_needs_the_address_of_a_gateway() {
     };
     let (store, folder) = (server.database(), tempfile::tempdir().unwrap());
     let data = folder.path().join("data").display().to_string();
-    let (_running, _) = gateway(&data, &["--store", &store]);
+    let (_running, here) = gateway(&data, &["--store", &store]);
+    let (_, problem) = get(&here, "r6_00", "/v1/robots");
+    assert!(problem["message"].as_str().unwrap().ends_with("it is of another store"), "{problem}");
     let user = |args: &[&str]| r6(&[&["gateway", "user", "--store", &store], args].concat());
     let add = ["--add", "ben", "--role", "viewer"];
     let refused = user(&add);

@@ -10,6 +10,9 @@ use r6_gateway::{At, Database};
 use crate::exit::Failure;
 use crate::text_file;
 
+/// What the URL of a database begins with.
+const SCHEMES: [&str; 2] = ["postgres://", "postgresql://"];
+
 /// The variable with the name of a file of passwords.
 const PASSWORD_FILE: &str = "PGPASSFILE";
 
@@ -26,6 +29,9 @@ impl StoreUrl {
     /// # Errors
     /// None.
     pub fn read(text: &str) -> Result<Self, Infallible> {
+        if !SCHEMES.iter().any(|scheme| text.starts_with(scheme)) {
+            return Ok(Self(Err(format!("it has to begin with {}", SCHEMES.join(" or ")))));
+        }
         Ok(Self(Database::parse(text)))
     }
 
