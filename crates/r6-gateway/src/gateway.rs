@@ -31,6 +31,7 @@ use crate::fleet::config::RobotConfig;
 use crate::fleet::roads::Roads;
 use crate::fleet::roster::{self, Changes};
 use crate::fleet::station::{Shared, by_itself};
+use crate::folder;
 use crate::history::{HistorySettings, Recorder};
 use crate::http::{self, Cookie, State};
 use crate::outage::Outage;
@@ -41,7 +42,7 @@ use crate::settings::Settings;
 use crate::sharing::{self, Configured, Running, Sharing};
 use crate::store::history::Place;
 use crate::store::postgres::Database;
-use crate::store::{HISTORY, Keeper, Sqlite, Store, StoreError};
+use crate::store::{FILE, HISTORY, Keeper, Sqlite, Store, StoreError};
 use crate::tokens::{REFRESH, Tokens};
 
 /// How long the last samples may take at the end.
@@ -89,6 +90,10 @@ pub enum GatewayError {
     InUse(PathBuf),
     /// The folder is a backup.
     IsBackup(PathBuf),
+    /// The folder is of a gateway whose store is in a database, and no database was given.
+    OfDatabase(PathBuf),
+    /// The folder has a store in it, and a database was given.
+    HasStore(PathBuf),
     /// The store cannot be used.
     Store(StoreError),
     /// The robots cannot be looked after: a mistake in their configuration.
@@ -120,6 +125,18 @@ impl fmt::Display for GatewayError {
                 f,
                 "{} is a backup: make the folder of a gateway of it with `r6 gateway restore`, after which stops hold",
                 folder.display()
+            ),
+            Self::OfDatabase(folder) => write!(
+                f,
+                "{} is of a gateway with --store, and its users, leases and stops are in the database: give --store \
+                 URL, or take another folder for --data",
+                folder.display()
+            ),
+            Self::HasStore(folder) => write!(
+                f,
+                "{folder} has the users, leases and stops of a gateway without --store; none of them holds here: take \
+                 another folder for --data, or move {folder}/{FILE} away if nothing in it is needed",
+                folder = folder.display()
             ),
             Self::Store(error) => error.fmt(f),
             Self::Robots(problem) => f.write_str(&problem.message),
@@ -176,6 +193,9 @@ impl Gateway {
         }
         if let Some(database) = settings.store.clone() {
             return Self::share(settings, database).await;
+        }
+        if folder::is_of_database(&settings.data) {
+            return Err(GatewayError::OfDatabase(settings.data));
         }
         let mut store = Sqlite::open(&settings.data)?;
         let lock = lock(&settings.data)?;
@@ -239,9 +259,13 @@ impl Gateway {
                 "twins cannot be used with --store yet: they live in one process",
             ));
         }
+        if folder::has_store(&settings.data) {
+            return Err(GatewayError::HasStore(settings.data));
+        }
         roster::check(&settings.robots).map_err(GatewayError::Robots)?;
         files::make_folder(&settings.data).map_err(GatewayError::System)?;
         let lock = lock(&settings.data)?;
+        folder::mark(&settings.data).map_err(GatewayError::System)?;
         let listen = settings.listen;
         let certificate = Certificate::open(&settings.tls, &settings.data, listen.ip(), &settings.names)?;
         let failed = |error| GatewayError::Listen { option: "--listen", address: listen, error };

@@ -56,6 +56,7 @@ mod clock;
 mod core;
 mod files;
 mod fleet;
+mod folder;
 mod gateway;
 mod history;
 mod http;
@@ -94,14 +95,15 @@ pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
 pub use crate::fleet::guard::Guard;
 pub use crate::fleet::panel::Panel;
 pub use crate::fleet::roster::Changes;
+pub use crate::folder::is_of_database;
 pub use crate::gateway::{Gateway, GatewayError, GatewaySettings};
 pub use crate::history::{HistorySettings, LEAST_MAX_BYTES};
 pub use crate::http::openapi;
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
 pub use crate::shell::{
-    At, add_user, disable_user, grant_camera, has_certificate, list_cameras, list_tokens, list_users,
-    make_link, make_token, revoke_token,
+    At, add_user, disable_user, grant_camera, has_certificate, is_robot_known, list_cameras, list_tokens,
+    list_users, make_link, make_token, revoke_token,
 };
 pub use crate::store::postgres::Database;
 pub use crate::store::{StoreError, Token};

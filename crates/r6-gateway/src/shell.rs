@@ -11,6 +11,7 @@ use crate::core::account::{Account, UserName, Wish};
 use crate::core::camera::{Camera, CameraGrant};
 use crate::core::name::RobotName;
 use crate::core::role::Grant;
+use crate::core::seat::Saved;
 use crate::store::postgres::session::Hand;
 use crate::store::postgres::{Database, Postgres};
 use crate::store::{Author, NewGrant, NewToken, Sqlite, Store, StoreError, Token, UserChange};
@@ -96,6 +97,17 @@ pub fn grant_camera(
 ) -> Result<bool, StoreError> {
     let new = NewGrant { robot, camera, token };
     at.into().open_existing()?.grant_camera(&new, &Author::shell(clock::time_of_day()))
+}
+
+/// Whether the store knows a robot of this name: it was added over HTTP, or a gateway has looked after it.
+/// A robot that only the file of a gateway names is not known before its first connection.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn is_robot_known(at: impl Into<At>, robot: &RobotName) -> Result<bool, StoreError> {
+    let mut store = at.into().open_to_read()?;
+    let was_added = store.robots()?.iter().any(|known| known.name == *robot);
+    Ok(was_added || store.seat(robot)? != Saved::default())
 }
 
 /// The grants of cameras of all robots, by robot, camera and token.

@@ -102,7 +102,7 @@ impl std::fmt::Display for SendError {
             Self::TooLong { bytes, limit } => write!(
                 f,
                 "the frame has {bytes} bytes, but the controller takes {limit}: send fewer instructions in one list \
-                 and append the rest"
+                 and append the rest, or fewer points in a request"
             ),
             Self::OutputFull { limit } => {
                 write!(f, "{limit} bytes wait to be written already: the connection takes nothing")

@@ -170,6 +170,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "clock",
         "files",
         "fleet",
+        "folder",
         "gateway",
         "history",
         "http",

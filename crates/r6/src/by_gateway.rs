@@ -12,7 +12,7 @@ use hyper::header::{AUTHORIZATION, CONTENT_TYPE, HOST};
 use hyper::{Method, Request, StatusCode, Uri};
 use r6_api::gateway::{
     CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, PanelDone, PanelRequest, ProgramWanted,
-    Queried, RobotState, Robots, Run, RunRequest, Stopped, WithLease,
+    Queried, RobotState, RobotSummary, Robots, Run, RunRequest, Stopped, WithLease,
 };
 use r6_api::panel::Snapshot;
 use r6_api::{Code, Problem};
@@ -210,6 +210,14 @@ fn is_this_machine(host: &str) -> bool {
     host == "localhost" || address.is_ok_and(|address| address.is_loopback())
 }
 
+/// A robot in a list of all robots.
+pub struct ListedRobot {
+    /// What is known of it.
+    pub state: RobotState,
+    /// Why its owner did not tell: several gateways share a store, and none owns it, or its owner is away.
+    pub no_owner: Option<Failure>,
+}
+
 /// A gateway, and the token for it.
 pub struct Gateway {
     http: HttpClient,
@@ -242,19 +250,29 @@ impl Gateway {
         self.read("/v1/robots").await
     }
 
-    /// The states of these robots. A robot that was removed meanwhile is left out.
+    /// The states of these robots. A robot that was removed meanwhile is left out. Of a robot that no gateway
+    /// owns at the moment, or whose owner does not answer, there is the list's word and no value.
     ///
     /// They are read one after another: the gateway has no request for the values of all robots.
-    pub async fn states(&self, robots: &Robots) -> Result<Vec<RobotState>, Failure> {
+    pub async fn states(
+        &self,
+        robots: impl Iterator<Item = &RobotSummary>,
+    ) -> Result<Vec<ListedRobot>, Failure> {
         let mut states = Vec::new();
-        for (number, robot) in robots.robots.iter().enumerate() {
+        for (number, robot) in robots.enumerate() {
             if number >= AT_ONCE {
                 tokio::time::sleep(APART).await;
             }
             let path = format!("/v1/robots/{}", in_path(&robot.name));
             match self.read(&path).await {
-                Ok(state) => states.push(state),
+                Ok(state) => states.push(ListedRobot { state, no_owner: None }),
                 Err(failure) if failure.code() == Code::NoSuchRobot => {}
+                Err(failure) if failure.code() == Code::NoOwner => {
+                    let summary = robot.clone();
+                    let state =
+                        RobotState { summary, period_ms: 0, epoch: 0, number: 0, signals: Vec::new() };
+                    states.push(ListedRobot { state, no_owner: Some(failure) });
+                }
                 Err(failure) => return Err(failure),
             }
         }
@@ -371,8 +389,8 @@ impl Gateway {
         let (authority, source) = (self.authority(), &self.source);
         let what = format!("the gateway at {authority} does not know the token of {source}");
         Failure::usage(what).with_code(Code::NoToken).advise(
-            "it was revoked, or it is of another gateway: `r6 gateway token --data DIR --list` shows those of a folder, and `r6 \
-             gateway token --data DIR --role operator` makes one",
+            "it was revoked, or it is of another gateway or store: `r6 gateway token --data DIR --list` shows those of a \
+             folder (with --store URL those of a database), and `r6 gateway token --data DIR --role operator` makes one",
         )
     }
 
@@ -402,6 +420,8 @@ fn failure(status: StatusCode, problem: Problem, lost: Exit) -> Failure {
     let failure = match (code, status.as_u16()) {
         (Code::OutcomeUnknown | Code::NotStopped, _) => Failure::unknown(message),
         (Code::NoReply | Code::NoConnection | Code::Unreachable, _) => Failure::no_reply(message),
+        (Code::NoOwner, _) => Failure::no_reply(message)
+            .advise("ask again: another gateway takes the robot within seconds, if one can"),
         (Code::Stopped, _) => {
             Failure::refused(message).advise(format!("`{}` clears the stop", hint::r6("stop --clear")))
         }
@@ -482,11 +502,34 @@ impl GatewayRobot {
         &self,
         work: impl AsyncFnOnce(&Lease) -> Result<T, Failure>,
     ) -> Result<T, Failure> {
-        let lease: Lease = self.post("/lease", &LeaseRequest::default()).await?;
+        let lease = self.acquire().await?;
         let done = work(&lease).await;
         // It ends by itself within 10 s if this fails.
         let _ = self.release(&lease.lease).await;
         done
+    }
+
+    /// Takes the lease that is free. If that fails, nothing has left for the robot, whatever became of the
+    /// lease.
+    async fn acquire(&self) -> Result<Lease, Failure> {
+        let (path, request) = (self.path("/lease"), LeaseRequest::default());
+        let taken = self.gateway.ask(Method::POST, &path, None, &request, Exit::NoReply).await;
+        let taken = taken.and_then(|answer| {
+            let read = serde_json::from_slice(&answer);
+            read.map_err(|error| self.gateway.unclear(&path, &error.to_string(), Exit::NoReply))
+        });
+        taken.map_err(|failure| {
+            let failure = match failure.exit() {
+                Exit::Unknown => failure.with_exit(Exit::NoReply).with_code(Code::NoReply),
+                Exit::Done | Exit::Refused | Exit::Usage | Exit::NoReply => failure,
+            };
+            match failure.code() {
+                Code::NoReply => failure
+                    .lead("nothing was sent to the robot")
+                    .advise("the lease may have been taken: then it ends within 10 s. Try again"),
+                _ => failure,
+            }
+        })
     }
 
     /// Gives the lease back.
@@ -581,6 +624,7 @@ mod tests {
         assert_eq!(exit(504, Code::NotStopped), Exit::Unknown);
         assert_eq!(exit(504, Code::NoReply), Exit::NoReply);
         assert_eq!(exit(503, Code::Unreachable), Exit::NoReply);
+        assert_eq!(exit(503, Code::NoOwner), Exit::NoReply);
         assert_eq!(exit(503, Code::StoreUnavailable), Exit::Refused);
         assert_eq!(exit(409, Code::Leased), Exit::Refused);
         assert_eq!(exit(403, Code::NotAllowed), Exit::Refused);

@@ -18,16 +18,21 @@ const REFRESH_EVERY: Duration = Duration::from_secs(1);
 /// Runs `work`. After a second, stderr says what it waits for: a terminal shows the seconds, everything else
 /// gets one line.
 pub async fn told<T>(what: &str, work: impl Future<Output = T>) -> T {
+    told_after(SAID_AFTER, what, work).await
+}
+
+/// The same after another time than a second.
+pub async fn told_after<T>(after: Duration, what: &str, work: impl Future<Output = T>) -> T {
     let begun = Instant::now();
     let mut work = pin!(work);
-    if let Ok(done) = timeout(SAID_AFTER, &mut work).await {
+    if let Ok(done) = timeout(after, &mut work).await {
         return done;
     }
     if !std::io::stderr().is_terminal() {
         output::note(format_args!("r6: {what} …"));
         return work.await;
     }
-    let mut ticks = interval_at(begun + SAID_AFTER, REFRESH_EVERY);
+    let mut ticks = interval_at(begun + after, REFRESH_EVERY);
     loop {
         tokio::select! {
             biased;

@@ -233,7 +233,10 @@ impl Caller {
         };
         let token = known.ok_or_else(|| {
             let message = match token {
-                Some(_) => "this token is not valid: it was revoked, or it is of another gateway",
+                Some(_) if state.shared.owners.is_alone() => {
+                    "this token is not valid: it was revoked, or it is of another gateway"
+                }
+                Some(_) => "this token is not valid: it was revoked, or it is of another store",
                 None => "send `Authorization: Bearer TOKEN`; `r6 gateway token` makes one",
             };
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)

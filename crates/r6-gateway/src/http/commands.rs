@@ -16,6 +16,10 @@ use crate::core::seat::Denied;
 use crate::fleet::command::Once;
 use crate::{problem, traces};
 
+/// What is told of a stop that the shared store did not confirm.
+const STANDS_UNCONFIRMED: &str = "the robot was stopped and the arm stands, but the database did not confirm in time that the stop holds: at \
+     another gateway it may not hold. Use the emergency stop if the arm moves, or stop it again";
+
 /// Sends one command. What changes or moves needs the lease. What stops needs none, and holds until it is
 /// cleared. The audit log has the intent before the command leaves, and the outcome after. A request with the
 /// same `Idempotency-Key` that asks for the same gets the same answer within 24 h, and nothing is sent again;
@@ -141,7 +145,10 @@ pub async fn stop(robot: Robot<Stop>) -> Result<axum::Json<Stopped>, Refusal> {
     let work = traces::spawn(async move {
         let stopped = station.stop(&caller.by()).await;
         let written = station.written_for_others().await;
-        stopped.and_then(|stopped| written.map(|()| stopped))
+        stopped.and_then(|stopped| match written {
+            Ok(()) => Ok(stopped),
+            Err(unwritten) => Err(problem::Problem { message: STANDS_UNCONFIRMED.to_owned(), ..unwritten }),
+        })
     });
     work.await.map_err(refusal::of_lost_work)?.map(axum::Json).map_err(refusal::of)
 }

@@ -38,5 +38,7 @@ mod streams;
 mod support;
 mod tls;
 mod twins;
+#[cfg(unix)]
+mod unconfirmed;
 mod unread;
 mod users;

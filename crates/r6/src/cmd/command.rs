@@ -94,7 +94,11 @@ pub async fn run_by_gateway(args: CommandArgs, gateway: ByGateway) -> Result<Exi
     let waiting = format!("waiting for an answer of {}", robot.name());
     let done = waiting::told(&waiting, async {
         match command.name().effect() {
-            Effect::Stops => robot.command(&request).await,
+            Effect::Stops => robot.command(&request).await.map_err(|failure| match failure.code() {
+                // Of a command that stops, the gateway says this only after the controller accepted it.
+                Code::StoreUnavailable => accepted_and_not_confirmed(command.name(), robot.name()),
+                _ => failure,
+            }),
             Effect::Reads | Effect::Changes | Effect::Moves => {
                 let with = async |lease: &Lease| {
                     let request = CommandRequest { lease: Some(lease.lease.clone()), ..request };
@@ -107,6 +111,16 @@ pub async fn run_by_gateway(args: CommandArgs, gateway: ByGateway) -> Result<Exi
     let done = done.await?;
     show_accepted(robot.name(), &command, done.after_ms, args.json);
     Ok(Exit::Done)
+}
+
+/// The failure of a command that stops, if the database of several gateways did not confirm that it holds.
+fn accepted_and_not_confirmed(name: CommandName, robot: &str) -> Failure {
+    Failure::unknown(format!(
+        "{name} was accepted by {robot}, but the database has not confirmed that the stop holds: another gateway may \
+         let the arm move again"
+    ))
+    .with_code(Code::StoreUnavailable)
+    .advise(format!("use the emergency stop if the arm moves; `{}` stops again", hint::r6("stop")))
 }
 
 /// The command of the command line; `None` if none was given.

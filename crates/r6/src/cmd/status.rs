@@ -1,6 +1,7 @@
 //! `r6 status`: the machine at a glance, and whether it takes motion.
 
 use clap::Args;
+use r6_api::gateway::{RobotLink, RobotSummary};
 use r6_client::Readiness;
 
 use crate::by_gateway::ByGateway;
@@ -21,7 +22,8 @@ another program runs, that is NOT READY. The exit code is 1 for NOT READY, \
 and 0 for UNKNOWN and READY; with --json, `ready` is true, false, or null for UNKNOWN.
 
 With --gateway-url it shows what the gateway knows: its robots with mode and alarm, or with --robot NAME one robot \
-with its values and how old they are. The exit code is 1 if a robot cannot be reached, is stopped, or was exchanged.
+with its values and how old they are. The exit code is 1 if a robot cannot be reached, is stopped, or was exchanged, \
+and 3 if no gateway answers for a robot at the moment: its row says so, and with --json it has the member `problem`.
 
 Examples:
   r6 status
@@ -67,14 +69,18 @@ pub async fn run_by_gateway(args: StatusArgs, gateway: ByGateway) -> Result<Exit
     }
     let waiting = format!("waiting for an answer of {}", gateway.url().unwrap_or_default());
     if !gateway.has_robot() {
-        let robots = waiting::told(&waiting, gateway.gateway()?.robots()).await?;
+        let gateway = gateway.gateway()?;
+        let robots = waiting::told(&waiting, gateway.robots()).await?;
+        // The list says of such a robot that its link is down.
+        let is_read = |robot: &&RobotSummary| !args.json || robot.link == RobotLink::Down;
+        let read = gateway.states(robots.robots.iter().filter(is_read));
+        let read = waiting::told(&waiting, read).await?;
         if args.json {
-            output::json_pretty(&robots);
+            output::json_pretty(&hall::object(&robots, &read));
         } else {
-            let states = waiting::told(&waiting, gateway.gateway()?.states(&robots)).await?;
-            output::line(hall::robots(&states));
+            output::line(hall::robots(&read));
         }
-        return Ok(hall::exit(robots.robots.iter()));
+        return Ok(hall::exit_of_all(&robots, &read));
     }
     let robot = gateway.robot().await?;
     let state = waiting::told(&waiting, robot.state()).await?;

@@ -1,6 +1,9 @@
 //! `r6 stop`: ends the motion and clears the list.
 
+use std::time::Duration;
+
 use clap::Args;
+use r6_api::gateway::Lease;
 use r6_client::{Invalid, NotSent, RequestError, StopReport};
 use r6_proto::printable;
 
@@ -17,6 +20,17 @@ const NO_EMERGENCY_STOP: &str = "This is an ordinary command over a network, not
 
 /// What stderr says during a stop.
 pub const UNDER_WAY: &str = "the stop is under way: waiting until the arm is seen to stand";
+
+/// What stderr says at the first signal during a stop.
+const GOES_ON: &str =
+    "the stop is under way and goes on to its end; once more ends this program without waiting for it";
+
+/// The same while a gateway has not answered: it is not known whether it stops the robot.
+const STILL_ASKING: &str =
+    "the gateway has not answered, and this program goes on waiting; once more ends it without an answer";
+
+/// When to say that a gateway does not answer. It answers within milliseconds if the arm stands.
+const NO_ANSWER_AFTER: Duration = Duration::from_secs(2);
 
 /// End the motion and clear the instruction list (not an emergency stop)
 #[derive(Debug, Args)]
@@ -36,7 +50,9 @@ if stdout cannot be written: the stop was sent, and its result could not be told
 Ctrl-C and a closed terminal do not end a stop that is under way; Ctrl-C twice does, with exit code 4.
 
 With --gateway-url the gateway stops the robot. The stop holds: after it, nothing that moves the robot is \
-sent by the gateway, until `r6 stop --clear` or another holder of its lease clears it.
+sent by the gateway, until `r6 stop --clear` or another holder of its lease clears it. If there are several \
+gateways, each of them can stop each robot: ask another one if this one does not answer. Exit code 4 then also \
+means that the arm was seen to stand, and that their database has not confirmed that the stop holds.
 
 Examples:
   r6 stop
@@ -65,7 +81,8 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
         RequestError::Refused(_) | RequestError::OutcomeUnknown(_) => error,
     })?;
     output::acts();
-    let result = to_its_end(connected.stop()).await?;
+    let stop = waiting::told(UNDER_WAY, connected.stop());
+    let result = to_its_end(stop, GOES_ON, given_up).await?;
     let result = result.map_err(|error| robot::told_of(&connected, error.into()));
     let address = connected.address().to_owned();
     connected.close().await;
@@ -84,14 +101,24 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 
 /// Stops a robot of a gateway, or clears its stop, and prints what the gateway answers.
 pub async fn run_by_gateway(args: StopArgs, gateway: ByGateway) -> Result<Exit, Failure> {
-    let robot = gateway
-        .robot()
-        .await
-        .map_err(|failure| failure.lead("the stop was not sent").with_code(Code::NotStopped))?;
+    let url = gateway.url().unwrap_or_default();
+    let no_answer = format!(
+        "no answer of {url} yet: use the emergency stop if the arm moves; another gateway may answer"
+    );
+    let robot = waiting::told_after(NO_ANSWER_AFTER, &no_answer, gateway.robot());
+    let robot = robot.await.map_err(not_sent)?;
     output::acts();
     let name = printable(robot.name()).to_string();
     if args.clear {
-        robot.with_lease(async |lease| robot.clear_stopped(&lease.lease).await).await?;
+        let clear = async |lease: &Lease| {
+            let cleared = robot.clear_stopped(&lease.lease).await;
+            cleared.map_err(|failure| match failure.code() {
+                // Of a clearing, the gateway says this only after it has cleared the stop.
+                Code::StoreUnavailable => cleared_and_not_confirmed(&name),
+                _ => failure,
+            })
+        };
+        robot.with_lease(clear).await?;
         if args.json {
             output::json(&serde_json::json!({ "robot": name, "cleared": true }));
         } else {
@@ -103,16 +130,9 @@ pub async fn run_by_gateway(args: StopArgs, gateway: ByGateway) -> Result<Exit, 
         }
         return Ok(Exit::Done);
     }
-    let stopped = to_its_end(robot.stop()).await?.map_err(|failure| {
-        let failure = failure.with_code(Code::NotStopped);
-        match failure.exit() {
-            Exit::Unknown => failure.advise(format!(
-                "use the emergency stop if the arm moves; `{}` stops again",
-                hint::r6("stop")
-            )),
-            Exit::Done | Exit::Refused | Exit::Usage | Exit::NoReply => failure.lead("the stop was not sent"),
-        }
-    })?;
+    let stop = waiting::told_after(NO_ANSWER_AFTER, &no_answer, robot.stop());
+    let stopped = to_its_end(stop, STILL_ASKING, no_answer_at_all).await?;
+    let stopped = stopped.map_err(|failure| not_confirmed(failure, &name))?;
     if args.json {
         output::json(&serde_json::json!({
             "robot": name, "confirmed": stopped.confirmed, "took_ms": stopped.took_ms,
@@ -125,10 +145,62 @@ pub async fn run_by_gateway(args: StopArgs, gateway: ByGateway) -> Result<Exit, 
     Ok(if stopped.confirmed { Exit::Done } else { Exit::Unknown })
 }
 
-/// Waits for a stop. The first signal does not interrupt it; the second ends this program.
-async fn to_its_end<T>(stop: impl Future<Output = T>) -> Result<T, Failure> {
+/// The failure of a stop over a gateway that did not leave.
+fn not_sent(failure: Failure) -> Failure {
+    let failure = failure.lead("the stop was not sent").with_code(Code::NotStopped);
+    match failure.exit() {
+        // A name or a token was typed wrong: the advice says what to type.
+        Exit::Usage => failure,
+        Exit::Done | Exit::Refused | Exit::NoReply | Exit::Unknown => failure.advise(stop_otherwise()),
+    }
+}
+
+/// What is known of a stop after the gateway gave no good answer to it.
+fn not_confirmed(failure: Failure, name: &str) -> Failure {
+    match (failure.code(), failure.exit()) {
+        // The gateway gives this answer only after the arm was seen to stand.
+        (Code::StoreUnavailable, _) => Failure::unknown(format!(
+            "the stop was carried out and {name} was seen to stand, but the database has not confirmed that the \
+             stop holds: another gateway may let the arm move again"
+        ))
+        .with_code(Code::StoreUnavailable)
+        .advise(stop_otherwise()),
+        // The text says already that it is not proved that the arm stands.
+        (Code::NotStopped, Exit::Unknown) => failure.advise(stop_otherwise()),
+        (_, Exit::Unknown) => failure
+            .lead("it is not known whether the robot was stopped")
+            .with_code(Code::NotStopped)
+            .advise(stop_otherwise()),
+        (_, Exit::Done | Exit::Refused | Exit::Usage | Exit::NoReply) => not_sent(failure),
+    }
+}
+
+/// The failure of a clearing that the database of several gateways did not confirm.
+fn cleared_and_not_confirmed(name: &str) -> Failure {
+    Failure::unknown(format!(
+        "the stop of {name} was cleared, but the database has not confirmed it: the stop may hold again"
+    ))
+    .with_code(Code::StoreUnavailable)
+    .advise(format!("look with `{}` before you go on", hint::r6("status")))
+}
+
+/// What to do if a stop over a gateway failed.
+fn stop_otherwise() -> String {
+    format!(
+        "use the emergency stop if the arm moves; `{}` stops again, and if there are several gateways, another one \
+         can stop the robot too",
+        hint::r6("stop")
+    )
+}
+
+/// Waits for a stop. The first signal does not interrupt it, and `goes_on` is said; the second ends this
+/// program.
+async fn to_its_end<T>(
+    stop: impl Future<Output = T>,
+    goes_on: &str,
+    given_up: fn() -> Failure,
+) -> Result<T, Failure> {
     let mut ending = Ending::watch()?;
-    let stop = waiting::told(UNDER_WAY, stop);
     tokio::pin!(stop);
     let mut is_signalled = false;
     loop {
@@ -141,9 +213,7 @@ async fn to_its_end<T>(stop: impl Future<Output = T>) -> Result<T, Failure> {
             return Err(given_up());
         }
         is_signalled = true;
-        output::note(
-            "the stop is under way and goes on to its end; once more ends this program without waiting for it",
-        );
+        output::note(goes_on);
     }
 }
 
@@ -152,6 +222,12 @@ fn given_up() -> Failure {
     Failure::unknown("interrupted twice; the stop was under way, and it is not known whether the arm stands")
         .with_code(Code::NotStopped)
         .advise(format!("use the emergency stop if the arm moves; `{}` stops again", hint::r6("stop")))
+}
+
+/// The same before the gateway answered.
+fn no_answer_at_all() -> Failure {
+    let what = "interrupted twice before the gateway answered: it is not known whether it stops the robot";
+    Failure::unknown(what).with_code(Code::NotStopped).advise(stop_otherwise())
 }
 
 /// What to do before the next motion, if the mode shows that the program no longer runs.

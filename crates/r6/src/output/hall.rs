@@ -1,13 +1,15 @@
 //! Robots as a gateway knows them.
 
 use r6_api::AddressValue;
-use r6_api::gateway::{LeaseHolder, RobotLink, RobotState, RobotSummary, SignalQuality};
+use r6_api::gateway::{LeaseHolder, RobotLink, RobotState, RobotSummary, Robots, SignalQuality};
 use r6_proto::{Address, OperationMode, printable};
+use serde_json::{Value, json};
 
+use crate::by_gateway::ListedRobot;
 use crate::exit::Exit;
 use crate::hint;
 use crate::output::table::Table;
-use crate::output::{alarm, readings};
+use crate::output::{alarm, problem, readings};
 
 /// 1 if a robot cannot be reached, is stopped, or was exchanged.
 pub fn exit<'a>(mut robots: impl Iterator<Item = &'a RobotSummary>) -> Exit {
@@ -17,16 +19,41 @@ pub fn exit<'a>(mut robots: impl Iterator<Item = &'a RobotSummary>) -> Exit {
     if robots.all(is_fine) { Exit::Done } else { Exit::Refused }
 }
 
+/// The same for a list of all robots; 3 if no gateway answers for one of them. `read`: those whose state was
+/// read.
+pub fn exit_of_all(robots: &Robots, read: &[ListedRobot]) -> Exit {
+    if read.iter().any(|robot| robot.no_owner.is_some()) { Exit::NoReply } else { exit(robots.robots.iter()) }
+}
+
+/// The list of all robots for programs. A robot that no gateway answers for has the member `problem`.
+pub fn object(robots: &Robots, read: &[ListedRobot]) -> Value {
+    let mut object = json!(robots);
+    let listed = object["robots"].as_array_mut().into_iter().flatten();
+    for (robot, summary) in listed.zip(&robots.robots) {
+        let read = read.iter().find(|read| read.state.summary.name == summary.name);
+        if let Some(failure) = read.and_then(|read| read.no_owner.as_ref()) {
+            robot["problem"] = json!(problem::of(failure));
+        }
+    }
+    object
+}
+
 /// A table of all robots.
-pub fn robots(robots: &[RobotState]) -> String {
+pub fn robots(robots: &[ListedRobot]) -> String {
     if robots.is_empty() {
         return "the gateway has no robot that this token may see".to_owned();
     }
     let mut table = Table::new();
     table.row([&"ROBOT", &"ADDRESS", &"LINK", &"MODE", &"ALARM", &"LEASE", &"STATE"]);
-    for told in robots {
+    for ListedRobot { state: told, no_owner } in robots {
         let robot = &told.summary;
         let (mode, alarm) = (mode(told), alarm(told));
+        if no_owner.is_some() {
+            let stop = if robot.stopped { "STOPPED; " } else { "" };
+            let state = format!("{stop}NO GATEWAY answers for it at the moment");
+            table.row([&robot.name, &robot.address, &"-", &mode, &alarm, &"-", &state]);
+            continue;
+        }
         let lease = lease(robot.lease.as_ref());
         table.row([&robot.name, &robot.address, &link(robot), &mode, &alarm, &lease, &state(robot)]);
     }

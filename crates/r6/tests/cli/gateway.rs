@@ -548,6 +548,8 @@ fn a_wrong_url_of_a_store_is_told_without_its_password() {
             assert!(!format!("{outcome:?}").contains("hush"), "{command:?} {url}: {outcome:?}");
         }
     }
+    let scheme = r6(&["gateway", "verify", "--store", "mysql://h/d"]).err;
+    assert!(scheme.contains("it has to begin with postgres:// or postgresql://"), "{scheme}");
 }
 
 #[cfg(unix)]

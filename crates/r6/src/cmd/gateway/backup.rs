@@ -73,6 +73,10 @@ pub struct RestoreArgs {
 /// Makes a backup. Exit code 1 if something is not in it or is wrong in it.
 pub fn backup(args: &BackupArgs) -> Result<Exit, Failure> {
     refuse_store(args.store.as_deref())?;
+    if r6_gateway::is_of_database(&args.data) {
+        let what = format!("--data {}: this folder is of a gateway with --store", args.data.display());
+        return Err(Failure::usage(what).advise("its store is in the database: copy that with `pg_dump`"));
+    }
     let made = r6_gateway::backup(&args.data, &args.to, !args.without_history, progress("copying"));
     let made = made.map_err(failed)?;
     let text = format!(

@@ -10,6 +10,9 @@ use r6_gateway::{At, Database};
 use crate::exit::Failure;
 use crate::text_file;
 
+/// What the URL of a database begins with.
+const SCHEMES: [&str; 2] = ["postgres://", "postgresql://"];
+
 /// The variable with the name of a file of passwords.
 const PASSWORD_FILE: &str = "PGPASSFILE";
 
@@ -26,6 +29,9 @@ impl StoreUrl {
     /// # Errors
     /// None.
     pub fn read(text: &str) -> Result<Self, Infallible> {
+        if !SCHEMES.iter().any(|scheme| text.starts_with(scheme)) {
+            return Ok(Self(Err(format!("it has to begin with {}", SCHEMES.join(" or ")))));
+        }
         Ok(Self(Database::parse(text)))
     }
 
@@ -63,10 +69,28 @@ fn with_password_of(path: &Path, database: Database) -> Result<Database, Failure
 /// Where the store is: in the database, or else in the folder.
 ///
 /// # Errors
-/// As [`StoreUrl::database`].
+/// As [`StoreUrl::database`]. Or the folder is of a gateway whose store is in a database.
 pub fn at(store: Option<&StoreUrl>, data: &Path) -> Result<At, Failure> {
     match store {
         Some(store) => Ok(At::Database(store.database()?)),
-        None => Ok(At::Folder(data.to_owned())),
+        None => {
+            must_have_store(data)?;
+            Ok(At::Folder(data.to_owned()))
+        }
     }
+}
+
+/// Refuses the folder of a gateway whose store is in a database: users and tokens that are put there count
+/// nowhere.
+///
+/// # Errors
+/// It is one.
+pub fn must_have_store(data: &Path) -> Result<(), Failure> {
+    if !r6_gateway::is_of_database(data) {
+        return Ok(());
+    }
+    let what = format!("--data {}: this folder is of a gateway with --store", data.display());
+    Err(Failure::usage(what).advise(
+        "give --store URL, as the gateway has it: users, tokens, stops and the audit log are in the database",
+    ))
 }

@@ -106,7 +106,10 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     }
     let is_for = |robot: &RobotName| only.as_ref().is_none_or(|only| only == robot);
     if let Some((robot, camera)) = args.cameras.iter().find(|(robot, _)| !is_for(robot)) {
-        let wanted = format!("--camera {robot}:{camera}: by --robot, the token is for another robot");
+        let only = only.as_ref().map(ToString::to_string).unwrap_or_default();
+        let wanted = format!(
+            "--camera {robot}:{camera}: the token is for {only} only (--robot), so it cannot feed a camera of {robot}"
+        );
         return Err(Failure::usage(wanted));
     }
     let what = what(role, only.as_ref());
@@ -120,6 +123,14 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     output::note(format_args!("token {number}: {what}. It is shown this once"));
     for (robot, camera) in args.cameras {
         let told = format!("token {number} feeds camera {camera} of {robot}");
+        // Without an answer of the store, the grant below fails and says why.
+        let is_known = r6_gateway::is_robot_known(at.clone(), &robot).unwrap_or(true);
+        if !is_known {
+            output::note(format_args!(
+                "r6: no robot {robot} is known here yet: check the name. A robot of the --config file is known once a \
+                 gateway has reached it"
+            ));
+        }
         r6_gateway::grant_camera(at.clone(), number, robot, camera).map_err(|error| {
             Failure::usage(format!("the token was made, and has not this grant: {error}"))
                 .advise(format!("`r6 gateway token --revoke {number}` revokes it"))

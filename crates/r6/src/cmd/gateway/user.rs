@@ -60,8 +60,8 @@ pub struct UserArgs {
     /// Print a link with which the user with this name sets a new password
     #[arg(long, value_name = "NAME", conflicts_with = "add")]
     link: Option<String>,
-    /// The address of the gateway in links [default: where the gateway of the folder listens on this machine,
-    /// or listened last; before its first start http://127.0.0.1:9780]
+    /// The address of the gateway in links; required with --store [default: where the gateway of the folder
+    /// listens on this machine, or listened last; before its first start http://127.0.0.1:9780]
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 }
@@ -81,12 +81,12 @@ pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
         return Ok(Exit::Done);
     }
     if let Some(name) = &args.link {
-        return link(&args, user(name)?);
+        return link(&args, user(name)?, &url(&args)?);
     }
     let (Some(name), Some(role)) = (&args.add, args.role) else {
         return list(args.at()?);
     };
-    let name = user(name)?;
+    let (name, url) = (user(name)?, url(&args)?);
     let only = token::only(args.only.as_deref().filter(|_| robot_typed))?;
     let what = token::what(role, only.as_ref());
     if args.store.is_none() {
@@ -94,18 +94,26 @@ pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
     }
     r6_gateway::add_user(args.at()?, name.clone(), Grant { role, only }).map_err(Failure::usage)?;
     output::note(format_args!("user {name}: {what}. The link sets the password, once and within an hour"));
-    link(&args, name)
+    link(&args, name, &url)
 }
 
 fn user(name: &str) -> Result<UserName, Failure> {
     UserName::new(name).ok_or_else(|| Failure::usage(format!("`{name}`: it has to be {}", UserName::WANTED)))
 }
 
-fn link(args: &UserArgs, name: UserName) -> Result<Exit, Failure> {
-    let link = r6_gateway::make_link(args.at()?, name).map_err(|error| {
-        Failure::usage(error).advise("`r6 gateway user --list` prints the users of this folder")
-    })?;
-    let url = args.url.clone().unwrap_or_else(|| here(&args.data));
+/// The URL in links. A database does not say where a gateway listens, and which one people reach.
+fn url(args: &UserArgs) -> Result<String, Failure> {
+    match (&args.url, &args.store) {
+        (Some(url), _) => Ok(url.clone()),
+        (None, None) => Ok(here(&args.data)),
+        (None, Some(_)) => Err(Failure::usage("with --store, a link needs --url: the address of a gateway")
+            .advise("such as --url https://hall-pc.local:9780; the browser of the user has to reach it")),
+    }
+}
+
+fn link(args: &UserArgs, name: UserName, url: &str) -> Result<Exit, Failure> {
+    let link = r6_gateway::make_link(args.at()?, name)
+        .map_err(|error| Failure::usage(error).advise("`r6 gateway user --list` prints the users"))?;
     output::line(format_args!("{}/setup{link}", url.trim_end_matches('/')));
     Ok(Exit::Done)
 }
