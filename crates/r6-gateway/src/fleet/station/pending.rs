@@ -193,9 +193,9 @@ impl Pending {
         self.records().is_empty()
     }
 
-    /// Writes what waits and is wanted, and then this one, whose number it returns. What is not wanted goes. Once it is on its way it goes on if the
-    /// caller is gone: otherwise it would not be known whether it has to be written again. If it fails, what
-    /// waited waits again, before what came since.
+    /// Writes what waits and is wanted, and then this one, whose number it returns. What is not wanted goes.
+    /// Once it is on its way it goes on if the caller is gone: otherwise it would not be known whether it has
+    /// to be written again. If it fails, what waited waits again, before what came since.
     async fn write(
         self: &Arc<Self>,
         keeper: &Keeper,
