@@ -554,6 +554,14 @@ def test_only_a_stop_that_the_gateway_confirms_is_a_stop(said: bytes) -> None:
     peer.close()
 
 
+def test_a_stop_that_the_database_did_not_confirm_is_not_called_unsent() -> None:
+    peer = Peer(answer("503 Service Unavailable", b'{"code": "store_unavailable", "message": "the arm stands"}'))
+    with pytest.raises(r6.OutcomeUnknown, match="the arm stands") as unknown:
+        r6.Gateway(peer.url, token="x").robot("arm").stop()
+    assert unknown.value.reason == "store_unavailable" and unknown.value.may_send_again
+    peer.close()
+
+
 def test_an_answer_that_comes_too_slowly_is_given_up_in_time() -> None:
     """Each byte comes within the time-out of the socket, and the whole answer does not."""
     peer = Peer(answer("200 OK", b'{"confirmed": true, "took_ms": 1}'), pause=0.1)

@@ -209,7 +209,9 @@ class HttpClient:
         if not is_problem or status < 400:
             return self.unclear(method, path, effect, f"status {status}, and not as a gateway does")
         code, text = answer["code"], str(answer.get("message", answer["code"]))
-        if code in ("outcome_unknown", "not_stopped"):
+        # A stop with `store_unavailable` was carried out: only the database did not confirm that it holds.
+        is_done = effect == "stops" and code == "store_unavailable"
+        if is_done or code in ("outcome_unknown", "not_stopped"):
             unknown = OutcomeUnknown(text)
             unknown.reason, unknown.effect, unknown.may_send_again = code, effect, effect == "stops"
             return unknown
