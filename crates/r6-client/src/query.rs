@@ -174,14 +174,26 @@ impl Robot {
                             && lacking.as_ref().is_none_or(|(_, known_on)| *known_on == on.connection) =>
                     {
                         self.hub().remember_supported(on.connection, wanted.iter().copied());
+                        if lacking.is_some()
+                            && let [address] = &**wanted
+                        {
+                            self.hub().known().empty.remove(address);
+                        }
                         let rows = if lacking.is_some() { with_missing(&asked, rows) } else { rows };
                         let (took, connection) = (on.after, on.connection);
                         let result = QueryResult { addresses: asked, rows, took, connection };
                         self.hub().remember(lane, &result)?;
                         return Ok((result, AskedAt::Once(on.asked_at)));
                     }
-                    // In parts, an answer is about all that was asked for.
-                    other => answer = lacking.is_none().then_some(other),
+                    other => {
+                        let on = match &other {
+                            Answer::Values { on, .. } | Answer::Mismatch { on, .. } => Some(on.connection),
+                            Answer::Accepted { .. } | Answer::Raw { .. } | Answer::Left => None,
+                        };
+                        // On another connection other addresses may be missing.
+                        let counts = lacking.as_ref().is_none_or(|(_, known_on)| on == Some(*known_on));
+                        answer = counts.then(|| (other, Arc::clone(wanted)));
+                    }
                 }
             }
         }
@@ -198,13 +210,14 @@ impl Robot {
     /// Queries in as many frames as needed. `None` if the connection changed on the way, because earlier and
     /// later values may then come from different robots.
     ///
-    /// - `answer`: the reply to all addresses at once, if there was one.
+    /// - `answer`: the reply to one frame, and which addresses that was about: all but those that are known
+    ///   to be missing.
     /// - `doubts`: how often lists had been doubted when the query began.
     async fn query_in_parts(
         &self,
         lane: Lane,
         addresses: &Arc<[Address]>,
-        mut answer: Option<Answer>,
+        answer: Option<(Answer, Arc<[Address]>)>,
         doubts: u64,
     ) -> Result<Option<(QueryResult, AskedAt)>, RequestError> {
         let mut times = vec![self.hub().time.now(); addresses.len()];
@@ -213,7 +226,10 @@ impl Robot {
         let (wanted, missing_on, doubts_lists): (Part, u64, bool) = {
             let known = self.hub().known();
             // An answered address was asked for, whatever has become known since.
-            let wanted = |address: &Address| answer.is_some() || !known.unsupported.contains(address);
+            let wanted = |address: &Address| match &answer {
+                Some((_, asked)) => asked.contains(address),
+                None => !known.unsupported.contains(address),
+            };
             let all = addresses.iter().copied().enumerate();
             (
                 all.filter(|(_, address)| wanted(address)).collect(),
@@ -227,6 +243,7 @@ impl Robot {
         let mut connection = (wanted.len() < addresses.len()).then_some(missing_on);
         let mut parts =
             Parts::new(if doubts_lists { alone(wanted) } else { self.query_frames().split(wanted) });
+        let mut answer = answer.map(|(answer, _)| answer);
         let mut told_by_a_list = None;
         while let Some(part) = parts.next(self.hub().doubted_since(doubts)) {
             if parts.contradicted()

@@ -265,7 +265,7 @@ impl Gateway {
         roster::check(&settings.robots).map_err(GatewayError::Robots)?;
         files::make_folder(&settings.data).map_err(GatewayError::System)?;
         let lock = lock(&settings.data)?;
-        folder::mark(&settings.data).map_err(GatewayError::System)?;
+        let data = settings.data.clone();
         let listen = settings.listen;
         let certificate = Certificate::open(&settings.tls, &settings.data, listen.ip(), &settings.names)?;
         let failed = |error| GatewayError::Listen { option: "--listen", address: listen, error };
@@ -283,6 +283,8 @@ impl Gateway {
             configured: Mutex::new(Configured { robots: settings.robots, hall: settings.hall }),
         };
         let (running, state) = Running::start(sharing, address.port()).await?;
+        // Only now: with a wrong URL nothing of this folder is in a database.
+        folder::mark(&data).map_err(GatewayError::System)?;
         let mut server = JoinSet::new();
         let site = site(address, settings.names, &state);
         let tls = certificate.as_ref().map(Certificate::tls);

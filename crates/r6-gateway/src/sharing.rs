@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use r6_api::gateway::{ActedBy, LeaseEnd};
 use r6_client::RobotSettings;
 use r6_proto::time::Instant;
 use sha2::{Digest, Sha256};
@@ -57,6 +58,9 @@ const GIVEN_AT_ONCE: usize = 4;
 
 /// How long the ends of all terms may take, at the end: a stop takes 17 s, a run 21 s, and the records 5 s.
 const LAST_TERMS: Duration = Duration::from_secs(50);
+
+/// How long the last records may take then.
+const LAST_RECORDS: Duration = Duration::from_secs(5);
 
 /// How often to look whether everything was let go of, at the end.
 const LAST_LOOK: Duration = Duration::from_millis(10);
@@ -102,10 +106,15 @@ struct Inner {
     owners: Owners,
     /// For giving back.
     rows: AsyncMutex<OwnerRows>,
-    /// What tells a term to end.
-    leaving: Mutex<BTreeMap<Owned, Arc<Notify>>>,
+    /// What tells a term to end, and why its lease ends.
+    leaving: Mutex<BTreeMap<Owned, watch::Sender<Option<LeaseEnd>>>>,
     /// What others are left for now, and until when.
     shunned: Mutex<BTreeMap<Owned, Instant>>,
+    /// The robots that were taken at another address than before, until the audit log is told of it.
+    moved: Mutex<BTreeSet<RobotName>>,
+    /// The stops that held in a term of this gateway and are not in the store: with the fence of that term,
+    /// and who made them.
+    unsaved_stops: Mutex<BTreeMap<RobotName, (u64, Option<ActedBy>)>>,
     /// Asks for a look before its time.
     look_soon: Notify,
     /// Whether the gateway ends.
@@ -175,6 +184,8 @@ impl Running {
             rows: AsyncMutex::new(rows),
             leaving: Mutex::default(),
             shunned: Mutex::default(),
+            moved: Mutex::default(),
+            unsaved_stops: Mutex::default(),
             look_soon: Notify::new(),
             ends,
         });
@@ -187,6 +198,7 @@ impl Running {
     /// What the file says now.
     pub fn configure(&self, change: impl FnOnce(&mut Configured)) {
         change(&mut self.inner.sharing.configured());
+        self.inner.look_soon.notify_one();
     }
 
     /// Lets go of robots that this gateway took before it had read how they are now. They are taken anew.
@@ -293,6 +305,16 @@ async fn run(inner: Arc<Inner>, looked: oneshot::Sender<()>) -> Result<(), Store
     if tokio::time::timeout(LAST_TERMS, all_ended).await.is_err() {
         tracing::error!("some robots were not let go of in time");
     }
+    // What happened in the last terms belongs in the audit log.
+    let shared = &inner.state.shared;
+    let begun = clock::now();
+    while shared.writes_last() > 0 && clock::now().since(begun) < LAST_RECORDS {
+        tokio::time::sleep(LAST_LOOK).await;
+    }
+    if shared.writes_last() > 0 {
+        let robots = shared.writes_last();
+        tracing::error!(robots, "the audit log does not have the last records of some robots: they are lost");
+    }
     let done = gateway::finish(&inner.state).await;
     drop(beats);
     if let Err(error) = rows.end(inner.number).await {
@@ -345,16 +367,16 @@ impl Look {
         let rivals = rivals(&places, &looked.addresses);
         let known: BTreeSet<_> = robots.into_keys().map(Owned::Robot).chain([Owned::Hall]).collect();
         let held = inner.owners.held();
-        let mut shunned = inner.shunned(now);
-        if files_differ {
-            // Another arm would get the name of the arm that the owner before had.
-            let is_moved = |(owned, place): &(&Owned, &String)| {
-                looked.addresses.get(*owned).is_some_and(|address| address != *place)
-            };
-            shunned.extend(places.iter().filter(is_moved).map(|(owned, _)| owned.clone()));
-        }
+        let shunned = inner.shunned(now);
+        // While files differ, another arm could get the name of the arm that the owner before had.
+        let is_withheld = |owned: &Owned| {
+            let before = looked.addresses.get(owned);
+            files_differ
+                && before.is_some_and(|before| places.get(owned).is_some_and(|place| place != before))
+        };
+        let takes: BTreeSet<_> = known.iter().filter(|owned| !is_withheld(owned)).cloned().collect();
         let own =
-            Own { number: inner.number, known: &known, held: &held, shunned: &shunned, rivals: &rivals };
+            Own { number: inner.number, known: &takes, held: &held, shunned: &shunned, rivals: &rivals };
         match self.watch.look(now, &looked.seen, own) {
             Verdict::Behind { of, highest } => {
                 tracing::error!(%of, highest, "the store is older than what it said before: nothing is taken from it");
@@ -367,7 +389,7 @@ impl Look {
             Verdict::Take(_) => {}
         }
         // Robots that were removed, or are not in the file any more.
-        held.difference(&known).for_each(|owned| inner.leave(owned));
+        held.difference(&known).for_each(|owned| inner.leave(owned, LeaseEnd::Removed));
         // What could not be given back when this gateway lost it, and is not in its file any more.
         for (owned, owner) in &looked.seen.owners {
             let is_left =
@@ -390,7 +412,9 @@ impl Look {
         let own = inner.sharing.file();
         let lives =
             |number: &u64| looked.seen.gateways.get(number).is_some_and(|seen| seen.life == Life::Alive);
-        let others = looked.files.iter().filter(|(number, file)| lives(number) && **file != own);
+        // The row of this gateway is as old as its last beat.
+        let is_other = |number: &u64| *number != inner.number && lives(number);
+        let others = looked.files.iter().filter(|(number, file)| is_other(number) && **file != own);
         let urls = others.filter_map(|(number, _)| looked.doors.get(number)).map(|door| door.url.clone());
         let differing: BTreeSet<_> = urls.collect();
         if differing != self.differing {
@@ -453,11 +477,11 @@ impl Look {
             let moved = looked.addresses.get(&claim.of).filter(|before| Some(*before) != address.as_ref());
             if let (Some(robot), Some(before)) = (claim.of.robot(), moved) {
                 tracing::warn!(%robot, %before, now = address, "it has another address than it had with its last gateway");
-                inner.note_moved(robot);
+                inner.moved.lock().unwrap_or_else(PoisonError::into_inner).insert(robot.clone());
             }
             self.watch.had(&claim);
             let ownership = Ownership::owns(Reign::begin(asked));
-            inner.leaving().insert(claim.of.clone(), Arc::default());
+            inner.leaving().insert(claim.of.clone(), watch::Sender::new(None));
             inner.owners.begin(claim.clone(), ownership.clone(), answered);
             begins.push((claim, ownership));
         }
@@ -493,14 +517,14 @@ async fn join_all(begun: Vec<tokio::task::JoinHandle<()>>) {
 }
 
 impl Inner {
-    fn leaving(&self) -> MutexGuard<'_, BTreeMap<Owned, Arc<Notify>>> {
+    fn leaving(&self) -> MutexGuard<'_, BTreeMap<Owned, watch::Sender<Option<LeaseEnd>>>> {
         self.leaving.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells a term to end.
-    fn leave(&self, owned: &Owned) {
+    /// Tells a term to end, and why its lease ends.
+    fn leave(&self, owned: &Owned, why: LeaseEnd) {
         if let Some(leaves) = self.leaving().get(owned) {
-            leaves.notify_one();
+            leaves.send_replace(Some(why));
         }
     }
 
@@ -508,7 +532,7 @@ impl Inner {
     fn leave_if_changed(&self, begun: &RobotConfig) {
         let configured = self.sharing.configured();
         if configured.robots.iter().any(|robot| robot.name == begun.name && !robot.is_as(begun)) {
-            self.leave(&Owned::Robot(begun.name.clone()));
+            self.leave(&Owned::Robot(begun.name.clone()), LeaseEnd::Reconfigured);
         }
     }
 
@@ -521,20 +545,28 @@ impl Inner {
         let given = stations.iter().filter(|station| station.leave_if_idle()).take(count);
         for station in given {
             tracing::info!(robot = station.name(), "another gateway has fewer robots: it gets this one");
-            self.leave(&Owned::Robot(station.robot_name().clone()));
+            self.leave(&Owned::Robot(station.robot_name().clone()), LeaseEnd::OwnerChanged);
         }
     }
 
-    /// Tells the audit log where a robot is from now on.
-    fn note_moved(&self, robot: &RobotName) {
-        let config = self.sharing.configured().robots.iter().find(|config| config.name == *robot).cloned();
-        let Some(config) = config else { return };
-        let keeper = self.state.shared.keeper.clone();
-        tokio::spawn(async move {
-            if let Err(error) = keeper.append(vec![roster::configured_by_gateway(&config)]).await {
-                tracing::error!(robot = %config.name, %error, "the audit log does not have the new address");
-            }
-        });
+    fn unsaved_stops(&self) -> MutexGuard<'_, BTreeMap<RobotName, (u64, Option<ActedBy>)>> {
+        self.unsaved_stops.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The stop that held in the term of this gateway before this one, and is not in the store. After a term
+    /// of another gateway in between, it does not count any more.
+    fn unsaved_stop(&self, claims: &[Claim], robot: &RobotName) -> Option<Option<ActedBy>> {
+        let claim = claims.iter().find(|claim| claim.of.robot() == Some(robot))?;
+        let (fence, by) = self.unsaved_stops().get(robot)?.clone();
+        (fence + 1 == claim.fence).then_some(by)
+    }
+
+    /// Tells the audit log of a robot that was taken at another address than before.
+    fn tell_if_moved(&self, robot: &RobotName) {
+        let is_moved = self.moved.lock().unwrap_or_else(PoisonError::into_inner).remove(robot);
+        if let Some(station) = self.state.fleet.station(robot.as_str()).filter(|_| is_moved) {
+            station.note_configured();
+        }
     }
 
     /// Leaves something to others for a while.

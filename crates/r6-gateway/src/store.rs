@@ -562,7 +562,10 @@ impl From<Broken> for StoreError {
 }
 
 /// The text of a record in the audit log.
-fn body(record: &AuditRecord) -> Result<String, StoreError> {
+///
+/// # Errors
+/// [`StoreError`]: it cannot be written as JSON.
+pub fn body(record: &AuditRecord) -> Result<String, StoreError> {
     serde_json::to_string(record).map_err(|error| StoreError::Unreadable(error.to_string()))
 }
 

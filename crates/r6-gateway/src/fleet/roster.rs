@@ -441,9 +441,12 @@ fn record(by: &By, robot: &RobotName, deed: Deed) -> AuditRecord {
     }
 }
 
-/// The record that a gateway has this robot so from now on.
-pub fn configured_by_gateway(robot: &RobotConfig) -> AuditRecord {
-    record(&By { actor: "gateway".to_owned(), source: None }, &robot.name, configured(robot))
+impl Station {
+    /// Tells the audit log how the gateway has this robot from now on.
+    pub(crate) fn note_configured(&self) {
+        let by = By { actor: "gateway".to_owned(), source: None };
+        self.note(&by, configured(&self.config()));
+    }
 }
 
 fn configured(robot: &RobotConfig) -> Deed {

@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use r6_api::gateway::LeaseEnd;
 
+use tokio::sync::watch;
+
 use super::{Inner, ended};
 use crate::auditor::{self, Auditor, open_key};
 use crate::core::name::RobotName;
@@ -77,7 +79,14 @@ async fn begin_robots(inner: &Arc<Inner>, robots: &[(Claim, Ownership)]) -> Resu
             let configs: Vec<_> = all.iter().filter_map(|claim| known.remove(claim.of.robot()?)).collect();
             let places: Vec<_> = configs.iter().map(|robot| (robot.name.clone(), robot.place())).collect();
             store.tie(&places, &[])?;
-            gateway::take_over(store, configs)
+            let (mut kept, owed) = gateway::take_over(store, configs)?;
+            for (kept, config) in &mut kept {
+                if let Some(by) = of_store.unsaved_stop(&all, &config.name).filter(|_| !kept.seat.stopped) {
+                    (kept.seat.stopped, kept.seat.stopped_by) = (true, by);
+                    store.save_seat(&config.name, &kept.seat)?;
+                }
+            }
+            Ok((kept, owed))
         })
         .await?;
     if let Some(history) = &shared.history {
@@ -96,6 +105,8 @@ async fn begin_robots(inner: &Arc<Inner>, robots: &[(Claim, Ownership)]) -> Resu
         let term = Term { keeper: shared.keeper.under(claim.clone()), ownership: ownership.clone() };
         let saved: Kept = saved;
         inner.state.fleet.take_in(saved, config.clone(), owed.contains(&name), term);
+        inner.unsaved_stops().remove(&name);
+        inner.tell_if_moved(&name);
         tokio::spawn(keep_robot(Arc::clone(inner), name, claim.clone(), ownership.clone()));
         // The file may have been read again since.
         inner.leave_if_changed(&config);
@@ -106,7 +117,11 @@ async fn begin_robots(inner: &Arc<Inner>, robots: &[(Claim, Ownership)]) -> Resu
 /// Keeps a robot until it is lost, or is to be given back. Then it has no connection any more.
 async fn keep_robot(inner: Arc<Inner>, name: RobotName, claim: Claim, ownership: Ownership) {
     let cause = until_left(&inner, &claim, &ownership).await;
+    let station = inner.state.fleet.station(name.as_str());
     inner.let_go(&name, cause, ownership.until_over()).await;
+    if let Some(by) = station.and_then(|station| station.unsaved_stop()) {
+        inner.unsaved_stops().insert(name, (claim.fence, by));
+    }
     inner.end_term(&claim, &ownership).await;
 }
 
@@ -162,12 +177,13 @@ async fn keep_hall(inner: Arc<Inner>, claim: Claim, ownership: Ownership) {
 
 /// Waits until this is lost, is to be given back, or the gateway ends. Returns why the leases end with it.
 async fn until_left(inner: &Inner, claim: &Claim, ownership: &Ownership) -> LeaseEnd {
-    let leaves = inner.leaving().get(&claim.of).cloned();
+    let leaves = inner.leaving().get(&claim.of).map(watch::Sender::subscribe);
     let mut ends = inner.ends.clone();
     let left = async {
-        match leaves {
-            Some(leaves) => leaves.notified().await,
-            None => std::future::pending().await,
+        let Some(mut leaves) = leaves else { return std::future::pending().await };
+        match leaves.wait_for(Option::is_some).await.map(|why| *why) {
+            Ok(Some(why)) => why,
+            Ok(None) | Err(_) => std::future::pending().await,
         }
     };
     tokio::select! {
@@ -180,7 +196,7 @@ async fn until_left(inner: &Inner, claim: &Claim, ownership: &Ownership) -> Leas
             );
             LeaseEnd::OwnerChanged
         }
-        () = left => LeaseEnd::OwnerChanged,
+        why = left => why,
         () = ended(&mut ends) => LeaseEnd::GatewayEnded,
     }
 }

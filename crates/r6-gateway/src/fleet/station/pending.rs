@@ -1,12 +1,13 @@
 //! What waits for the disk at a robot: records for the audit log, and the state of the seat.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_api::Code;
-use r6_api::gateway::{AuditRecord, Deed};
+use r6_api::gateway::{ActedBy, AuditRecord, Deed};
 use tokio::sync::Mutex as AsyncMutex;
 
 use super::{By, Station};
@@ -15,7 +16,7 @@ use crate::core::owner::Phase;
 use crate::core::refusals::Refusals;
 use crate::outage::Outage;
 use crate::problem::Problem;
-use crate::store::{Keeper, StoreError};
+use crate::store::{Keeper, MAX_PAGE, Store, StoreError, body};
 
 /// How many records wait to be written. If the store fails for long, refusals are lost first, then the oldest
 /// records, and the log of the process says so.
@@ -32,9 +33,6 @@ const SHARED_WITHIN: Duration = Duration::from_secs(2);
 /// For how long the records are written that a term has left, and how often.
 const WRITES_ON: Duration = Duration::from_secs(600);
 const WRITES_AGAIN: Duration = Duration::from_millis(500);
-
-/// For how long they are written at least: a command that was under way ends within 3 s.
-const WRITES_AT_LEAST: Duration = Duration::from_secs(5);
 
 /// How often to look whether it has.
 const LOOK_AT_STORE: Duration = Duration::from_millis(10);
@@ -98,8 +96,11 @@ impl Station {
     /// the audit log, whichever gateway has the robot by now. Only outcomes are left to the next owner, which
     /// writes that they are unknown: a command has one.
     pub(in crate::fleet) async fn write_last(&self) {
+        let _counted = self.shared.begin_writing_last();
         let (begun, mut outage) = (clock::now(), Outage::default());
         loop {
+            // Looked at first: what is under way may still tell of its end.
+            let is_over = self.is_idle();
             let written = self.pending.write(&self.shared.keeper, None, |record| !is_outcome(record)).await;
             outage.note(&format!("the last records of {} cannot be written", self.name()), &written);
             let passed = clock::now().since(begun);
@@ -108,8 +109,7 @@ impl Station {
                 tracing::error!(robot = self.name(), records, "the audit log does not get its last records");
                 return;
             }
-            // What was under way may still tell of its end.
-            if written.is_ok() && passed >= WRITES_AT_LEAST {
+            if written.is_ok() && is_over {
                 return;
             }
             tokio::time::sleep(WRITES_AGAIN).await;
@@ -159,6 +159,13 @@ impl Station {
         }
     }
 
+    /// The stop that holds here and is not in the store: who made it, if that is known.
+    pub(crate) fn unsaved_stop(&self) -> Option<Option<ActedBy>> {
+        let held = self.held();
+        let saved = held.seat.saved();
+        (saved.stopped && !held.stored.stopped).then(|| saved.stopped_by.clone())
+    }
+
     pub(super) fn is_written(&self) -> bool {
         // Records on their way count as not written.
         let (Ok(_writing), Ok(_saving)) = (self.pending.writing.try_lock(), self.saving.try_lock()) else {
@@ -181,6 +188,8 @@ pub(super) struct Pending {
     /// Locked while records are written, so that they stand in their order, and none counts as written that
     /// is still on its way.
     writing: Arc<AsyncMutex<()>>,
+    /// Whether what waits may be in the audit log already: the store did not answer when it was written.
+    is_in_doubt: AtomicBool,
 }
 
 impl Pending {
@@ -210,14 +219,30 @@ impl Pending {
         let (pending, keeper) = (Arc::clone(self), keeper.clone());
         let write = async move {
             let _turn = turn;
-            let behind = waiting.len() as u64;
-            let written = keeper.append(waiting.iter().cloned().chain(last).collect()).await;
+            let new = match pending.is_in_doubt.load(Ordering::SeqCst) {
+                true => not_in_log(&keeper, waiting.clone()).await,
+                false => Ok(waiting.clone()),
+            };
+            let written = match new {
+                Ok(new) => {
+                    let behind = new.len() as u64;
+                    let records: Vec<_> = new.into_iter().chain(last).collect();
+                    keeper.append(records).await.map(|first| first + behind)
+                }
+                Err(error) => Err(error),
+            };
+            match &written {
+                Ok(_) => pending.is_in_doubt.store(false, Ordering::SeqCst),
+                // Nothing was written then.
+                Err(StoreError::NotOwner) => {}
+                Err(_) => pending.is_in_doubt.store(true, Ordering::SeqCst),
+            }
             if written.is_err() {
                 let mut records = pending.records();
                 let later = std::mem::replace(&mut *records, waiting.into());
                 later.into_iter().for_each(|record| push(&mut records, record));
             }
-            Ok(Some(written? + behind))
+            Ok(Some(written?))
         };
         tokio::spawn(write).await.unwrap_or(Err(StoreError::Closed))
     }
@@ -225,6 +250,18 @@ impl Pending {
     fn records(&self) -> MutexGuard<'_, VecDeque<AuditRecord>> {
         self.records.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Those of these records that are not among the last entries of the audit log.
+async fn not_in_log(keeper: &Keeper, records: Vec<AuditRecord>) -> Result<Vec<AuditRecord>, StoreError> {
+    let newest = |store: &mut dyn Store| {
+        let last = store.ends()?.last;
+        store.entries(last.saturating_sub(MAX_PAGE as u64), MAX_PAGE)
+    };
+    let entries = keeper.work(newest).await?;
+    let known: BTreeSet<_> = entries.iter().map(|entry| entry.body.as_str()).collect();
+    let is_new = |record: &AuditRecord| body(record).map_or(true, |body| !known.contains(body.as_str()));
+    Ok(records.into_iter().filter(is_new).collect())
 }
 
 /// Whether it says how something ended whose begin is in the audit log.

@@ -40,16 +40,20 @@ impl Station {
         )
     }
 
+    /// Whether no command and no stop is under way.
+    pub(super) fn is_idle(&self) -> bool {
+        self.commands.available_permits() == MAX_COMMANDS as usize
+            && self.stops.available_permits() == MAX_STOPS as usize
+            && self.stop_commands.available_permits() == MAX_STOPS as usize
+    }
+
     /// Takes leave of a robot with which nothing happens here, so that another gateway can have it: it is at
     /// rest, its lease is free, no run, command or stop is under way or owed, its controller waits for no
     /// photo, and no other robot answers in its place. From then on nothing is permitted. `false`: it stays
     /// as it is.
     pub(crate) fn leave_if_idle(&self) -> bool {
         let rests = self.is_at_rest() == (true, true) && self.is_written();
-        let is_free = self.commands.available_permits() == MAX_COMMANDS as usize
-            && self.stops.available_permits() == MAX_STOPS as usize
-            && self.stop_commands.available_permits() == MAX_STOPS as usize
-            && self.beginning.try_lock().is_ok();
+        let is_free = self.is_idle() && self.beginning.try_lock().is_ok();
         self.seat(|seat, now| {
             let is_idle = seat.lease(now).is_none()
                 && !self.cameras.may_wait(now)

@@ -1,6 +1,6 @@
 //! What all robots of a gateway share.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 use tokio::sync::watch;
 
@@ -37,6 +37,17 @@ pub struct Shared {
     numbers: AtomicU64,
     /// The number of the last robot that went.
     removed: AtomicU64,
+    /// How many robots that were let go of have records that are not written.
+    writes_last: AtomicUsize,
+}
+
+/// The last records of a robot are written until this is dropped.
+pub(super) struct WritesLast<'s>(&'s Shared);
+
+impl Drop for WritesLast<'_> {
+    fn drop(&mut self) {
+        self.0.writes_last.fetch_sub(1, Ordering::SeqCst);
+    }
 }
 
 impl Shared {
@@ -56,7 +67,19 @@ impl Shared {
             epoch,
             numbers: AtomicU64::new(0),
             removed: AtomicU64::new(0),
+            writes_last: AtomicUsize::new(0),
         }
+    }
+
+    /// How many robots that were let go of have records that are not written.
+    pub fn writes_last(&self) -> usize {
+        self.writes_last.load(Ordering::SeqCst)
+    }
+
+    /// Counts a robot that is let go of while its last records are written, until this is dropped.
+    pub(super) fn begin_writing_last(&self) -> WritesLast<'_> {
+        self.writes_last.fetch_add(1, Ordering::SeqCst);
+        WritesLast(self)
     }
 
     /// The same, of a gateway that shares its store.

@@ -38,6 +38,8 @@ pub async fn stop(state: &State, owned: &Owned, onward: &Onward) -> Result<Optio
     // When an owner had the stop last.
     let mut reached = begun;
     let mut why = "no gateway owns it".to_owned();
+    // Whether an owner may have had the stop and gave no answer: then no refusal says that it was not sent.
+    let mut may_be_sent = false;
     while reached.elapsed() < NOBODY_FOR && begun.elapsed() < IN_ALL {
         let number = match place(state, owned) {
             Place::Here => return Ok(None),
@@ -67,10 +69,15 @@ pub async fn stop(state: &State, owned: &Owned, onward: &Onward) -> Result<Optio
             changed = is_another(state, owned, number) => Outcome::Unknown(changed.to_owned()),
         };
         match sent {
+            Outcome::Answer(answer) if may_be_sent && !answer.status().is_success() => {
+                let why =
+                    format!("one gateway gave no answer, and the next one refused: {}", answer.status());
+                return Err(not_stopped(&why));
+            }
             Outcome::Answer(answer) => return Ok(Some(answer)),
             Outcome::Nothing(failed) => why = failed,
             Outcome::Unknown(failed) => {
-                why = failed;
+                (why, may_be_sent) = (failed, true);
                 reached = Instant::now();
             }
         }
