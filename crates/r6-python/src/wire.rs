@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use r6_client::callback::{Another, CallbackHand, EventLoop, host_and_port};
+use r6_client::callback::{Another, CallbackHand, EventLoop, host_and_port, open_socket};
 use r6_client::{LostReason, NotSent, RequestError, Robot, RobotSettings};
 use tokio::io::Interest;
 use tokio::runtime::Handle;
@@ -99,13 +99,6 @@ impl Socket {
     }
 }
 
-async fn connect((host, port): (String, u16)) -> io::Result<tokio::net::TcpStream> {
-    let stream = tokio::net::TcpStream::connect((host.as_str(), port)).await?;
-    // Without this, a frame that waits for the acknowledgement of the frame before costs up to 200 ms.
-    stream.set_nodelay(true)?;
-    Ok(stream)
-}
-
 /// Connects, and starts the keeper on this runtime. `carried` is called after the keeper has driven the hand.
 pub async fn open(
     address: &str,
@@ -123,7 +116,7 @@ pub async fn open(
         kind: error.kind(),
         detail: error.to_string(),
     };
-    let stream = match timeout(within, connect(target.clone())).await {
+    let stream = match timeout(within, open_socket(&target.0, target.1)).await {
         Ok(made) => made.map_err(unreachable)?,
         Err(_elapsed) => return Err(NotSent::ConnectTimedOut { address: name, after: within }.into()),
     };
@@ -305,7 +298,7 @@ impl EventLoop for Wire {
         // The caller is the keeper of this connection or the thread of an event loop. Neither of them may
         // wait.
         self.runtime.spawn(async move {
-            let made = connect(target.clone()).await;
+            let made = open_socket(&target.0, target.1).await;
             match made.and_then(|stream| Ok((Socket::of(&stream)?, stream))) {
                 Ok((socket, stream)) => {
                     let wire = Self::over(target, begun, socket, || ());
@@ -482,7 +475,8 @@ impl Keeper {
         drop(state);
         (self.stream, self.grace, self.connecting) = (None, None, None);
         if connecting {
-            self.connecting = Some(Box::pin(connect(self.wire.target.clone())));
+            let (host, port) = self.wire.target.clone();
+            self.connecting = Some(Box::pin(async move { open_socket(&host, port).await }));
         }
     }
 }

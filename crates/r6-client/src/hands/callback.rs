@@ -34,6 +34,7 @@ use crate::errands::Errands;
 use crate::error::{Invalid, NotSent};
 use crate::hands::callback::turn::Turn;
 use crate::hands::connect::Tcp;
+pub use crate::hands::connect::open_socket;
 use crate::identity::Identity;
 use crate::pushed::LostReason;
 use crate::robot::Robot;

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::future::Future;
 use std::io;
-use std::net::{IpAddr, Ipv6Addr};
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::pin::Pin;
 use std::time::Duration;
 
@@ -209,11 +209,32 @@ impl Connect for Tcp {
     type Stream = TcpStream;
 
     async fn connect(&mut self) -> io::Result<TcpStream> {
-        let stream = TcpStream::connect((self.host.as_str(), self.port)).await?;
-        // Otherwise a frame waits for the acknowledgement of the one before, which costs up to 200 ms.
-        stream.set_nodelay(true)?;
-        Ok(stream)
+        open_socket(&self.host, self.port).await
     }
+}
+
+/// Opens a socket to a controller. Small frames leave it at once.
+///
+/// # Errors
+/// What the system says; [`io::ErrorKind::ConnectionRefused`] too if it connected the socket to itself.
+pub async fn open_socket(host: &str, port: u16) -> io::Result<TcpStream> {
+    let stream = TcpStream::connect((host, port)).await?;
+    refuse_itself(stream.local_addr()?, stream.peer_addr()?)?;
+    // Otherwise a frame waits for the acknowledgement of the one before, which costs up to 200 ms.
+    stream.set_nodelay(true)?;
+    Ok(stream)
+}
+
+/// Refuses a connection to itself: where nothing listens on a port of this machine, the system may draw the
+/// same port for our side. Then the client would read what it writes, and take its own frames for a robot's.
+///
+/// # Errors
+/// Both ends are the same.
+pub(crate) fn refuse_itself(here: SocketAddr, there: SocketAddr) -> io::Result<()> {
+    if here == there {
+        return Err(io::Error::new(io::ErrorKind::ConnectionRefused, "nothing listens there"));
+    }
+    Ok(())
 }
 
 impl fmt::Display for Tcp {
@@ -229,6 +250,20 @@ impl fmt::Display for Tcp {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[tokio::test]
+    async fn a_connection_to_itself_is_refused() {
+        let socket = tokio::net::TcpSocket::new_v4().unwrap();
+        socket.bind("127.0.0.1:0".parse().unwrap()).unwrap();
+        let itself = socket.local_addr().unwrap();
+        // The system does so where nothing listens, here on purpose.
+        let stream = socket.connect(itself).await.unwrap();
+        let refused = refuse_itself(stream.local_addr().unwrap(), stream.peer_addr().unwrap());
+        assert_eq!(refused.unwrap_err().kind(), io::ErrorKind::ConnectionRefused);
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let stream = TcpStream::connect(listener.local_addr().unwrap()).await.unwrap();
+        assert!(refuse_itself(stream.local_addr().unwrap(), stream.peer_addr().unwrap()).is_ok());
+    }
 
     #[test]
     fn addresses_come_with_and_without_port() {

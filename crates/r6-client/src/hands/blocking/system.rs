@@ -10,6 +10,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::hands::connect::refuse_itself;
+
 /// The operations of the system that the threads of a blocking connection use.
 pub trait System: fmt::Debug + Send + Sync {
     /// The time since an origin that stays the same. It never goes back.
@@ -123,8 +125,12 @@ impl System for Std {
             }
             // `set_nodelay`, because otherwise a frame waits for the acknowledgement of the one before, which
             // costs up to 200 ms.
-            let made = TcpStream::connect_timeout(&at, left);
-            match made.and_then(|stream| stream.set_nodelay(true).map(|()| stream)) {
+            let made = TcpStream::connect_timeout(&at, left).and_then(|stream| {
+                refuse_itself(stream.local_addr()?, stream.peer_addr()?)?;
+                stream.set_nodelay(true)?;
+                Ok(stream)
+            });
+            match made {
                 Ok(stream) => return Ok(Box::new(stream)),
                 Err(error) => failed = error,
             }
