@@ -9,13 +9,12 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::Arc;
 
 use r6_api::gateway::Gap;
 
 use super::bytes::{Reader, put, seal};
 use super::packed::{integers, put_integers};
-use super::sample::{Interval, MAX_TEXT, Micros, Sample, State, gap_code, gap_of_code};
+use super::sample::{Interval, MAX_TEXT, Micros, Sample, State, Text, gap_code, gap_of_code};
 
 /// The most samples of a chunk: 1.5 KB, so that a chunk fits into a page of the disk.
 pub const MAX_SAMPLES: usize = 512;
@@ -279,7 +278,7 @@ fn texts(reader: &mut Reader<'_>, count: usize) -> Result<Vec<State>, BadChunk> 
     let known = (0..reader.up_to(count)?).map(|_| {
         let len = reader.up_to(MAX_TEXT)?;
         let text = str::from_utf8(reader.take(len)?).map_err(|_| BadChunk::Text)?;
-        Ok(Arc::<str>::from(text))
+        Ok(Text::from(text))
     });
     let known = known.collect::<Result<Vec<_>, BadChunk>>()?;
     let place = |_| {
