@@ -133,8 +133,8 @@ impl Robot {
         Ok((read, connection, asked_at.oldest()))
     }
 
-    /// Queries, and returns when each value was asked for. For a value known to be missing: when that was
-    /// found out.
+    /// Queries, and returns when each value was asked for. For a value known to be missing: a time
+    /// during this query.
     pub(crate) async fn query_timed(
         &self,
         lane: Lane,

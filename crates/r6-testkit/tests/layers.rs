@@ -175,6 +175,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "history",
         "http",
         "live",
+        "outage",
         "ownership",
         "peers",
         "problem",

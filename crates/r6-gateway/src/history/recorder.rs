@@ -95,7 +95,7 @@ struct Shared {
     turn: Mutex<Monotonic>,
     /// How many batches wait.
     waiting: AtomicUsize,
-    /// The thread, to wake it. In a simulation there is none.
+    /// The thread, which is woken by this handle. A simulation has no thread.
     thread: OnceLock<Thread>,
 }
 

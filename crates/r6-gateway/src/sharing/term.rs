@@ -81,8 +81,9 @@ async fn begin_robots(inner: &Arc<Inner>, robots: &[(Claim, Ownership)]) -> Resu
             store.tie(&places, &[])?;
             let (mut kept, owed) = gateway::take_over(store, configs)?;
             for (kept, config) in &mut kept {
-                if let Some(by) = of_store.unsaved_stop(&all, &config.name).filter(|_| !kept.seat.stopped) {
-                    (kept.seat.stopped, kept.seat.stopped_by) = (true, by);
+                let unsaved = of_store.unsaved_stop(&all, &config.name).filter(|_| !kept.seat.stopped);
+                if let Some(unsaved) = unsaved {
+                    (kept.seat.stopped, kept.seat.stopped_by) = (true, unsaved.stopped_by);
                     store.save_seat(&config.name, &kept.seat)?;
                 }
             }
@@ -119,8 +120,8 @@ async fn keep_robot(inner: Arc<Inner>, name: RobotName, claim: Claim, ownership:
     let cause = until_left(&inner, &claim, &ownership).await;
     let station = inner.state.fleet.station(name.as_str());
     inner.let_go(&name, cause, ownership.until_over()).await;
-    if let Some(by) = station.and_then(|station| station.unsaved_stop()) {
-        inner.unsaved_stops().insert(name, (claim.fence, by));
+    if let Some(unsaved) = station.and_then(|station| station.unsaved_stop()) {
+        inner.unsaved_stops().insert(name, (claim.fence, unsaved));
     }
     inner.end_term(&claim, &ownership).await;
 }

@@ -39,6 +39,5 @@ mod support;
 mod tls;
 mod twins;
 #[cfg(unix)]
-mod unconfirmed;
 mod unread;
 mod users;

@@ -39,7 +39,37 @@ pub async fn database(test: &'static str) -> Option<(Server, String, String)> {
     Some((server, url, token))
 }
 
-pub async fn admin(url: &str) -> String {
+/// The same on a server of its own, which can be killed.
+pub async fn own_database(test: &'static str) -> Option<(Server, String, String)> {
+    let (server, url) = beside(move || {
+        let server = Server::own(test)?;
+        let url = server.database();
+        Some((server, url))
+    })
+    .await?;
+    let token = admin(&url).await;
+    Some((server, url, token))
+}
+
+/// Kills the server.
+pub async fn killed(mut server: Server) -> Server {
+    beside(move || {
+        server.kill();
+        server
+    })
+    .await
+}
+
+/// Starts the server again.
+pub async fn started(mut server: Server) -> Server {
+    beside(move || {
+        server.start();
+        server
+    })
+    .await
+}
+
+async fn admin(url: &str) -> String {
     let at = at(url);
     beside(move || r6_gateway::make_token(at, Role::Admin, None, String::new()).unwrap().1).await
 }
@@ -558,13 +588,8 @@ async fn a_gateway_lets_go_of_the_robots_while_the_server_is_away_and_loses_noth
     let step =
         |angle| format!("[[instruction]]\ndo = \"axis-move\"\nto = [{angle}, 0, 0, 0, 0, 0]\nspeed = 1\n");
     let program: String = [60, -60, 60, -60].map(step).concat();
-    let made = beside(|| {
-        let server = Server::own("the test of a killed server")?;
-        let url = server.database();
-        Some((server, url))
-    });
-    let Some((mut server, url)) = made.await else { return };
-    let token = admin(&url).await;
+    let made = own_database("the test of a killed server").await;
+    let Some((server, url, token)) = made else { return };
     let robot = VirtualController::start().await.unwrap();
     let here = Here::start(&url, &token, &[("press", robot.address())]).await;
     here.until_up("press").await;
@@ -578,11 +603,7 @@ async fn a_gateway_lets_go_of_the_robots_while_the_server_is_away_and_loses_noth
             .await;
     assert_eq!(run.status, 202, "{}", run.body);
     until(|| robot.handle().snapshot().moving, "the arm moves").await;
-    let server = beside(move || {
-        server.kill();
-        server
-    });
-    let mut server = server.await;
+    let server = killed(server).await;
     let mut log = robot.handle().log();
     let begun = Instant::now();
     until(|| here.gateway.owned() == Some(0), "it lets go").await;
@@ -599,11 +620,7 @@ async fn a_gateway_lets_go_of_the_robots_while_the_server_is_away_and_loses_noth
     assert!(!robot.handle().snapshot().moving, "the arm was stopped before");
     let took = begun.elapsed();
     assert!(took < Duration::from_secs(5), "{took:?}");
-    let server = beside(move || {
-        server.start();
-        server
-    });
-    let _server = server.await;
+    let _server = started(server).await;
     here.until_up("press").await;
     // It stops the arm again when it owns it: what became of the list is not known.
     let sent = commands(&mut log);

@@ -3,9 +3,8 @@
 use std::time::{Duration, Instant};
 
 use r6_sim::VirtualController;
-use r6_testkit::postgres::Server;
 
-use crate::owner::{Here, admin, audit, beside, database, until};
+use crate::owner::{Here, audit, database, killed, own_database, started, until};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn no_other_arm_gets_the_name_of_a_robot_while_the_files_of_gateways_differ() {
@@ -53,30 +52,22 @@ async fn no_other_arm_gets_the_name_of_a_robot_while_the_files_of_gateways_diffe
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_stop_while_the_server_is_away_gets_its_entries_afterwards() {
-    let made = beside(|| {
-        let server = Server::own("the test of a stop without a database")?;
-        let url = server.database();
-        Some((server, url))
-    });
-    let Some((mut server, url)) = made.await else { return };
-    let token = admin(&url).await;
+    let made = own_database("the test of a stop without a database").await;
+    let Some((server, url, token)) = made else { return };
     let robot = VirtualController::start().await.unwrap();
     let here = Here::start(&url, &token, &[("press", robot.address())]).await;
     here.until_up("press").await;
-    let server = beside(move || {
-        server.kill();
-        server
-    });
-    let mut server = server.await;
+    let server = killed(server).await;
     let (status, told) = here.call("POST", "/v1/robots/press/stop", None).await;
     // It is not confirmed that another gateway would know of it.
     assert_eq!((status, &told["code"]), (503, &"store_unavailable".into()), "{told}");
+    let message = told["message"].as_str().unwrap();
+    for part in ["the robot was stopped and the arm stands", "at another gateway it may not hold"] {
+        assert!(message.contains(part), "{message}");
+    }
+    assert!(!robot.handle().snapshot().moving);
     until(|| here.gateway.owned() == Some(0), "it lets go").await;
-    let server = beside(move || {
-        server.start();
-        server
-    });
-    let _server = server.await;
+    let _server = started(server).await;
     let state = here.until_up("press").await;
     assert_eq!((&state["stopped"], &state["stopped_by"]["by"]), (&true.into(), &"token 1".into()), "{state}");
     let begun = Instant::now();

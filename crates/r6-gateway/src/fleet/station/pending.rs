@@ -7,13 +7,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_api::Code;
-use r6_api::gateway::{ActedBy, AuditRecord, Deed};
+use r6_api::gateway::{AuditRecord, Deed};
 use tokio::sync::Mutex as AsyncMutex;
 
 use super::{By, Station};
 use crate::clock;
 use crate::core::owner::Phase;
 use crate::core::refusals::Refusals;
+use crate::core::seat::Saved;
 use crate::outage::Outage;
 use crate::problem::Problem;
 use crate::store::{Keeper, MAX_PAGE, Store, StoreError, body};
@@ -159,11 +160,11 @@ impl Station {
         }
     }
 
-    /// The stop that holds here and is not in the store: who made it, if that is known.
-    pub(crate) fn unsaved_stop(&self) -> Option<Option<ActedBy>> {
+    /// The seat, if a stop holds here that is not in the store.
+    pub(crate) fn unsaved_stop(&self) -> Option<Saved> {
         let held = self.held();
         let saved = held.seat.saved();
-        (saved.stopped && !held.stored.stopped).then(|| saved.stopped_by.clone())
+        (saved.stopped && !held.stored.stopped).then(|| saved.clone())
     }
 
     pub(super) fn is_written(&self) -> bool {
@@ -219,32 +220,36 @@ impl Pending {
         let (pending, keeper) = (Arc::clone(self), keeper.clone());
         let write = async move {
             let _turn = turn;
-            let new = match pending.is_in_doubt.load(Ordering::SeqCst) {
-                true => not_in_log(&keeper, waiting.clone()).await,
-                false => Ok(waiting.clone()),
-            };
-            let written = match new {
-                Ok(new) => {
-                    let behind = new.len() as u64;
-                    let records: Vec<_> = new.into_iter().chain(last).collect();
-                    keeper.append(records).await.map(|first| first + behind)
-                }
-                Err(error) => Err(error),
-            };
-            match &written {
-                Ok(_) => pending.is_in_doubt.store(false, Ordering::SeqCst),
-                // Nothing was written then.
-                Err(StoreError::NotOwner) => {}
-                Err(_) => pending.is_in_doubt.store(true, Ordering::SeqCst),
-            }
+            let written = pending.append(&keeper, waiting.clone(), last).await;
             if written.is_err() {
                 let mut records = pending.records();
                 let later = std::mem::replace(&mut *records, waiting.into());
                 later.into_iter().for_each(|record| push(&mut records, record));
             }
-            Ok(Some(written?))
+            written.map(Some)
         };
         tokio::spawn(write).await.unwrap_or(Err(StoreError::Closed))
+    }
+
+    /// Appends what waited, as far as it is not in the log, and then this one, whose number it returns.
+    async fn append(
+        &self,
+        keeper: &Keeper,
+        mut waiting: Vec<AuditRecord>,
+        last: Option<AuditRecord>,
+    ) -> Result<u64, StoreError> {
+        if self.is_in_doubt.load(Ordering::SeqCst) {
+            waiting = not_in_log(keeper, waiting).await?;
+        }
+        let behind = waiting.len() as u64;
+        let written = keeper.append(waiting.into_iter().chain(last).collect()).await;
+        match written {
+            Ok(_) => self.is_in_doubt.store(false, Ordering::SeqCst),
+            // Nothing was written then.
+            Err(StoreError::NotOwner) => {}
+            Err(_) => self.is_in_doubt.store(true, Ordering::SeqCst),
+        }
+        Ok(written? + behind)
     }
 
     fn records(&self) -> MutexGuard<'_, VecDeque<AuditRecord>> {
@@ -286,4 +291,43 @@ fn is_first(remembered: &Mutex<Refusals>, by: &By, request: &str) -> bool {
     let Some(source) = source else { return true };
     let mut remembered = remembered.lock().unwrap_or_else(PoisonError::into_inner);
     remembered.is_written(clock::now(), source.ip(), &format!("{} {request}", by.actor))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Memory;
+
+    fn record(request: &str) -> AuditRecord {
+        let deed = Deed::Refused { request: request.to_owned(), code: Code::NoLease };
+        AuditRecord { time: request.to_owned(), actor: "token 1".to_owned(), source: None, robot: None, deed }
+    }
+
+    /// A server that commits and dies before it answers: the records wait again, and are in the log.
+    #[tokio::test]
+    async fn a_record_that_may_be_in_the_log_is_written_once() {
+        let keeper = Keeper::start(Memory::default()).unwrap();
+        keeper.append(vec![record("one")]).await.unwrap();
+        let pending = Arc::<Pending>::default();
+        pending.push(record("one"));
+        pending.push(record("two"));
+        pending.is_in_doubt.store(true, Ordering::SeqCst);
+        assert_eq!(pending.write(&keeper, Some(record("three")), |_| true).await, Ok(Some(3)));
+        assert!(pending.is_empty() && !pending.is_in_doubt.load(Ordering::SeqCst));
+        let bodies: Vec<_> =
+            keeper.entries(0, 10).await.unwrap().into_iter().map(|entry| entry.body).collect();
+        assert_eq!(bodies, ["one", "two", "three"].map(|request| body(&record(request)).unwrap()));
+    }
+
+    #[tokio::test]
+    async fn what_a_closed_store_does_not_take_waits_again_in_its_order() {
+        let keeper = Keeper::start(Memory::default()).unwrap();
+        keeper.end().await.unwrap();
+        let pending = Arc::<Pending>::default();
+        pending.push(record("one"));
+        pending.push(record("two"));
+        assert!(pending.write(&keeper, Some(record("three")), |_| true).await.is_err());
+        assert_eq!(*pending.records(), [record("one"), record("two")]);
+        assert!(pending.is_in_doubt.load(Ordering::SeqCst), "it is not known what was written");
+    }
 }
