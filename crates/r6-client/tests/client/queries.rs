@@ -96,6 +96,22 @@ async fn an_absent_counter_is_asked_for_again() {
     assert_eq!(log.lock().unwrap().len(), 2);
 }
 
+/// The firmware lacks the list's length for good, and has no such counter now.
+#[tokio::test]
+async fn an_answer_that_is_too_short_is_not_asked_for_again_though_more_is_known_to_be_missing() {
+    let (_controller, robot, peer) = Controller::with_robot(settings()).await;
+    let (answer, log) = leaving_out(&["RemoteCmdLen", "counter-3"]);
+    tokio::spawn(peer.answer_all(answer));
+    let addresses = [Address::CurMode, Address::RemoteCmdLen, Address::Counter(3)];
+    robot.query(&addresses).await.unwrap();
+    log.lock().unwrap().clear();
+    let result = robot.query(&addresses).await.unwrap();
+    assert_eq!(result.integer(Address::CurMode), Some(7));
+    assert_eq!(result.rows()[1], (Address::RemoteCmdLen, Err(NoReading::Unsupported)));
+    assert_eq!(result.rows()[2], (Address::Counter(3), Err(NoReading::Unsupported)));
+    assert_eq!(*log.lock().unwrap(), [vec!["curMode", "counter-3"], vec!["curMode"], vec!["counter-3"]]);
+}
+
 #[tokio::test]
 async fn a_long_query_is_split() {
     let (_controller, robot, peer) = Controller::with_robot(settings()).await;
