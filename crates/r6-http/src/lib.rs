@@ -29,6 +29,6 @@ mod work;
 pub use afterwards::Afterwards;
 pub use connect::connect_to;
 pub use ends_with::EndsWith;
-pub use refusal::Refusal;
+pub use refusal::{Refusal, read_json};
 pub use server::{Guest, Listener, Peer, serve, serve_plain, serve_until};
 pub use tls::{BadCertificate, Tls, first_der, is_for};

@@ -7,6 +7,7 @@ use axum::http::StatusCode;
 use axum::http::header::RETRY_AFTER;
 use axum::response::{IntoResponse, Response};
 use r6_api::{Code, Problem};
+use serde::de::DeserializeOwned;
 
 /// A problem and its HTTP status.
 #[derive(Debug)]
@@ -45,18 +46,43 @@ impl Refusal {
     pub fn foreign(code: Code, message: impl Into<String>) -> Self {
         Self::new(StatusCode::FORBIDDEN, code, message)
     }
+}
 
-    /// A refusal of a body with this JSON error: 400 if it is not JSON at all; 422 with `other` if it is the
-    /// wrong JSON. For an unknown word the message names the nearest known one.
-    #[must_use]
-    pub fn of_json(error: &serde_json::Error, other: Code) -> Self {
-        let text = error.to_string();
-        if error.is_data() {
-            Self::new(StatusCode::UNPROCESSABLE_ENTITY, other, with_nearest(&text))
-        } else {
-            Self::new(StatusCode::BAD_REQUEST, Code::BadJson, format!("the body is no JSON: {text}"))
-        }
+/// Reads a body that is JSON.
+///
+/// # Errors
+/// 400 if it is not JSON at all; 422 with `other` if it is the wrong JSON. The message says where the mistake
+/// is, such as `points[1].color`, and for an unknown word which known one is the nearest.
+pub fn read_json<T: DeserializeOwned>(body: &[u8], other: Code) -> Result<T, Refusal> {
+    let mut reader = serde_json::Deserializer::from_slice(body);
+    let read = serde_path_to_error::deserialize(&mut reader);
+    let read = read.map_err(|error| of_json(&error.path().to_string(), error.inner(), other))?;
+    reader.end().map_err(|error| of_json(WHOLE, &error, other))?;
+    Ok(read)
+}
+
+/// The path of the whole body.
+const WHOLE: &str = ".";
+
+/// What serde calls numbers, and what people call them.
+const NUMBERS: [(&str, &str); 7] = [
+    ("expected f64", "expected a number"),
+    ("expected i64", "expected a whole number"),
+    ("expected u64", "expected a whole number from 0 on"),
+    ("expected u32", "expected a whole number from 0 on"),
+    ("expected u16", "expected a whole number from 0 on"),
+    ("expected u8", "expected a whole number from 0 on"),
+    ("expected usize", "expected a whole number from 0 on"),
+];
+
+fn of_json(path: &str, error: &serde_json::Error, other: Code) -> Refusal {
+    let text = error.to_string();
+    if !error.is_data() {
+        return Refusal::new(StatusCode::BAD_REQUEST, Code::BadJson, format!("the body is no JSON: {text}"));
     }
+    let text = NUMBERS.iter().fold(with_nearest(&text), |text, (theirs, ours)| text.replace(theirs, ours));
+    let text = if path == WHOLE { text } else { format!("{path}: {text}") };
+    Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, other, text)
 }
 
 impl IntoResponse for Refusal {
@@ -86,13 +112,36 @@ fn with_nearest(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use r6_api::panel::Action;
 
     use super::*;
 
     fn told(body: &str) -> String {
-        let error = serde_json::from_str::<Action>(body).unwrap_err();
-        Refusal::of_json(&error, Code::BadAction).problem.message
+        read_json::<Action>(body.as_bytes(), Code::BadAction).unwrap_err().problem.message
+    }
+
+    #[test]
+    fn a_mistake_says_where_it_is_in_words_of_no_programming_language() {
+        let read = |body: &str| {
+            let read = read_json::<BTreeMap<String, Vec<(f64, i64, u32)>>>(body.as_bytes(), Code::BadValue);
+            let problem = read.unwrap_err().problem;
+            (problem.code, problem.message)
+        };
+        for (body, at, wanted) in [
+            (r#"{"a":[[1,2,3],["x",2,3]]}"#, "a[1][0]: ", "expected a number"),
+            (r#"{"a":[[1,1.5,3]]}"#, "a[0][1]: ", "expected a whole number at"),
+            (r#"{"a":[[1,2,-3]]}"#, "a[0][2]: ", "expected a whole number from 0 on"),
+            ("[]", "invalid type", "expected a map"),
+        ] {
+            let (code, told) = read(body);
+            assert!(told.starts_with(at) && told.contains(wanted), "{told}");
+            assert_eq!(code, Code::BadValue);
+        }
+        for body in ["{} {}", r#"{"a":"#, ""] {
+            assert_eq!(read(body).0, Code::BadJson, "{body}");
+        }
     }
 
     #[test]

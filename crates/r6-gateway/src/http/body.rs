@@ -7,8 +7,8 @@ use axum::extract::{FromRequest, Request};
 use axum::http::StatusCode;
 use r6_api::Code;
 use r6_api::gateway::LeaseKey;
-use r6_http::Refusal;
 use r6_http::body::{require_json, whole};
+use r6_http::{Refusal, read_json};
 use serde::de::DeserializeOwned;
 
 use super::State;
@@ -54,19 +54,13 @@ impl<T: DeserializeOwned> FromRequest<State> for WithProgram<T> {
 }
 
 async fn read<T: DeserializeOwned>(request: Request, state: &State, most: usize) -> Result<T, Refusal> {
-    let body = json_bytes(request, state, most).await?;
-    serde_json::from_slice(&body).map_err(|error| Refusal::of_json(&error, Code::BadValue))
-}
-
-/// The bytes of a body that is said to be JSON.
-pub async fn json_bytes(request: Request, state: &State, most: usize) -> Result<Bytes, Refusal> {
     require_json(request.headers())?;
     let body = tokio::time::timeout(BODY_TIME, Bytes::from_request(request, state)).await;
     let body = body.map_err(|_| {
         let message = "the body did not come in time";
         Refusal::new(StatusCode::REQUEST_TIMEOUT, Code::TooSlow, message)
     })?;
-    whole(body, most)
+    read_json(&whole(body, most)?, Code::BadValue)
 }
 
 /// A whole body, for another gateway or from one. The routes have limits of their own.

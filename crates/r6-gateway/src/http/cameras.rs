@@ -1,7 +1,5 @@
 //! Cameras: their standing grants, and what they send.
 
-mod points;
-
 use std::sync::Arc;
 
 use axum::extract::rejection::PathRejection;
@@ -15,7 +13,6 @@ use r6_client::Point;
 use r6_http::Refusal;
 use serde::Deserialize;
 
-use self::points::Points;
 use super::body::Json;
 use super::caller::{Caller, GrantCamera, Read, Robot};
 use super::described::{OfBody, OfChange, OfRight};
@@ -175,12 +172,12 @@ pub async fn points(
     robot: Robot<Read>,
     named: Result<Path<Named>, PathRejection>,
     headers: HeaderMap,
-    body: Result<Points, Refusal>,
+    body: Result<Json<PointsRequest>, Refusal>,
 ) -> Result<axum::Json<PointsDone>, Refusal> {
     let Robot { caller, station, .. } = robot;
     let (camera, _) = read(named)?;
     let granted = granted(&caller, &station, camera).await?;
-    let Points(points) = body?;
+    let Json(PointsRequest { points }) = body?;
     deadline::check(&headers)?;
     if !(1..=MAX_POINTS).contains(&points.len()) {
         return Err(bad_value(format!("points has 1 to {MAX_POINTS} points, and here {}", points.len())));

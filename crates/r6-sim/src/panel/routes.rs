@@ -15,9 +15,9 @@ use r6_api::panel::{Action, Controllers, Faults, Snapshot};
 use r6_api::{Code, Problem, Status};
 use r6_controller::program::MAX_TEXT_BYTES;
 use r6_controller::{PanelAction, Refused};
-use r6_http::Refusal;
 use r6_http::access::{Site, guard};
 use r6_http::body::{in_time, keep_when_read, require_json, whole};
+use r6_http::{Refusal, read_json};
 use utoipa::OpenApi;
 use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouterExt};
 use utoipa_axum::routes;
@@ -155,8 +155,7 @@ async fn act(
     let (number, controller) = find(&controllers, &named(number)?)?;
     require_json(&headers)?;
     let body = whole(body, MAX_BODY_BYTES)?;
-    let action: Action =
-        serde_json::from_slice(&body).map_err(|error| Refusal::of_json(&error, Code::BadAction))?;
+    let action: Action = read_json(&body, Code::BadAction)?;
     convert::deed(action)?.to(controller).map_err(convert::refused)?;
     Ok(Json(convert::snapshot(number, controller)))
 }

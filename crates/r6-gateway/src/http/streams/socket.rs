@@ -11,7 +11,7 @@ use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use r6_api::gateway::{LiveAlive, LiveMessage, LiveRequest, LiveSent};
 use r6_api::{Code, Problem};
-use r6_http::{Afterwards, Refusal};
+use r6_http::{Afterwards, Refusal, read_json};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::{Instant, interval_at, timeout};
 
@@ -220,7 +220,7 @@ async fn read(
 /// What a message asks for. It counts as a request.
 fn order(text: &str, caller: &Caller, state: &State) -> Result<Order, Refusal> {
     caller.count(state)?;
-    let request = serde_json::from_str(text).map_err(|error| Refusal::of_json(&error, Code::BadValue))?;
+    let request = read_json(text.as_bytes(), Code::BadValue)?;
     match request {
         LiveRequest::Subscribe(asked) => Subscription::of_message(caller, state, asked).map(Order::Subscribe),
     }
