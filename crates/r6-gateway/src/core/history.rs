@@ -4,6 +4,7 @@
 //! - [`change`]: which readings are kept: changes, and a sample now and then that says that nothing changed.
 //! - [`block`]: the samples of a signal that are not in a chunk yet.
 //! - [`codec`]: the bytes of a chunk: at most 512 samples of one signal.
+//! - `series`: the samples of an open block in little memory.
 //! - [`tail`]: the bytes that keep the open blocks of a robot.
 //! - [`merge`]: chunks that overlap, as one series in the order of time.
 //! - [`buckets`]: averages weighted by time.
@@ -20,6 +21,7 @@ pub mod event;
 pub mod merge;
 mod packed;
 pub mod sample;
+mod series;
 pub mod tail;
 pub mod turns;
 pub mod waiting;

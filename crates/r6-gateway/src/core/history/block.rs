@@ -5,15 +5,17 @@
 //! too much memory. The tail of a robot on the disk always has exactly its open blocks: after a seal it is
 //! written anew, otherwise it grows by a row.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use r6_proto::Address;
 use r6_proto::time::Instant;
 
-use super::codec::{self, MAX_SAMPLES};
+use super::codec::{self, MAX_SAMPLES, Times};
 use super::event::Event;
 use super::sample::{Interval, Micros, Sample};
+use super::series::Series;
 use super::tail;
 
 /// The longest time that a chunk spans, so that a reader knows how far back one can begin. It is also how
@@ -91,12 +93,12 @@ impl Summary {
     }
 }
 
-/// Makes chunks of samples.
+/// Makes chunks of samples. Signals that are read together have the same times.
 #[must_use]
-pub fn chunks(interval: Interval, mut samples: &[Sample]) -> Vec<Chunk> {
+pub fn chunks(times: &mut Times, interval: Interval, mut samples: &[Sample]) -> Vec<Chunk> {
     let mut chunks = Vec::new();
     while !samples.is_empty() {
-        let (bytes, count) = codec::encode(interval, samples);
+        let (bytes, count) = codec::encode(times, interval, samples);
         let (sealed, rest) = samples.split_at(count.clamp(1, samples.len()));
         chunks.extend(Summary::of(interval, sealed).map(|summary| Chunk { summary, bytes }));
         samples = rest;
@@ -107,7 +109,7 @@ pub fn chunks(interval: Interval, mut samples: &[Sample]) -> Vec<Chunk> {
 #[derive(Debug)]
 struct Block {
     interval: Interval,
-    samples: Vec<Sample>,
+    samples: Series,
     /// How many of them are in the tail on the disk.
     written: usize,
     opened: Instant,
@@ -153,12 +155,21 @@ impl OpenBlocks {
         }
         let fits = self.blocks.get(&address).is_none_or(|block| block.fits(interval, &sample));
         if !fits {
-            self.seal(address);
+            self.seal(&mut Times::default(), address);
         }
-        self.size += sample.size();
-        let new = || Block { interval, samples: Vec::new(), written: 0, opened: now };
-        let block = self.blocks.entry(address).or_insert_with(new);
-        block.samples.push(sample);
+        let (before, block) = match self.blocks.entry(address) {
+            Entry::Vacant(entry) => {
+                let samples = Series::new(sample);
+                (0, entry.insert(Block { interval, samples, written: 0, opened: now }))
+            }
+            Entry::Occupied(entry) => {
+                let block = entry.into_mut();
+                let before = block.samples.size();
+                block.samples.push(sample);
+                (before, block)
+            }
+        };
+        self.size = (self.size + block.samples.size()).saturating_sub(before);
         if block.samples.len() >= MAX_SAMPLES {
             self.seal_if(|block| block.samples.len() >= ALSO_SEALED);
         }
@@ -177,13 +188,14 @@ impl OpenBlocks {
     fn seal_if(&mut self, is: impl Fn(&Block) -> bool) {
         let due: Vec<_> =
             self.blocks.iter().filter(|(_, block)| is(block)).map(|(address, _)| *address).collect();
-        due.into_iter().for_each(|address| self.seal(address));
+        let mut times = Times::default();
+        due.into_iter().for_each(|address| self.seal(&mut times, address));
     }
 
-    fn seal(&mut self, address: Address) {
+    fn seal(&mut self, times: &mut Times, address: Address) {
         let Some(block) = self.blocks.remove(&address) else { return };
-        let freed: usize = block.samples.iter().map(Sample::size).sum();
-        let chunks = chunks(block.interval, &block.samples);
+        let freed = block.samples.size();
+        let chunks = chunks(times, block.interval, &block.samples.from(0));
         let taken: usize = chunks.iter().map(|chunk| chunk.bytes.len() + size_of::<Chunk>()).sum();
         self.size = self.size.saturating_sub(freed) + taken;
         self.replace = true;
@@ -206,12 +218,12 @@ impl OpenBlocks {
         }
         let rows = self.blocks.iter().filter_map(|(address, block)| {
             let begin = if replace { 0 } else { block.written };
-            let samples = block.samples.get(begin..).filter(|samples| !samples.is_empty())?;
-            Some((*address, block.interval, samples))
+            let samples = block.samples.from(begin);
+            (!samples.is_empty()).then_some((*address, block.interval, samples))
         });
         let rows: Vec<_> = rows.collect();
         if !rows.is_empty() {
-            writes.entry(self.day).or_default().tail = Some(tail::encode(rows));
+            writes.entry(self.day).or_default().tail = Some(tail::encode(&rows));
         }
         writes
     }
@@ -253,7 +265,7 @@ impl OpenBlocks {
         let sealed = self.sealed.iter().filter(|(of, _)| *of == address);
         let sealed = sealed
             .map(|(_, chunk)| codec::decode(&chunk.bytes).map(|decoded| (decoded.interval, decoded.samples)));
-        let open = self.blocks.get(&address).map(|block| Ok((block.interval, block.samples.clone())));
+        let open = self.blocks.get(&address).map(|block| Ok((block.interval, block.samples.from(0))));
         sealed.chain(open).collect()
     }
 
@@ -272,11 +284,10 @@ impl OpenBlocks {
 
 impl Block {
     fn fits(&self, interval: Interval, sample: &Sample) -> bool {
-        let (Some(first), Some(last)) = (self.samples.first(), self.samples.last()) else { return true };
         interval == self.interval
-            && sample.time >= last.time
-            && sample.time < first.time.after(MAX_SPAN)
-            && codec::is_of_one_kind(&self.samples, sample)
+            && sample.time >= self.samples.last()
+            && sample.time < self.samples.first().after(MAX_SPAN)
+            && codec::is_of_one_kind(self.samples.kind(), sample)
     }
 }
 

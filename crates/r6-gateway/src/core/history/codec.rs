@@ -23,7 +23,7 @@ pub const MAX_SAMPLES: usize = 512;
 pub const CODEC: u8 = 1;
 
 /// The digits behind the point that are tried. Controllers print six.
-const MAX_DIGITS: u8 = 9;
+pub(super) const MAX_DIGITS: u8 = 9;
 
 /// Decimals beyond are kept as 8 bytes: below, a whole number of the same size is exact.
 const MAX_WHOLE: f64 = 9_007_199_254_740_992.0;
@@ -70,21 +70,67 @@ pub struct Decoded {
 }
 
 /// The values of a chunk are of one kind.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Decimal numbers.
     Decimal,
+    /// Whole numbers.
     Integer,
+    /// Texts.
     Text,
 }
 
 impl Kind {
-    fn of(state: &State) -> Option<Self> {
+    /// Of a value; `None` for a gap.
+    #[must_use]
+    pub fn of(state: &State) -> Option<Self> {
         match state {
             State::Decimal(_) => Some(Self::Decimal),
             State::Integer(_) => Some(Self::Integer),
             State::Text(_) => Some(Self::Text),
             State::Gap(_) => None,
         }
+    }
+
+    /// Of these samples, which are of one kind.
+    fn of_all(samples: &[Sample]) -> Self {
+        samples.iter().find_map(|sample| Self::of(&sample.state)).unwrap_or(Self::Integer)
+    }
+
+    /// Its number, which never changes.
+    fn number(self) -> u8 {
+        match self {
+            Self::Decimal => 0,
+            Self::Integer => 1,
+            Self::Text => 2,
+        }
+    }
+
+    fn of_number(number: u8) -> Result<Self, BadChunk> {
+        [Self::Decimal, Self::Integer, Self::Text]
+            .into_iter()
+            .find(|kind| kind.number() == number)
+            .ok_or(BadChunk::Number)
+    }
+}
+
+/// The bytes of the times that were written last: signals that are read together have the same ones.
+#[derive(Debug, Default)]
+pub struct Times {
+    of: Vec<i64>,
+    bytes: Vec<u8>,
+}
+
+impl Times {
+    pub(super) fn put(&mut self, out: &mut Vec<u8>, samples: &[Sample]) {
+        let is_known = self.of.len() == samples.len()
+            && self.of.iter().zip(samples).all(|(time, sample)| *time == sample.time.0);
+        if !is_known || self.bytes.is_empty() {
+            self.of = samples.iter().map(|sample| sample.time.0).collect();
+            self.bytes.clear();
+            put_integers(&mut self.bytes, &self.of);
+        }
+        out.extend_from_slice(&self.bytes);
     }
 }
 
@@ -103,42 +149,49 @@ pub fn fitting(samples: &[Sample]) -> usize {
     samples.iter().map(fits).take(MAX_SAMPLES).take_while(|fits| *fits).count()
 }
 
-/// Whether a sample can stand behind these, which are of one kind.
+/// Whether a sample can stand behind values of this kind, or behind gaps.
 #[must_use]
-pub fn is_of_one_kind(samples: &[Sample], next: &Sample) -> bool {
-    let kind = samples.iter().rev().find_map(|sample| Kind::of(&sample.state));
+pub fn is_of_one_kind(kind: Option<Kind>, next: &Sample) -> bool {
     kind.zip(Kind::of(&next.state)).is_none_or(|(kind, next)| kind == next)
 }
 
 /// Writes samples: the first ones that fit. Returns the bytes and how many samples they have.
 #[must_use]
-pub fn encode(interval: Interval, samples: &[Sample]) -> (Vec<u8>, usize) {
+pub fn encode(times: &mut Times, interval: Interval, samples: &[Sample]) -> (Vec<u8>, usize) {
     let count = fitting(samples);
     let samples = samples.get(..count).unwrap_or_default();
     let mut out = vec![CODEC];
     put(&mut out, count as u64);
     put(&mut out, u64::from(interval.millis()));
-    let kind = samples.iter().find_map(|sample| Kind::of(&sample.state)).unwrap_or(Kind::Integer);
-    out.push(match kind {
-        Kind::Decimal => 0,
-        Kind::Integer => 1,
-        Kind::Text => 2,
-    });
-    put_integers(&mut out, &samples.iter().map(|sample| sample.time.0).collect::<Vec<_>>());
+    let kind = Kind::of_all(samples);
+    out.push(kind.number());
+    times.put(&mut out, samples);
     put_quality(&mut out, samples);
-    match kind {
-        Kind::Decimal => put_decimals(&mut out, samples),
-        Kind::Integer => {
-            let numbers = samples.iter().filter_map(|sample| match sample.state {
-                State::Integer(number) => Some(number),
-                State::Decimal(_) | State::Text(_) | State::Gap(_) => None,
-            });
-            put_integers(&mut out, &numbers.collect::<Vec<_>>());
-        }
-        Kind::Text => put_texts(&mut out, samples),
-    }
+    put_values(&mut out, kind, samples);
     seal(&mut out);
     (out, count)
+}
+
+/// The number of a kind without gaps has this bit in a column.
+const WHOLE: u8 = 0x80;
+
+/// Writes the values of samples that fit into one chunk, without their times.
+pub(super) fn put_column(out: &mut Vec<u8>, samples: &[Sample]) {
+    let kind = Kind::of_all(samples);
+    if samples.iter().all(|sample| sample.state.gap().is_none()) {
+        out.push(kind.number() | WHOLE);
+    } else {
+        out.push(kind.number());
+        put_quality(out, samples);
+    }
+    put_values(out, kind, samples);
+}
+
+/// Reads what [`put_column`] wrote of so many samples.
+pub(super) fn column(reader: &mut Reader<'_>, count: usize) -> Result<Vec<State>, BadChunk> {
+    let kind = reader.byte()?;
+    let gaps = if kind & WHOLE == 0 { quality(reader, count)? } else { vec![None; count] };
+    states(reader, Kind::of_number(kind & !WHOLE)?, gaps)
 }
 
 /// Reads a chunk.
@@ -154,27 +207,44 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, BadChunk> {
     let count = reader.up_to(MAX_SAMPLES)?;
     let interval = u32::try_from(reader.number()?).ok().and_then(Interval::of_millis);
     let interval = interval.ok_or(BadChunk::Number)?;
-    let kind = match reader.byte()? {
-        0 => Kind::Decimal,
-        1 => Kind::Integer,
-        2 => Kind::Text,
-        _ => return Err(BadChunk::Number),
-    };
+    let kind = Kind::of_number(reader.byte()?)?;
     let times = integers(&mut reader, count)?;
     let gaps = quality(&mut reader, count)?;
+    let states = states(&mut reader, kind, gaps)?;
+    reader.end()?;
+    Ok(Decoded { interval, samples: at(&times, states) })
+}
+
+/// Values with their times.
+pub(super) fn at(times: &[i64], states: Vec<State>) -> Vec<Sample> {
+    times.iter().zip(states).map(|(time, state)| Sample { time: Micros(*time), state }).collect()
+}
+
+/// Reads the values where there are no gaps.
+fn states(reader: &mut Reader<'_>, kind: Kind, gaps: Vec<Option<Gap>>) -> Result<Vec<State>, BadChunk> {
     let present = gaps.iter().filter(|gap| gap.is_none()).count();
     let values = match kind {
-        Kind::Decimal => decimals(&mut reader, present)?,
-        Kind::Integer => integers(&mut reader, present)?.into_iter().map(State::Integer).collect(),
-        Kind::Text => texts(&mut reader, present)?,
+        Kind::Decimal => decimals(reader, present)?,
+        Kind::Integer => integers(reader, present)?.into_iter().map(State::Integer).collect(),
+        Kind::Text => texts(reader, present)?,
     };
-    reader.end()?;
     let mut values = values.into_iter();
-    let samples = times.into_iter().zip(gaps).map(|(time, gap)| {
-        let state = gap.map(State::Gap).or_else(|| values.next()).ok_or(BadChunk::Short)?;
-        Ok(Sample { time: Micros(time), state })
-    });
-    Ok(Decoded { interval, samples: samples.collect::<Result<_, _>>()? })
+    let state = |gap: Option<Gap>| gap.map(State::Gap).or_else(|| values.next()).ok_or(BadChunk::Short);
+    gaps.into_iter().map(state).collect()
+}
+
+fn put_values(out: &mut Vec<u8>, kind: Kind, samples: &[Sample]) {
+    match kind {
+        Kind::Decimal => put_decimals(out, samples),
+        Kind::Integer => {
+            let numbers = samples.iter().filter_map(|sample| match sample.state {
+                State::Integer(number) => Some(number),
+                State::Decimal(_) | State::Text(_) | State::Gap(_) => None,
+            });
+            put_integers(out, &numbers.collect::<Vec<_>>());
+        }
+        Kind::Text => put_texts(out, samples),
+    }
 }
 
 fn put_quality(out: &mut Vec<u8>, samples: &[Sample]) {
@@ -221,18 +291,18 @@ fn put_decimals(out: &mut Vec<u8>, samples: &[Sample]) {
 
 /// The number times a power of ten, if that is a whole number that gives it back bit by bit.
 #[expect(clippy::cast_possible_truncation, reason = "the number is whole and below 2^53")]
-fn scale(number: f64, digits: u8) -> Option<i64> {
+pub(super) fn scale(number: f64, digits: u8) -> Option<i64> {
     let whole = (number * power(digits)).round();
     let fits = whole.abs() < MAX_WHOLE && unscale(whole as i64, digits).to_bits() == number.to_bits();
     fits.then_some(whole as i64)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "numbers that were scaled are below 2^53")]
-fn unscale(number: i64, digits: u8) -> f64 {
+pub(super) fn unscale(number: i64, digits: u8) -> f64 {
     number as f64 / power(digits)
 }
 
-fn power(digits: u8) -> f64 {
+pub(super) fn power(digits: u8) -> f64 {
     [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9].get(usize::from(digits)).copied().unwrap_or(1e9)
 }
 

@@ -50,7 +50,7 @@ impl Micros {
     }
 }
 
-/// A text of a sample. It is one pointer, so that a sample takes 24 bytes: a gateway holds millions of them.
+/// A text of a sample. It is one pointer, so that a sample takes 24 bytes: a query reads a million of them.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Text(Arc<String>);
 
@@ -251,7 +251,7 @@ mod tests {
         assert_eq!(State::of(&long), State::Gap(Gap::None));
     }
 
-    /// A thousand robots that move have some six million samples in open blocks.
+    /// A query reads a million samples, and a second of a thousand robots waits for the thread of the history.
     #[test]
     fn a_sample_takes_24_bytes() {
         assert_eq!(size_of::<Sample>(), 24);

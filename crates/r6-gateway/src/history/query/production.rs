@@ -209,6 +209,7 @@ mod tests {
 
     use super::*;
     use crate::core::history::block::{Write, chunks};
+    use crate::core::history::codec::Times;
     use crate::core::history::sample::{Interval, State};
     use crate::store::history::MemoryDays;
 
@@ -230,7 +231,11 @@ mod tests {
                     };
                     let samples: Vec<_> = (0..10).map(sample).collect();
                     let interval = Interval::of_period(Duration::from_millis(100));
-                    made.extend(chunks(interval, &samples).into_iter().map(|chunk| (address, chunk)));
+                    made.extend(
+                        chunks(&mut Times::default(), interval, &samples)
+                            .into_iter()
+                            .map(|chunk| (address, chunk)),
+                    );
                 }
             }
             store.write(day, &[(robot.clone(), Write { chunks: made, ..Write::default() })]).unwrap();
@@ -252,7 +257,11 @@ mod tests {
             let sample = |minute: i64| Sample { time: Micros(minute * MINUTE), state: State::Integer(0) };
             let samples: Vec<_> = (0..600).map(sample).collect();
             for samples in samples.chunks(10) {
-                made.extend(chunks(interval, samples).into_iter().map(|chunk| (address, chunk)));
+                made.extend(
+                    chunks(&mut Times::default(), interval, samples)
+                        .into_iter()
+                        .map(|chunk| (address, chunk)),
+                );
             }
         }
         let gap = |from: i64, to| {
@@ -288,7 +297,7 @@ mod tests {
         let interval = Interval::of_period(Duration::from_millis(100));
         let mut made = Vec::new();
         for (number, sample) in [(4, count(MINUTE)), (5, gap(MINUTE))] {
-            let chunks = chunks(interval, &[sample]).into_iter();
+            let chunks = chunks(&mut Times::default(), interval, &[sample]).into_iter();
             made.extend(chunks.map(|chunk| (Address::Counter(number), chunk)));
         }
         store.write(0, &[(robot.clone(), Write { chunks: made, ..Write::default() })]).unwrap();

@@ -4,6 +4,7 @@ use r6_proto::Address;
 
 use super::{Ask, AskEvents, Days, HistoryStore, MemoryDays, Part};
 use crate::core::history::block::{Chunk, Write, chunks};
+use crate::core::history::codec::Times;
 use crate::core::history::event::{Event, Observed};
 use crate::core::history::sample::{Interval, Micros, Sample, State};
 use crate::core::name::RobotName;
@@ -32,7 +33,7 @@ fn press() -> RobotName {
 fn chunk(first: i64, count: i64) -> Chunk {
     let samples: Vec<_> =
         (0..count).map(|at| Sample { time: Micros(first + at), state: State::Integer(at) }).collect();
-    chunks(Interval::USUAL, &samples).remove(0)
+    chunks(&mut Times::default(), Interval::USUAL, &samples).remove(0)
 }
 
 fn with(chunks: &[Chunk], replace_tail: bool, tail: Option<&[u8]>) -> Vec<(RobotName, Write)> {

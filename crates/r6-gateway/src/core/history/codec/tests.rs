@@ -41,7 +41,7 @@ fn any_interval() -> impl Strategy<Value = Interval> {
 proptest! {
     #[test]
     fn every_series_comes_back_bit_by_bit(series in any_series(), interval in any_interval()) {
-        let (bytes, count) = encode(interval, &series);
+        let (bytes, count) = encode(&mut Times::default(), interval, &series);
         prop_assert_eq!(count, series.len().min(MAX_SAMPLES));
         let decoded = decode(&bytes).unwrap();
         prop_assert_eq!(decoded.interval, interval);
@@ -53,7 +53,7 @@ proptest! {
         series in any_series(),
         changes in prop::collection::vec((any::<prop::sample::Index>(), 1_u8..), 1..4),
     ) {
-        let (bytes, _) = encode(Interval::USUAL, &series);
+        let (bytes, _) = encode(&mut Times::default(), Interval::USUAL, &series);
         let mut changed = bytes.clone();
         for (at, bits) in changes {
             let at = at.index(changed.len());
@@ -72,7 +72,7 @@ proptest! {
         cut in any::<prop::sample::Index>(),
         noise in prop::collection::vec(any::<u8>(), 0..40),
     ) {
-        let (mut bytes, _) = encode(Interval::USUAL, &series);
+        let (mut bytes, _) = encode(&mut Times::default(), Interval::USUAL, &series);
         bytes.truncate(bytes.len() - 4);
         for (at, byte) in changes {
             let at = at.index(bytes.len());
@@ -90,7 +90,7 @@ proptest! {
 #[test]
 fn each_way_to_be_no_chunk_is_told() {
     let sample = |time, state| Sample { time: Micros(time), state };
-    let (good, _) = encode(Interval::USUAL, &[sample(5, State::Integer(7))]);
+    let (good, _) = encode(&mut Times::default(), Interval::USUAL, &[sample(5, State::Integer(7))]);
     let with = |change: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = good[..good.len() - 4].to_vec();
         change(&mut bytes);
@@ -112,5 +112,5 @@ fn values_of_two_kinds_go_into_two_chunks() {
     let series =
         [sample(1, State::Gap(Gap::Stale)), sample(2, State::Integer(1)), sample(3, State::Decimal(1.5))];
     assert_eq!(fitting(&series), 2);
-    assert_eq!(encode(Interval::USUAL, &series).1, 2);
+    assert_eq!(encode(&mut Times::default(), Interval::USUAL, &series).1, 2);
 }
