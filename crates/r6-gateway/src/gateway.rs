@@ -435,19 +435,19 @@ impl Gateway {
         self.server.shutdown().await;
         match self.sharing.take() {
             Some(sharing) => sharing.end().await,
-            None => finish(&self.state).await,
+            None => finish(&self.state, None).await,
         }
     }
 }
 
 /// Ends the robots and the store in order, when no request comes any more.
-pub(crate) async fn finish(state: &State) -> Result<(), StoreError> {
+pub(crate) async fn finish(state: &State, url: Option<String>) -> Result<(), StoreError> {
     state.fleet.end().await;
     let shared = &state.shared;
     if !matches!(tokio::time::timeout(LAST_RECORDS, state.accounts.ledger.end()).await, Ok(Ok(()))) {
         tracing::error!("the last records about users were not written");
     }
-    let ended = shared.keeper.append(vec![record(None, Deed::GatewayEnded {})]).await.map(drop);
+    let ended = shared.keeper.append(vec![record(None, Deed::GatewayEnded { url })]).await.map(drop);
     if let Some(auditor) = &state.auditor
         && let Err(error) = auditor.put_head().await
     {

@@ -162,7 +162,7 @@ impl Running {
             })
             .await?
         };
-        keeper.append(vec![gateway::started()]).await?;
+        keeper.append(vec![gateway::started(Some(door.url.clone()))]).await?;
         let owners = Owners::shared(peers);
         owners.set_number(number, &door.url);
         let shared =
@@ -313,7 +313,7 @@ async fn run(inner: Arc<Inner>, looked: oneshot::Sender<()>) -> Result<(), Store
         let robots = shared.writes_last();
         tracing::error!(robots, "the audit log does not have the last records of some robots: they are lost");
     }
-    let done = gateway::finish(&inner.state).await;
+    let done = gateway::finish(&inner.state, Some(inner.door.url.clone())).await;
     drop(beats);
     if let Err(error) = rows.end(inner.number).await {
         tracing::warn!(%error, "the store does not know that this gateway ended");

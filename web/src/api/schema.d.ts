@@ -1734,9 +1734,19 @@ export interface components {
         };
         /** @description What the audit log tells of. */
         Deed: {
+            /**
+             * @description Its URL, if several gateways share a database; else `null`.
+             * @example https://gateway-2:9780
+             */
+            url: string | null;
             /** @enum {string} */
             what: "gateway_started";
         } | {
+            /**
+             * @description Its URL, if several gateways share a database; else `null`.
+             * @example https://gateway-2:9780
+             */
+            url: string | null;
             /** @enum {string} */
             what: "gateway_ended";
         } | {

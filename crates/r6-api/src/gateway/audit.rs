@@ -92,10 +92,20 @@ pub struct AuditRecord {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(tag = "what", rename_all = "snake_case")]
 pub enum Deed {
-    /// The gateway started.
-    GatewayStarted {},
-    /// The gateway ended in order.
-    GatewayEnded {},
+    /// A gateway started.
+    GatewayStarted {
+        /// Its URL, if several gateways share a database; else `null`.
+        #[serde(default)]
+        #[cfg_attr(feature = "openapi", schema(required = true, example = "https://gateway-2:9780"))]
+        url: Option<String>,
+    },
+    /// A gateway ended in order.
+    GatewayEnded {
+        /// Its URL, if several gateways share a database; else `null`.
+        #[serde(default)]
+        #[cfg_attr(feature = "openapi", schema(required = true, example = "https://gateway-2:9780"))]
+        url: Option<String>,
+    },
     /// The folder was made of a backup: what happened after it was made is not in this log. A stop holds for
     /// each robot.
     Restored {

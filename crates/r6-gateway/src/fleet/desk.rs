@@ -116,7 +116,7 @@ mod tests {
             actor: String::new(),
             source: None,
             robot: None,
-            deed: Deed::GatewayStarted {},
+            deed: Deed::GatewayStarted { url: None },
         };
         let by = Acknowledged { by: "anna".to_owned(), at: Micros(2), comment: None };
         let first = std::cell::Cell::new(true);

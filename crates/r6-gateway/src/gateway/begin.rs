@@ -16,7 +16,7 @@ pub(crate) type Begun = (Vec<(Kept, RobotConfig)>, BTreeSet<RobotName>);
 
 /// Writes down that the gateway starts, and what the last one left undone.
 pub(crate) fn begin(store: &mut dyn Store, robots: Vec<RobotConfig>) -> Result<Begun, StoreError> {
-    let records: Vec<_> = store.open_intents()?.into_iter().map(unknown).chain([started()]).collect();
+    let records: Vec<_> = store.open_intents()?.into_iter().map(unknown).chain([started(None)]).collect();
     store.append(&records)?;
     // A link that an earlier start printed ends with it.
     store.remove_setup_link()?;
@@ -52,9 +52,9 @@ fn kept(store: &mut dyn Store, robots: Vec<RobotConfig>) -> Result<Begun, StoreE
     Ok((kept.zip(robots).collect(), owed))
 }
 
-/// The record about the start of a gateway.
-pub(crate) fn started() -> AuditRecord {
-    record(None, Deed::GatewayStarted {})
+/// The record about the start of a gateway, with its URL if several share a store.
+pub(crate) fn started(url: Option<String>) -> AuditRecord {
+    record(None, Deed::GatewayStarted { url })
 }
 
 /// A record of the gateway itself.

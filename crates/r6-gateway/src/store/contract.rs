@@ -95,7 +95,7 @@ fn numbers(store: &mut dyn Store, after: u64, most: usize) -> Vec<u64> {
 #[test]
 fn entries_are_numbered_chained_and_read_in_pages() {
     on_each(|store| {
-        assert_eq!(store.append(&[record(Deed::GatewayStarted {})]), Ok(1));
+        assert_eq!(store.append(&[record(Deed::GatewayStarted { url: None })]), Ok(1));
         assert_eq!(store.append(&[intent(), outcome(2), intent()]), Ok(2));
         assert_eq!(store.append(&[]), Ok(5));
         assert_eq!(numbers(store, 0, 2), [1, 2]);
@@ -327,7 +327,7 @@ fn a_restore_forgets_what_was_acknowledged_and_shelved() {
     let mut store = Sqlite::open(folder.path()).unwrap();
     let press = RobotName::new("press").unwrap();
     store.save_alarms(&press, &alarms::Saved { last_id: 5, ..Default::default() }, &[]).unwrap();
-    store.stop_all(&record(Deed::GatewayStarted {})).unwrap();
+    store.stop_all(&record(Deed::GatewayStarted { url: None })).unwrap();
     assert_eq!(store.alarms(&press), Ok(alarms::Saved::default()));
 }
 

@@ -12,7 +12,7 @@ fn record(deed: Deed) -> AuditRecord {
 }
 
 fn started(count: usize) -> Vec<AuditRecord> {
-    vec![record(Deed::GatewayStarted {}); count]
+    vec![record(Deed::GatewayStarted { url: None }); count]
 }
 
 /// An auditor of a folder with this many entries; the first one tells of its key.
@@ -76,7 +76,7 @@ async fn a_log_that_was_cut_off_or_rewritten_is_found_with_a_head_that_was_kept(
     // It goes on with other entries, whose hashes fit. The gateway that runs knows what it signed.
     let lost = Err(StoreError::Broken(Broken::Head { number: 5 }));
     assert_eq!(auditor.head().await.map(drop), lost);
-    keeper.append(vec![record(Deed::GatewayEnded {})]).await.unwrap();
+    keeper.append(vec![record(Deed::GatewayEnded { url: None })]).await.unwrap();
     assert_eq!(verify(path, &[], None).unwrap().entries, 5);
     assert!(changed(verify(path, &[], Some(&note))).contains("rewritten"));
     assert_eq!(auditor.put_head().await, lost, "no newer head hides it");

@@ -9,6 +9,9 @@ function rights(role: Role, only: string | null): string {
   return `${ROLES[role]}, ${only === null ? "all robots" : `${only} only`}`;
 }
 
+/** Which gateway, if several share a database. */
+const at = ({ url }: { url: string | null }): string => (url === null ? "" : ` ${url}`);
+
 const CAUSES: Record<string, string> = {
   released: "given back",
   expired: "not renewed",
@@ -67,9 +70,9 @@ export const audit = {
   deed: (entry: AuditEntry, command: string | undefined): string => {
     switch (entry.what) {
       case "gateway_started":
-        return "The gateway started.";
+        return `The gateway${at(entry)} started.`;
       case "gateway_ended":
-        return "The gateway ended in order.";
+        return `The gateway${at(entry)} ended in order.`;
       case "restored":
         return "The folder was restored from a backup. A stop holds for each robot.";
       case "audit_key":

@@ -9,6 +9,9 @@ function rights(role: Role, only: string | null): string {
   return `${ROLES[role]}，${only === null ? "所有机器人" : `仅限 ${only}`}`;
 }
 
+/** Which gateway, if several share a database. */
+const at = ({ url }: { url: string | null }): string => (url === null ? "" : ` ${url} `);
+
 const CAUSES: Record<string, string> = {
   released: "已归还",
   expired: "未续期",
@@ -67,9 +70,9 @@ export const audit: typeof english = {
   deed: (entry, command) => {
     switch (entry.what) {
       case "gateway_started":
-        return "网关启动。";
+        return `网关${at(entry)}启动。`;
       case "gateway_ended":
-        return "网关正常退出。";
+        return `网关${at(entry)}正常退出。`;
       case "restored":
         return "数据目录由备份恢复。每台机器人的停止均有效。";
       case "audit_key":

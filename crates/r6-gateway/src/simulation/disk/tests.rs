@@ -19,7 +19,8 @@ fn full_log() -> (Disk, Auditor) {
     let disk = Disk::new(1).unwrap();
     let mut store = disk.mount();
     auditor::begin(&mut store, &signer(7)).unwrap();
-    let record = Author::shell("2026-01-01T00:00:00.000000Z".to_owned()).record(Deed::GatewayStarted {});
+    let record =
+        Author::shell("2026-01-01T00:00:00.000000Z".to_owned()).record(Deed::GatewayStarted { url: None });
     store.append(&vec![record; 2_499]).unwrap();
     let keeper = Keeper::in_task(store, || Duration::ZERO);
     (disk, Auditor::new(keeper, signer(7), AuditSettings { max_entries: MOST }))

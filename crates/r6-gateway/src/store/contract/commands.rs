@@ -18,7 +18,7 @@ fn begin(store: &mut dyn Store, new: &NewCommand) -> u64 {
 #[test]
 fn a_key_writes_one_intent_and_keeps_its_answer_with_the_outcome() {
     on_each(|store| {
-        store.append(&[record(Deed::GatewayStarted {})]).unwrap();
+        store.append(&[record(Deed::GatewayStarted { url: None })]).unwrap();
         let new = new_command("token 1", "a", 1_000);
         let number = begin(store, &new);
         let open = KeptCommand { intent: number, hash: [7; 32], answer: None, ended: false };

@@ -8,13 +8,13 @@ use crate::store::{Ends, Heads};
 fn the_ends_of_the_log_are_known() {
     on_each(|store| {
         assert_eq!(store.ends(), Ok(Ends { first: 0, last: 0, hash: Hash::ORIGIN, open: None }));
-        store.append(&[record(Deed::GatewayStarted {}), intent(), intent(), outcome(2)]).unwrap();
+        store.append(&[record(Deed::GatewayStarted { url: None }), intent(), intent(), outcome(2)]).unwrap();
         let (last, hash) = head(store).unwrap();
         assert_eq!(store.ends(), Ok(Ends { first: 1, last, hash, open: Some(3) }));
         store.append(&[outcome(3)]).unwrap();
         assert_eq!(store.ends().unwrap().open, None);
         // Later commands cannot be removed next, so they are not looked for.
-        let many = vec![record(Deed::GatewayStarted {}); usize::try_from(BATCH).unwrap()];
+        let many = vec![record(Deed::GatewayStarted { url: None }); usize::try_from(BATCH).unwrap()];
         store.append(&many).unwrap();
         store.append(&[intent()]).unwrap();
         assert_eq!(store.ends().unwrap().open, None);

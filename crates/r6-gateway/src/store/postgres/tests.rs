@@ -16,7 +16,7 @@ use crate::store::Keeper;
 
 fn started() -> AuditRecord {
     let (time, actor) = ("2026-01-01T00:00:00.000000Z".to_owned(), "gateway".to_owned());
-    AuditRecord { time, actor, source: None, robot: None, deed: Deed::GatewayStarted {} }
+    AuditRecord { time, actor, source: None, robot: None, deed: Deed::GatewayStarted { url: None } }
 }
 
 fn author() -> Author {
