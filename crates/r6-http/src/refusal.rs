@@ -69,9 +69,9 @@ const NUMBERS: [(&str, &str); 7] = [
     ("expected f64", "expected a number"),
     ("expected i64", "expected a whole number"),
     ("expected u64", "expected a whole number from 0 on"),
-    ("expected u32", "expected a whole number from 0 on"),
-    ("expected u16", "expected a whole number from 0 on"),
-    ("expected u8", "expected a whole number from 0 on"),
+    ("expected u32", "expected a whole number from 0 to 4294967295"),
+    ("expected u16", "expected a whole number from 0 to 65535"),
+    ("expected u8", "expected a whole number from 0 to 255"),
     ("expected usize", "expected a whole number from 0 on"),
 ];
 
@@ -132,7 +132,8 @@ mod tests {
         for (body, at, wanted) in [
             (r#"{"a":[[1,2,3],["x",2,3]]}"#, "a[1][0]: ", "expected a number"),
             (r#"{"a":[[1,1.5,3]]}"#, "a[0][1]: ", "expected a whole number at"),
-            (r#"{"a":[[1,2,-3]]}"#, "a[0][2]: ", "expected a whole number from 0 on"),
+            (r#"{"a":[[1,2,-3]]}"#, "a[0][2]: ", "expected a whole number from 0 to 4294967295"),
+            (r#"{"a":[[1,2,5000000000]]}"#, "a[0][2]: ", "expected a whole number from 0 to 4294967295"),
             ("[]", "invalid type", "expected a map"),
         ] {
             let (code, told) = read(body);
