@@ -386,3 +386,21 @@ pub enum Deed {
         version: u64,
     },
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_from_before_gateways_had_urls_are_read() {
+        for (what, deed) in [
+            ("gateway_started", Deed::GatewayStarted { url: None }),
+            ("gateway_ended", Deed::GatewayEnded { url: None }),
+        ] {
+            let body =
+                format!(r#"{{"time":"","actor":"gateway","source":null,"robot":null,"what":"{what}"}}"#);
+            let record: AuditRecord = serde_json::from_str(&body).unwrap();
+            assert_eq!(record.deed, deed);
+        }
+    }
+}
