@@ -3,7 +3,8 @@ import { join } from "node:path";
 import type { Browser, Page } from "playwright-core";
 import { afterAll, beforeAll, expect, test } from "vitest";
 import type { PanelState } from "../../src/api/types.ts";
-import { PATIENCE, Running, fits, folder, hasThisPage, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
+import { HOLD } from "../../src/ui/hold.ts";
+import { Running, fits, folder, hasThisPage, isAccessible, openPage, picture, r6, says, startBrowser, until } from "./support.ts";
 
 const data = folder();
 let browser: Browser;
@@ -47,20 +48,20 @@ async function ask(method: string, path: string, by: string, body?: object): Pro
 
 /**
  * Presses a button for as long as it has to be held, and waits for what comes of it. A press ends by itself where the
- * page hears nothing of the robot meanwhile, as on a busy machine. Then it is pressed again.
+ * page hears nothing of the robot meanwhile, as on a busy machine: then it was too short, and it is pressed again.
  */
 async function hold(page: Page, text: string, brings: string): Promise<void> {
   const button = page.getByRole("button", { name: text, exact: true });
-  for (let pressed = 1; ; pressed++) {
+  for (let heldFor = 0; heldFor < HOLD; ) {
     await until(`"${text}" can be pressed`, () => button.isEnabled());
     await button.hover();
+    const begun = Date.now();
     await page.mouse.down();
     await until(`"${text}" was held`, async () => (await button.and(page.locator(".held")).count()) === 0);
+    heldFor = Date.now() - begun;
     await page.mouse.up();
-    const timeout = pressed < 4 ? 3_000 : PATIENCE;
-    const came = page.waitForSelector(brings, { timeout }).then(() => true);
-    if (await came.catch((error: unknown) => (pressed < 4 ? false : Promise.reject(error)))) return;
   }
+  await page.waitForSelector(brings);
 }
 
 /** Stores another version of a program. */
