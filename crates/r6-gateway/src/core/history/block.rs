@@ -5,7 +5,6 @@
 //! too much memory. The tail of a robot on the disk always has exactly its open blocks: after a seal it is
 //! written anew, otherwise it grows by a row.
 
-use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
@@ -93,7 +92,7 @@ impl Summary {
     }
 }
 
-/// Makes chunks of samples. Signals that are read together have the same times.
+/// Makes chunks of samples. `times` has the bytes of the last times, for the next signal with the same ones.
 #[must_use]
 pub fn chunks(times: &mut Times, interval: Interval, mut samples: &[Sample]) -> Vec<Chunk> {
     let mut chunks = Vec::new();
@@ -157,18 +156,11 @@ impl OpenBlocks {
         if !fits {
             self.seal(&mut Times::default(), address);
         }
-        let (before, block) = match self.blocks.entry(address) {
-            Entry::Vacant(entry) => {
-                let samples = Series::new(sample);
-                (0, entry.insert(Block { interval, samples, written: 0, opened: now }))
-            }
-            Entry::Occupied(entry) => {
-                let block = entry.into_mut();
-                let before = block.samples.size();
-                block.samples.push(sample);
-                (before, block)
-            }
-        };
+        let first = sample.time;
+        let new = || Block { interval, samples: Series::new(first), written: 0, opened: now };
+        let block = self.blocks.entry(address).or_insert_with(new);
+        let before = block.samples.size();
+        block.samples.push(sample);
         self.size = (self.size + block.samples.size()).saturating_sub(before);
         if block.samples.len() >= MAX_SAMPLES {
             self.seal_if(|block| block.samples.len() >= ALSO_SEALED);

@@ -251,7 +251,7 @@ mod tests {
         assert_eq!(State::of(&long), State::Gap(Gap::None));
     }
 
-    /// A query reads a million samples, and a second of a thousand robots waits for the thread of the history.
+    /// A query reads a million samples.
     #[test]
     fn a_sample_takes_24_bytes() {
         assert_eq!(size_of::<Sample>(), 24);

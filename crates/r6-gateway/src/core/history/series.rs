@@ -1,13 +1,16 @@
 //! The samples of an open block in little memory: a gateway of a thousand robots holds millions of them.
 //!
 //! Most signals are numbers with few digits. Such a sample takes 8 bytes: its time since the first sample of
-//! the block, and its number times a power of ten. A block with anything else keeps its samples as they are.
+//! the block, and its number times a power of ten, or its gap. A block with anything else keeps its samples
+//! as they are, 24 bytes each.
+
+use r6_api::gateway::Gap;
 
 use super::codec::{Kind, MAX_DIGITS, scale, unscale};
-use super::sample::{Micros, Sample, State};
+use super::sample::{Micros, Sample, State, gap_code, gap_of_code};
 
-/// How much room is taken at once: for half as many samples as there are, within these bounds. Most signals have
-/// few samples, and a full block has little room that is unused.
+/// How much room is taken at once: for half as many samples as there are, within these bounds. Most signals
+/// have few samples, and a full block has little room that is unused.
 const ROOM: std::ops::RangeInclusive<usize> = 4..=64;
 
 fn room<T>(samples: &mut Vec<T>) {
@@ -27,34 +30,44 @@ pub struct Series {
 
 #[derive(Debug)]
 enum Column {
-    /// Numbers without gaps.
+    /// Numbers and gaps.
     Short {
         first: Micros,
-        /// The digits behind the point; `None` for whole numbers.
-        digits: Option<u8>,
-        /// The µs since the first sample, and the number times this power of ten.
+        unit: Unit,
+        /// The µs since the first sample; the number in its unit, or a gap ([`GAPS`]).
         numbers: Vec<(u32, i32)>,
     },
     /// Anything.
     Long(Vec<Sample>),
 }
 
+/// What the numbers of a block count.
+#[derive(Clone, Copy, Debug)]
+enum Unit {
+    /// There are only gaps so far.
+    Unknown,
+    /// Whole numbers.
+    Whole,
+    /// Decimals, times this power of ten.
+    Digits(u8),
+}
+
+/// Numbers up to this one stand for gaps: the lowest number and the code of the gap.
+const GAPS: i32 = i32::MIN + u8::MAX as i32;
+
 impl Series {
-    /// With its first sample.
-    pub fn new(sample: Sample) -> Self {
-        let digits = if let State::Decimal(_) = sample.state { Some(0) } else { None };
-        let column = Column::Short { first: sample.time, digits, numbers: Vec::new() };
-        let mut series = Self { column, last: sample.time, texts: 0 };
-        series.push(sample);
-        series
+    /// Without a sample: the first one will be of this time.
+    pub fn new(first: Micros) -> Self {
+        let column = Column::Short { first, unit: Unit::Unknown, numbers: Vec::new() };
+        Self { column, last: first, texts: 0 }
     }
 
     /// Adds a sample.
     pub fn push(&mut self, sample: Sample) {
         self.last = sample.time;
-        if let Column::Short { first, digits, numbers } = &mut self.column {
+        if let Column::Short { first, unit, numbers } = &mut self.column {
             room(numbers);
-            if let Some(short) = shorten(*first, digits, numbers, &sample) {
+            if let Some(short) = shorten(*first, unit, numbers, &sample) {
                 numbers.push(short);
                 return;
             }
@@ -72,9 +85,9 @@ impl Series {
     /// The samples from this number on.
     pub fn from(&self, begin: usize) -> Vec<Sample> {
         match &self.column {
-            Column::Short { first, digits, numbers } => {
+            Column::Short { first, unit, numbers } => {
                 let numbers = numbers.get(begin..).unwrap_or_default();
-                numbers.iter().map(|short| lengthened(*first, *digits, *short)).collect()
+                numbers.iter().map(|short| lengthened(*first, *unit, *short)).collect()
             }
             Column::Long(samples) => samples.get(begin..).unwrap_or_default().to_vec(),
         }
@@ -104,7 +117,9 @@ impl Series {
     /// What its values are; `None` if there are only gaps.
     pub fn kind(&self) -> Option<Kind> {
         match &self.column {
-            Column::Short { digits, .. } => Some(digits.map_or(Kind::Integer, |_| Kind::Decimal)),
+            Column::Short { unit: Unit::Unknown, .. } => None,
+            Column::Short { unit: Unit::Whole, .. } => Some(Kind::Integer),
+            Column::Short { unit: Unit::Digits(_), .. } => Some(Kind::Decimal),
             Column::Long(samples) => samples.iter().rev().find_map(|sample| Kind::of(&sample.state)),
         }
     }
@@ -122,37 +137,66 @@ impl Series {
 /// A sample in 8 bytes, if it fits. Numbers before it get more digits where it needs them.
 fn shorten(
     first: Micros,
-    digits: &mut Option<u8>,
+    unit: &mut Unit,
     numbers: &mut [(u32, i32)],
     sample: &Sample,
 ) -> Option<(u32, i32)> {
     let since = u32::try_from(sample.time.0.checked_sub(first.0)?).ok()?;
-    let number = match (&sample.state, *digits) {
-        (State::Integer(number), None) => i32::try_from(*number).ok()?,
-        (State::Decimal(number), Some(few)) => {
-            let fit = |digits| Some((digits, i32::try_from(scale(*number, digits)?).ok()?));
-            let (more, scaled) = (few..=MAX_DIGITS).find_map(fit)?;
+    let number = match (&sample.state, *unit) {
+        (State::Gap(gap), _) => i32::MIN + i32::from(gap_code(*gap)),
+        (State::Integer(number), Unit::Unknown | Unit::Whole) => {
+            let short = short(*number)?;
+            *unit = Unit::Whole;
+            short
+        }
+        (State::Decimal(number), Unit::Unknown) => {
+            let (digits, scaled) = scaled(*number, 0)?;
+            *unit = Unit::Digits(digits);
+            scaled
+        }
+        (State::Decimal(number), Unit::Digits(few)) => {
+            let (more, scaled) = scaled(*number, few)?;
             if more > few {
                 let factor = 10_i32.checked_pow(u32::from(more - few))?;
-                if numbers.iter().any(|(_, before)| before.checked_mul(factor).is_none()) {
+                let is_gap = |number: i32| number <= GAPS;
+                let fits =
+                    |number: i32| is_gap(number) || number.checked_mul(factor).is_some_and(|n| !is_gap(n));
+                if !numbers.iter().all(|(_, number)| fits(*number)) {
                     return None;
                 }
-                numbers.iter_mut().for_each(|(_, before)| *before = before.wrapping_mul(factor));
-                *digits = Some(more);
+                let values = numbers.iter_mut().filter(|(_, number)| !is_gap(*number));
+                values.for_each(|(_, number)| *number = number.wrapping_mul(factor));
+                *unit = Unit::Digits(more);
             }
             scaled
         }
-        (State::Decimal(_) | State::Integer(_) | State::Text(_) | State::Gap(_), _) => return None,
+        (State::Integer(_), Unit::Digits(_)) | (State::Decimal(_), Unit::Whole) | (State::Text(_), _) => {
+            return None;
+        }
     };
     Some((since, number))
 }
 
+/// A number that stands for no gap.
+fn short(number: i64) -> Option<i32> {
+    i32::try_from(number).ok().filter(|number| *number > GAPS)
+}
+
+/// A decimal with so few digits, or with as many more as it needs.
+fn scaled(number: f64, few: u8) -> Option<(u8, i32)> {
+    (few..=MAX_DIGITS).find_map(|digits| Some((digits, short(scale(number, digits)?)?)))
+}
+
 /// What was shortened.
-fn lengthened(first: Micros, digits: Option<u8>, (since, number): (u32, i32)) -> Sample {
+fn lengthened(first: Micros, unit: Unit, (since, number): (u32, i32)) -> Sample {
     let time = Micros(first.0.saturating_add(i64::from(since)));
-    let state = match digits {
-        None => State::Integer(i64::from(number)),
-        Some(digits) => State::Decimal(unscale(i64::from(number), digits)),
+    let state = match unit {
+        _ if number <= GAPS => {
+            let gap = u8::try_from(number.wrapping_sub(i32::MIN)).ok().and_then(gap_of_code);
+            State::Gap(gap.unwrap_or(Gap::None))
+        }
+        Unit::Unknown | Unit::Whole => State::Integer(i64::from(number)),
+        Unit::Digits(digits) => State::Decimal(unscale(i64::from(number), digits)),
     };
     Sample { time, state }
 }
@@ -162,11 +206,10 @@ mod tests {
     use super::super::codec::power;
     use super::*;
     use proptest::prelude::*;
-    use r6_api::gateway::Gap;
 
     fn of(samples: &[Sample]) -> Series {
-        let mut series = Series::new(samples[0].clone());
-        samples[1..].iter().for_each(|sample| series.push(sample.clone()));
+        let mut series = Series::new(samples[0].time);
+        samples.iter().for_each(|sample| series.push(sample.clone()));
         series
     }
 
@@ -181,6 +224,20 @@ mod tests {
         assert_eq!(of(&decimals(&axis)).size() / 512, 8);
         let whole = |at: i64| Sample { time: Micros(at), state: State::Integer(at * 4_000_000) };
         assert_eq!(of(&(0..512).map(whole).collect::<Vec<_>>()).size() / 512, 8);
+    }
+
+    #[test]
+    fn a_lost_link_costs_no_more_memory() {
+        let sample = |at: i64, state| Sample { time: Micros(at), state };
+        let mut samples = decimals(&[1.5, 2.25]);
+        samples.push(sample(2, State::Gap(Gap::Stale)));
+        samples.push(sample(3, State::Decimal(0.125)));
+        samples.insert(0, sample(0, State::Gap(Gap::Lost)));
+        let series = of(&samples);
+        assert_eq!((series.from(0), series.size()), (samples, 8 * 8));
+        assert_eq!(of(&[sample(0, State::Gap(Gap::Ended))]).kind(), None);
+        let lowest = [sample(0, State::Integer(i64::from(i32::MIN) + 1)), sample(1, State::Integer(-1))];
+        assert_eq!(of(&lowest).from(0), lowest);
     }
 
     #[test]
@@ -205,7 +262,7 @@ mod tests {
             10 => any::<i16>().prop_map(|number| State::Integer(number.into())),
             1 => any::<i64>().prop_map(State::Integer),
             1 => any::<u64>().prop_map(|bits| State::Decimal(f64::from_bits(bits))),
-            1 => Just(State::Gap(Gap::Stale)),
+            4 => prop::sample::select(Gap::ALL.to_vec()).prop_map(State::Gap),
             1 => "[a-c]{0,4}".prop_map(|text| State::Text(text.into())),
         ]
     }

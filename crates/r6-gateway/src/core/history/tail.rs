@@ -2,7 +2,7 @@
 //!
 //! A group has its times once, and for each signal its name and its values. Of a name that begins as the one
 //! before, only the rest is written. A row of a quarter of a second has two or three samples of each signal,
-//! so this is a third of what a chunk for each signal would take.
+//! so this is less than half of what a chunk for each signal would take.
 
 use r6_proto::Address;
 
@@ -19,6 +19,16 @@ const OF_CHUNKS: u8 = 1;
 
 /// The longest name of an address, and more than any has.
 const MAX_NAME: usize = 64;
+
+/// The most signals of a row: eight times as many as a robot has, because those that are read no more stay
+/// in open blocks for ten minutes. Few bytes can stand for many samples, and not for more than these.
+const MAX_SIGNALS: usize = 8 * 1024;
+
+/// Whether these bytes are of a later version.
+#[must_use]
+pub fn is_later(bytes: &[u8]) -> bool {
+    matches!(decode(bytes), Err(BadChunk::Codec(_)))
+}
 
 /// Signals with the same times.
 struct Group<'s> {
@@ -96,7 +106,7 @@ fn groups(reader: &mut Reader<'_>) -> Result<Vec<(Address, Decoded)>, BadChunk> 
         let interval = u32::try_from(reader.number()?).ok().and_then(Interval::of_millis);
         let interval = interval.ok_or(BadChunk::Number)?;
         let times = integers(reader, count)?;
-        for _ in 0..reader.up_to(usize::MAX)? {
+        for _ in 0..reader.up_to(MAX_SIGNALS.saturating_sub(decoded.len()))? {
             name.truncate(reader.up_to(name.len())?);
             let rest = reader.up_to(MAX_NAME)?;
             name.extend_from_slice(reader.take(rest)?);
@@ -122,6 +132,7 @@ fn chunks(reader: &mut Reader<'_>) -> Result<Vec<(Address, Decoded)>, BadChunk> 
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use r6_api::gateway::Gap;
 
     use super::super::sample::{Micros, State};
     use super::*;
@@ -202,10 +213,74 @@ mod tests {
         assert_eq!((decoded[1].0, &decoded[1].1.samples), (MOVING, &series(5..7)));
         let mut later = vec![VERSION + 1];
         seal(&mut later);
-        assert_eq!(decode(&later), Err(BadChunk::Codec(3)));
+        assert!(is_later(&later) && !is_later(&bytes) && !is_later(&later[1..]));
+    }
+
+    #[test]
+    fn few_bytes_are_not_millions_of_samples() {
+        // Gaps of one signal, again and again.
+        let gaps = |count: usize| {
+            let mut bytes = vec![VERSION];
+            put(&mut bytes, MAX_SAMPLES as u64);
+            put(&mut bytes, 60_000);
+            let times: Vec<_> = series(0..512);
+            Times::default().put(&mut bytes, &times);
+            put(&mut bytes, count as u64);
+            let gap = Sample { time: Micros(0), state: State::Gap(Gap::Stale) };
+            for number in 0..count {
+                let rest = if number == 0 { "curMode" } else { "" };
+                put(&mut bytes, 7 - rest.len() as u64);
+                put(&mut bytes, rest.len() as u64);
+                bytes.extend_from_slice(rest.as_bytes());
+                codec::put_column(&mut bytes, &vec![gap.clone(); MAX_SAMPLES]);
+            }
+            seal(&mut bytes);
+            decode(&bytes).map(|decoded| decoded.len())
+        };
+        assert_eq!(gaps(3), Ok(3));
+        assert_eq!(gaps(MAX_SIGNALS + 1), Err(BadChunk::Number));
+    }
+
+    fn any_series() -> impl Strategy<Value = Vec<State>> {
+        let text = prop::sample::select(vec!["a", "b", ""]).prop_map(|text| State::Text(text.into()));
+        let of = |state: BoxedStrategy<State>, gaps: u32| {
+            let gap = prop::sample::select(Gap::ALL.to_vec()).prop_map(State::Gap);
+            let state = prop_oneof![9 => state, gaps => gap];
+            prop::collection::vec(state, 3)
+        };
+        let decimal = prop_oneof![
+            9 => (-400_000_i64..400_000).prop_map(|number| State::Decimal(number as f64 / 1e3)),
+            1 => any::<u64>().prop_map(|bits| State::Decimal(f64::from_bits(bits))),
+        ];
+        prop_oneof![
+            of(any::<i64>().prop_map(State::Integer).boxed(), 0),
+            of(any::<i64>().prop_map(State::Integer).boxed(), 9),
+            of(decimal.clone().boxed(), 0),
+            of(decimal.boxed(), 3),
+            of(text.boxed(), 3),
+        ]
     }
 
     proptest! {
+        #[test]
+        fn every_row_comes_back_bit_by_bit(
+            signals in prop::collection::vec((any_series(), 0..3_i64, any::<bool>()), 0..12),
+        ) {
+            let named = signals.into_iter().enumerate().map(|(number, (states, begin, is_long))| {
+                let name = [format!("axis-{}", number / 2), format!("Addr-{}", 800 + number)];
+                let at = |(time, state)| Sample { time: Micros(begin * 50 + time), state };
+                let interval = if is_long { Interval::LONGEST } else { Interval::USUAL };
+                (Address::parse(&name[number % 2]).unwrap(), interval, (0..).zip(states).map(at).collect())
+            });
+            let signals: Vec<(Address, Interval, Vec<Sample>)> = named.collect();
+            let decoded = decode(&encode(&signals)).unwrap();
+            let mut back = decoded.into_iter().map(|(address, of)| (address, of.interval, of.samples)).collect::<Vec<_>>();
+            let mut there = signals;
+            back.sort_by_key(|(address, ..)| *address);
+            there.sort_by_key(|(address, ..)| *address);
+            prop_assert_eq!(back, there);
+        }
+
         #[test]
         fn no_bytes_with_a_right_checksum_are_a_panic(
             changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),

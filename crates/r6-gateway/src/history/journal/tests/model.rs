@@ -48,6 +48,16 @@ struct Model {
     time: i64,
 }
 
+/// A value of a signal: whole numbers, decimals and texts, and of each a gap now and then.
+fn state(signal: usize, value: i64) -> State {
+    match (signal, value) {
+        (_, 4) => State::Gap(Gap::Stale),
+        (0, _) => State::Integer(value),
+        (1, _) => State::Decimal(value as f64 / 8.0),
+        (_, _) => State::Text(value.to_string().into()),
+    }
+}
+
 impl Model {
     fn add(&mut self, signal: usize, gap: i64, value: i64) -> Option<Sample> {
         let time = self.time + gap;
@@ -56,8 +66,9 @@ impl Model {
         if self.all[signal].contains_key(&time) {
             return None;
         }
-        self.all[signal].insert(time, State::Integer(value));
-        Some(whole(time, value))
+        let state = state(signal, value);
+        self.all[signal].insert(time, state.clone());
+        Some(Sample { time: Micros(time), state })
     }
 }
 
