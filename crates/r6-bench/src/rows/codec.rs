@@ -20,6 +20,10 @@ mod stream;
 
 use samples::FRAMES;
 
+/// What is known of a codec that is slower than the others.
+const UNCHANGED: &str = "not looked into: the code is what it was on 2026-11-24, when no row of the codec missed its goal \
+                         (encoding a query: 1.31 × as fast); the program of the bench has grown since";
+
 /// The positions of the others in a case.
 const SERDE_JSON: usize = 1;
 const SONIC_RS: usize = 2;
@@ -51,7 +55,7 @@ pub fn rows() -> Vec<Row> {
             against,
             goal: Some(goal),
             figure: Figure::Ratio(ratios[other - 1].inverse()),
-            in_the_way: "",
+            in_the_way: UNCHANGED,
         })
     };
     for case in cases::all() {
