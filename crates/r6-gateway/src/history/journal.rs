@@ -367,16 +367,17 @@ impl<S: HistoryStore> Journal<S> {
                 }
                 Err(error) => return Err(error),
             };
-            if tails.iter().flat_map(|found| &found.rows).any(|row| tail::is_later(row)) {
-                tracing::error!(?part, "samples were written by a newer r6: they are left to it");
-                if part.day == time.day() {
-                    self.store.begin_part(part.day)?;
-                }
-                continue;
-            }
             let is_ours =
                 |found: &Tail| self.taken_over.as_ref().is_none_or(|robots| robots.contains(&found.robot));
             for found in tails.into_iter().filter(is_ours).collect::<Vec<_>>() {
+                if found.rows.iter().any(|row| tail::is_later(row)) {
+                    tracing::error!(robot = %found.robot, ?part, "a newer r6 wrote samples: they are left to it");
+                    // What is written from now on removes the tails of its own part.
+                    if part.day == time.day() {
+                        self.store.begin_part(part.day)?;
+                    }
+                    continue;
+                }
                 let samples = self.read_tail(part, &found.robot, &found.rows);
                 let mut blocks = OpenBlocks::default();
                 for (address, interval, sample) in samples {

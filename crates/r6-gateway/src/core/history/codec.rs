@@ -187,7 +187,7 @@ pub(super) fn put_column(out: &mut Vec<u8>, samples: &[Sample]) {
     put_values(out, kind, samples);
 }
 
-/// Reads what [`put_column`] wrote of so many samples.
+/// Reads a column of `count` samples, as [`put_column`] wrote it.
 pub(super) fn column(reader: &mut Reader<'_>, count: usize) -> Result<Vec<State>, BadChunk> {
     let kind = reader.byte()?;
     let gaps = if kind & WHOLE == 0 { quality(reader, count)? } else { vec![None; count] };

@@ -24,10 +24,10 @@ const MAX_NAME: usize = 64;
 /// in open blocks for ten minutes. Few bytes can stand for many samples, and not for more than these.
 const MAX_SIGNALS: usize = 8 * 1024;
 
-/// Whether these bytes are of a later version.
+/// Whether these bytes are whole, and of a later version.
 #[must_use]
 pub fn is_later(bytes: &[u8]) -> bool {
-    matches!(decode(bytes), Err(BadChunk::Codec(_)))
+    Reader::of_sealed(bytes).and_then(|mut reader| reader.byte()).is_ok_and(|version| version > VERSION)
 }
 
 /// Signals with the same times.

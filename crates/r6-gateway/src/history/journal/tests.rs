@@ -288,13 +288,28 @@ fn samples_of_a_newer_version_are_left_to_it() {
     row.extend(crc::Crc::<u32>::new(&crc::CRC_32_ISCSI).checksum(&row).to_le_bytes());
     let newer = Write { replace_tail: true, tail: Some(row.clone()), ..Write::default() };
     store.write_part(part, &[(press(), newer)]).unwrap();
+    // Another robot of the same file, as several gateways have it in one database.
+    let saw = RobotName::new("saw").unwrap();
+    let mut other = journal(store.clone(), settings());
+    other.is_recovered = true;
+    let of_saw = batch(vec![(Address::CurMode, whole(BASE, 5))], &counts);
+    other.take(Instant::ORIGIN, Batch { robot: saw.clone(), ..of_saw });
+    other.flush(Instant::ORIGIN, Micros(BASE)).unwrap();
+    drop(other);
 
     let mut second = journal(store.clone(), settings());
     for at in 1..600 {
         second.take(Instant::ORIGIN, batch(vec![(Address::CurMode, whole(BASE + at, at))], &counts));
         second.flush(Instant::ORIGIN, Micros(BASE)).unwrap();
     }
-    assert_eq!(store.tails(part).unwrap()[0].rows, [row], "a newer r6 can read it");
+    let left: Vec<_> = store.tails(part).unwrap().into_iter().map(|tail| (tail.robot, tail.rows)).collect();
+    assert_eq!(
+        left,
+        [(press(), vec![row])],
+        "a newer r6 can read it, and that of the other robot was packed"
+    );
+    let ask = Ask { robot: &saw, address: Address::CurMode, from: Micros(0), to: Micros(i64::MAX) };
+    assert_eq!(store.entries(part, ask, 9).unwrap().len(), 1);
     let samples = all(&mut store, Address::CurMode, second.open(&press(), Address::CurMode));
     assert_eq!(samples.len(), 599);
 }

@@ -12,7 +12,8 @@ const SIGNALS: [Address; 3] = [Address::CurMode, Address::IsMoving, Address::Ori
 /// How often it is killed, if nothing else is said.
 const KILLS: u32 = 20;
 
-/// After so many kills it begins with an empty folder: everything in it is read after each.
+/// After this number of kills the test begins with an empty folder. All samples of the folder are read after
+/// each kill, so a folder of a thousand kills would take an hour.
 const KILLS_OF_A_FOLDER: u32 = 50;
 
 /// The sample of a number: about every fifth one of a signal that changes seldom.
