@@ -374,7 +374,7 @@ async fn a_camera_in_a_loop_is_told_to_wait() {
 #[cfg(unix)]
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_grant_holds_at_each_gateway_and_after_a_takeover() {
-    use crate::owner::{Here, database};
+    use crate::gateways::{Here, database};
     let Some((_server, url, token)) = database("the test of cameras at two gateways").await else { return };
     let press = VirtualController::start().await.unwrap();
     let robots = [("press", press.address())];

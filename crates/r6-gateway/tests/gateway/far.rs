@@ -8,7 +8,7 @@ use r6_controller::PanelAction;
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
 
-use crate::owner::{Here, There, beside, database, lease};
+use crate::gateways::{Here, There, beside, database, lease};
 use crate::support::{PATIENCE, Stream, call, ready_to_start, signal};
 
 /// No fresh value is older: the period, what the client allows beyond it, and how long an owner may say

@@ -7,7 +7,7 @@ use r6_sim::VirtualController;
 use serde_json::{Value, json};
 
 use crate::far::listed;
-use crate::owner::{Here, There, beside, command, database, lease, settings_of};
+use crate::gateways::{Here, There, beside, command, database, lease, settings_of};
 use crate::support::{Browser, PASSWORD, PATIENCE, call, call_with, commands, ready_to_start, request};
 
 /// Within this time after its owner froze, a stop has come to the robot: a takeover takes 5 s, and a machine

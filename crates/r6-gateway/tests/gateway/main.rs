@@ -10,6 +10,8 @@ mod far;
 mod fleet;
 #[cfg(unix)]
 mod forward;
+#[cfg(unix)]
+mod gateways;
 mod guard;
 mod happenings;
 mod heads;
@@ -20,6 +22,7 @@ mod leases;
 mod openapi;
 #[cfg(unix)]
 mod owner;
+#[cfg(unix)]
 mod owner_changes;
 mod page;
 mod panel;

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use r6_sim::VirtualController;
 
-use crate::owner::{Here, audit, database, killed, own_database, started, until};
+use crate::gateways::{Here, audit, database, killed, own_database, started, until};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn no_other_arm_gets_the_name_of_a_robot_while_the_files_of_gateways_differ() {

@@ -7,7 +7,7 @@ use r6_gateway::{Gateway, GatewaySettings};
 use serde_json::{Value, json};
 use tokio::task::JoinHandle;
 
-use crate::owner::{Here, There, beside, command, database, lease, settings_of};
+use crate::gateways::{Here, There, beside, command, database, lease, settings_of};
 use crate::support::{PATIENCE, call, ready_to_start};
 
 /// Stops a robot beside the test. Returns how long that took, too.
