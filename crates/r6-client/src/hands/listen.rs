@@ -6,6 +6,7 @@ use std::fmt;
 use std::future::poll_fn;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
 use std::task::Poll;
 
 use tokio::net::{TcpListener, TcpStream};
@@ -36,9 +37,12 @@ use crate::hands::connect::Connect;
 /// assert!(robot.status().await?.is_ready());
 /// # drop(controller); Ok(()) }
 /// ```
-#[derive(Debug)]
+///
+/// A clone listens on the same port, which is free once all of them are dropped. If the first attempt to
+/// connect fails, another one can be made with a clone, and no controller is refused in between.
+#[derive(Clone, Debug)]
 pub struct Listen {
-    listener: TcpListener,
+    listener: Arc<TcpListener>,
     only_from: Option<IpAddr>,
 }
 
@@ -48,13 +52,13 @@ impl Listen {
     /// # Errors
     /// The error of the system: the port is in use, or the address does not belong to this machine.
     pub async fn on(address: &str) -> io::Result<Self> {
-        Ok(Self { listener: TcpListener::bind(address).await?, only_from: None })
+        Ok(Self { listener: Arc::new(TcpListener::bind(address).await?), only_from: None })
     }
 
     /// Accepts connections from this machine only; others are closed at once.
     #[must_use]
     pub fn only_from(mut self, controller: IpAddr) -> Self {
-        self.only_from = Some(controller);
+        self.only_from = Some(controller.to_canonical());
         self
     }
 
@@ -67,7 +71,8 @@ impl Listen {
     }
 
     fn is_meant(&self, peer: SocketAddr) -> bool {
-        let meant = self.only_from.is_none_or(|only| only == peer.ip());
+        // A socket for both kinds of addresses shows those of IPv4 as IPv6.
+        let meant = self.only_from.is_none_or(|only| only == peer.ip().to_canonical());
         if !meant {
             crate::Event::StrangerClosed { peer }.log("");
         }
@@ -113,6 +118,27 @@ impl fmt::Display for Listen {
         match self.address() {
             Ok(address) => write!(f, "the controller that dials {address}"),
             Err(_) => f.write_str("the controller that dials"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn an_address_of_ipv4_is_the_same_as_a_socket_for_both_kinds_shows_it() {
+        let listen = Listen::on("127.0.0.1:0").await.unwrap();
+        for meant in ["10.0.0.1", "::ffff:10.0.0.1"] {
+            let listen = listen.clone().only_from(meant.parse().unwrap());
+            for (peer, is_meant) in [
+                ("10.0.0.1:5", true),
+                ("[::ffff:10.0.0.1]:5", true),
+                ("10.0.0.2:5", false),
+                ("[::1]:5", false),
+            ] {
+                assert_eq!(listen.is_meant(peer.parse().unwrap()), is_meant, "{meant} {peer}");
+            }
         }
     }
 }
