@@ -35,6 +35,7 @@ pub mod roster;
 pub mod run;
 mod send;
 pub mod station;
+pub mod way;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};

@@ -259,10 +259,10 @@ impl Gateway {
                 "twins cannot be used with --store yet: they live in one process",
             ));
         }
+        roster::check_shared(&settings.robots).map_err(GatewayError::Robots)?;
         if folder::has_store(&settings.data) {
             return Err(GatewayError::HasStore(settings.data));
         }
-        roster::check(&settings.robots).map_err(GatewayError::Robots)?;
         files::make_folder(&settings.data).map_err(GatewayError::System)?;
         let lock = lock(&settings.data)?;
         let data = settings.data.clone();
@@ -392,7 +392,7 @@ impl Gateway {
     pub async fn reload(&self, robots: Vec<RobotConfig>) -> Result<Changes, Problem> {
         let state = &self.state;
         let Some(sharing) = &self.sharing else { return state.fleet.reload(robots).await };
-        roster::check(&robots)?;
+        roster::check_shared(&robots)?;
         self.check_elsewhere(&robots).await?;
         // The changes of the robots that this gateway has.
         state.fleet.reload(robots.clone()).await?;

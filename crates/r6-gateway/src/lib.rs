@@ -95,6 +95,7 @@ pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
 pub use crate::fleet::guard::Guard;
 pub use crate::fleet::panel::Panel;
 pub use crate::fleet::roster::Changes;
+pub use crate::fleet::way::Way;
 pub use crate::folder::is_of_database;
 pub use crate::gateway::{Gateway, GatewayError, GatewaySettings};
 pub use crate::history::{HistorySettings, LEAST_MAX_BYTES};

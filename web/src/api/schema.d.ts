@@ -3465,7 +3465,7 @@ export interface components {
         /** @description One robot without its values. */
         RobotSummary: {
             /**
-             * @description Host and port, as configured.
+             * @description Host and port, as configured; `listen:ADDR:PORT,from:ADDR` of a robot that connects to the gateway.
              * @example 192.168.1.10:9760
              */
             address: string;
@@ -3535,7 +3535,8 @@ export interface components {
         /** @description A robot to look after. */
         RobotWanted: {
             /**
-             * @description Host and port; 9760 if there is no port.
+             * @description Host and port; 9760 if there is no port. `listen:ADDR:PORT,from:ADDR` if the controller is in client
+             *     mode: the gateway listens at the first for the robot at the second.
              * @example 192.168.1.10
              */
             address: string;

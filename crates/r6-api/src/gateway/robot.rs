@@ -19,7 +19,7 @@ pub struct RobotSummary {
     /// Its name at the gateway.
     #[cfg_attr(feature = "openapi", schema(example = "press-4"))]
     pub name: String,
-    /// Host and port, as configured.
+    /// Host and port, as configured; `listen:ADDR:PORT,from:ADDR` of a robot that connects to the gateway.
     #[cfg_attr(feature = "openapi", schema(example = "192.168.1.10:9760"))]
     pub address: String,
     /// Who may change its address and what is read of it.
@@ -135,7 +135,8 @@ pub enum ManagedBy {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RobotWanted {
-    /// Host and port; 9760 if there is no port.
+    /// Host and port; 9760 if there is no port. `listen:ADDR:PORT,from:ADDR` if the controller is in client
+    /// mode: the gateway listens at the first for the robot at the second.
     #[cfg_attr(feature = "openapi", schema(example = "192.168.1.10"))]
     pub address: String,
     /// How often its values are read: 20 to 3 600 000 ms; 100 if it is missing.

@@ -10,6 +10,7 @@ use r6_motion::RobotModel;
 use crate::core::name::RobotName;
 use crate::fleet::guard::Guard;
 use crate::fleet::panel::line::Panel;
+use crate::fleet::way::Way;
 use crate::programs;
 
 /// How often the values are read if nothing else is said.
@@ -26,7 +27,8 @@ pub const MAX_READ: usize = 200;
 pub struct RobotConfig {
     /// Its name.
     pub name: RobotName,
-    /// Host and port, as [`r6_client::Robot::connect`] takes them.
+    /// Host and port, as [`r6_client::Robot::connect`] takes them; or where the gateway listens for it, as
+    /// [`Way::read`] takes it.
     pub address: String,
     /// How often its values are read: [`PERIODS`].
     pub period: Duration,
@@ -86,14 +88,19 @@ impl RobotConfig {
         if let Some(model) = &self.model {
             programs::model(model)?;
         }
-        let address = r6_client::address_with_port(&self.address);
-        address.map_err(|error| r6_client::RequestError::Invalid(error).to_string())
+        Ok(Way::read(&self.address)?.place())
     }
 
     /// Its address with a port, by which two robots at one address are found.
     #[must_use]
     pub fn place(&self) -> String {
-        r6_client::address_with_port(&self.address).unwrap_or_else(|_| self.address.clone())
+        Way::read(&self.address).map_or_else(|_| self.address.clone(), |way| way.place())
+    }
+
+    /// Whether the robot connects to the gateway.
+    #[must_use]
+    pub fn dials_in(&self) -> bool {
+        Way::read(&self.address).is_ok_and(|way| way.dials_in())
     }
 
     /// Whether the robot is the same, is read in the same way, and has the same model, limits, twin and

@@ -142,10 +142,26 @@ async fn connect(station: &Station, config: &RobotConfig) -> Robot {
     // no more of it when it goes on.
     let permission = Some(Permission::new().only_while(move || ownership.may_send()));
     let settings = RobotSettings { permission, ..config.settings.clone() };
+    let mut road = None;
+    let mut is_told = false;
     loop {
-        match station.shared.roads.connect(&config.address, settings.clone()).await {
-            Ok(robot) => return robot,
-            Err(error) => tracing::debug!(robot = station.name(), %error, "no connection yet"),
+        match &road {
+            None => match station.shared.roads.to(&config.address).await {
+                Ok(open) => {
+                    road = Some(open);
+                    continue;
+                }
+                Err(error) if !is_told => {
+                    is_told = true;
+                    tracing::warn!(robot = station.name(), address = config.address, %error,
+                        "cannot listen for the robot: trying again");
+                }
+                Err(_) => {}
+            },
+            Some(road) => match road.connect(settings.clone()).await {
+                Ok(robot) => return robot,
+                Err(error) => tracing::debug!(robot = station.name(), %error, "no connection yet"),
+            },
         }
         tokio::select! {
             biased;

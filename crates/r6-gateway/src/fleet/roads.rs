@@ -3,8 +3,10 @@
 use std::fmt;
 use std::io;
 
-use r6_client::{Connect, RequestError, Robot, RobotSettings};
+use r6_client::{Connect, Listen, RequestError, Robot, RobotSettings};
 use tokio::net::TcpStream;
+
+use super::way::Way;
 
 /// How long the machine of a robot may leave something unacknowledged, of a gateway that can lose its robots.
 /// Otherwise the system would send a command again when a cable is plugged in after minutes, though the
@@ -26,17 +28,46 @@ pub enum Roads {
     Simulated(crate::simulated::Roads),
 }
 
+/// The way to one robot, which outlives an attempt to connect.
+#[derive(Debug)]
+pub enum Road<'r> {
+    /// The gateway connects.
+    Dial(&'r Roads, &'r str),
+    /// It listens for the robot.
+    DialsIn(Listen),
+}
+
 impl Roads {
-    /// Connects to the robot at an address, as [`Robot::connect`].
+    /// The way to the robot at this address. A port for a robot that connects is open from now on, until the
+    /// way and the robot's handle are dropped.
+    ///
+    /// # Errors
+    /// The gateway cannot listen there.
+    pub async fn to<'r>(&'r self, address: &'r str) -> io::Result<Road<'r>> {
+        match Way::read(address) {
+            Ok(Way::DialsIn { listen, from }) => {
+                Ok(Road::DialsIn(Listen::on(&listen.to_string()).await?.only_from(from)))
+            }
+            // What is wrong with an address is told by the attempt to connect.
+            Ok(Way::Dial(_)) | Err(_) => Ok(Road::Dial(self, address)),
+        }
+    }
+}
+
+impl Road<'_> {
+    /// Connects, as [`Robot::connect`]; or waits for the robot to connect.
     ///
     /// # Errors
     /// As there.
-    pub async fn connect(&self, address: &str, settings: RobotSettings) -> Result<Robot, RequestError> {
+    pub async fn connect(&self, settings: RobotSettings) -> Result<Robot, RequestError> {
         match self {
-            Self::Tcp => Robot::connect(address, settings).await,
-            Self::TcpOfTerm => Robot::connect_with(OfTerm::new(address)?, settings).await,
+            Self::DialsIn(listen) => Robot::connect_with(listen.clone(), settings).await,
+            Self::Dial(Roads::Tcp, address) => Robot::connect(address, settings).await,
+            Self::Dial(Roads::TcpOfTerm, address) => {
+                Robot::connect_with(OfTerm::new(address)?, settings).await
+            }
             #[cfg(feature = "simulation")]
-            Self::Simulated(roads) => roads.connect(address, settings).await,
+            Self::Dial(Roads::Simulated(roads), address) => roads.connect(address, settings).await,
         }
     }
 }

@@ -69,6 +69,27 @@ pub fn check<'r>(robots: impl IntoIterator<Item = &'r RobotConfig>) -> Result<()
     Ok(())
 }
 
+/// Checks the same of gateways that share their store, and that each of them can reach each robot.
+///
+/// # Errors
+/// `bad_value`, `address_taken`.
+pub fn check_shared<'r>(robots: impl IntoIterator<Item = &'r RobotConfig> + Clone) -> Result<(), Problem> {
+    check(robots.clone())?;
+    robots.into_iter().try_for_each(refuse_if_dials_in)
+}
+
+fn refuse_if_dials_in(robot: &RobotConfig) -> Result<(), Problem> {
+    if !robot.dials_in() {
+        return Ok(());
+    }
+    let message = format!(
+        "robot `{}`: it connects to this machine, so no other gateway could take it over: with --store, set the robot to \
+         server mode at its pendant, and give its own address",
+        robot.name
+    );
+    Err(Problem::new(Code::BadValue, message))
+}
+
 /// Refuses a robot that may be at the address of a twin. Twins listen on a port of this machine, which has
 /// several names and addresses.
 fn check_twins(robots: &[&RobotConfig], addresses: &BTreeMap<String, &RobotName>) -> Result<(), Problem> {
@@ -147,6 +168,9 @@ impl Fleet {
         let ended = self.ended.lock().await;
         refuse_if(*ended)?;
         let owners = &self.shared.owners;
+        if !owners.is_alone() {
+            refuse_if_dials_in(&wanted)?;
+        }
         let now = if owners.is_alone() { self.configs() } else { owners.robots() };
         let (mut known, others): (Vec<_>, Vec<_>) = now.iter().partition(|robot| robot.name == wanted.name);
         let known = known.pop();

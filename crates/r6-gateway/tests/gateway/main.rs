@@ -5,6 +5,7 @@ mod alarms;
 mod browsers;
 mod cameras;
 mod commands;
+mod dials_in;
 #[cfg(unix)]
 mod far;
 mod fleet;

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use r6_gateway::{
     At, Certificate, Changes, Database, Gateway, GatewaySettings, RawPort, RobotConfig, RobotName,
-    TlsSettings,
+    TlsSettings, Way,
 };
 
 use crate::cmd::gateway::config::Config;
@@ -62,6 +62,9 @@ In hall.toml, for each robot:
   parts = \"counter-1\"                  the counter of parts; the first counter of read if it is missing
   model = \"BRTIRUS0707A\"               the model of its arm, for plans and its twin; `r6 plot --help` has all
   profile = \"hc1\"                      the profile of its firmware, for its twin; `r6 sim --help` has all
+
+A robot that is set to client mode at its pendant connects to the gateway, at this port of this machine:
+  address = \"listen:192.168.1.2:9770,from:192.168.1.31\"
 
 What is kept of values, and for how long; it holds from the next start:
   [history]
@@ -471,7 +474,6 @@ fn named(text: &str) -> Result<RobotConfig, Failure> {
     let (name, address) =
         text.split_once('=').ok_or_else(|| wrong("it has to be NAME=HOST[:PORT]".to_owned()))?;
     let name = RobotName::new(name).ok_or_else(|| wrong(format!("`{name}` is not {}", RobotName::WANTED)))?;
-    r6_client::check_address(address)
-        .map_err(|error| wrong(r6_client::RequestError::Invalid(error).to_string()))?;
+    Way::read(address).map_err(wrong)?;
     Ok(RobotConfig { settings: robot::settings(), ..RobotConfig::new(name, address) })
 }

@@ -15,7 +15,7 @@ use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_controller::{Profile, RobotModel};
 use r6_gateway::{
     AuditSettings, Guard, Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule,
-    RawSource, RobotConfig, RobotName,
+    RawSource, RobotConfig, RobotName, Way,
 };
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Found, Node, Wrong};
@@ -31,6 +31,10 @@ use crate::text_file;
 
 /// The longest file. A robot takes a hundred bytes.
 const MAX_FILE_BYTES: usize = 1024 * 1024;
+
+/// What the address of a robot has to be.
+const ADDRESS: &str = "HOST[:PORT], such as 192.168.1.10, or listen:ADDR:PORT,from:ADDR for a robot that connects to the gateway, \
+                       such as listen:192.168.1.2:9770,from:192.168.1.10";
 
 /// What the file of a gateway says.
 #[derive(Debug, Default)]
@@ -136,9 +140,7 @@ fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
 
 fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
     let name = fields.due("name", RobotName::WANTED, |value| RobotName::new(value.text()?));
-    let address = fields.due("address", "HOST[:PORT], such as 192.168.1.10", |value| {
-        value.text().filter(|text| r6_client::check_address(text).is_ok())
-    });
+    let address = fields.due("address", ADDRESS, |value| value.text().filter(|text| Way::read(text).is_ok()));
     let models: Vec<_> = RobotModel::names().collect();
     let wanted = format!("a model: {}", models.join(", "));
     let model = fields.optional("model", &wanted, |value| RobotModel::named(value.text()?));

@@ -71,7 +71,7 @@ impl Twins {
     ) -> Result<(Vec<RobotConfig>, Prepared), Failure> {
         let names = robots.iter().map(|robot| name_of_twin(&robot.name, &robots));
         let names = names.collect::<Result<Vec<_>, _>>()?;
-        let of_robots = robots.iter().filter_map(|robot| port(&robot.address));
+        let of_robots = robots.iter().filter_map(port);
         let avoided: BTreeSet<_> = of_robots.chain(avoided.iter().copied()).collect();
         let (mut all, mut prepared) = (Vec::new(), Prepared::default());
         for (robot, name) in robots.into_iter().zip(names) {
@@ -191,9 +191,9 @@ fn model(robot: &RobotConfig) -> Result<(&'static RobotModel, bool), Failure> {
     Ok((model, name.is_some()))
 }
 
-/// The port of an address.
-fn port(address: &str) -> Option<u16> {
-    r6_client::address_with_port(address).ok()?.rsplit_once(':')?.1.parse().ok()
+/// The port at which a robot is reached, or where the gateway listens for it.
+fn port(robot: &RobotConfig) -> Option<u16> {
+    robot.place().rsplit_once(':')?.1.parse().ok()
 }
 
 #[cfg(test)]
