@@ -356,6 +356,10 @@ impl Gateway {
     /// of them, as soon as the disk takes it.
     pub fn set_raw_policy(&self, policy: RawPolicy) {
         if let Some(changed) = self.raw_policy.set(policy).filter(|_| self.sharing.is_none()) {
+            // What a camera has asked for under a rule that is gone does not leave.
+            for station in self.state.fleet.stations() {
+                station.seat(|seat, _| seat.grant_is_revoked());
+            }
             self.state.accounts.ledger.note(&by_itself(), changed.deed());
         }
     }

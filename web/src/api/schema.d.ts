@@ -3298,6 +3298,8 @@ export interface components {
         RawPortRule: {
             /** @description `deny`, `read` or `command`. */
             allow: string;
+            /** @description The cameras as which they may send points and answer photos; absent without any. */
+            cameras?: number[];
             /**
              * Format: double
              * @description The highest global speed that these sources may set, in percent; absent without a limit.

@@ -25,6 +25,9 @@ pub struct RawPortRule {
     /// The highest path speed in their lists, in mm/s; absent without a limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_path_speed: Option<u32>,
+    /// The cameras as which they may send points and answer photos; absent without any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<u16>,
 }
 
 /// A page of the audit log.

@@ -2,7 +2,8 @@
 //!
 //! A camera sends what it found when the controller asks for a photo or a part comes. It does not know the
 //! lease: the holder moves the robot, and the camera says where the part is. So an admin gives a token the
-//! grant for one camera of one robot. It holds until it is revoked.
+//! grant for one camera of one robot. It holds until it is revoked. A rule of the raw ports can name cameras
+//! instead: its sources have their grants as long as the rule stands.
 
 use std::fmt;
 
@@ -62,7 +63,8 @@ pub struct CameraGrant {
     pub at: String,
 }
 
-/// The proof that a caller has the grant for a camera. Only [`Standing::of`] makes one.
+/// The proof that a caller has the grant for a camera. Only [`Standing::of`] and [`Standing::of_rule`] make
+/// one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Standing {
     camera: Camera,
@@ -74,6 +76,12 @@ impl Standing {
     pub fn of(grants: &[CameraGrant], camera: Camera, token: i64) -> Option<Self> {
         let is_this = |grant: &CameraGrant| grant.camera == camera && grant.token == token;
         grants.iter().any(is_this).then_some(Self { camera })
+    }
+
+    /// The proof for clients of raw ports whose rule names these cameras.
+    #[must_use]
+    pub fn of_rule(cameras: &[Camera], camera: Camera) -> Option<Self> {
+        cameras.contains(&camera).then_some(Self { camera })
     }
 
     /// The camera that it is for.
@@ -108,6 +116,8 @@ mod tests {
             assert_eq!(Standing::of(&grants, camera(number), token), None);
         }
         assert_eq!(Standing::of(&[], camera(0), 3), None);
+        let of_rule = |number| Standing::of_rule(&[camera(0), camera(2)], camera(number));
+        assert_eq!([of_rule(0), of_rule(1), of_rule(2)], [Some(standing(0)), None, Some(standing(2))]);
     }
 
     #[test]

@@ -10,6 +10,7 @@ use std::future::pending;
 use r6_api::Code;
 use r6_api::gateway::{CommandOutcome, Deed, Happened, PointsDone};
 use r6_client::{Accepted, CameraSet, NotSent, Point, Pushed, RequestError, Robot};
+use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 use tracing::Instrument;
 
@@ -84,6 +85,18 @@ impl Station {
             self.note_refused(by, &format!("camera {camera}"), Code::NotAllowed);
             Problem::new(Code::NotAllowed, message)
         })
+    }
+
+    /// The grant that a rule gives for a camera. `cameras` looks up its cameras as they are now.
+    pub fn granted_by_rule(&self, camera: Camera, cameras: impl FnOnce() -> Vec<Camera>) -> Option<Granted> {
+        // Before the rule is looked up: if the rules change meanwhile, it is void.
+        let asked = self.seat(|seat, now| seat.asked_by_camera(now));
+        Standing::of_rule(&cameras(), camera).map(|standing| Granted { standing, asked })
+    }
+
+    /// What the controller asks photos of, from now on.
+    pub fn photos(&self) -> Receiver<Camera> {
+        self.cameras.asked.subscribe()
     }
 
     /// Sends the parts that a camera found. The intent is on the disk before they leave, the outcome after.
@@ -282,6 +295,8 @@ impl Station {
             // While a stop holds, it may be from before the arm was stopped, and is not answered later.
             if !is_stopped {
                 photos.insert(camera, Photo { connection, at: clock::now(), stops });
+                // There may be no raw client.
+                let _ = self.cameras.asked.send(camera);
             }
         }
         match flood.event(clock::now()) {

@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_proto::time::Instant;
+use tokio::sync::broadcast;
 
 use crate::core::camera::Camera;
 use crate::core::rate::{Limit, Rate};
@@ -18,9 +19,14 @@ const REQUESTS: Limit = Limit { interval: Duration::from_millis(100), burst: 20 
 /// time the gateway takes it that it does not wait any more.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
+/// How many photos may wait for a raw client to be told of them. A controller asks again for what is missed.
+const UNTOLD: usize = 16;
+
 /// What is known of the cameras of a robot.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Cameras {
+    /// The photos as they are asked for.
+    pub asked: broadcast::Sender<Camera>,
     /// The photos that the controller waits for, by camera: 1000 at most.
     photos: Mutex<BTreeMap<Camera, Photo>>,
     rate: Mutex<Rate>,
@@ -35,6 +41,13 @@ pub struct Photo {
     pub at: Instant,
     /// How many stops had begun: an answer after a stop could set the arm in motion again.
     pub stops: u64,
+}
+
+impl Default for Cameras {
+    fn default() -> Self {
+        let asked = broadcast::Sender::new(UNTOLD);
+        Self { asked, photos: Mutex::default(), rate: Mutex::default() }
+    }
 }
 
 impl Cameras {

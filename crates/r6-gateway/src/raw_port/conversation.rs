@@ -17,8 +17,9 @@ use tokio::net::TcpStream;
 use super::port::Door;
 use super::serve;
 use crate::clock;
+use crate::core::raw::asked::Asked;
 use crate::core::raw::policy::RawAllow;
-use crate::core::raw::session::{Answer, Asked, Cause, HALF_FRAME, Session, Ticket};
+use crate::core::raw::session::{Answer, Cause, HALF_FRAME, Session, Ticket};
 use crate::fleet::station::Station;
 
 /// How many bytes one read of the socket takes.
@@ -44,6 +45,7 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
     let Some(connection) = *link.borrow_and_update() else { return End::Closed(Cause::RobotDown) };
     let (mut from, mut to) = stream.split();
     let mut session = Session::new();
+    let mut photos = station.photos();
     let mut work: FuturesUnordered<Work> = FuturesUnordered::new();
     let mut input = vec![0; READ_BYTES];
     // The client may close its half and still read, as `nc -N` does.
@@ -93,6 +95,13 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                 session.transmitted(count);
                 stuck_since = None;
             }
+            photo = photos.recv() => {
+                let rule = door.policy.rule(source, &door.robot);
+                // If some were missed, the program on the controller asks again.
+                if let Ok(camera) = photo && rule.is_some_and(|rule| rule.cameras.contains(&camera)) {
+                    session.push_photo(camera);
+                }
+            }
             changed = link.wait_for(|now| *now != Some(connection)) => {
                 // Closed without an answer to what is under way: its outcome is unknown.
                 drop(changed);
@@ -126,6 +135,16 @@ fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: T
         }),
         Asked::Stop(command) => {
             let work = tokio::spawn(async move { serve::stop(&door, &station, source, command).await });
+            Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
+        }
+        Asked::Points { camera, points } => {
+            let work =
+                tokio::spawn(async move { serve::points(&door, &station, source, camera, points).await });
+            Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
+        }
+        Asked::Photo { camera, taken } => {
+            let work =
+                tokio::spawn(async move { serve::photo(&door, &station, source, camera, taken).await });
             Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
         }
         Asked::Order(order) => {

@@ -4,16 +4,18 @@ use std::net::SocketAddr;
 
 use r6_api::Code;
 use r6_client::units::{MillimetresPerSecond, Percent};
-use r6_client::{Address, Envelope, Motion, Robot};
+use r6_client::{Address, Envelope, Motion, Point, Robot};
 use r6_proto::Command;
 
 use super::port::Door;
 use crate::clock;
+use crate::core::camera::Camera;
 use crate::core::order::Order;
 use crate::core::raw::lease::Holder;
 use crate::core::raw::policy::{RawAllow, RawRule};
 use crate::core::raw::session::Answer;
 use crate::core::seat::{Denied, Key, USUAL_LEASE};
+use crate::fleet::camera::Granted;
 use crate::fleet::station::{By, Station};
 use crate::problem::Problem;
 
@@ -115,6 +117,61 @@ pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Or
     }
     drop(used);
     door_answer(station, done.map(drop))
+}
+
+/// Sends the points that a camera found, under the grant of the rule of this source.
+pub async fn points(
+    door: &Door,
+    station: &Station,
+    source: SocketAddr,
+    camera: Camera,
+    points: Vec<Point>,
+) -> Answer {
+    let Some((rule, granted)) = granted(door, station, source, camera) else {
+        return not_granted(door, station, source, "AddPoints", camera);
+    };
+    match station.add_points(&by(&rule, source), granted, points).await {
+        Ok(done) => Answer::Taken(done.taken.and_then(|taken| usize::try_from(taken).ok())),
+        Err(problem) => door_answer(station, Err(problem)),
+    }
+}
+
+/// Sends the answer of a camera to a request for a photo. As from the controller, no reply comes, also if it
+/// was not sent: the audit log says so.
+pub async fn photo(
+    door: &Door,
+    station: &Station,
+    source: SocketAddr,
+    camera: Camera,
+    taken: bool,
+) -> Answer {
+    match granted(door, station, source, camera) {
+        None => drop(not_granted(door, station, source, "photo", camera)),
+        Some((rule, granted)) => {
+            if let Err(problem) = station.answer_photo(&by(&rule, source), granted, taken).await {
+                station.counts.raw.refused();
+                tracing::info!(robot = door.robot, %source, %camera, problem = problem.message,
+                    "an answer to a photo was not sent");
+            }
+        }
+    }
+    Answer::Silence
+}
+
+/// The rule of this source with its grant for this camera, if it has one.
+fn granted(door: &Door, station: &Station, source: SocketAddr, camera: Camera) -> Option<(RawRule, Granted)> {
+    let mut found = None;
+    let granted = station.granted_by_rule(camera, || {
+        found = door.policy.rule(source, &door.robot);
+        found.as_ref().map(|rule| rule.cameras.clone()).unwrap_or_default()
+    });
+    found.zip(granted)
+}
+
+fn not_granted(door: &Door, station: &Station, source: SocketAddr, word: &str, camera: Camera) -> Answer {
+    let request = format!("{word} camera {camera}");
+    let reason = format!("this address has no grant for camera {camera}");
+    refuse(door, station, source, &request, (Code::NotAllowed, reason))
 }
 
 /// Why a list goes beyond the limits of the rule.

@@ -28,7 +28,7 @@ impl Hall {
     }
 
     /// How many points of cameras the controller has.
-    fn taken(&self) -> usize {
+    pub fn taken(&self) -> usize {
         self.robots[0].handle().snapshot().points.iter().map(|(_, points)| points).sum()
     }
 
@@ -295,7 +295,7 @@ async fn what_the_controller_said_is_told_and_no_more() {
 }
 
 /// A controller whose program asks camera 0 for a photo and takes a point.
-async fn asks_for_photos() -> VirtualController {
+pub async fn asks_for_photos() -> VirtualController {
     let text = "[[step]]\ndo = \"photo\"\nlimit = 30\n[[step]]\ndo = \"take-point\"\nlimit = 30\n\
                 [[step]]\ndo = \"output\"\npoint = \"Y010\"\non = true\n\
                 [[step]]\ndo = \"wait\"\npoint = \"X010\"\n";

@@ -1,5 +1,6 @@
 //! The raw port: old scripts, and clients that mean harm.
 
+mod cameras;
 mod commands;
 mod hostile;
 pub mod lists;

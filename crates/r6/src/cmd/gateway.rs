@@ -94,6 +94,7 @@ read and stop over raw ports, and others nothing. In hall.toml, for each source;
   [[raw_rule]]
   source = \"192.168.1.20\"              an address, or a network such as 192.168.1.0/24
   allow = \"command\"                    read, command or deny; stops are part of read
+  cameras = [0]                        the cameras that it is, for their points and photos
 
 Then, in a second shell:
   r6 gateway token --role operator"

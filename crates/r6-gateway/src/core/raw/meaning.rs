@@ -1,4 +1,4 @@
-//! Whether a list means the same in our own encoding.
+//! Whether a list, or the points of a camera, mean the same in our own encoding.
 
 use serde_json::{Map, Value};
 
@@ -14,14 +14,37 @@ pub fn change(theirs: &[u8], ours: &[u8]) -> Option<String> {
     if theirs.len() != ours.len() {
         return Some(format!("of {} instructions, {} would be sent", theirs.len(), ours.len()));
     }
-    let mut pairs = (1..).zip(theirs.iter().zip(&ours));
+    change_of_each("instruction", &theirs, &ours, is_same)
+}
+
+/// What our encoding would change in the points of a camera, for people; `None` if nothing. Both are whole
+/// `AddPoints` frames with one set of points.
+///
+/// As for instructions. But numbers are rounded to the decimals that we send, because cameras compute them.
+#[must_use]
+pub fn change_of_points(theirs: &[u8], ours: &[u8]) -> Option<String> {
+    let (Some((their_set, theirs)), Some((our_set, ours))) = (points(theirs), points(ours)) else {
+        return Some("the points cannot be compared with our encoding of them".to_owned());
+    };
+    if theirs.len() != ours.len() {
+        return Some(format!("of {} points, {} would be sent", theirs.len(), ours.len()));
+    }
+    let change = difference(&their_set, &our_set, is_same).map(|what| format!("the set of points: {what}"));
+    change.or_else(|| change_of_each("point", &theirs, &ours, is_rounded))
+}
+
+fn change_of_each(what: &str, theirs: &[Value], ours: &[Value], is_same: Compare) -> Option<String> {
+    let mut pairs = (1..).zip(theirs.iter().zip(ours));
     pairs.find_map(|(number, (theirs, ours))| {
         let (Value::Object(theirs), Value::Object(ours)) = (theirs, ours) else {
-            return Some(format!("instruction {number} is no object"));
+            return Some(format!("{what} {number} is no object"));
         };
-        difference(theirs, ours).map(|what| format!("instruction {number}: {what}"))
+        difference(theirs, ours, is_same).map(|change| format!("{what} {number}: {change}"))
     })
 }
+
+/// Whether two values are the same.
+type Compare = fn(&Value, &Value) -> bool;
 
 /// The instructions of a frame that has no other place for instructions.
 fn instructions(frame: &[u8]) -> Option<Vec<Value>> {
@@ -32,7 +55,18 @@ fn instructions(frame: &[u8]) -> Option<Vec<Value>> {
     }
 }
 
-fn difference(theirs: &Map<String, Value>, ours: &Map<String, Value>) -> Option<String> {
+/// The set of points of a frame that has one, without its points; and these.
+fn points(frame: &[u8]) -> Option<(Map<String, Value>, Vec<Value>)> {
+    let Ok(Value::Object(mut frame)) = serde_json::from_slice(frame) else { return None };
+    let Some(Value::Array(sets)) = frame.remove("dsData") else { return None };
+    let Ok([Value::Object(mut set)]) = <[Value; 1]>::try_from(sets) else { return None };
+    match set.remove("data") {
+        Some(Value::Array(points)) if !frame.contains_key("instructions") => Some((set, points)),
+        _ => None,
+    }
+}
+
+fn difference(theirs: &Map<String, Value>, ours: &Map<String, Value>, is_same: Compare) -> Option<String> {
     if let Some(key) = theirs.keys().find(|key| !ours.contains_key(*key)) {
         let key: String = key.chars().take(48).collect();
         return Some(format!("the gateway does not send the key `{key}`"));
@@ -50,7 +84,7 @@ fn is_same(theirs: &Value, ours: &Value) -> bool {
         (Value::Array(theirs), Value::Array(ours)) => {
             theirs.len() == ours.len() && theirs.iter().zip(ours).all(|(theirs, ours)| is_same(theirs, ours))
         }
-        (Value::Object(theirs), Value::Object(ours)) => difference(theirs, ours).is_none(),
+        (Value::Object(theirs), Value::Object(ours)) => difference(theirs, ours, is_same).is_none(),
         _ => match (text(theirs), text(ours)) {
             (Some(theirs), Some(ours)) => {
                 theirs == ours
@@ -60,6 +94,21 @@ fn is_same(theirs: &Value, ours: &Value) -> bool {
             _ => false,
         },
     }
+}
+
+/// The same, or the number rounded to the decimals of ours. Numbers with an exponent are taken, too: programs
+/// write those that are almost 0 so.
+fn is_rounded(theirs: &Value, ours: &Value) -> bool {
+    let rounded = || {
+        let (theirs, ours) = (text(theirs)?, text(ours)?);
+        let (_, decimals) = ours.split_once('.')?;
+        let half = 0.5 * 0.1_f64.powi(i32::try_from(decimals.len()).ok()?);
+        let numeric = |byte: u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+' | b'e' | b'E');
+        let theirs: f64 = theirs.parse().ok().filter(|_| theirs.bytes().all(numeric))?;
+        // A little more: 0.0005 has no exact form.
+        Some((theirs - ours.parse::<f64>().ok()?).abs() <= half * 1.000_001)
+    };
+    is_same(theirs, ours) || rounded().unwrap_or(false)
 }
 
 fn text(value: &Value) -> Option<String> {
@@ -131,5 +180,54 @@ mod tests {
         assert!(change(&frame(""), &frame(OURS)).unwrap().contains("of 0 instructions"));
         let beside = br#"{"instructions":[],"dsData":[{"camID":"0"}]}"#;
         assert!(change(beside, &frame("")).unwrap().contains("cannot be compared"));
+    }
+
+    fn set(points: &str) -> Vec<u8> {
+        format!(r#"{{"reqType":"AddPoints","packID":"1","dsData":[{{"camID":0,"data":[{points}]}}]}}"#)
+            .into_bytes()
+    }
+
+    const OUR_POINT: &str =
+        r#"{"ModelID":0,"X":888.001,"Y":-12.250,"Angel":0.000012,"Similarity":0.988,"Rel":0}"#;
+
+    #[test]
+    fn points_may_have_other_forms_and_more_decimals() {
+        for theirs in [
+            OUR_POINT,
+            r#"{"ModelID":"0","X":"888.001","Y":"-12.25","Angel":"1.2e-05","Similarity":"0.98765","Rel":"0"}"#,
+            r#"{"Rel":0,"ModelID":0,"X":888.0014,"Y":-12.2504999,"Angel":1.2e-05,"Similarity":0.9884}"#,
+        ] {
+            let ours =
+                OUR_POINT.replace(",\"Rel\":0", if theirs.contains("Rel") { ",\"Rel\":0" } else { "" });
+            assert_eq!(change_of_points(&set(theirs), &set(&ours)), None, "{theirs}");
+        }
+    }
+
+    #[test]
+    fn what_would_be_changed_in_points_is_named() {
+        let point = |from: &str, to: &str| OUR_POINT.replace(from, to);
+        for (theirs, part) in [
+            (point("\"Rel\":0", "\"Rel\":1"), "point 1: `Rel` would be sent as 0"),
+            (point(",\"Rel\":0", ""), "point 1: `Rel` is missing"),
+            (point("\"Rel\":0", "\"Rel\":0,\"W\":3"), "point 1: the gateway does not send the key `W`"),
+            (point("888.001", "888.002"), "point 1: `X` would be sent"),
+            (point("888.001", "null"), "point 1: `X` would be sent"),
+            (point("\"ModelID\":0", "\"ModelID\":0.4"), "point 1: `ModelID` would be sent"),
+            (format!("{OUR_POINT},{OUR_POINT}"), "of 2 points, 1 would be sent"),
+        ] {
+            let told = change_of_points(&set(&theirs), &set(OUR_POINT)).unwrap();
+            assert!(told.contains(part), "{theirs}: {told}");
+        }
+        let of_set =
+            String::from_utf8(set(OUR_POINT)).unwrap().replace("\"camID\":0", "\"camID\":0,\"time\":1");
+        let told = change_of_points(of_set.as_bytes(), &set(OUR_POINT)).unwrap();
+        assert!(told.contains("the set of points: the gateway does not send the key `time`"), "{told}");
+        for beside in [
+            br#"{"dsData":[{"camID":0,"data":[]},{"camID":1,"data":[]}]}"#.as_slice(),
+            br#"{"dsData":[{"camID":0,"data":[]}],"instructions":[]}"#,
+            br#"{"dsData":{"camID":0,"data":[]}}"#,
+        ] {
+            assert!(change_of_points(beside, &set("")).unwrap().contains("cannot be compared"));
+        }
     }
 }

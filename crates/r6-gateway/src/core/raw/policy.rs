@@ -6,6 +6,7 @@ use std::net::IpAddr;
 use r6_api::gateway::{Deed, RawPortRule};
 use r6_proto::Command;
 
+use crate::core::camera::Camera;
 use crate::core::name::RobotName;
 use crate::core::order::Order;
 
@@ -124,13 +125,23 @@ pub struct RawRule {
     pub max_speed: Option<f64>,
     /// The highest path speed in their lists, mm/s; `None` for any.
     pub max_path_speed: Option<u32>,
+    /// The cameras as which they may send points and answer photos, without the lease.
+    pub cameras: Vec<Camera>,
 }
 
 impl RawRule {
     /// A rule without limits for all robots.
     #[must_use]
     pub fn new(source: RawSource, allow: RawAllow) -> Self {
-        Self { source, robot: None, allow, max_global_speed: None, max_speed: None, max_path_speed: None }
+        Self {
+            source,
+            robot: None,
+            allow,
+            max_global_speed: None,
+            max_speed: None,
+            max_path_speed: None,
+            cameras: Vec::new(),
+        }
     }
 
     /// Why these sources may not send a command, whatever the lease says; `None` if they may. Lists are
@@ -179,6 +190,7 @@ impl RawPolicy {
             max_global_speed: rule.max_global_speed,
             max_speed: rule.max_speed,
             max_path_speed: rule.max_path_speed,
+            cameras: rule.cameras.iter().map(|camera| camera.number()).collect(),
         });
         Deed::RawRules { rules: rules.collect(), more: self.rules.len().saturating_sub(MAX_TOLD) }
     }

@@ -8,16 +8,16 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
-use r6_proto::dialect::{Addressing, Dialect};
+use r6_proto::dialect::Dialect;
 use r6_proto::frame::{FrameBuffer, FrameFault, Limits};
-use r6_proto::message::{Action, AddRcc, ExtraKind, Header};
-use r6_proto::reply::{ReplyWriter, Verdict};
+use r6_proto::message::Header;
+use r6_proto::reply::{ReplyWriter, Verdict, encode_photo};
 use r6_proto::time::Instant;
 use r6_proto::value::Values;
-use r6_proto::{Address, Body, Command, Decoder, Effect, Message, Request, RequestType};
+use r6_proto::{Body, Decoder, Message, RequestType};
 
-use super::meaning;
-use crate::core::order::Order;
+use super::asked::{Asked, asked};
+use crate::core::camera::Camera;
 
 /// How many requests of one client may wait or be under way, and how many stops besides. Scripts send one at
 /// a time.
@@ -25,9 +25,6 @@ pub const MAX_WAITING: usize = 8;
 
 /// How many bytes of replies may wait for a client that does not read. A usual reply is below 4 KiB.
 pub const MAX_OUTPUT: usize = 64 * 1024;
-
-/// How many addresses a query may have: more than any client asks for at once. A longer one gets no reply.
-pub const MAX_ADDRESSES: usize = 128;
 
 /// How long a frame may take from its first byte to its last.
 pub const HALF_FRAME: Duration = Duration::from_secs(10);
@@ -99,24 +96,6 @@ impl fmt::Display for Cause {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Ticket(u64);
 
-/// What a client asks for.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Asked {
-    /// These values: the addresses that the table knows, in their order.
-    Query(Vec<Address>),
-    /// A command that stops or pauses.
-    Stop(Command<'static>),
-    /// A command or a list that changes or moves.
-    Order(Order),
-    /// Something that the gateway does not send on.
-    Refused {
-        /// What it was.
-        request: String,
-        /// Why not, for people.
-        reason: String,
-    },
-}
-
 /// The answer to a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
@@ -124,6 +103,8 @@ pub enum Answer {
     Values(Vec<Vec<u8>>),
     /// The controller accepted the command.
     Accepted,
+    /// The controller has taken the points of a camera: how many, if it said that.
+    Taken(Option<usize>),
     /// Nothing was done, or the controller refused it, for this reason. Controllers do not always give one.
     Refused(Option<String>),
     /// No reply: it is not known what the controller did, or controllers do not answer this.
@@ -277,6 +258,14 @@ impl Session {
         }
     }
 
+    /// Tells the client that the controller asks for a photo of this camera, as the controller does.
+    pub fn push_photo(&mut self, camera: Camera) {
+        let mut frame = Vec::new();
+        encode_photo(camera.number().into(), None, &mut frame);
+        self.output.push_back(frame);
+        self.limit_output();
+    }
+
     /// Answers a request in this dialect. Its reply leaves after those of earlier requests.
     pub fn answer(&mut self, ticket: Ticket, dialect: Dialect, answer: &Answer) {
         let Some(waiting) = self.waiting.iter_mut().find(|waiting| waiting.ticket == ticket) else { return };
@@ -293,6 +282,11 @@ impl Session {
                 self.output.push_back(reply);
             }
         }
+        self.limit_output();
+    }
+
+    /// Gives up a client that does not read.
+    fn limit_output(&mut self) {
         let held = self.waiting.iter().map(|waiting| match &waiting.state {
             State::Answered(reply) => reply.len(),
             State::New(_) | State::UnderWay => 0,
@@ -344,82 +338,6 @@ impl Session {
     }
 }
 
-/// What a message asks for; `None` if a controller would not answer it, and the gateway does nothing.
-fn asked(message: &Message<'_>) -> Option<Asked> {
-    let refused =
-        |request: &str, reason: String| Some(Asked::Refused { request: request.to_owned(), reason });
-    let asked = match &message.body {
-        Body::Query(query) => {
-            let known: Vec<_> = query.resolved().filter_map(|(_, address)| address.ok()).collect();
-            (known.len() <= MAX_ADDRESSES).then_some(Asked::Query(known))
-        }
-        Body::Command(words) => match words.read_owned() {
-            Ok(command) if command.name().effect() == Effect::Stops => Some(Asked::Stop(command)),
-            // It is not known which of the two a controller reads.
-            Ok(command) if message.extras().any(|extra| extra.kind == ExtraKind::DuplicateKey) => {
-                refused(command.name().word(), "a key of the request stands twice".to_owned())
-            }
-            Ok(command) => Some(Asked::Order(command.into())),
-            Err(error) => refused(&excerpt(&words.word()), error.to_string()),
-        },
-        Body::AddRcc(rcc) => match list(message, rcc) {
-            Ok(list) => Some(Asked::Order(list)),
-            Err(reason) => refused("AddRCC", reason),
-        },
-        Body::AddPoints(_) => refused("AddPoints", "the gateway does not send points of cameras".to_owned()),
-        Body::Rejected(rejection) => match rejection.request {
-            RequestType::Query => Some(Asked::Query(Vec::new())),
-            RequestType::Command | RequestType::AddPoints | RequestType::AddRcc => {
-                refused(rejection.request.word(), rejection.error.to_string())
-            }
-            RequestType::Heartbreak | RequestType::Photo => None,
-        },
-        Body::Heartbreak
-        | Body::PhotoAnswer(_)
-        | Body::Unknown(_)
-        | Body::QueryReply(_)
-        | Body::CommandReply(_)
-        | Body::Photo(_) => None,
-    };
-    // A request without a type gets no reply (manual 5.2, 6), so its sender would not learn that it was
-    // refused. Only a stop is carried out.
-    asked.filter(|asked| message.header.type_word.is_some() || matches!(asked, Asked::Stop(_)))
-}
-
-/// The list of an AddRCC, if it means the same in our own encoding, on whatever firmware.
-fn list(message: &Message<'_>, rcc: &AddRcc<'_>) -> Result<Order, String> {
-    let Some(replace) = rcc.empty_list else { return Err("`emptyList` is missing".to_owned()) };
-    if rcc.shape_2020 {
-        return Err("the gateway does not send the shape of 2020 (`dsData`): use `instructions`".to_owned());
-    }
-    if let Some(index) = rcc.without_oneshot.first() {
-        return Err(format!("instruction {} has no `oneshot`, which firmware reads in two ways", index + 1));
-    }
-    for (number, step) in (1..).zip(rcc.instructions) {
-        if let Action::Unknown(unknown) = &step.action {
-            return Err(format!(
-                "instruction {number} has the action {}, which is not known",
-                unknown.number()
-            ));
-        }
-    }
-    // The comparison below sees only one value of a key.
-    if let Some(extra) = message.extras().find(|extra| extra.kind == ExtraKind::DuplicateKey) {
-        return Err(format!("`{}` in {}: {}", excerpt(&extra.key.text()), extra.place, extra.kind));
-    }
-    let request = Request::AddRcc { empty_list: replace, instructions: rcc.instructions };
-    let mut ours = Vec::new();
-    request.encode(&Addressing::default(), &mut ours).map_err(|error| error.to_string())?;
-    match meaning::change(message.frame(), &ours) {
-        Some(change) => Err(change),
-        None => Ok(Order::List { replace, steps: rcc.instructions.to_vec() }),
-    }
-}
-
-fn excerpt(word: &str) -> String {
-    word.chars().take(48).collect()
-}
-
 /// The reply to a request; empty for none.
 fn reply(message: &Message<'_>, dialect: Dialect, answer: &Answer) -> Vec<u8> {
     let mut out = Vec::new();
@@ -439,7 +357,12 @@ fn reply(message: &Message<'_>, dialect: Dialect, answer: &Answer) -> Vec<u8> {
             });
         }
         (_, Answer::Values(_)) => {}
-        (body, Answer::Accepted) => verdict(body, header, dialect, Verdict::Ok, &mut out),
+        (body, Answer::Accepted | Answer::Taken(None)) => {
+            verdict(body, header, dialect, Verdict::Ok, &mut out);
+        }
+        (body, Answer::Taken(Some(count))) => {
+            verdict(body, header, dialect, Verdict::Points(*count), &mut out);
+        }
         (body, Answer::Refused(Some(reason))) => {
             verdict(body, header, dialect, Verdict::Err(reason), &mut out);
         }

@@ -86,7 +86,7 @@ async fn what_a_read_only_source_may_not_never_reaches_the_controller() {
         ("modifyGSPD", "not_allowed"),
         ("startButton", "not_allowed"),
         ("AddRCC", "not_allowed"),
-        ("AddPoints", "bad_command"),
+        ("AddPoints camera 0", "not_allowed"),
         ("fly", "bad_command"),
     ] {
         let refused = raw.hall.until_audited(|entry| entry["request"] == word).await;

@@ -14,8 +14,8 @@ use r6_client::Address;
 use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_controller::{Profile, RobotModel};
 use r6_gateway::{
-    AuditSettings, Guard, Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort, RawRule,
-    RawSource, RobotConfig, RobotName, Way,
+    AuditSettings, Camera, Guard, Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort,
+    RawRule, RawSource, RobotConfig, RobotName, Way,
 };
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Found, Node, Wrong};
@@ -134,8 +134,17 @@ fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
         let speed = u32::try_from(value.whole()?).ok()?;
         MillimetresPerSecond::new(speed).is_ok().then_some(speed)
     });
-    let rule = RawRule::new(source?, allow?);
-    Ok(RawRule { robot, max_global_speed, max_speed, max_path_speed, ..rule })
+    let cameras =
+        fields.optional("cameras", "numbers of cameras in brackets, 0 to 999, such as [0, 1]", |value| {
+            value.list()?.iter().map(|camera| Camera::new(camera.whole()?)).collect::<Option<Vec<_>>>()
+        });
+    let (rule, cameras) = (RawRule::new(source?, allow?), cameras.unwrap_or_default());
+    if rule.allow == RawAllow::Deny && !cameras.is_empty() {
+        return Err(
+            fields.wrong("cameras", "a source that is denied can be no camera: allow = \"read\"".to_owned())
+        );
+    }
+    Ok(RawRule { robot, max_global_speed, max_speed, max_path_speed, cameras, ..rule })
 }
 
 fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
@@ -314,7 +323,7 @@ mod tests {
         let text = "[[raw]]\nrobot = \"press-4\"\nlisten = \"192.168.1.2:9760\"\n\
                     [[raw_rule]]\nsource = \"192.168.1.20\"\nallow = \"command\"\nrobot = \"press-4\"\n\
                     max_global_speed = 30\nmax_speed = 20.5\nmax_path_speed = 250\n\
-                    [[raw_rule]]\nsource = \"192.168.1.0/24\"\nallow = \"read\"\n";
+                    [[raw_rule]]\nsource = \"192.168.1.0/24\"\nallow = \"read\"\ncameras = [0, 12]\n";
         let Config { raw, policy, .. } = parse(text).unwrap();
         assert_eq!(
             (raw[0].robot.as_str(), raw[0].listen.to_string()),
@@ -325,7 +334,9 @@ mod tests {
         let first = of("192.168.1.20", "press-4").unwrap();
         assert_eq!((first.allow, first.max_global_speed), (RawAllow::Command, Some(30.0)));
         assert_eq!((first.max_speed, first.max_path_speed), (Some(20.5), Some(250)));
-        assert_eq!(of("192.168.1.20", "saw").unwrap().allow, RawAllow::Read);
+        let second = of("192.168.1.20", "saw").unwrap();
+        assert_eq!((second.allow, first.cameras.len()), (RawAllow::Read, 0));
+        assert_eq!(second.cameras, [0, 12].map(|number| Camera::new(number).unwrap()));
         assert_eq!(of("10.0.0.1", "press-4"), None);
     }
 
@@ -345,7 +356,9 @@ mod tests {
                     [[raw_rule]]\nsource = \"10.0.0.1/8\"\nallow = \"write\"\nmax_global_speed = 101\n\
                     [[raw_rule]]\nallow = \"read\"\nspeed = 3\n\
                     [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n\
-                    [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n";
+                    [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n\
+                    [[raw_rule]]\nsource = \"10.0.0.1\"\nallow = \"read\"\ncameras = [0, 1000]\n\
+                    [[raw_rule]]\nsource = \"10.0.0.1\"\nallow = \"deny\"\ncameras = [0]\n";
         assert_told(
             text,
             &[
@@ -357,6 +370,8 @@ mod tests {
                 ("hall.toml:10:", "`source` is missing"),
                 ("hall.toml:12:", "`speed`"),
                 ("hall.toml:17:", "two raw ports"),
+                ("hall.toml:22:", "`cameras`"),
+                ("hall.toml:26:", "can be no camera"),
             ],
         );
     }

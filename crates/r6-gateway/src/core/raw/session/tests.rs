@@ -1,8 +1,11 @@
 //! One client, whatever the pieces in which its bytes come.
 
 use proptest::prelude::*;
+use r6_proto::Address;
 
 use super::*;
+use crate::core::camera::MAX_POINTS;
+use crate::core::raw::asked::MAX_ADDRESSES;
 
 fn at(ms: u64) -> Instant {
     Instant::ORIGIN + Duration::from_millis(ms)
@@ -141,7 +144,7 @@ fn what_controllers_do_not_answer_is_not_answered_and_not_carried_out() {
     let mut session = Session::new();
     for frame in [
         r#"{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"heartbreak"}"#,
-        r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0,"ret":1}"#,
+        r#"{"dsID":"www.hc-system.com.cam","camID":0,"ret":1}"#,
         r#"{"reqType":"nothing"}"#,
         r#"{"cmdData":["startButton"]}"#,
         r#"{"queryAddr":["curMode"]}"#,
@@ -155,6 +158,97 @@ fn what_controllers_do_not_answer_is_not_answered_and_not_carried_out() {
     assert!(matches!(asked, Asked::Stop(_)), "a stop is carried out all the same");
     session.answer(ticket, Dialect::HC1, &Answer::Accepted);
     assert!(session.is_idle() && session.poll_transmit().is_none());
+}
+
+/// What a client asks for with this frame, and what it is answered then.
+fn asked_and_told(frame: &str, answer: &Answer) -> (Asked, Vec<String>) {
+    let mut session = Session::new();
+    assert_eq!(session.handle_input(at(0), frame.as_bytes()), 1, "{frame}");
+    let (ticket, asked) = begun(&mut session).remove(0);
+    session.answer(ticket, Dialect::HC1, answer);
+    assert!(session.waiting.is_empty());
+    (asked, sent(&mut session))
+}
+
+const POINT: &str = r#"{"ModelID":0,"X":888.001,"Y":1345.001,"Angel":123.123,"Rel":0}"#;
+
+#[test]
+fn the_parts_of_a_camera_are_asked_for_and_their_number_is_told() {
+    let frame = |set: &str| {
+        format!(r#"{{"dsID":"www.hc-system.com.cam","reqType":"AddPoints","packID":"3","dsData":[{set}]}}"#)
+    };
+    let two = frame(&format!(r#"{{"camID":7,"data":[{POINT},{POINT}]}}"#));
+    let (asked, told) = asked_and_told(&two, &Answer::Taken(Some(2)));
+    let Asked::Points { camera, points } = asked else { panic!("{asked:?}") };
+    assert_eq!((camera.number(), points.len(), points[1].x), (7, 2, 888.001));
+    assert!(told.len() == 1 && told[0].contains(r#""cmdReply":["AddPoints","2"]"#), "{told:?}");
+    assert!(told[0].contains(r#""packID":"3""#), "{told:?}");
+    let (_, told) = asked_and_told(&two, &Answer::Taken(None));
+    assert!(told[0].contains(r#"["AddPoints","ok"]"#), "{told:?}");
+    let (_, told) = asked_and_told(&two, &Answer::Silence);
+    assert_eq!(told, [] as [String; 0], "an unknown outcome");
+    let (asked, _) = asked_and_told(&frame(r#"{"camID":0,"data":[]}"#), &Answer::Taken(Some(0)));
+    assert!(matches!(&asked, Asked::Points { points, .. } if points.is_empty()), "{asked:?}");
+
+    let many = vec![POINT; MAX_POINTS + 1].join(",");
+    for (set, reason) in [
+        (r#"{"camID":0,"data":[]},{"camID":1,"data":[]}"#.to_owned(), "one camera"),
+        (r#"{"camID":1000,"data":[]}"#.to_owned(), "`camID` is 1000"),
+        (r#"{"camID":-1,"data":[]}"#.to_owned(), "`camID` is -1"),
+        (format!(r#"{{"camID":0,"data":[{many}]}}"#), "at most 50 points"),
+        (format!(r#"{{"camID":0,"camID":1,"data":[{POINT}]}}"#), "`camID`"),
+        (format!(r#"{{"camID":0,"data":[{}]}}"#, POINT.replace("\"Rel\":0", "\"Rel\":0,\"Rel\":1")), "`Rel`"),
+        (format!(r#"{{"camID":0,"data":[{}]}}"#, POINT.replace("\"Rel\":0", "\"Rel\":0,\"w\":1")), "`w`"),
+    ] {
+        let refused = Answer::Refused(Some("no".to_owned()));
+        let (asked, told) = asked_and_told(&frame(&set), &refused);
+        let Asked::Refused { request, reason: why } = asked else { panic!("{set}: {asked:?}") };
+        assert!(request == "AddPoints" && why.contains(reason), "{why}");
+        assert!(told[0].contains(r#""cmdReply":["AddPoints","err","no"]"#), "{told:?}");
+    }
+}
+
+#[test]
+fn an_answer_to_a_photo_is_asked_for_and_gets_no_reply() {
+    for (end, taken) in [
+        (r#""camID":2,"ret":1"#, Some(true)),
+        (r#""camID":2,"ret":0"#, Some(false)),
+        (r#""camID":2,"ret":2"#, None),
+        (r#""camID":1000,"ret":1"#, None),
+        (r#""camID":2,"ret":1,"ret":0"#, None),
+    ] {
+        let frame = format!(r#"{{"dsID":"www.hc-system.com.cam","reqType":"photo",{end}}}"#);
+        for answer in [Answer::Silence, Answer::Accepted, Answer::Refused(Some("no".to_owned()))] {
+            let (asked, told) = asked_and_told(&frame, &answer);
+            assert_eq!(told, [] as [String; 0], "{frame}");
+            match (asked, taken) {
+                (Asked::Photo { camera, taken }, Some(wanted)) => {
+                    assert_eq!((camera.number(), taken), (2, wanted));
+                }
+                (Asked::Refused { request, .. }, None) => assert_eq!(request, "photo"),
+                (asked, _) => panic!("{frame}: {asked:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_photo_is_asked_for_as_the_controller_does_and_cuts_no_reply() {
+    let mut session = Session::new();
+    session.handle_input(at(0), QUERY.as_bytes());
+    let (ticket, _) = begun(&mut session).remove(0);
+    session.answer(ticket, Dialect::HC1, &values(&["\"7\"", "\"0\""]));
+    let reply = session.poll_transmit().unwrap().to_vec();
+    session.transmitted(10);
+    session.push_photo(Camera::new(0).unwrap());
+    assert_eq!(session.poll_transmit().unwrap(), &reply[10..]);
+    session.transmitted(reply.len() - 10);
+    // Captured from a controller.
+    assert_eq!(sent(&mut session), [r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0}"#]);
+    for _ in 0..=MAX_OUTPUT / 60 {
+        session.push_photo(Camera::new(0).unwrap());
+    }
+    assert_eq!(session.closed(), Some(Cause::SlowReader), "it does not read");
 }
 
 #[test]
