@@ -3,9 +3,10 @@
 use r6_controller::Event;
 use std::time::Duration;
 
+use r6_client::units::{AxisPosition, Percent};
 use r6_client::{
-    Invalid, ListAfterStop, NoReading, OutcomeUnknown, Pushed, Refused, RequestError, Robot, RobotSettings,
-    Unmet, WaitError, WaitOptions,
+    Cause, Invalid, ListAfterStop, Motion, NoReading, OutcomeUnknown, Pushed, Refused, RequestError, Robot,
+    RobotSettings, RunOptions, Unmet, WaitError, WaitOptions,
 };
 use r6_controller::{Profile, StartState};
 use r6_proto::message::instruction::{Coordinates, Manner, Move};
@@ -194,4 +195,24 @@ async fn discovering_arms_no_watchdog() {
     // A single heartbreak would have started the watchdog, which raises its alarm long before that.
     tokio::time::sleep(Duration::from_secs(30)).await;
     assert_eq!(controller.handle().snapshot().alarm, 0);
+}
+
+#[test]
+fn a_motion_whose_runtime_ends_is_told_as_over() {
+    let controller = VirtualController::start_blocking().unwrap();
+    let runtime =
+        || tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let first = runtime();
+    let handle = first.block_on(async {
+        let address = controller.address().to_string();
+        let robot = Robot::connect(&address, RobotSettings::default()).await.unwrap();
+        let target = AxisPosition::degrees([150.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let motion = Motion::new().axis_move(target, Percent::new(1.0).unwrap());
+        robot.run(&motion, RunOptions::default()).await.unwrap()
+    });
+    first.shutdown_background();
+    let told = async { tokio::time::timeout(Duration::from_secs(20), handle.finished()).await };
+    let error = runtime().block_on(told).expect("it is told").unwrap_err();
+    assert!(matches!(error.cause, Cause::Abandoned), "{error}");
+    assert!(error.progress.ended && error.stop.is_none(), "{error:?}");
 }
