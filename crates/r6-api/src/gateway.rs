@@ -13,6 +13,7 @@ mod history;
 mod live;
 mod model;
 mod panel;
+mod point;
 mod production;
 mod program;
 mod robot;
@@ -45,6 +46,7 @@ pub use live::{
 };
 pub use model::{ArmAxis, ArmGeometry, ArmModel, Models};
 pub use panel::{PanelDone, PanelRequest};
+pub use point::{PointValue, PointVersions, PointWanted, StoredPoint, StoredPoints};
 pub use production::{
     AlarmFigure, AlarmFigures, Availability, CycleFigures, PartFigures, Production, ProductionByShift,
     ProductionFigures, StateFigures,

@@ -247,9 +247,11 @@ codes! {
     Overloaded "overloaded",
     /// There is no program with this name, or no such version of it.
     NoSuchProgram "no_such_program",
-    /// A change of a program has to say which version it is for.
+    /// There is no kept point with this name, or no such version of it.
+    NoSuchPoint "no_such_point",
+    /// A change of a program or a kept point has to say which version it is for.
     NeedsIfMatch "needs_if_match",
-    /// The program is not in the version that the change is for.
+    /// The program or the kept point is not in the version that the change is for.
     NotThisVersion "not_this_version",
     /// The program has another text than the caller checked.
     OtherText "other_text",

@@ -21,6 +21,7 @@
 //! - [`rate`]: how many requests a token may make.
 //! - [`refusals`]: which refusals and repeated stops of one caller stand in the audit log.
 //! - [`library`]: the programs that are kept, and which version a change is for.
+//! - [`point`]: the points that are kept.
 //! - [`live`]: what readers of values get, and where they go on.
 //! - [`raw`]: the raw port.
 //! - [`watch`]: what happens at a robot, from the values that are read of it.
@@ -40,6 +41,7 @@ pub mod order;
 pub mod owner;
 pub mod panel;
 pub mod pass;
+pub mod point;
 pub mod production;
 pub mod rate;
 pub mod raw;

@@ -25,6 +25,7 @@ mod models;
 mod page;
 mod panel;
 mod parquet;
+mod points;
 mod production;
 mod programs;
 mod query;
@@ -154,6 +155,9 @@ fn routes() -> OpenApiRouter<State> {
         .layer(DefaultBodyLimit::max(body::MAX_PROGRAM_BYTES));
     OpenApiRouter::with_openapi(Api::openapi())
         .merge(with_programs)
+        .routes(routes!(points::list))
+        .routes(routes!(points::show, points::put, points::remove))
+        .routes(routes!(points::versions))
         .routes(routes!(programs::list))
         .routes(routes!(programs::versions))
         .routes(routes!(models::list))

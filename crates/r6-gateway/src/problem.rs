@@ -99,9 +99,12 @@ impl From<LibraryError> for Problem {
     fn from(error: LibraryError) -> Self {
         let code = match &error {
             LibraryError::NoSuchProgram => Code::NoSuchProgram,
+            LibraryError::NoSuchPoint => Code::NoSuchPoint,
             LibraryError::Unfit(Unfit::NeedsIfMatch) => Code::NeedsIfMatch,
             LibraryError::Unfit(Unfit::NotThisVersion) => Code::NotThisVersion,
-            LibraryError::TooManyPrograms | LibraryError::TooManyBytes => Code::NoRoom,
+            LibraryError::TooManyPrograms | LibraryError::TooManyPoints | LibraryError::TooManyBytes => {
+                Code::NoRoom
+            }
             LibraryError::Store(_) => Code::StoreUnavailable,
         };
         Self::new(code, error.to_string())

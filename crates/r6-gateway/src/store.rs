@@ -1,5 +1,5 @@
 //! What the gateway keeps: tokens, users, the audit log, the state of the seats, alarms, robots, programs,
-//! runs and the keys of commands.
+//! points, runs and the keys of commands.
 //!
 //! [`Store`] is the contract; every implementation passes the same tests (`contract.rs`). Nothing outside
 //! this folder knows SQL. The gateway talks to its store through a [`Keeper`], a thread of its own, so that
@@ -17,6 +17,7 @@ mod library;
 mod link;
 #[cfg(test)]
 mod memory;
+mod points;
 pub mod postgres;
 pub mod runs;
 mod sqlite;
@@ -32,6 +33,7 @@ use crate::core::chain::{Broken, Hash};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::owner::Claim;
+use crate::core::point::PointName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 
@@ -44,6 +46,7 @@ pub use library::{Kept, LibraryError, NewVersion};
 pub use link::Link;
 #[cfg(test)]
 pub use memory::Memory;
+pub use points::{KeptPoint, NewPoint};
 use runs::{Begun, KeptRun, NewRun};
 pub use sqlite::{FILE, HALF_RESTORED, HISTORY, Sqlite, copy};
 
@@ -293,6 +296,36 @@ pub trait Store: Send {
     fn remove_program(
         &mut self,
         name: &ProgramName,
+        condition: &Condition,
+        by: &Author,
+    ) -> Result<(), LibraryError>;
+
+    /// The latest version of each point, in the order of their names.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn points(&mut self) -> Result<Vec<KeptPoint>, StoreError>;
+
+    /// The versions of a point that are kept, the latest first; none without such a point.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn point_versions(&mut self, name: &PointName) -> Result<Vec<KeptPoint>, StoreError>;
+
+    /// Adds a version of a point and tells the audit log of it, both or neither. The oldest version goes, if
+    /// there are [`MAX_VERSIONS`](crate::core::library::MAX_VERSIONS).
+    ///
+    /// # Errors
+    /// [`LibraryError`].
+    fn put_point(&mut self, new: &NewPoint, condition: &Condition) -> Result<KeptPoint, LibraryError>;
+
+    /// Removes a point with its versions and tells the audit log of it, both or neither.
+    ///
+    /// # Errors
+    /// [`LibraryError`].
+    fn remove_point(
+        &mut self,
+        name: &PointName,
         condition: &Condition,
         by: &Author,
     ) -> Result<(), LibraryError>;

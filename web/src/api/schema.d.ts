@@ -322,6 +322,66 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/points": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** The points that the gateway keeps, each in its latest version. */
+        get: operations["kept_points"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/points/{point}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * A point that the gateway keeps. The header `ETag` is what `If-Match` takes to change it, if this is its
+         *     latest version. That of an earlier one is refused there.
+         */
+        get: operations["kept_point"];
+        /**
+         * Stores a version of a point: the numbers of the body, or where the robot of the body stands now. A point
+         *     that is there is changed with `If-Match` and the `ETag` of the version that the change began from.
+         *     `If-None-Match: *` stores a new point only. Nothing moves.
+         */
+        put: operations["put_point"];
+        post?: never;
+        /** Removes a point with all of its versions. */
+        delete: operations["remove_point"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/points/{point}/versions": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** The versions of a point that the gateway keeps. */
+        get: operations["point_versions"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/programs": {
         parameters: {
             query?: never;
@@ -1655,7 +1715,7 @@ export interface components {
          * @description What kind of problem it is. The words do not change; new ones may come.
          * @enum {string}
          */
-        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "not_held" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_fault" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_panel" | "no_lease" | "leased" | "too_late" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "needs_if_match" | "not_this_version" | "other_text" | "store_unavailable" | "no_owner" | "unknown";
+        Code: "usage" | "unreachable" | "no_connection" | "no_reply" | "busy" | "another_robot" | "refused" | "beyond_limits" | "not_ready" | "leftover_list" | "alarm" | "stopped" | "restarted" | "stalled" | "not_at_target" | "interrupted" | "timed_out" | "outcome_unknown" | "not_stopped" | "no_value" | "not_finished" | "problems_found" | "bad_request" | "needs_tls" | "bad_json" | "bad_body" | "not_json" | "too_long" | "too_slow" | "foreign_host" | "foreign_origin" | "no_such_path" | "no_such_method" | "no_such_controller" | "bad_action" | "power_off" | "emergency_stop" | "not_homed" | "not_auto" | "not_manual" | "moving" | "not_held" | "no_global_speed" | "program" | "program_running" | "no_room" | "no_path" | "no_such_input" | "no_such_axis" | "no_distance" | "bad_speed" | "no_such_alarm" | "bad_fault" | "bad_program" | "no_token" | "no_session" | "wrong_password" | "link_void" | "bad_csrf" | "too_many_requests" | "not_allowed" | "no_such_user" | "no_such_token" | "name_taken" | "last_admin" | "no_such_robot" | "no_panel" | "no_lease" | "leased" | "too_late" | "run_under_way" | "no_such_run" | "needs_idempotency_key" | "in_progress" | "key_taken" | "identity_changed" | "bad_command" | "bad_value" | "managed_by_file" | "address_taken" | "overloaded" | "no_such_program" | "no_such_point" | "needs_if_match" | "not_this_version" | "other_text" | "store_unavailable" | "no_owner" | "unknown";
         /** @description The controller accepted a command. This does not mean that the arm moves. */
         CommandDone: {
             /**
@@ -2099,6 +2159,28 @@ export interface components {
             version: number;
             /** @enum {string} */
             what: "program_removed";
+        } | {
+            /** @description The name of the point. */
+            point: string;
+            /** @description SHA-256 of its value. */
+            sha256: string;
+            /**
+             * Format: int64
+             * @description The number of the version.
+             */
+            version: number;
+            /** @enum {string} */
+            what: "point_stored";
+        } | {
+            /** @description The name of the point. */
+            point: string;
+            /**
+             * Format: int64
+             * @description The number of its latest version.
+             */
+            version: number;
+            /** @enum {string} */
+            what: "point_removed";
         };
         /** @description Something that happened, in the stream of `GET /v1/events`. */
         Event: components["schemas"]["Happened"] & {
@@ -3031,6 +3113,59 @@ export interface components {
             number: number;
             /** @description What it does, in English. */
             text: string;
+        };
+        /** @description A place of an arm. At least one of `axes` and `pose` is there. */
+        PointValue: {
+            /** @description Where the axes stand, J1 first: degrees, or mm of a sliding axis. */
+            axes: number[] | null;
+            /** @description What people have to know of it; may be empty. */
+            note: string;
+            /** @description Where the tool is: X, Y, Z in mm; U, V, W in degrees. */
+            pose: number[] | null;
+            /**
+             * @description The robot whose place it is; `null` if that is not said.
+             * @example press-4
+             */
+            robot: string | null;
+            /**
+             * Format: int32
+             * @description The number of the tool that `pose` is of; `null` if that is not said.
+             */
+            tool: number | null;
+            /**
+             * Format: int32
+             * @description The number of the work frame that `pose` is in; `null` if that is not said.
+             */
+            work_frame: number | null;
+        };
+        /** @description The versions of a point. */
+        PointVersions: {
+            /** @description The last 50, the latest first. */
+            versions: components["schemas"]["StoredPoint"][];
+        };
+        /** @description A point to keep. Without `axes` and `pose` it is where the robot stands now. */
+        PointWanted: {
+            /** @description Where the axes stand, J1 first: degrees, or mm of a sliding axis; 1 to 8 numbers. */
+            axes?: number[] | null;
+            /** @description What people have to know of it: 200 bytes at most. */
+            note?: string;
+            /** @description Where the tool is: X, Y, Z in mm; U, V, W in degrees. */
+            pose?: number[] | null;
+            /**
+             * @description The robot whose place it is.
+             * @example press-4
+             */
+            robot?: string | null;
+            /**
+             * Format: int32
+             * @description The number of the tool that `pose` is of.
+             */
+            tool?: number | null;
+            /**
+             * Format: int32
+             * @description The number of the work frame that `pose` is in.
+             */
+            work_frame?: number | null;
         };
         /** @description The controller accepted points. This does not mean that a program uses them, or that the arm moves. */
         PointsDone: {
@@ -3989,6 +4124,34 @@ export interface components {
              * @description The time until the standstill was proved.
              */
             took_ms: number;
+        };
+        /** @description A version of a point. */
+        StoredPoint: {
+            /** @description What `If-Match` takes to change the point, as long as this is its latest version. */
+            etag: string;
+            /**
+             * @description The name of the point.
+             * @example above-belt
+             */
+            name: string;
+            /** @description SHA-256 of the value as it is stored, in hexadecimal digits. */
+            sha256: string;
+            /** @description When it was stored. */
+            stored_at: string;
+            /** @description Who stored it. */
+            stored_by: string;
+            /** @description The place. */
+            value: components["schemas"]["PointValue"];
+            /**
+             * Format: int64
+             * @description The number of the version, from 1.
+             */
+            version: number;
+        };
+        /** @description The points that the gateway keeps. */
+        StoredPoints: {
+            /** @description Each in its latest version, by name. */
+            points: components["schemas"]["StoredPoint"][];
         };
         /** @description A program that the gateway keeps. */
         StoredProgram: components["schemas"]["ProgramVersion"] & {
@@ -4995,6 +5158,488 @@ export interface operations {
                 };
             };
             /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    kept_points: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description All of them */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StoredPoints"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    kept_point: {
+        parameters: {
+            query?: {
+                /** @description The number of the version; the latest if it is missing. */
+                version?: number;
+            };
+            header?: never;
+            path: {
+                /** @description The name of the point */
+                point: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The version */
+            200: {
+                headers: {
+                    /** @description Its version */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StoredPoint"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_point` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value` */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    put_point: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description The `ETag` of the version that is changed */
+                "If-Match"?: string | null;
+                /** @description `*`: only if there is no such point */
+                "If-None-Match"?: string | null;
+            };
+            path: {
+                /** @description Its name: 1 to 64 characters of a to z, digits, - and _ */
+                point: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PointWanted"];
+            };
+        };
+        responses: {
+            /** @description A version was added */
+            200: {
+                headers: {
+                    /** @description The new version */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StoredPoint"];
+                };
+            };
+            /** @description It is a new point */
+            201: {
+                headers: {
+                    /** @description The new version */
+                    ETag?: string;
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StoredPoint"];
+                };
+            };
+            /** @description `bad_json`, `bad_body` */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_slow` */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_room`; `not_ready`: the robot does not answer, or moves; `identity_changed` */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_this_version`: it was changed, or it is not there */
+            412: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_long` */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_json` */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value` */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `needs_if_match` */
+            428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`, `overloaded`: nothing was stored; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_reply` of the robot; `outcome_unknown`: the gateway ends */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    remove_point: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description The `ETag` of its latest version */
+                "If-Match"?: string | null;
+            };
+            path: {
+                /** @description The name of the point */
+                point: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description It was removed */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_point` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_this_version`: it was changed */
+            412: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value` */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `needs_if_match` */
+            428: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`: it is still there; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `outcome_unknown`: the gateway ends */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    point_versions: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description The name of the point */
+                point: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The last 50, the latest first */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PointVersions"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_point` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`; `no_owner` */
             503: {
                 headers: {
                     [name: string]: unknown;

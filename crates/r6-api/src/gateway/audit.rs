@@ -388,6 +388,22 @@ pub enum Deed {
         /// The number of its latest version.
         version: u64,
     },
+    /// A version of a point was stored.
+    PointStored {
+        /// The name of the point.
+        point: String,
+        /// The number of the version.
+        version: u64,
+        /// SHA-256 of its value.
+        sha256: String,
+    },
+    /// A point was removed with all of its versions.
+    PointRemoved {
+        /// The name of the point.
+        point: String,
+        /// The number of its latest version.
+        version: u64,
+    },
 }
 
 #[cfg(test)]

@@ -21,6 +21,12 @@ pub const MAX_VERSIONS: usize = 50;
 /// has to stay small enough to be copied.
 pub const MAX_TOTAL: u64 = 64 << 20;
 
+/// Whether a program or a point can be called so.
+pub fn is_name(text: &str) -> bool {
+    let fits = |byte: u8| matches!(byte, b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_');
+    (1..=LONGEST_NAME).contains(&text.len()) && text.bytes().all(fits)
+}
+
 /// The name of a program: 1 to 64 characters of a to z, digits, `-` and `_`.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ProgramName(String);
@@ -33,9 +39,7 @@ impl ProgramName {
     /// The name; `None` if the text is no name.
     #[must_use]
     pub fn new(text: &str) -> Option<Self> {
-        let fits = |byte: u8| matches!(byte, b'a'..=b'z' | b'0'..=b'9' | b'-' | b'_');
-        let is_name = (1..=LONGEST_NAME).contains(&text.len()) && text.bytes().all(fits);
-        (is_name && !TAKEN.contains(&text)).then(|| Self(text.to_owned()))
+        (is_name(text) && !TAKEN.contains(&text)).then(|| Self(text.to_owned()))
     }
 
     /// Its text.

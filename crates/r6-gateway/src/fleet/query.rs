@@ -78,6 +78,39 @@ impl Station {
         })
     }
 
+    /// Where the arm stands: its axes, J1 first, and its pose, if the controller has one. It is asked now, for
+    /// all of them at once, and says with them that it does not move.
+    ///
+    /// # Errors
+    /// Those of [`Self::query`]; `not_ready` if it moves.
+    pub async fn stands(&self) -> Result<(Vec<f64>, Option<Vec<f64>>), Problem> {
+        let six = || AxisIndex::ALL.into_iter().take(6);
+        let addresses: Vec<_> = [Address::IsMoving]
+            .into_iter()
+            .chain(six().map(Address::Axis))
+            .chain(six().map(Address::World))
+            .collect();
+        let Queried { signals, .. } = self.query(&addresses).await?;
+        let read = |address: Address| {
+            let address = address.to_string();
+            signals.iter().find(|signal| signal.address == address).and_then(|signal| signal.value.clone())
+        };
+        let not_ready = |message: &str| Problem::new(Code::NotReady, message);
+        if read(Address::IsMoving) != Some(AddressValue::Flag(false)) {
+            return Err(not_ready("the arm moves, or does not say that it stands: wait until it stands"));
+        }
+        let number = |address| match read(address)? {
+            AddressValue::Decimal(number) => Some(number),
+            _ => None,
+        };
+        // Up to the first axis that the arm does not have.
+        let axes: Vec<_> = six().map_while(|axis| number(Address::Axis(axis))).collect();
+        if axes.is_empty() {
+            return Err(not_ready("the controller does not tell where its axes stand"));
+        }
+        Ok((axes, six().map(|axis| number(Address::World(axis))).collect()))
+    }
+
     /// Refuses if no robot answers, or another one than before.
     fn check_answers(&self) -> Result<(), Problem> {
         let (is_up, changed) = self.seat(|seat, _| (seat.is_up(), seat.identity_change().is_some()));

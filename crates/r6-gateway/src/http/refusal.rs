@@ -36,6 +36,7 @@ fn status(code: Code) -> StatusCode {
         Code::NotAllowed | Code::BadCsrf => StatusCode::FORBIDDEN,
         Code::NoSuchRobot
         | Code::NoSuchProgram
+        | Code::NoSuchPoint
         | Code::NoSuchUser
         | Code::NoSuchToken
         | Code::NoSuchAlarm

@@ -11,14 +11,15 @@ use crate::core::alarms;
 use crate::core::camera::CameraGrant;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
+use crate::core::point::PointName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 use crate::secret;
 use crate::store::commands::{KeptCommand, NewCommand, Noted};
 use crate::store::runs::{Begun, KeptRun, NewRun};
 use crate::store::{
-    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, NewGrant, NewToken, NewVersion, Sqlite,
-    Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange,
+    Author, Ends, Entry, Heads, Kept, KeptPoint, LibraryError, Link, MAX_PAGE, NewGrant, NewPoint, NewToken,
+    NewVersion, Sqlite, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange,
 };
 use crate::tokens;
 use crate::verify::{self, VerifyError};
@@ -324,6 +325,27 @@ impl Store for Mounted {
         by: &Author,
     ) -> Result<(), LibraryError> {
         self.write(|store| store.remove_program(name, condition, by))
+    }
+
+    fn points(&mut self) -> Result<Vec<KeptPoint>, StoreError> {
+        self.read(|store| store.points())
+    }
+
+    fn point_versions(&mut self, name: &PointName) -> Result<Vec<KeptPoint>, StoreError> {
+        self.read(|store| store.point_versions(name))
+    }
+
+    fn put_point(&mut self, new: &NewPoint, condition: &Condition) -> Result<KeptPoint, LibraryError> {
+        self.write(|store| store.put_point(new, condition))
+    }
+
+    fn remove_point(
+        &mut self,
+        name: &PointName,
+        condition: &Condition,
+        by: &Author,
+    ) -> Result<(), LibraryError> {
+        self.write(|store| store.remove_point(name, condition, by))
     }
 
     fn alarms(&mut self, robot: &RobotName) -> Result<alarms::Saved, StoreError> {

@@ -3,6 +3,7 @@
 mod cameras;
 mod commands;
 mod heads;
+mod points;
 mod programs;
 mod runs;
 

@@ -6,6 +6,7 @@ use r6_api::gateway::{AuditRecord, Deed, ProgramType};
 
 use super::{Author, StoreError};
 use crate::core::library::{MAX_PROGRAMS, MAX_TOTAL, ProgramName, Tag, Unfit};
+use crate::core::point::MAX_POINTS;
 
 /// A version of a program, without its text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -87,15 +88,19 @@ pub(super) fn removed(name: &ProgramName, last: Tag, by: &Author) -> AuditRecord
     by.record(Deed::ProgramRemoved { program: name.to_string(), version: last.version })
 }
 
-/// Why a program was not stored or removed.
+/// Why a program or a point was not stored or removed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LibraryError {
     /// There is no such program.
     NoSuchProgram,
-    /// The change is not for the program as it is.
+    /// There is no such point.
+    NoSuchPoint,
+    /// The change is not for it as it is.
     Unfit(Unfit),
     /// There is no room for another program.
     TooManyPrograms,
+    /// There is no room for another point.
+    TooManyPoints,
     /// There is no room for as many bytes.
     TooManyBytes,
     /// The store failed.
@@ -106,13 +111,15 @@ impl fmt::Display for LibraryError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NoSuchProgram => f.write_str("there is no such program"),
+            Self::NoSuchPoint => f.write_str("there is no such point"),
             Self::Unfit(Unfit::NeedsIfMatch) => f.write_str(
-                "there is such a program: send `If-Match` with the `ETag` of the version that this is for",
+                "this name is in use: send `If-Match` with the `ETag` of the version that this is for",
             ),
             Self::Unfit(Unfit::NotThisVersion) => {
-                f.write_str("the program is not in this version: read it again, and look at what changed")
+                f.write_str("it is not in this version: read it again, and look at what changed")
             }
             Self::TooManyPrograms => write!(f, "there are {MAX_PROGRAMS} programs: remove some first"),
+            Self::TooManyPoints => write!(f, "there are {MAX_POINTS} points: remove some first"),
             Self::TooManyBytes => {
                 write!(f, "all programs have {} MiB at most: remove some first", MAX_TOTAL >> 20)
             }

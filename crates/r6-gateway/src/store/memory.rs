@@ -8,9 +8,9 @@ use super::commands::{KEPT as KEYS_KEPT, KEPT_AT_LEAST, KeptCommand, MAX_KEYS, N
 use super::library::removed;
 use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS, MAX_RUNS_OF_ONE, NewRun};
 use super::{
-    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewGrant, NewToken,
-    NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange, body,
-    check_link, decide, link_made, token_made, token_revoked, user_changed,
+    Author, Ends, Entry, Heads, Kept, KeptPoint, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewGrant,
+    NewPoint, NewToken, NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token,
+    UserChange, body, check_link, decide, link_made, points, token_made, token_revoked, user_changed,
 };
 use crate::core::account::{Decided, UserName};
 use crate::core::alarms;
@@ -18,6 +18,7 @@ use crate::core::camera::{Camera, CameraGrant};
 use crate::core::chain::{Hash, link};
 use crate::core::library::{Condition, MAX_VERSIONS, ProgramName};
 use crate::core::name::RobotName;
+use crate::core::point::PointName;
 use crate::core::retention::BATCH;
 use crate::core::seat::Saved;
 
@@ -34,6 +35,8 @@ pub struct Memory {
     robots: BTreeMap<RobotName, StoredRobot>,
     /// The versions of each program, the oldest first.
     programs: BTreeMap<ProgramName, Vec<(Kept, String)>>,
+    /// The versions of each point, the oldest first.
+    points: BTreeMap<PointName, Vec<KeptPoint>>,
     cameras: BTreeMap<(RobotName, Camera, i64), CameraGrant>,
     users: BTreeMap<UserName, StoredUser>,
     links: Vec<Link>,
@@ -309,6 +312,43 @@ impl Store for Memory {
         condition.check(Some(last))?;
         self.append(&[removed(name, last, by)])?;
         self.programs.remove(name);
+        Ok(())
+    }
+
+    fn points(&mut self) -> Result<Vec<KeptPoint>, StoreError> {
+        Ok(self.points.values().filter_map(|versions| versions.last().cloned()).collect())
+    }
+
+    fn point_versions(&mut self, name: &PointName) -> Result<Vec<KeptPoint>, StoreError> {
+        Ok(self.points.get(name).into_iter().flatten().rev().cloned().collect())
+    }
+
+    fn put_point(&mut self, new: &NewPoint, condition: &Condition) -> Result<KeptPoint, LibraryError> {
+        let versions = self.points.get(&new.name).cloned().unwrap_or_default();
+        let last = versions.last().map(|kept| kept.tag);
+        condition.check(last)?;
+        if last.is_none() {
+            points::check_room(self.points.len())?;
+        }
+        let kept = new.kept(last);
+        self.append(&[new.record(&kept)])?;
+        let goes = (versions.len() + 1).saturating_sub(MAX_VERSIONS);
+        let stays = versions.into_iter().skip(goes).chain([kept.clone()]);
+        self.points.insert(new.name.clone(), stays.collect());
+        Ok(kept)
+    }
+
+    fn remove_point(
+        &mut self,
+        name: &PointName,
+        condition: &Condition,
+        by: &Author,
+    ) -> Result<(), LibraryError> {
+        let last = self.points.get(name).and_then(|versions| Some(versions.last()?.tag));
+        let last = last.ok_or(LibraryError::NoSuchPoint)?;
+        condition.check(Some(last))?;
+        self.append(&[points::removed(name, last, by)])?;
+        self.points.remove(name);
         Ok(())
     }
 

@@ -14,6 +14,7 @@ mod database;
 pub mod history;
 pub mod owner;
 mod password_file;
+mod points;
 mod programs;
 mod robots;
 mod runs;
@@ -30,8 +31,8 @@ use self::tables::{FOUNDATION, TABLES};
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
-    Author, Ends, Entry, Heads, Kept, LibraryError, Link, NewGrant, NewToken, NewVersion, Store, StoreError,
-    StoredRobot, StoredSettings, StoredUser, Token, UserChange,
+    Author, Ends, Entry, Heads, Kept, KeptPoint, LibraryError, Link, NewGrant, NewPoint, NewToken,
+    NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange,
 };
 use crate::core::account::Decided;
 use crate::core::alarms;
@@ -39,6 +40,7 @@ use crate::core::camera::CameraGrant;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::owner::Claim;
+use crate::core::point::PointName;
 use crate::core::seat::Saved;
 
 pub use database::Database;
@@ -393,6 +395,27 @@ impl Store for Postgres {
         by: &Author,
     ) -> Result<(), LibraryError> {
         self.write(async |client| programs::remove(client, name, condition, by).await)
+    }
+
+    fn points(&mut self) -> Result<Vec<KeptPoint>, StoreError> {
+        self.session.read(points::latest)
+    }
+
+    fn point_versions(&mut self, name: &PointName) -> Result<Vec<KeptPoint>, StoreError> {
+        self.session.read(async |client| points::versions(client, name).await)
+    }
+
+    fn put_point(&mut self, new: &NewPoint, condition: &Condition) -> Result<KeptPoint, LibraryError> {
+        self.write(async |client| points::put(client, new, condition).await)
+    }
+
+    fn remove_point(
+        &mut self,
+        name: &PointName,
+        condition: &Condition,
+        by: &Author,
+    ) -> Result<(), LibraryError> {
+        self.write(async |client| points::remove(client, name, condition, by).await)
     }
 
     fn begin_run(&mut self, new: &NewRun) -> Result<Begun, StoreError> {

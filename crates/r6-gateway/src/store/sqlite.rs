@@ -4,6 +4,7 @@ mod cameras;
 mod commands;
 mod file;
 mod heads;
+mod points;
 mod programs;
 mod runs;
 mod tables;
@@ -17,9 +18,9 @@ use self::tables::TABLES;
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
-    Author, Ends, Entry, Heads, Kept, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewGrant, NewToken,
-    NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange, body, role,
-    token_made, token_revoked,
+    Author, Ends, Entry, Heads, Kept, KeptPoint, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewGrant,
+    NewPoint, NewToken, NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token,
+    UserChange, body, role, token_made, token_revoked,
 };
 use crate::core::account::Decided;
 use crate::core::alarms;
@@ -27,6 +28,7 @@ use crate::core::camera::CameraGrant;
 use crate::core::chain::{Broken, Hash, link};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
+use crate::core::point::PointName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
 
@@ -440,6 +442,27 @@ impl Store for Sqlite {
         by: &Author,
     ) -> Result<(), LibraryError> {
         programs::remove(self.write()?, name, condition, by)
+    }
+
+    fn points(&mut self) -> Result<Vec<KeptPoint>, StoreError> {
+        points::latest(&self.connection)
+    }
+
+    fn point_versions(&mut self, name: &PointName) -> Result<Vec<KeptPoint>, StoreError> {
+        points::versions(&self.connection, name)
+    }
+
+    fn put_point(&mut self, new: &NewPoint, condition: &Condition) -> Result<KeptPoint, LibraryError> {
+        points::put(self.write()?, new, condition)
+    }
+
+    fn remove_point(
+        &mut self,
+        name: &PointName,
+        condition: &Condition,
+        by: &Author,
+    ) -> Result<(), LibraryError> {
+        points::remove(self.write()?, name, condition, by)
     }
 
     fn begin_run(&mut self, new: &NewRun) -> Result<Begun, StoreError> {

@@ -25,7 +25,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 69] = [
+const ROUTES: [(&str, &str, Needs); 74] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -76,6 +76,11 @@ const ROUTES: [(&str, &str, Needs); 69] = [
     ("GET", "/v1/users", Needs::Role(Role::Admin)),
     ("PUT", "/v1/users/{name}", Needs::Role(Role::Admin)),
     ("DELETE", "/v1/users/{name}", Needs::Role(Role::Admin)),
+    ("GET", "/v1/points", Needs::Role(Role::Viewer)),
+    ("GET", "/v1/points/{point}", Needs::Role(Role::Viewer)),
+    ("PUT", "/v1/points/{point}", Needs::Role(Role::Engineer)),
+    ("DELETE", "/v1/points/{point}", Needs::Role(Role::Engineer)),
+    ("GET", "/v1/points/{point}/versions", Needs::Role(Role::Viewer)),
     ("GET", "/v1/programs", Needs::Role(Role::Viewer)),
     ("POST", "/v1/programs/check", Needs::Role(Role::Viewer)),
     ("POST", "/v1/programs/plan", Needs::Role(Role::Viewer)),
@@ -113,7 +118,7 @@ fn needs(method: &str, path: &str) -> (Needs, String) {
     let row = ROUTES.iter().find(|(m, p, _)| *m == method && *p == path);
     let Some((_, _, needs)) = row else { panic!("{method} {path} has no row in this test") };
     let path = path.replace("{name}", "press").replace("{number}", "press").replace("{id}", "7");
-    let path = path.replace("{program}", "pick").replace("{run}", "1");
+    let path = path.replace("{program}", "pick").replace("{point}", "pick").replace("{run}", "1");
     (*needs, path.replace("{camera}", "0").replace("{token}", "7"))
 }
 
@@ -123,7 +128,10 @@ fn of_nonsense(method: &str, path: &str) -> u16 {
         // The robot is in the configuration, so it is not removed.
         ("DELETE", "/v1/robots/{name}") => 409,
         // There is no such user, token, program or alarm.
-        ("DELETE", "/v1/users/{name}" | "/v1/tokens/{number}" | "/v1/programs/{program}") => 404,
+        (
+            "DELETE",
+            "/v1/users/{name}" | "/v1/tokens/{number}" | "/v1/programs/{program}" | "/v1/points/{point}",
+        ) => 404,
         ("DELETE", "/v1/robots/{name}/alarms/{id}/shelve") => 404,
         // No token has this grant.
         ("DELETE", "/v1/robots/{name}/cameras/{camera}/grants/{token}") => 404,

@@ -29,6 +29,7 @@ mod page;
 mod panel;
 #[cfg(unix)]
 mod passed;
+mod points;
 mod production;
 mod programs;
 mod query;

@@ -166,6 +166,10 @@ export const audit = {
         return `Stored program ${entry.program}, version ${entry.version}.`;
       case "program_removed":
         return `Removed program ${entry.program}.`;
+      case "point_stored":
+        return `Stored point ${entry.point}, version ${entry.version}.`;
+      case "point_removed":
+        return `Removed point ${entry.point}.`;
     }
   },
   chain: "Is the log whole?",

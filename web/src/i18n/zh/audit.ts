@@ -159,6 +159,10 @@ export const audit: typeof english = {
         return `保存程序 ${entry.program}，版本 ${entry.version}。`;
       case "program_removed":
         return `删除程序 ${entry.program}。`;
+      case "point_stored":
+        return `保存点位 ${entry.point}，版本 ${entry.version}。`;
+      case "point_removed":
+        return `删除点位 ${entry.point}。`;
     }
   },
   chain: "日志是否完整？",

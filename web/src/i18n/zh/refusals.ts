@@ -100,6 +100,7 @@ export const REFUSALS: Record<Failure["code"], readonly [what: string, next: str
   address_taken: ["该地址已被另一台机器人使用。", "请核对地址。"],
   overloaded: ["网关负荷过高。", "请稍候再试。"],
   no_such_program: ["没有这个程序，或没有该版本。", CHOOSE],
+  no_such_point: ["没有这个点位，或没有该版本。", CHOOSE],
   needs_if_match: ["更改须说明针对哪个版本。", RELOAD],
   not_this_version: ["其间已被他人更改。", "请先查看当前值，再重新更改。"],
   other_text: ["程序的内容与检查过的不同，什么都没有发送。", "请重新准备运行。"],

@@ -24,7 +24,7 @@ export const KINDS = {
   sign_in: ["signed_in", "signed_out", "sign_in_failed"],
   people: ["user_made", "user_changed", "user_removed", "link_made", "token_made", "token_revoked", "camera_granted", "camera_revoked"],
   robot: ["robot_configured", "robot_removed", "identity_changed", "identity_accepted"],
-  program: ["program_stored", "program_removed"],
+  program: ["program_stored", "program_removed", "point_stored", "point_removed"],
   settings: ["settings_changed", "raw_rules"],
   gateway: ["gateway_started", "gateway_ended", "restored", "audit_key"],
 } as const satisfies Record<string, readonly What[]>;

@@ -15,7 +15,7 @@ CREATE TABLE IF NOT EXISTS r6_gateway.version (
 ";
 
 /// What makes the tables of each version out of those before, from version 1 on.
-pub const TABLES: [&str; 5] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES];
+pub const TABLES: [&str; 6] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES, POINTS];
 
 /// - `audit`: `what`, `robot` and `intent` are read from the text when it is written.
 /// - `seat`: the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -233,4 +233,17 @@ CREATE TABLE camera (
 /// What the file of each gateway says of the robots, as a hash: gateways with different files are told of it.
 const FILES: &str = "
 ALTER TABLE gateway ADD COLUMN file text;
+";
+
+/// Points by name. The text is bytes, as that of programs.
+const POINTS: &str = "
+CREATE TABLE point (
+    name      text COLLATE \"C\" NOT NULL,
+    version   bigint NOT NULL,
+    hash      bytea NOT NULL,
+    stored_at text NOT NULL,
+    stored_by text NOT NULL,
+    text      bytea NOT NULL,
+    PRIMARY KEY (name, version)
+);
 ";

@@ -2,7 +2,8 @@
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-pub const TABLES: [&str; 9] = [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS];
+pub const TABLES: [&str; 10] =
+    [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS, POINTS];
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
 /// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -151,6 +152,19 @@ CREATE TABLE IF NOT EXISTS camera (
     given_by TEXT NOT NULL,
     given_at TEXT NOT NULL,
     PRIMARY KEY (robot, camera, token)
+) STRICT;
+";
+
+/// Points by name. The table may be there, as that of [`CAMERAS`].
+const POINTS: &str = "
+CREATE TABLE IF NOT EXISTS point (
+    name      TEXT NOT NULL,
+    version   INTEGER NOT NULL,
+    hash      BLOB NOT NULL,
+    stored_at TEXT NOT NULL,
+    stored_by TEXT NOT NULL,
+    text      TEXT NOT NULL,
+    PRIMARY KEY (name, version)
 ) STRICT;
 ";
 
