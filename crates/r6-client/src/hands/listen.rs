@@ -6,12 +6,20 @@ use std::fmt;
 use std::future::poll_fn;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::Poll;
+use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpStream};
+use tokio::time::Instant;
 
 use crate::hands::connect::Connect;
+
+/// How many connections that wait are looked at for the newest: the system queues no more.
+const MAX_WAITING: usize = 1024;
+
+/// How often the log tells of a connection that is not the controller's.
+const TOLD_EVERY: Duration = Duration::from_secs(60);
 
 /// Waits for a controller that dials. For [`Robot::connect_with`](crate::Robot::connect_with).
 ///
@@ -23,7 +31,8 @@ use crate::hands::connect::Connect;
 /// controller that lost its power.
 ///
 /// There is no login: any peer that reaches the port is taken for the controller. So set the address that is
-/// allowed ([`Self::only_from`]).
+/// allowed ([`Self::only_from`]). Connections are accepted while there is none to the controller: until then
+/// the system queues them.
 ///
 /// ```
 /// # #[tokio::main(flavor = "current_thread")]
@@ -39,11 +48,14 @@ use crate::hands::connect::Connect;
 /// ```
 ///
 /// A clone listens on the same port, which is free once all of them are dropped. If the first attempt to
-/// connect fails, another one can be made with a clone, and no controller is refused in between.
+/// connect fails, another one can be made with a clone, and no controller is refused in between. The clones
+/// are for one controller: handles on two of them would take each other's connections.
 #[derive(Clone, Debug)]
 pub struct Listen {
     listener: Arc<TcpListener>,
     only_from: Option<IpAddr>,
+    /// When the log last told of a stranger.
+    told: Arc<Mutex<Option<Instant>>>,
 }
 
 impl Listen {
@@ -52,10 +64,14 @@ impl Listen {
     /// # Errors
     /// The error of the system: the port is in use, or the address does not belong to this machine.
     pub async fn on(address: &str) -> io::Result<Self> {
-        Ok(Self { listener: Arc::new(TcpListener::bind(address).await?), only_from: None })
+        Ok(Self {
+            listener: Arc::new(TcpListener::bind(address).await?),
+            only_from: None,
+            told: Arc::default(),
+        })
     }
 
-    /// Accepts connections from this machine only; others are closed at once.
+    /// Accepts connections from this machine only; others are closed once they are accepted.
     #[must_use]
     pub fn only_from(mut self, controller: IpAddr) -> Self {
         self.only_from = Some(controller.to_canonical());
@@ -73,19 +89,31 @@ impl Listen {
     fn is_meant(&self, peer: SocketAddr) -> bool {
         // A socket for both kinds of addresses shows those of IPv4 as IPv6.
         let meant = self.only_from.is_none_or(|only| only == peer.ip().to_canonical());
-        if !meant {
-            crate::Event::StrangerClosed { peer }.log("");
+        if !meant && self.is_told_now() {
+            crate::Event::StrangerClosed { peer }.log(&self.to_string());
         }
         meant
     }
 
+    /// Whether the log tells of a stranger now. Those who connect again and again must not fill it.
+    fn is_told_now(&self) -> bool {
+        let now = Instant::now();
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_due = told.is_none_or(|told| now.duration_since(told) >= TOLD_EVERY);
+        if is_due {
+            *told = Some(now);
+        }
+        is_due
+    }
+
     /// Accepts a connection that already waits.
     async fn waiting(&self) -> Option<(TcpStream, SocketAddr)> {
-        poll_fn(|context| match self.listener.poll_accept(context) {
+        let look = poll_fn(|context| match self.listener.poll_accept(context) {
             Poll::Ready(Ok(accepted)) => Poll::Ready(Some(accepted)),
             Poll::Ready(Err(_)) | Poll::Pending => Poll::Ready(None),
-        })
-        .await
+        });
+        // Otherwise the runtime says that none waits once this task has had its share of the time.
+        tokio::task::unconstrained(look).await
     }
 }
 
@@ -99,7 +127,8 @@ impl Connect for Listen {
                 break stream;
             }
         };
-        while let Some((newer, peer)) = self.waiting().await {
+        for _ in 0..MAX_WAITING {
+            let Some((newer, peer)) = self.waiting().await else { break };
             if self.is_meant(peer) {
                 stream = newer;
             }
