@@ -174,6 +174,12 @@ mod tests {
     }
 
     #[test]
+    fn a_list_that_had_steps_has_moved_the_arm_although_no_look_saw_it_move() {
+        let waits = Sample { list_length: Some(1), ..STANDING };
+        assert_eq!(done_after([waits, waits, STANDING, STANDING]), Ok(Some(2)));
+    }
+
+    #[test]
     fn without_a_list_length_a_corner_is_waited_out() {
         let unknown = |sample| Sample { list_length: None, ..sample };
         let corner = [unknown(STANDING); 7];

@@ -195,6 +195,12 @@ mod tests {
     }
 
     #[test]
+    fn the_way_of_a_tool_has_its_length_and_that_at_full_speed() {
+        let way = Way::of_tool(10.0, 0.5);
+        assert_eq!((way.tool, way.tool_at_full, way.turn, way.moves), (10.0, 20.0, 0.0, 0.0));
+    }
+
+    #[test]
     fn a_pace_is_known_after_three_looks_of_which_one_saw_the_list_get_shorter() {
         for (looks, stepwise, known) in
             [(0, true, false), (2, true, false), (3, false, false), (3, true, true)]

@@ -251,3 +251,35 @@ fn time_alone(action: &Action) -> f64 {
         _ => 0.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use r6_proto::message::instruction::{Coordinates, CurveMove, Move, Workbench};
+
+    use super::*;
+
+    #[test]
+    fn where_a_move_of_the_tool_ends_is_not_known_behind_another_frame_or_tool() {
+        let pose = Coordinates::from_slice(&[400.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let line = |manner| Action::LinearMove(Move { target: pose, manner });
+        let curve = |manner| Action::CurveMove(CurveMove { middle: pose, end: pose, manner });
+        let own = Manner::default();
+        let of_tool = Manner { tool: Some(1), ..own };
+        let frame = || Action::Workbench(Workbench { id: 1 });
+        for (actions, known) in [
+            (vec![line(own), curve(own), line(own)], vec![true, true, true]),
+            (vec![frame(), line(own), line(own)], vec![false, false]),
+            (vec![frame(), curve(own), line(own)], vec![false, false]),
+            (vec![line(of_tool), line(own)], vec![false, false]),
+            (vec![curve(of_tool), line(own)], vec![false, false]),
+        ] {
+            let steps: Vec<_> =
+                actions.into_iter().map(|action| Instruction { oneshot: true, action }).collect();
+            let (places, _) = places(&steps);
+            let moves =
+                steps.iter().zip(places).filter(|(step, _)| !matches!(step.action, Action::Workbench(_)));
+            let found: Vec<_> = moves.map(|(_, place)| matches!(place, Place::Position(..))).collect();
+            assert_eq!(found, known, "{steps:?}");
+        }
+    }
+}

@@ -267,6 +267,19 @@ async fn after_a_list_that_was_wrong_the_next_query_asks_for_each_address_alone(
 }
 
 #[tokio::test]
+async fn a_query_of_one_address_does_not_make_lists_believed_again() {
+    let (robot, lengths) = answered_by(|query, names| match query {
+        1 => with_the_last_one_wrong(names).into_iter().chain([of("Addr-801")]).collect(),
+        _ => right(names),
+    })
+    .await;
+    for count in [2, 1, 2, 2] {
+        assert_each_has_its_own(&robot.query(&registers(800..800 + count)).await.unwrap());
+    }
+    assert_eq!(*lengths.lock().unwrap(), [2, 1, 1, 1, 1, 1, 2]);
+}
+
+#[tokio::test]
 async fn the_firmware_is_asked_for_once() {
     let (_controller, robot, peer) = Controller::with_robot(settings()).await;
     let (answer, log) = leaving_out(&[]);
