@@ -16,6 +16,7 @@
 //! - [`alarms`]: the alarms of a robot, acknowledged and shelved; [`desk`] has them and saves them.
 //! - [`clerk`]: the task that ends leases in time, and writes down what need not be written first.
 
+pub mod address;
 mod alarms;
 pub mod camera;
 pub mod clerk;
@@ -35,7 +36,6 @@ pub mod roster;
 pub mod run;
 mod send;
 pub mod station;
-pub mod way;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};

@@ -250,7 +250,9 @@ impl Sharing {
         let mut unfit = BTreeSet::new();
         for added in stored {
             let robot = roster::of_store(added, self.robot_settings.clone()).ok();
-            let robot = robot.filter(|robot| robot.check().is_ok() && !robots.contains_key(&robot.name));
+            let robot = robot.filter(|robot| {
+                robot.check().is_ok() && !robot.dials_in() && !robots.contains_key(&robot.name)
+            });
             // One pass over all: this is done with each look.
             match robot {
                 Some(robot) if robots.len() < MAX_ROBOTS && addresses.insert(robot.place()) => {

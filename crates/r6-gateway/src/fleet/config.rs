@@ -8,9 +8,9 @@ use r6_client::{Address, AxisIndex, RobotSettings};
 use r6_motion::RobotModel;
 
 use crate::core::name::RobotName;
+use crate::fleet::address::RobotAddress;
 use crate::fleet::guard::Guard;
 use crate::fleet::panel::line::Panel;
-use crate::fleet::way::Way;
 use crate::programs;
 
 /// How often the values are read if nothing else is said.
@@ -28,7 +28,7 @@ pub struct RobotConfig {
     /// Its name.
     pub name: RobotName,
     /// Host and port, as [`r6_client::Robot::connect`] takes them; or where the gateway listens for it, as
-    /// [`Way::read`] takes it.
+    /// [`RobotAddress::read`] takes it.
     pub address: String,
     /// How often its values are read: [`PERIODS`].
     pub period: Duration,
@@ -88,19 +88,26 @@ impl RobotConfig {
         if let Some(model) = &self.model {
             programs::model(model)?;
         }
-        Ok(Way::read(&self.address)?.place())
+        Ok(RobotAddress::read(&self.address)?.place())
     }
 
     /// Its address with a port, by which two robots at one address are found.
     #[must_use]
     pub fn place(&self) -> String {
-        Way::read(&self.address).map_or_else(|_| self.address.clone(), |way| way.place())
+        RobotAddress::read(&self.address).map_or_else(|_| self.address.clone(), |address| address.place())
+    }
+
+    /// The port that the gateway listens on for this robot, if it is also one of the other's.
+    #[must_use]
+    pub fn shares_port(&self, other: &Self) -> Option<u16> {
+        let read = |robot: &Self| RobotAddress::read(&robot.address).ok();
+        read(self)?.shares_port(&read(other)?)
     }
 
     /// Whether the robot connects to the gateway.
     #[must_use]
     pub fn dials_in(&self) -> bool {
-        Way::read(&self.address).is_ok_and(|way| way.dials_in())
+        RobotAddress::read(&self.address).is_ok_and(|address| address.dials_in())
     }
 
     /// Whether the robot is the same, is read in the same way, and has the same model, limits, twin and

@@ -143,20 +143,31 @@ async fn connect(station: &Station, config: &RobotConfig) -> Robot {
     let permission = Some(Permission::new().only_while(move || ownership.may_send()));
     let settings = RobotSettings { permission, ..config.settings.clone() };
     let mut road = None;
-    let mut is_told = false;
+    // How often listening failed, and which failure is in the log.
+    let (mut failed, mut told) = (0_u32, None);
     loop {
         match &road {
             None => match station.shared.roads.to(&config.address).await {
                 Ok(open) => {
+                    if config.dials_in() {
+                        tracing::info!(
+                            robot = station.name(),
+                            address = config.address,
+                            "waits for the robot"
+                        );
+                    }
                     road = Some(open);
                     continue;
                 }
-                Err(error) if !is_told => {
-                    is_told = true;
-                    tracing::warn!(robot = station.name(), address = config.address, %error,
-                        "cannot listen for the robot: trying again");
+                Err(error) => {
+                    failed = failed.saturating_add(1);
+                    // The first time, the old connection of this robot may still have the port.
+                    if failed > 1 && told != Some(error.kind()) {
+                        told = Some(error.kind());
+                        tracing::warn!(robot = station.name(), address = config.address, %error,
+                            "cannot listen for the robot: end what uses the port, or correct the address");
+                    }
                 }
-                Err(_) => {}
             },
             Some(road) => match road.connect(settings.clone()).await {
                 Ok(robot) => return robot,

@@ -78,8 +78,8 @@ impl Station {
         })
     }
 
-    /// Where the arm stands: its axes, J1 first, and its pose, if the controller has one. It is asked now, for
-    /// all of them at once, and says with them that it does not move.
+    /// Where the arm stands: its axes, J1 first, and its pose, if the controller has one. It is asked now,
+    /// for all of them at once, and says with them that it does not move.
     ///
     /// # Errors
     /// Those of [`Self::query`]; `not_ready` if it moves.

@@ -6,7 +6,7 @@ use std::io;
 use r6_client::{Connect, Listen, RequestError, Robot, RobotSettings};
 use tokio::net::TcpStream;
 
-use super::way::Way;
+use super::address::RobotAddress;
 
 /// How long the machine of a robot may leave something unacknowledged, of a gateway that can lose its robots.
 /// Otherwise the system would send a command again when a cable is plugged in after minutes, though the
@@ -44,12 +44,16 @@ impl Roads {
     /// # Errors
     /// The gateway cannot listen there.
     pub async fn to<'r>(&'r self, address: &'r str) -> io::Result<Road<'r>> {
-        match Way::read(address) {
-            Ok(Way::DialsIn { listen, from }) => {
+        #[cfg(feature = "simulation")]
+        if let Self::Simulated(_) = self {
+            return Ok(Road::Dial(self, address));
+        }
+        match RobotAddress::read(address) {
+            Ok(RobotAddress::DialsIn { listen, from }) => {
                 Ok(Road::DialsIn(Listen::on(&listen.to_string()).await?.only_from(from)))
             }
             // What is wrong with an address is told by the attempt to connect.
-            Ok(Way::Dial(_)) | Err(_) => Ok(Road::Dial(self, address)),
+            Ok(RobotAddress::Dial(_)) | Err(_) => Ok(Road::Dial(self, address)),
         }
     }
 }
@@ -58,7 +62,7 @@ impl Road<'_> {
     /// Connects, as [`Robot::connect`]; or waits for the robot to connect.
     ///
     /// # Errors
-    /// As there.
+    /// There is no connection yet.
     pub async fn connect(&self, settings: RobotSettings) -> Result<Robot, RequestError> {
         match self {
             Self::DialsIn(listen) => Robot::connect_with(listen.clone(), settings).await,

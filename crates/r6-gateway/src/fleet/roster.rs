@@ -62,9 +62,23 @@ pub fn check<'r>(robots: impl IntoIterator<Item = &'r RobotConfig>) -> Result<()
             return Err(Problem::new(Code::AddressTaken, message));
         }
     }
+    check_ports(&all)?;
     check_twins(&all, &addresses)?;
     if names.len() > MAX_ROBOTS {
         return Err(bad_value(format!("a gateway has at most {MAX_ROBOTS} robots")));
+    }
+    Ok(())
+}
+
+/// Refuses two robots that connect to one port.
+fn check_ports(robots: &[&RobotConfig]) -> Result<(), Problem> {
+    let dials_in: Vec<_> = robots.iter().filter(|robot| robot.dials_in()).collect();
+    for (at, robot) in dials_in.iter().enumerate() {
+        let mut before = dials_in.iter().take(at);
+        if let Some((other, port)) = before.find_map(|other| Some((other, robot.shares_port(other)?))) {
+            let message = format!("`{}` and `{}` both connect to port {port} here", robot.name, other.name);
+            return Err(Problem::new(Code::AddressTaken, message));
+        }
     }
     Ok(())
 }
@@ -83,8 +97,8 @@ fn refuse_if_dials_in(robot: &RobotConfig) -> Result<(), Problem> {
         return Ok(());
     }
     let message = format!(
-        "robot `{}`: it connects to this machine, so no other gateway could take it over: with --store, set the robot to \
-         server mode at its pendant, and give its own address",
+        "robot `{}`: it connects to this machine, so no other gateway could take it over: with --store, set the \
+         robot to server mode at its pendant, and give its own address",
         robot.name
     );
     Err(Problem::new(Code::BadValue, message))
@@ -526,6 +540,14 @@ mod tests {
             let wrong = check(&[robot("a", here), twin.clone()]).unwrap_err();
             assert_eq!(wrong.code, Code::AddressTaken, "{here}");
         }
+        let listen = |address: &str, from: &str| format!("listen:{address}:5000,from:{from}");
+        let (one, all) = (listen("192.168.1.2", "10.0.0.1"), listen("0.0.0.0", "10.0.0.2"));
+        let wrong = check(&[robot("a", &one), robot("b", &all)]).unwrap_err();
+        assert_eq!(wrong.message, "`b` and `a` both connect to port 5000 here");
+        assert_eq!(check(&[robot("a", &all), twin.clone()]).unwrap_err().code, Code::AddressTaken);
+        assert!(check(&[robot("a", &one), robot("b", &listen("192.168.1.3", "10.0.0.2"))]).is_ok());
+        let shared = check_shared(&[robot("c", "10.0.0.3"), robot("a", &one)]).unwrap_err();
+        assert!(shared.code == Code::BadValue && shared.message.contains("`a`"), "{}", shared.message);
         for elsewhere in ["192.168.1.10:5000", "localhost:5001", "[2001:db8::1]:5000"] {
             assert!(check(&[robot("a", elsewhere), twin.clone()]).is_ok(), "{elsewhere}");
         }

@@ -383,7 +383,8 @@ fn the_gateway_of_an_older_version_has_let_go_before_its_robots_can_be_taken() {
     // As version 2 made it, with an owner that lives.
     server.sql(
         &url,
-        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE camera; DROP TABLE gateway; DROP TABLE owner;
+        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE camera; DROP TABLE point; DROP TABLE gateway;
+         DROP TABLE owner;
          CREATE TABLE owner (one integer, fence bigint, beat bigint, gateway text, beat_at timestamptz);
          INSERT INTO owner VALUES (1, 7, 9, 'old', now())",
     );
