@@ -24,6 +24,7 @@ use crate::certificate::{Certificate, CertificateError, TlsSettings};
 use crate::clock;
 use crate::core::hall::Hall;
 use crate::core::head::Signer;
+use crate::core::name::RobotName;
 use crate::core::raw::policy::RawPolicy;
 use crate::files;
 use crate::fleet::Fleet;
@@ -362,6 +363,13 @@ impl Gateway {
             }
             self.state.accounts.ledger.note(&by_itself(), changed.deed());
         }
+    }
+
+    /// Whether there is a robot of this name that was added over the API.
+    #[must_use]
+    pub fn is_added(&self, robot: &RobotName) -> bool {
+        let station = self.state.fleet.station(robot.as_str());
+        station.is_some_and(|station| station.config().managed_by == ManagedBy::Api)
     }
 
     /// The present rules of all raw ports.

@@ -10,6 +10,7 @@ use std::future::pending;
 use r6_api::Code;
 use r6_api::gateway::{CommandOutcome, Deed, Happened, PointsDone};
 use r6_client::{Accepted, CameraSet, NotSent, Point, Pushed, RequestError, Robot};
+use tokio::sync::SemaphorePermit;
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 use tracing::Instrument;
@@ -94,9 +95,21 @@ impl Station {
         Standing::of_rule(&cameras(), camera).map(|standing| Granted { standing, asked })
     }
 
-    /// What the controller asks photos of, from now on.
+    /// The cameras of which the controller asks for photos, from now on.
     pub fn photos(&self) -> Receiver<Camera> {
         self.cameras.asked.subscribe()
+    }
+
+    /// The cameras of which the controller asked for photos that can still be answered.
+    pub fn open_photos(&self) -> Vec<Camera> {
+        let now = self.of_photos_now();
+        let photos = self.cameras.photos();
+        photos.iter().filter(|(_, photo)| (photo.connection, photo.stops) == now).map(|(at, _)| *at).collect()
+    }
+
+    /// The connection and the number of stops of photos that can be answered now.
+    fn of_photos_now(&self) -> (u64, u64) {
+        self.seat(|seat, _| (seat.connection().unwrap_or_default(), seat.stops_begun()))
     }
 
     /// Sends the parts that a camera found. The intent is on the disk before they leave, the outcome after.
@@ -155,9 +168,22 @@ impl Station {
     ) -> Result<(), (Problem, Told)> {
         let untold = |problem| (problem, Told::No);
         let camera = granted.standing.camera();
+        let no_photo = || {
+            let message = format!(
+                "the controller waits for no photo of camera {camera}: it asked for none over this connection since the \
+                 last stop was cleared, or it has the answer"
+            );
+            untold(Problem::new(Code::NotReady, message))
+        };
         let _slot = self.place().map_err(untold)?;
+        let fit = self.seat(|seat, now| seat.check_granted(now, granted.standing, &order));
+        fit.map_err(|denied| untold(denied.into()))?;
+        // Before it is counted: answers that no photo was asked for take no request from other cameras.
+        if !self.open_photos().contains(&camera) {
+            return Err(no_photo());
+        }
         let robot = self.check_camera(granted, &order).map_err(untold)?;
-        let now = self.seat(|seat, _| (seat.connection().unwrap_or_default(), seat.stops_begun()));
+        let now = self.of_photos_now();
         // It is taken out, so that of two answers at once one is sent. One of another connection stays: the
         // seat may not know of that yet.
         let photo = {
@@ -165,13 +191,7 @@ impl Station {
             let is_of_now = |photo: &Photo| (photo.connection, photo.stops) == now;
             if photos.get(&camera).is_some_and(is_of_now) { photos.remove(&camera) } else { None }
         };
-        let photo = photo.ok_or_else(|| {
-            let message = format!(
-                "the controller waits for no photo of camera {camera}: it asked for none over this connection since the \
-                 last stop was cleared, or it has the answer"
-            );
-            untold(Problem::new(Code::NotReady, message))
-        })?;
+        let photo = photo.ok_or_else(no_photo)?;
         let record = self.record(by, Deed::PhotoAnswer { camera: camera.number(), taken });
         let sent = match self.append(record).await {
             Ok(_) => self.send_of_camera(&robot, granted, order).await,
@@ -189,11 +209,14 @@ impl Station {
         })
     }
 
-    /// A place among the commands of the robot: they wait for the same connection.
-    fn place(&self) -> Result<tokio::sync::SemaphorePermit<'_>, Problem> {
-        self.commands
-            .try_acquire()
-            .map_err(|_| Problem::new(Code::Overloaded, "too many commands of this robot are under way"))
+    /// A place among the commands of the robot, and among those of cameras: they wait for the same
+    /// connection.
+    fn place(&self) -> Result<[SemaphorePermit<'_>; 2], Problem> {
+        let overloaded = |message: &str| Problem::new(Code::Overloaded, message);
+        let of_cameras = self.cameras.places.try_acquire();
+        let of_cameras = of_cameras.map_err(|_| overloaded("too many requests of cameras are under way"))?;
+        let of_all = self.commands.try_acquire();
+        Ok([of_cameras, of_all.map_err(|_| overloaded("too many commands of this robot are under way"))?])
     }
 
     /// The handle of the robot, if it may get this from a camera now.
@@ -272,7 +295,14 @@ impl Station {
                 Ok(Pushed::Reconnected(_)) => on = Some(robot.connection()),
                 Ok(Pushed::Stray { .. } | Pushed::BadFrame(_) | Pushed::NotJson(_)) => {}
                 Err(RecvError::Lagged(missed)) => {
-                    tracing::warn!(robot = self.name(), missed, "requests for photos may have been missed");
+                    // A robot that floods must not fill the log.
+                    if !matches!(flood.event(clock::now()), Passage::Skipped) {
+                        tracing::warn!(
+                            robot = self.name(),
+                            missed,
+                            "requests for photos may have been missed"
+                        );
+                    }
                     on = None;
                     self.cameras.photos().clear();
                 }

@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use r6_proto::time::Instant;
-use tokio::sync::broadcast;
+use tokio::sync::{Semaphore, broadcast};
 
 use crate::core::camera::Camera;
 use crate::core::rate::{Limit, Rate};
@@ -19,14 +19,21 @@ const REQUESTS: Limit = Limit { interval: Duration::from_millis(100), burst: 20 
 /// time the gateway takes it that it does not wait any more.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
-/// How many photos may wait for a raw client to be told of them. A controller asks again for what is missed.
+/// How many photos may wait for a raw client to be told of them. A cell has a few cameras. A client that
+/// misses some is told of all that the controller still waits for.
 const UNTOLD: usize = 16;
+
+/// How many requests of cameras are under way at once: half of the places of all commands, so that cameras
+/// of a robot that does not answer them leave places for the holder of the lease.
+const PLACES: usize = 8;
 
 /// What is known of the cameras of a robot.
 #[derive(Debug)]
 pub struct Cameras {
     /// The photos as they are asked for.
     pub asked: broadcast::Sender<Camera>,
+    /// Requests of cameras that are under way: [`PLACES`].
+    pub places: Semaphore,
     /// The photos that the controller waits for, by camera: 1000 at most.
     photos: Mutex<BTreeMap<Camera, Photo>>,
     rate: Mutex<Rate>,
@@ -46,7 +53,7 @@ pub struct Photo {
 impl Default for Cameras {
     fn default() -> Self {
         let asked = broadcast::Sender::new(UNTOLD);
-        Self { asked, photos: Mutex::default(), rate: Mutex::default() }
+        Self { asked, places: Semaphore::new(PLACES), photos: Mutex::default(), rate: Mutex::default() }
     }
 }
 

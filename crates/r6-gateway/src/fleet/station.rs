@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use r6_api::gateway::{ActedBy, AuditRecord, Deed, Happened, LeaseEnd, Run};
+use r6_api::gateway::{ActedBy, AuditRecord, Deed, Happened, LeaseEnd, RobotIdentity, Run};
 use r6_client::{Permission, Robot};
 use r6_proto::time::Instant;
 use tokio::sync::{Mutex as AsyncMutex, Notify, Semaphore, watch};
@@ -421,7 +421,8 @@ impl Station {
                 (Happened::LeaseEnded { lease: number, holder, cause }, Some(deed))
             }
             Noticed::IdentityChanged(change) => {
-                tracing::warn!(robot, ?change, "another robot answers: its commands are refused");
+                let (expected, found) = (shown(&change.expected), shown(&change.found));
+                tracing::warn!(robot, expected, found, "another robot answers: its commands are refused");
                 (Happened::IdentityChanged(change.clone()), Some(Deed::IdentityChanged(change)))
             }
             Noticed::LinkUp => {
@@ -458,6 +459,14 @@ impl Station {
         let mut board = self.board();
         board.bear(self.shared.draw());
     }
+}
+
+/// A robot by what it says of itself, for the log.
+fn shown(identity: &RobotIdentity) -> String {
+    let RobotIdentity { firmware, machine_name, axis_count } = identity;
+    let text = |text: &Option<String>| text.clone().unwrap_or_else(|| "?".to_owned());
+    let axes = axis_count.map_or_else(|| "?".to_owned(), |axes| axes.to_string());
+    format!("{}, firmware {}, {axes} axes", text(machine_name), text(firmware))
 }
 
 /// A command or a stop that is under way.

@@ -96,11 +96,13 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                 stuck_since = None;
             }
             photo = photos.recv() => {
-                let rule = door.policy.rule(source, &door.robot);
-                // If some were missed, the program on the controller asks again.
-                if let Ok(camera) = photo && rule.is_some_and(|rule| rule.cameras.contains(&camera)) {
-                    session.push_photo(camera);
-                }
+                let asked = match photo {
+                    Ok(camera) => vec![camera],
+                    Err(_missed) => station.open_photos(),
+                };
+                let cameras = door.policy.rule(source, &door.robot).map(|rule| rule.cameras).unwrap_or_default();
+                let granted = asked.into_iter().filter(|camera| cameras.contains(camera));
+                granted.for_each(|camera| session.push_photo(camera));
             }
             changed = link.wait_for(|now| *now != Some(connection)) => {
                 // Closed without an answer to what is under way: its outcome is unknown.
@@ -138,23 +140,32 @@ fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: T
             Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
         }
         Asked::Points { camera, points } => {
-            let work =
-                tokio::spawn(async move { serve::points(&door, &station, source, camera, points).await });
-            Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
+            paced(
+                ticket,
+                door.pace(),
+                async move { serve::points(&door, &station, source, camera, points).await },
+            )
         }
         Asked::Photo { camera, taken } => {
-            let work =
-                tokio::spawn(async move { serve::photo(&door, &station, source, camera, taken).await });
-            Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
+            paced(
+                ticket,
+                door.pace(),
+                async move { serve::photo(&door, &station, source, camera, taken).await },
+            )
         }
         Asked::Order(order) => {
-            let pace = door.pace();
-            let work = tokio::spawn(async move { serve::order(&door, &station, source, order).await });
-            Box::pin(async move {
-                let answer = work.await.unwrap_or(Answer::Silence);
-                tokio::time::sleep_until(begun + pace).await;
-                (ticket, answer)
-            })
+            paced(ticket, door.pace(), async move { serve::order(&door, &station, source, order).await })
         }
     }
+}
+
+/// Work that runs to its end by itself, and whose answer takes this long at least.
+fn paced(ticket: Ticket, pace: Duration, work: impl Future<Output = Answer> + Send + 'static) -> Work {
+    let due = tokio::time::Instant::now() + pace;
+    let work = tokio::spawn(work);
+    Box::pin(async move {
+        let answer = work.await.unwrap_or(Answer::Silence);
+        tokio::time::sleep_until(due).await;
+        (ticket, answer)
+    })
 }

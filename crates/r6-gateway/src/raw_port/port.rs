@@ -10,6 +10,7 @@ use tokio::task::JoinSet;
 
 use super::conversation::{self, End};
 use super::{RawPort, SharedPolicy};
+use crate::clock;
 use crate::core::rate::Rate;
 use crate::core::raw::lease::{Due, ImplicitLease, Rest};
 use crate::core::raw::session::Cause;
@@ -229,7 +230,10 @@ fn admit(door: &Door, source: SocketAddr, (clients, of_address): (usize, usize))
         return Some(station);
     };
     station.counts.raw.closed(cause);
-    tracing::debug!(robot = door.robot, %source, %cause, "a raw client was not let in");
+    // Strangers must not fill the log.
+    if door.refusals().is_written(clock::now(), source.ip(), cause.word()) {
+        tracing::info!(robot = door.robot, %source, %cause, "a raw client was not let in");
+    }
     None
 }
 

@@ -147,13 +147,21 @@ pub async fn photo(
 ) -> Answer {
     match granted(door, station, source, camera) {
         None => drop(not_granted(door, station, source, "photo", camera)),
-        Some((rule, granted)) => {
-            if let Err(problem) = station.answer_photo(&by(&rule, source), granted, taken).await {
-                station.counts.raw.refused();
-                tracing::info!(robot = door.robot, %source, %camera, problem = problem.message,
-                    "an answer to a photo was not sent");
+        Some((rule, granted)) => match station.answer_photo(&by(&rule, source), granted, taken).await {
+            Ok(()) => {}
+            Err(Problem { code: Code::OutcomeUnknown, message, .. }) => {
+                tracing::warn!(robot = door.robot, %source, %camera, message,
+                    "it is not known whether an answer to a photo left");
             }
-        }
+            Err(problem) => {
+                station.counts.raw.refused();
+                if door.refusals().is_written(clock::now(), source.ip(), "photo") {
+                    let problem = problem.message;
+                    tracing::info!(robot = door.robot, %source, %camera, problem,
+                        "an answer to a photo was not sent");
+                }
+            }
+        },
     }
     Answer::Silence
 }
@@ -170,7 +178,7 @@ fn granted(door: &Door, station: &Station, source: SocketAddr, camera: Camera) -
 
 fn not_granted(door: &Door, station: &Station, source: SocketAddr, word: &str, camera: Camera) -> Answer {
     let request = format!("{word} camera {camera}");
-    let reason = format!("this address has no grant for camera {camera}");
+    let reason = format!("this address is not camera {camera}: a [[raw_rule]] names it in `cameras`");
     refuse(door, station, source, &request, (Code::NotAllowed, reason))
 }
 
@@ -266,7 +274,8 @@ fn door_answer(station: &Station, done: Result<(), Problem>) -> Answer {
                 // The controller's own words, if it was the controller.
                 Code::Refused => problem.reason,
                 Code::LeftoverList => Some(LEFTOVER.to_owned()),
-                _ => Some(problem.message),
+                // Old scripts read ASCII.
+                _ => Some(problem.message.replace('…', "...")),
             })
         }
     }

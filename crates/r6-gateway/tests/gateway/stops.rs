@@ -173,7 +173,7 @@ async fn a_stop_that_is_not_confirmed_is_written_also_right_after_one_that_was()
 }
 
 /// Holds up the store of the hall while `act` runs: another process does so, or a slow disk.
-async fn with_slow_store<T>(hall: &Hall, act: impl Future<Output = T>) -> T {
+pub async fn with_slow_store<T>(hall: &Hall, act: impl Future<Output = T>) -> T {
     let store = rusqlite::Connection::open(hall.data.path().join("control.db")).unwrap();
     store.execute_batch("BEGIN IMMEDIATE").unwrap();
     let done = act.await;

@@ -14,13 +14,13 @@ pub fn change(theirs: &[u8], ours: &[u8]) -> Option<String> {
     if theirs.len() != ours.len() {
         return Some(format!("of {} instructions, {} would be sent", theirs.len(), ours.len()));
     }
-    change_of_each("instruction", &theirs, &ours, is_same)
+    change_of_each("instruction", &theirs, &ours, exact)
 }
 
 /// What our encoding would change in the points of a camera, for people; `None` if nothing. Both are whole
 /// `AddPoints` frames with one set of points.
 ///
-/// As for instructions. But numbers are rounded to the decimals that we send, because cameras compute them.
+/// As for instructions. But numbers may have more decimals than we send, because cameras compute them.
 #[must_use]
 pub fn change_of_points(theirs: &[u8], ours: &[u8]) -> Option<String> {
     let (Some((their_set, theirs)), Some((our_set, ours))) = (points(theirs), points(ours)) else {
@@ -29,7 +29,7 @@ pub fn change_of_points(theirs: &[u8], ours: &[u8]) -> Option<String> {
     if theirs.len() != ours.len() {
         return Some(format!("of {} points, {} would be sent", theirs.len(), ours.len()));
     }
-    let change = difference(&their_set, &our_set, is_same).map(|what| format!("the set of points: {what}"));
+    let change = difference(&their_set, &our_set, exact).map(|what| format!("the set of points: {what}"));
     change.or_else(|| change_of_each("point", &theirs, &ours, is_rounded))
 }
 
@@ -43,8 +43,8 @@ fn change_of_each(what: &str, theirs: &[Value], ours: &[Value], is_same: Compare
     })
 }
 
-/// Whether two values are the same.
-type Compare = fn(&Value, &Value) -> bool;
+/// Whether two values of a key are the same.
+type Compare = fn(&str, &Value, &Value) -> bool;
 
 /// The instructions of a frame that has no other place for instructions.
 fn instructions(frame: &[u8]) -> Option<Vec<Value>> {
@@ -73,7 +73,7 @@ fn difference(theirs: &Map<String, Value>, ours: &Map<String, Value>, is_same: C
     }
     ours.iter().find_map(|(key, ours)| match theirs.get(key) {
         None => Some(format!("`{key}` is missing, and firmware may take another value for it than we do")),
-        Some(theirs) if !is_same(theirs, ours) => Some(format!("`{key}` would be sent as {ours}")),
+        Some(theirs) if !is_same(key, theirs, ours) => Some(format!("`{key}` would be sent as {ours}")),
         Some(_) => None,
     })
 }
@@ -84,7 +84,7 @@ fn is_same(theirs: &Value, ours: &Value) -> bool {
         (Value::Array(theirs), Value::Array(ours)) => {
             theirs.len() == ours.len() && theirs.iter().zip(ours).all(|(theirs, ours)| is_same(theirs, ours))
         }
-        (Value::Object(theirs), Value::Object(ours)) => difference(theirs, ours, is_same).is_none(),
+        (Value::Object(theirs), Value::Object(ours)) => difference(theirs, ours, exact).is_none(),
         _ => match (text(theirs), text(ours)) {
             (Some(theirs), Some(ours)) => {
                 theirs == ours
@@ -96,19 +96,26 @@ fn is_same(theirs: &Value, ours: &Value) -> bool {
     }
 }
 
-/// The same, or the number rounded to the decimals of ours. Numbers with an exponent are taken, too: programs
-/// write those that are almost 0 so.
-fn is_rounded(theirs: &Value, ours: &Value) -> bool {
-    let rounded = || {
-        let (theirs, ours) = (text(theirs)?, text(ours)?);
-        let (_, decimals) = ours.split_once('.')?;
-        let half = 0.5 * 0.1_f64.powi(i32::try_from(decimals.len()).ok()?);
-        let numeric = |byte: u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+' | b'e' | b'E');
-        let theirs: f64 = theirs.parse().ok().filter(|_| theirs.bytes().all(numeric))?;
-        // A little more: 0.0005 has no exact form.
-        Some((theirs - ours.parse::<f64>().ok()?).abs() <= half * 1.000_001)
+/// [`is_same`], whatever the key.
+fn exact(_key: &str, theirs: &Value, ours: &Value) -> bool {
+    is_same(theirs, ours)
+}
+
+/// The same, or the number rounded to the decimals that we send. Numbers with an exponent are taken, too:
+/// programs write those that are almost 0 so.
+fn is_rounded(key: &str, theirs: &Value, ours: &Value) -> bool {
+    let half = match key {
+        "X" | "Y" | "Z" | "U" | "V" | "Angel" => 0.000_000_5,
+        "Similarity" => 0.000_5,
+        _ => return is_same(theirs, ours),
     };
-    is_same(theirs, ours) || rounded().unwrap_or(false)
+    let numeric = |byte: u8| byte.is_ascii_digit() || matches!(byte, b'.' | b'-' | b'+' | b'e' | b'E');
+    let number = |value: &Value| {
+        let text = text(value)?;
+        text.parse::<f64>().ok().filter(|_| text.bytes().all(numeric))
+    };
+    // A little more: 0.0005 has no exact form.
+    number(theirs).zip(number(ours)).is_some_and(|(theirs, ours)| (theirs - ours).abs() <= half * 1.001)
 }
 
 fn text(value: &Value) -> Option<String> {
@@ -195,11 +202,14 @@ mod tests {
         for theirs in [
             OUR_POINT,
             r#"{"ModelID":"0","X":"888.001","Y":"-12.25","Angel":"1.2e-05","Similarity":"0.98765","Rel":"0"}"#,
-            r#"{"Rel":0,"ModelID":0,"X":888.0014,"Y":-12.2504999,"Angel":1.2e-05,"Similarity":0.9884}"#,
+            r#"{"Rel":0,"ModelID":0,"X":888.0010004,"Y":-12.2499996,"Angel":1.24e-05,"Similarity":0.9884}"#,
         ] {
-            let ours =
-                OUR_POINT.replace(",\"Rel\":0", if theirs.contains("Rel") { ",\"Rel\":0" } else { "" });
-            assert_eq!(change_of_points(&set(theirs), &set(&ours)), None, "{theirs}");
+            assert_eq!(change_of_points(&set(theirs), &set(OUR_POINT)), None, "{theirs}");
+        }
+        // Ours may have no decimals.
+        for (theirs, ours) in [("0.9997", "1"), ("1e-9", "0"), ("0.0003", "0.000"), ("99.9996", "100")] {
+            let point = |similarity: &str| OUR_POINT.replace("0.988", similarity);
+            assert_eq!(change_of_points(&set(&point(theirs)), &set(&point(ours))), None, "{theirs}");
         }
     }
 
@@ -211,6 +221,10 @@ mod tests {
             (point(",\"Rel\":0", ""), "point 1: `Rel` is missing"),
             (point("\"Rel\":0", "\"Rel\":0,\"W\":3"), "point 1: the gateway does not send the key `W`"),
             (point("888.001", "888.002"), "point 1: `X` would be sent"),
+            (point("888.001", "888.0010006"), "point 1: `X` would be sent"),
+            (point("0.988", "0.9886"), "point 1: `Similarity` would be sent"),
+            (point("888.001", "888.0010006"), "point 1: `X` would be sent"),
+            (point("0.988", "0.9886"), "point 1: `Similarity` would be sent"),
             (point("888.001", "null"), "point 1: `X` would be sent"),
             (point("\"ModelID\":0", "\"ModelID\":0.4"), "point 1: `ModelID` would be sent"),
             (format!("{OUR_POINT},{OUR_POINT}"), "of 2 points, 1 would be sent"),

@@ -13,6 +13,9 @@ use crate::core::order::Order;
 /// How many rules an entry of the audit log has. A file with more of them must not make it large.
 const MAX_TOLD: usize = 100;
 
+/// How many cameras a rule names at most. A computer looks after a few.
+pub const MAX_CAMERAS: usize = 16;
+
 /// What a rule allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum RawAllow {
@@ -125,7 +128,7 @@ pub struct RawRule {
     pub max_speed: Option<f64>,
     /// The highest path speed in their lists, mm/s; `None` for any.
     pub max_path_speed: Option<u32>,
-    /// The cameras as which they may send points and answer photos, without the lease.
+    /// The cameras as which they may send points and answer photos, without the lease: [`MAX_CAMERAS`].
     pub cameras: Vec<Camera>,
 }
 
@@ -178,6 +181,12 @@ impl RawPolicy {
     #[must_use]
     pub fn new(rules: Vec<RawRule>) -> Self {
         Self { rules }
+    }
+
+    /// The rules, in their order.
+    #[must_use]
+    pub fn rules(&self) -> &[RawRule] {
+        &self.rules
     }
 
     /// What the audit log tells of the rules.

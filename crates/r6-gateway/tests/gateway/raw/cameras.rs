@@ -9,7 +9,8 @@ use serde_json::{Value, json};
 
 use super::{Raw, Script, verdict};
 use crate::cameras::asks_for_photos;
-use crate::support::PATIENCE;
+use crate::stops::with_slow_store;
+use crate::support::{PATIENCE, Stream};
 
 const PHOTO: &str = r#"{"dsID":"www.hc-system.com.cam","reqType":"photo","camID":0}"#;
 
@@ -29,7 +30,7 @@ fn policy() -> RawPolicy {
 fn points(camera: i64, xs: &[f64]) -> String {
     let data: Vec<_> = xs
         .iter()
-        .map(|x| json!({ "ModelID": "0", "X": x.to_string(), "Y": -12.25, "Angel": 1.5e-7, "Rel": 0 }))
+        .map(|x| json!({ "ModelID": "0", "X": x.to_string(), "Y": -12.25, "U": 2.3e-6, "Angel": 1.5e-7, "Similarity": 0.9997, "Rel": 0 }))
         .collect();
     let dsid = "www.hc-system.com.cam";
     json!({ "dsID": dsid, "reqType": "AddPoints", "dsData": [{ "camID": camera, "data": data }] }).to_string()
@@ -88,7 +89,7 @@ async fn without_a_grant_of_the_rule_nothing_of_a_camera_leaves() {
         (Script::from(2, raw.address()).await, Script::from(3, raw.address()).await);
     for script in [&mut other, &mut commander] {
         let told = verdict(&script.ask(&points(0, &[1.0])).await);
-        assert_eq!(told, "err this address has no grant for camera 0");
+        assert_eq!(told, "err this address is not camera 0: a [[raw_rule]] names it in `cameras`");
     }
     raw.hall.robots[0].handle().request_photo(0);
     let mut camera = raw.script().await;
@@ -135,10 +136,45 @@ async fn a_rule_that_is_gone_gives_no_grant_any_more() {
     assert_eq!(verdict(&camera.ask(&points(0, &[1.0])).await), "1");
     raw.hall.gateway.set_raw_policy(super::policy(&[("127.0.0.1", RawAllow::Read)]));
     let told = verdict(&camera.ask(&points(0, &[2.0])).await);
-    assert_eq!(told, "err this address has no grant for camera 0");
+    assert_eq!(told, "err this address is not camera 0: a [[raw_rule]] names it in `cameras`");
+    let mut events = Stream::open(raw.hall.gateway.address(), &raw.hall.viewer, "/v1/events", "").await;
     raw.hall.robots[0].handle().request_photo(0);
-    assert_eq!(camera.query("curMode").await.len(), 1, "it is told of no photo");
+    while events.next().await.unwrap().data["event"] != "photo_requested" {}
+    for _ in 0..2 {
+        assert_eq!(camera.query("curMode").await.len(), 1, "it is told of no photo");
+    }
     assert_eq!(raw.hall.taken(), 1);
+}
+
+#[tokio::test]
+async fn what_waits_for_the_disk_when_its_rule_goes_does_not_leave() {
+    let raw = Raw::with(VirtualController::start().await.unwrap(), policy()).await;
+    let mut camera = raw.script().await;
+    assert_eq!(camera.query("curMode").await.len(), 1);
+    with_slow_store(&raw.hall, async {
+        camera.send(&points(0, &[1.0])).await;
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        raw.hall.gateway.set_raw_policy(super::policy(&[("127.0.0.1", RawAllow::Read)]));
+    })
+    .await;
+    let told = verdict(&camera.reply().await.unwrap());
+    assert!(told.starts_with("err "), "{told}");
+    assert_eq!((raw.hall.taken(), raw.tap.frames("AddPoints").len()), (0, 0));
+}
+
+#[tokio::test]
+async fn answers_that_no_photo_was_asked_for_take_no_request_from_the_other_cameras() {
+    let raw = Raw::with(VirtualController::start().await.unwrap(), policy()).await;
+    let (mut camera, mut other) = (raw.script().await, Script::from(2, raw.address()).await);
+    for _ in 0..8 {
+        for _ in 0..5 {
+            camera.send(&answer(1)).await;
+        }
+        // Once it is answered, they have been carried out.
+        assert_eq!(camera.query("curMode").await.len(), 1);
+    }
+    assert_eq!(verdict(&other.ask(&points(1, &[1.0])).await), "1");
+    assert_eq!(raw.tap.frames("\"ret\""), [] as [String; 0]);
 }
 
 #[tokio::test]
@@ -147,7 +183,11 @@ async fn points_whose_meaning_would_change_are_refused_with_their_place() {
     let mut camera = raw.script().await;
     let frame = points(0, &[1.0, 2.0]);
     for (from, to, told) in [
-        (",\"Rel\":0,\"X\":\"2\"", ",\"X\":\"2\"", "err point 2: `Rel` is missing"),
+        (
+            "\"Rel\":0,\"Similarity\":0.9997,\"U\":2.3e-6,\"X\":\"2\"",
+            "\"X\":\"2\"",
+            "err point 2: `Rel` is missing",
+        ),
         (
             "\"X\":\"2\"",
             "\"X\":\"2\",\"height\":3",
