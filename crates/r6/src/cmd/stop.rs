@@ -103,7 +103,8 @@ pub async fn run(args: StopArgs, robot: RobotArgs) -> Result<Exit, Failure> {
 pub async fn run_by_gateway(args: StopArgs, gateway: ByGateway) -> Result<Exit, Failure> {
     let url = gateway.url().unwrap_or_default();
     let no_answer = format!(
-        "no answer of {url} yet: use the emergency stop if the arm moves; another gateway may answer"
+        "no answer of {url} yet: use the emergency stop if the arm moves; if gateways share its store, another of them may \
+         answer"
     );
     let robot = waiting::told_after(NO_ANSWER_AFTER, &no_answer, gateway.robot());
     let robot = robot.await.map_err(not_sent)?;
@@ -124,7 +125,7 @@ pub async fn run_by_gateway(args: StopArgs, gateway: ByGateway) -> Result<Exit, 
         } else {
             output::line(format_args!("{name}: the stop is cleared; commands and programs are sent again"));
             output::line(format_args!(
-                "the program of the controller ended with the stop: `{}` starts it again",
+                "if a program of the controller ended with the stop, `{}` starts it again",
                 hint::r6("command startButton")
             ));
         }

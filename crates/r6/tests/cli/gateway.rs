@@ -186,8 +186,23 @@ fn a_hangup_makes_it_read_the_file_again_and_a_mistake_changes_nothing() {
     std::fs::write(&file, "[[robot]]\nname = \"Press\"\naddress = \"a\"\n").unwrap();
     gateway.signal("HUP");
     let mut errors = gateway.close_stdin().lines();
-    let told = errors.find(|line| line.as_ref().unwrap().contains("nothing was changed")).unwrap().unwrap();
-    assert!(told.contains("hall.toml:2:"), "{told}");
+    let mut told = |what: &str| errors.find(|line| line.as_ref().unwrap().contains(what)).unwrap().unwrap();
+    let refused = told("nothing was changed");
+    assert!(refused.contains("hall.toml:2:"), "{refused}");
+    assert_eq!(get(&url, &admin, "/v1/robots/saw").1["link"], "up");
+
+    let raw = "[[raw]]\nrobot = \"saw\"\nlisten = \"127.0.0.1:0\"\n\
+               [[raw_rule]]\nsource = \"127.0.0.1\"\nallow = \"read\"\nrobot = \"sau\"\n";
+    std::fs::write(&file, table("press", &robots[0]) + &table("saw", &robots[1]) + raw).unwrap();
+    gateway.signal("HUP");
+    assert_eq!(gateway.line(), format!("read {path} again: 0 added, 0 changed, 0 removed, 2 robots now"));
+    assert_eq!(gateway.line(), "1 rule for raw ports from now on");
+    assert!(told("`sau`").contains("the [[raw_rule]] of 127.0.0.1 is for `sau`, and there is no such robot"));
+    assert!(told("next start").ends_with("from the next start on: [[raw]]"));
+    // With this file it would not start again.
+    std::fs::write(&file, table("press", &robots[0]) + raw).unwrap();
+    gateway.signal("HUP");
+    assert!(told("nothing was changed").contains("a raw port is for `saw`"));
     assert_eq!(get(&url, &admin, "/v1/robots/saw").1["link"], "up");
 
     std::fs::write(&file, table("press", &robots[0])).unwrap();

@@ -146,7 +146,7 @@ fn a_stop_without_an_answer_is_not_told_to_be_under_way() {
     let mut line = String::new();
     said.read_line(&mut line).unwrap();
     let wanted = format!(
-        "r6: no answer of {} yet: use the emergency stop if the arm moves; another gateway may answer …\n",
+        "r6: no answer of {} yet: use the emergency stop if the arm moves; if gateways share its store, another of them may answer …\n",
         fake.url
     );
     assert_eq!(line, wanted);

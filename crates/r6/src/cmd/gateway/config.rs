@@ -5,7 +5,7 @@ mod hall;
 mod history;
 mod http;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -14,8 +14,8 @@ use r6_client::Address;
 use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_controller::{Profile, RobotModel};
 use r6_gateway::{
-    AuditSettings, Camera, Guard, Hall, HistorySettings, MAX_READ, PERIODS, RawAllow, RawPolicy, RawPort,
-    RawRule, RawSource, RobotConfig, RobotName, Way,
+    AuditSettings, Camera, Guard, Hall, HistorySettings, MAX_CAMERAS, MAX_READ, PERIODS, RawAllow, RawPolicy,
+    RawPort, RawRule, RawSource, RobotAddress, RobotConfig, RobotName,
 };
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Found, Node, Wrong};
@@ -33,8 +33,9 @@ use crate::text_file;
 const MAX_FILE_BYTES: usize = 1024 * 1024;
 
 /// What the address of a robot has to be.
-const ADDRESS: &str = "HOST[:PORT], such as 192.168.1.10, or listen:ADDR:PORT,from:ADDR for a robot that connects to the gateway, \
-                       such as listen:192.168.1.2:9770,from:192.168.1.10";
+const ADDRESS: &str = "HOST[:PORT], such as 192.168.1.10; or of a robot that connects to the gateway \
+                       listen:ADDR:PORT,from:ADDR, such as listen:192.168.1.2:9770,from:192.168.1.31 (docs/GATEWAY.md, \
+                       Robots)";
 
 /// What the file of a gateway says.
 #[derive(Debug, Default)]
@@ -134,14 +135,17 @@ fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
         let speed = u32::try_from(value.whole()?).ok()?;
         MillimetresPerSecond::new(speed).is_ok().then_some(speed)
     });
-    let cameras =
-        fields.optional("cameras", "numbers of cameras in brackets, 0 to 999, such as [0, 1]", |value| {
-            value.list()?.iter().map(|camera| Camera::new(camera.whole()?)).collect::<Option<Vec<_>>>()
-        });
+    let wanted = format!("at most {MAX_CAMERAS} numbers of cameras, 0 to 999, each once, such as [0, 1]");
+    let cameras = fields.optional("cameras", &wanted, |value| {
+        let cameras = value.list()?.iter().map(|camera| Camera::new(camera.whole()?));
+        let cameras = cameras.collect::<Option<Vec<_>>>()?;
+        let once: BTreeSet<_> = cameras.iter().collect();
+        (once.len() == cameras.len() && cameras.len() <= MAX_CAMERAS).then_some(cameras)
+    });
     let (rule, cameras) = (RawRule::new(source?, allow?), cameras.unwrap_or_default());
     if rule.allow == RawAllow::Deny && !cameras.is_empty() {
         return Err(
-            fields.wrong("cameras", "a source that is denied can be no camera: allow = \"read\"".to_owned())
+            fields.wrong("cameras", "a source that is denied is no camera: allow = \"read\"".to_owned())
         );
     }
     Ok(RawRule { robot, max_global_speed, max_speed, max_path_speed, cameras, ..rule })
@@ -149,16 +153,39 @@ fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
 
 fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
     let name = fields.due("name", RobotName::WANTED, |value| RobotName::new(value.text()?));
-    let address = fields.due("address", ADDRESS, |value| value.text().filter(|text| Way::read(text).is_ok()));
+    let address =
+        fields.due("address", ADDRESS, |value| value.text().filter(|text| RobotAddress::read(text).is_ok()));
     let models: Vec<_> = RobotModel::names().collect();
     let wanted = format!("a model: {}", models.join(", "));
     let model = fields.optional("model", &wanted, |value| RobotModel::named(value.text()?));
+    // All keys are read before the first mistake counts: otherwise the others would be unknown keys.
+    let values = values(fields);
     let robot = RobotConfig { settings: robot::settings(), ..RobotConfig::new(name?, address?) };
-    Ok(RobotConfig { model: model.map(|model| model.name.to_string()), ..reading(fields, robot) })
+    Ok(RobotConfig { model: model.map(|model| model.name.to_string()), ..values.of(robot) })
 }
 
-/// A robot with what a table says of its values: how often they are read, which ones, and which counts parts.
-pub fn reading(fields: &Fields<'_>, usual: RobotConfig) -> RobotConfig {
+/// What a table says of the values of a robot.
+#[derive(Debug)]
+pub struct Values {
+    /// How often they are read.
+    period: Option<u32>,
+    /// Those besides the usual ones.
+    addresses: Vec<Address>,
+    /// The counter of parts.
+    parts: Option<Address>,
+}
+
+impl Values {
+    /// This robot with these values.
+    pub fn of(self, robot: RobotConfig) -> RobotConfig {
+        let Self { period, addresses, parts } = self;
+        let period = period.map_or(robot.period, |period| Duration::from_millis(period.into()));
+        RobotConfig { period, addresses, parts, ..robot }
+    }
+}
+
+/// Reads what a table says of the values of a robot.
+pub fn values(fields: &Fields<'_>) -> Values {
     let [shortest, longest] =
         [PERIODS.0, PERIODS.1].map(|period| u32::try_from(period.as_millis()).unwrap_or(u32::MAX));
     let period = fields.whole_in("period_ms", &format!("from {shortest} to {longest}"), shortest..=longest);
@@ -170,12 +197,7 @@ pub fn reading(fields: &Fields<'_>, usual: RobotConfig) -> RobotConfig {
     let parts = fields.optional("parts", "a counter, such as counter-1", |value| {
         Address::parse(value.text()?).ok().filter(|address| matches!(address, Address::Counter(_)))
     });
-    RobotConfig {
-        period: period.map_or(usual.period, |period| Duration::from_millis(period.into())),
-        addresses: addresses.unwrap_or_default(),
-        parts,
-        ..usual
-    }
+    Values { period, addresses: addresses.unwrap_or_default(), parts }
 }
 
 /// The limits of a robot: `[robot.guard]`, with the keys of a file of `r6 run --guard`.
@@ -351,6 +373,16 @@ mod tests {
     }
 
     #[test]
+    fn keys_beside_a_mistake_are_not_unknown() {
+        let text = "[[robot]]\nname = \"Press\"\naddress = \"listen:1.2.3.4:1\"\nread = [\"Addr-800\"]\nperiod_ms = 50\n\
+                    parts = \"counter-1\"\nmodel = \"brtirus0707a\"\n";
+        let mistakes = parse(text).unwrap_err();
+        let lines: Vec<_> = mistakes.lines("hall.toml").collect();
+        let places: Vec<_> = lines.iter().map(|line| line.split(": ").next().unwrap()).collect();
+        assert_eq!(places, ["hall.toml:2:8", "hall.toml:3:11"], "{lines:#?}");
+    }
+
+    #[test]
     fn every_mistake_of_a_raw_port_or_a_rule_is_told() {
         let text = "[[raw]]\nrobot = \"a\"\nlisten = \"9760\"\n[[raw]]\nlisten = \"127.0.0.1:0\"\n\
                     [[raw_rule]]\nsource = \"10.0.0.1/8\"\nallow = \"write\"\nmax_global_speed = 101\n\
@@ -371,7 +403,7 @@ mod tests {
                 ("hall.toml:12:", "`speed`"),
                 ("hall.toml:17:", "two raw ports"),
                 ("hall.toml:22:", "`cameras`"),
-                ("hall.toml:26:", "can be no camera"),
+                ("hall.toml:26:", "is no camera"),
             ],
         );
     }

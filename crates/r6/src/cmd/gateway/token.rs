@@ -112,7 +112,7 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         );
         return Err(Failure::usage(wanted));
     }
-    let what = what(role, only.as_ref());
+    let (what, of_robot) = (what(role, only.as_ref()), only.clone());
     if args.store.is_none() {
         tell_new_folder(&args.data);
     }
@@ -121,16 +121,12 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         r6_gateway::make_token(at.clone(), role, only, args.name).map_err(Failure::usage)?;
     output::line(token);
     output::note(format_args!("token {number}: {what}. It is shown this once"));
+    if let Some(robot) = of_robot {
+        tell_if_unknown(at.clone(), &robot);
+    }
     for (robot, camera) in args.cameras {
         let told = format!("token {number} feeds camera {camera} of {robot}");
-        // Without an answer of the store, the grant below fails and says why.
-        let is_known = r6_gateway::is_robot_known(at.clone(), &robot).unwrap_or(true);
-        if !is_known {
-            output::note(format_args!(
-                "r6: no robot {robot} is known here yet: check the name. A robot of the --config file is known once a \
-                 gateway has reached it"
-            ));
-        }
+        tell_if_unknown(at.clone(), &robot);
         r6_gateway::grant_camera(at.clone(), number, robot, camera).map_err(|error| {
             Failure::usage(format!("the token was made, and has not this grant: {error}"))
                 .advise(format!("`r6 gateway token --revoke {number}` revokes it"))
@@ -138,6 +134,17 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         output::note(told);
     }
     Ok(Exit::Done)
+}
+
+/// Says that no robot has this name, which may be mistyped.
+fn tell_if_unknown(at: At, robot: &RobotName) {
+    // A store that does not answer has said why before, or will.
+    if !r6_gateway::is_robot_known(at, robot).unwrap_or(true) {
+        output::note(format_args!(
+            "r6: no robot {robot} is known here yet: check the name. A robot of the --config file is known once a \
+             gateway has reached it"
+        ));
+    }
 }
 
 fn list(at: At) -> Result<Exit, Failure> {

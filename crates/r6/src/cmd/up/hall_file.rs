@@ -175,10 +175,8 @@ impl Reader<'_> {
             ],
         );
         let programs = self.programs(fields);
-        let read = config::reading(
-            fields,
-            RobotConfig { settings: robot::settings(), ..RobotConfig::new(name?, "") },
-        );
+        let values = config::values(fields);
+        let read = values.of(RobotConfig { settings: robot::settings(), ..RobotConfig::new(name?, "") });
         let (library, mold) = programs?;
         let usual = SimSettings::default();
         let settings = SimSettings {
