@@ -44,7 +44,12 @@ impl GatewayRobot {
         let words: Vec<_> = addresses.iter().map(ToString::to_string).collect();
         let path = self.path(&format!("/query?address={}", in_path(&words.join(","))));
         let begun = Instant::now();
-        let told: Queried = self.gateway.read(&path).await?;
+        let told: Result<Queried, _> = self.gateway.read(&path).await;
+        // As without a gateway: a robot that cannot be reached is no reply.
+        let told = told.map_err(|failure| match failure.code() {
+            Code::NotReady => failure.with_exit(Exit::NoReply),
+            _ => failure,
+        })?;
         let value = |address: &Address| {
             let word = address.to_string();
             let signal = told.signals.iter().find(|signal| signal.address == word);

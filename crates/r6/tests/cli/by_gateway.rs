@@ -207,6 +207,12 @@ fn what_is_refused_says_why_and_nothing_is_sent() {
         assert_eq!(other.code, 2, "{args:?}: {other:?}");
     }
 
+    // As without a gateway: a robot that is not there is no reply.
+    drop(robots);
+    let query = ["-r", "saw", "query", "axis-0", "--json"];
+    let off = until(|| Some(hall.r6(&query)).filter(|outcome| code(outcome) == "not_ready"));
+    assert_eq!(off.code, 3, "{off:?}");
+
     let url = hall.url.clone();
     let token = TempFile::new("hall-3-gone", &admin);
     drop(hall);
