@@ -322,3 +322,19 @@ impl std::error::Error for Cause {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_third_failed_read_in_a_row_ends_a_motion_and_a_closed_handle_does_at_once() {
+        let lost = RequestError::NotSent(NotSent::Withdrawn);
+        for in_a_row in 1..MAX_FAILED {
+            assert_eq!(Cause::of_failed_read(lost.clone(), in_a_row), Ok(()));
+        }
+        assert_eq!(Cause::of_failed_read(lost.clone(), MAX_FAILED), Err(Cause::Unreadable(lost)));
+        let closed = RequestError::NotSent(NotSent::Closed);
+        assert_eq!(Cause::of_failed_read(closed.clone(), 1), Err(Cause::Unreadable(closed)));
+    }
+}
