@@ -17,7 +17,7 @@ use tracing::Instrument;
 
 use super::command::{Told, outcome};
 use super::photos::Photo;
-use super::station::{By, Station};
+use super::station::{Answers, By, Station};
 use crate::core::camera::{Camera, CameraGrant, Standing};
 use crate::core::live::flood::{Flood, Passage};
 use crate::core::order::Order;
@@ -311,6 +311,24 @@ impl Station {
         }
     }
 
+    /// Tells of the photos that the robot asked for over this connection before it said who it is.
+    pub(super) fn tell_held_photos(&self, connection: u64) {
+        let held: Vec<_> = {
+            let mut photos = self.cameras.photos();
+            let held =
+                photos.iter_mut().filter(|(_, photo)| photo.connection == connection && !photo.is_told);
+            held.map(|(camera, photo)| {
+                photo.is_told = true;
+                *camera
+            })
+            .collect()
+        };
+        for camera in held {
+            let _ = self.cameras.asked.send(camera);
+            self.publish(Happened::PhotoRequested { camera: camera.number().into() });
+        }
+    }
+
     fn photo_is_asked_for(&self, connection: u64, cam_id: i64, flood: &mut Flood) {
         let (is_another, stops, is_stopped) = self.seat(|seat, _| {
             (seat.identity_change().is_some(), seat.stops_begun(), seat.stops() != (false, 0))
@@ -319,15 +337,22 @@ impl Station {
             // It is not the robot of this name.
             return;
         }
+        let is_told = self.answers(connection) == Answers::This;
         if let Some(camera) = Camera::new(cam_id) {
             let mut photos = self.cameras.photos();
             photos.remove(&camera);
             // While a stop holds, it may be from before the arm was stopped, and is not answered later.
             if !is_stopped {
-                photos.insert(camera, Photo { connection, at: clock::now(), stops });
-                // There may be no raw client.
-                let _ = self.cameras.asked.send(camera);
+                photos.insert(camera, Photo { connection, at: clock::now(), stops, is_told });
+                if is_told {
+                    // There may be no raw client.
+                    let _ = self.cameras.asked.send(camera);
+                }
             }
+        }
+        if !is_told {
+            // Once it has said who it is, [`Self::tell_held_photos`] does.
+            return;
         }
         match flood.event(clock::now()) {
             Passage::Told => self.publish(Happened::PhotoRequested { camera: cam_id }),
@@ -389,5 +414,26 @@ mod tests {
         assert_eq!(controller.handle().snapshot().points, [(0, 1)]);
         let problem = station.granted(&by, camera, Some(token)).await.unwrap_err();
         assert_eq!(problem.code, Code::NotAllowed);
+    }
+
+    #[tokio::test]
+    async fn a_photo_is_told_once_the_robot_has_said_who_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let keeper = Keeper::start(Sqlite::open(folder.path()).unwrap()).unwrap();
+        let config = RobotConfig::new(RobotName::new("press").unwrap(), "10.0.0.1");
+        let term = Term::alone(keeper.clone());
+        let shared = Arc::new(Shared::new(keeper, Roads::Tcp, None, 0));
+        let station = Station::new(config, Kept::default(), term, shared);
+        let (mut told, mut flood) = (station.photos(), Flood::default());
+        station.photo_is_asked_for(4, 2, &mut flood);
+        assert!(told.try_recv().is_err(), "it may be another robot");
+        station.introduced(Some(3));
+        assert!(told.try_recv().is_err(), "that was another connection");
+        station.introduced(Some(4));
+        assert_eq!(told.try_recv().ok(), Camera::new(2));
+        station.introduced(Some(4));
+        assert!(told.try_recv().is_err(), "once");
+        station.photo_is_asked_for(4, 3, &mut flood);
+        assert_eq!(told.try_recv().ok(), Camera::new(3));
     }
 }

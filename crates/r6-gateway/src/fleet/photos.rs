@@ -48,6 +48,8 @@ pub struct Photo {
     pub at: Instant,
     /// How many stops had begun: an answer after a stop could set the arm in motion again.
     pub stops: u64,
+    /// Whether callers were told. Before the robot has said who it is, it may be another one.
+    pub is_told: bool,
 }
 
 impl Default for Cameras {

@@ -271,8 +271,9 @@ impl Station {
     pub(super) fn introduced(&self, connection: Option<u64>) {
         let number = connection.map_or(0, |connection| connection.saturating_add(1));
         self.introduced_on.store(number, Ordering::SeqCst);
-        if connection.is_some() {
+        if let Some(connection) = connection {
             self.is_met.store(true, Ordering::SeqCst);
+            self.tell_held_photos(connection);
         }
     }
 
