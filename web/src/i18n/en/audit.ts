@@ -158,12 +158,8 @@ export const audit = {
         return `Shelved alarm ${entry.code}, because: “${entry.reason}”.`;
       case "alarm_unshelved":
         return `Took alarm ${entry.code} from the shelf.`;
-      case "raw_rules": {
-        const rules = `${count(entry.rules.length + entry.more, "rule holds", "rules hold")} for raw ports from now on.`;
-        const cameras = entry.rules.filter((rule) => rule.cameras?.length);
-        const named = cameras.map((rule) => `${rule.source} may feed ${rule.cameras?.join(", ")}`);
-        return named.length ? `${rules} Cameras: ${named.join("; ")}.` : rules;
-      }
+      case "raw_rules":
+        return `${count(entry.rules.length + entry.more, "rule holds", "rules hold")} for raw ports from now on.`;
       case "settings_changed":
         return `Changed the settings of the hall: ${entry.time_zone}, ${count(entry.shifts.length, "shift", "shifts")}.`;
       case "program_stored":

@@ -88,7 +88,7 @@ export const connections = {
   addHint: "a to z, digits and -; 32 characters at most",
   badName: "This name is not allowed.",
   nameTaken: "There is a robot of this name already. Change it in the list.",
-  addressHint: "Host, and the port if it is not 9760. Or, if the robot connects to the gateway: listen:ADDR:PORT,from:ADDR",
+  addressHint: "Host, and the port if it is not 9760; or listen:ADDR:PORT,from:ADDR",
   period: "Read every (ms)",
   periodHint: "20 to 3600000",
   badPeriod: "A number from 20 to 3600000.",

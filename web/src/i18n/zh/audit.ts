@@ -151,12 +151,8 @@ export const audit: typeof english = {
         return `搁置报警 ${entry.code}，原因：“${entry.reason}”。`;
       case "alarm_unshelved":
         return `取消搁置报警 ${entry.code}。`;
-      case "raw_rules": {
-        const rules = `此后原始端口有 ${entry.rules.length + entry.more} 条规则。`;
-        const cameras = entry.rules.filter((rule) => rule.cameras?.length);
-        const named = cameras.map((rule) => `${rule.source} 可代表 ${rule.cameras?.join("、")}`);
-        return named.length ? `${rules}相机：${named.join("；")}。` : rules;
-      }
+      case "raw_rules":
+        return `此后原始端口有 ${entry.rules.length + entry.more} 条规则。`;
       case "settings_changed":
         return `更改车间设置：${entry.time_zone}，${entry.shifts.length} 个班次。`;
       case "program_stored":

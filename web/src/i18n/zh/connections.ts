@@ -87,7 +87,7 @@ export const connections: typeof english = {
   addHint: "可用 a 至 z、数字和 -，最多 32 个字符",
   badName: "该名称不允许。",
   nameTaken: "该名称的机器人已存在，请在列表中更改。",
-  addressHint: "主机；端口不是 9760 时请注明。若由控制器主动连接网关：listen:ADDR:PORT,from:ADDR",
+  addressHint: "主机；端口不是 9760 时请注明；或 listen:ADDR:PORT,from:ADDR",
   period: "读取间隔（ms）",
   periodHint: "20 至 3600000",
   badPeriod: "请填写 20 至 3600000 之间的数字。",
