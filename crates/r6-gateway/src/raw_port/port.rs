@@ -54,6 +54,8 @@ pub struct Door {
     pub policy: SharedPolicy,
     lease: Mutex<ImplicitLease>,
     refusals: Mutex<Refusals>,
+    /// What stands in the log of the process. Apart from the audit log: strangers stand in this one alone.
+    logged: Mutex<Refusals>,
     /// The rate of commands and lists: each takes the disk twice. That of a token is the model.
     rate: Mutex<Rate>,
     pace: Mutex<Duration>,
@@ -85,6 +87,7 @@ impl Door {
             policy,
             lease: Mutex::default(),
             refusals: Mutex::default(),
+            logged: Mutex::default(),
             rate: Mutex::default(),
             pace: Mutex::default(),
             acquiring: tokio::sync::Mutex::default(),
@@ -100,6 +103,12 @@ impl Door {
     /// The refusals that stand in the audit log.
     pub fn refusals(&self) -> MutexGuard<'_, Refusals> {
         self.refusals.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the log of the process tells of this now: once a minute for each source and event.
+    pub fn is_logged(&self, source: SocketAddr, event: &str) -> bool {
+        let mut logged = self.logged.lock().unwrap_or_else(PoisonError::into_inner);
+        logged.is_written(clock::now(), source.ip(), event)
     }
 
     /// The rate of commands and lists.
@@ -231,7 +240,7 @@ fn admit(door: &Door, source: SocketAddr, (clients, of_address): (usize, usize))
     };
     station.counts.raw.closed(cause);
     // Strangers must not fill the log.
-    if door.refusals().is_written(clock::now(), source.ip(), cause.word()) {
+    if door.is_logged(source, cause.word()) {
         tracing::info!(robot = door.robot, %source, %cause, "a raw client was not let in");
     }
     None

@@ -155,7 +155,7 @@ pub async fn photo(
             }
             Err(problem) => {
                 station.counts.raw.refused();
-                if door.refusals().is_written(clock::now(), source.ip(), "photo") {
+                if door.is_logged(source, "photo") {
                     let problem = problem.message;
                     tracing::info!(robot = door.robot, %source, %camera, problem,
                         "an answer to a photo was not sent");

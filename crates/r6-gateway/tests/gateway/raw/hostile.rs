@@ -1,5 +1,6 @@
 //! Clients that mean harm, or are broken: they hurt no other client.
 
+use std::net::Ipv4Addr;
 use std::time::{Duration, Instant};
 
 use r6_gateway::RawAllow;
@@ -180,4 +181,22 @@ async fn new_rules_hold_from_the_next_frame_on() {
     let audit = raw.hall.audit().await;
     let told = audit.iter().filter(|entry| entry["what"] == "raw_rules").count();
     assert_eq!(told, 3, "the same rules again are no change: {audit:#?}");
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn strangers_keep_no_refusal_of_a_known_source_from_the_audit_log() {
+    let rules = [("127.0.0.2", RawAllow::Read)];
+    let raw = Raw::start(VirtualController::start().await.unwrap(), &rules).await;
+    // As many as refusals are remembered of all sources together.
+    for number in 0..1_024_u16 {
+        let [high, low] = number.to_be_bytes();
+        let socket = TcpSocket::new_v4().unwrap();
+        socket.bind((Ipv4Addr::new(127, 9, high, low), 0).into()).unwrap();
+        drop(socket.connect(raw.address()).await.unwrap());
+    }
+    until_counted(&raw, &closed("denied", 1_024)).await;
+    let mut script = Script::from(2, raw.address()).await;
+    assert_eq!(script.command("startButton").await, "err this address may only read and stop");
+    raw.hall.until_audited(|entry| entry["what"] == "refused" && entry["request"] == "startButton").await;
 }
