@@ -1,6 +1,7 @@
 //! A running gateway.
 
 mod begin;
+mod raw_ports;
 
 use std::fmt;
 use std::fs::{File, TryLockError};
@@ -38,7 +39,7 @@ use crate::http::{self, Cookie, State};
 use crate::outage::Outage;
 use crate::problem::Problem;
 use crate::programs::bench::Bench;
-use crate::raw_port::{self, Door, RawPort, SharedPolicy};
+use crate::raw_port::{self, RawPort, SharedPolicy};
 use crate::settings::Settings;
 use crate::sharing::{self, Configured, Running, Sharing};
 use crate::store::history::Place;
@@ -201,7 +202,7 @@ impl Gateway {
         let mut store = Sqlite::open(&settings.data)?;
         let lock = lock(&settings.data)?;
         let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
-        check_raw(&settings.raw, &robots)?;
+        raw_ports::check(&settings.raw, &robots)?;
         let listen = settings.listen;
         let (tls, names) = (&settings.tls, &settings.names);
         let certificate = Certificate::open(tls, &settings.data, listen.ip(), names)?;
@@ -226,7 +227,7 @@ impl Gateway {
         let doors = (address.port(), certificate.clone());
         let state = look_after(begun, shared, doors, robots, hall, Some(audit)).await?;
         let raw_policy = SharedPolicy::new(settings.raw_policy);
-        let doors = match open(settings.raw, &state.fleet, &raw_policy) {
+        let doors = match raw_ports::open(settings.raw, &state.fleet, &raw_policy) {
             Ok(doors) => doors,
             Err(error) => {
                 state.fleet.end().await;
@@ -252,9 +253,7 @@ impl Gateway {
 
     /// Starts a gateway whose store others share.
     async fn share(settings: GatewaySettings, database: Database) -> Result<Self, GatewayError> {
-        if !settings.raw.is_empty() {
-            return Err(GatewayError::Sharing("raw ports cannot be used with --store yet"));
-        }
+        raw_ports::check_shared(&settings.raw)?;
         if settings.robots.iter().any(|robot| robot.twin_of.is_some()) {
             return Err(GatewayError::Sharing(
                 "twins cannot be used with --store yet: they live in one process",
@@ -365,11 +364,25 @@ impl Gateway {
         }
     }
 
-    /// Whether there is a robot of this name that was added over the API.
+    /// Whether there is a robot of this name.
     #[must_use]
-    pub fn is_added(&self, robot: &RobotName) -> bool {
-        let station = self.state.fleet.station(robot.as_str());
-        station.is_some_and(|station| station.config().managed_by == ManagedBy::Api)
+    pub fn has(&self, robot: &RobotName) -> bool {
+        let (fleet, owners) = (&self.state.fleet, &self.state.shared.owners);
+        fleet.station(robot.as_str()).is_some() || owners.robot(robot.as_str()).is_some()
+    }
+
+    /// Checks that a gateway with these raw ports, these configured robots and the robots that were added over
+    /// the API would start.
+    ///
+    /// # Errors
+    /// What the start would say.
+    pub fn check_raw(&self, ports: &[RawPort], configured: &[RobotConfig]) -> Result<(), GatewayError> {
+        if self.sharing.is_some() {
+            return raw_ports::check_shared(ports);
+        }
+        let configs = self.state.fleet.stations().into_iter().map(|station| station.config());
+        let added = configs.filter(|robot| robot.managed_by == ManagedBy::Api);
+        raw_ports::check(ports, &added.chain(configured.iter().cloned()).collect::<Vec<_>>())
     }
 
     /// The present rules of all raw ports.
@@ -555,38 +568,6 @@ async fn follow(certificate: Option<Certificate>) {
     if let Some(certificate) = certificate {
         certificate.follow().await;
     }
-}
-
-/// Refuses raw ports of robots that are not there, and two of one robot.
-fn check_raw(ports: &[RawPort], robots: &[RobotConfig]) -> Result<(), GatewayError> {
-    for (at, port) in ports.iter().enumerate() {
-        let name = &port.robot;
-        if !robots.iter().any(|robot| robot.name == *name) {
-            return Err(GatewayError::Raw(format!("a raw port is for `{name}`, and there is no such robot")));
-        }
-        if ports.iter().take(at).any(|other| other.robot == *name) {
-            return Err(GatewayError::Raw(format!(
-                "`{name}` has two raw ports: one is enough for all clients"
-            )));
-        }
-    }
-    Ok(())
-}
-
-/// Opens the raw ports: each with the address that it listens on.
-fn open(
-    ports: Vec<RawPort>,
-    fleet: &Arc<Fleet>,
-    policy: &SharedPolicy,
-) -> Result<Vec<(RawPort, Door, TcpListener)>, GatewayError> {
-    let opened = ports.into_iter().map(|port| {
-        let address = port.listen;
-        let failed = |error| GatewayError::Listen { option: "--raw", address, error };
-        let (door, listener) = Door::open(&port, Arc::clone(fleet), policy.clone()).map_err(failed)?;
-        let listen = listener.local_addr().map_err(failed)?;
-        Ok((RawPort { listen, ..port }, door, listener))
-    });
-    opened.collect()
 }
 
 /// The time of the start, in microseconds since 1970.

@@ -3,6 +3,7 @@
 mod backup;
 pub mod config;
 mod place;
+mod reread;
 mod token;
 pub mod twins;
 mod user;
@@ -14,12 +15,13 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use r6_gateway::{
-    At, AuditSettings, Certificate, Changes, Database, Gateway, GatewaySettings, HistorySettings, RawPolicy,
-    RawPort, RobotAddress, RobotConfig, RobotName, TlsSettings,
+    At, Certificate, Database, Gateway, GatewaySettings, RawPort, RobotAddress, RobotConfig, RobotName,
+    TlsSettings,
 };
 
-use crate::cmd::gateway::config::{Config, HttpSettings};
+use crate::cmd::gateway::config::Config;
 use crate::cmd::gateway::place::StoreUrl;
+use crate::cmd::gateway::reread::{AtStart, Typed, reread};
 use crate::cmd::gateway::twins::Twins;
 use crate::exit::{Exit, Failure};
 use crate::output;
@@ -183,9 +185,12 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
         _ => http.tls.clone(),
     };
     let names = if args.host_names.is_empty() { http.host_names.clone() } else { args.host_names };
-    let from_next_start = FromNextStart { raw: raw.clone(), audit, history: history.clone(), http };
-    let typed_raw = args.raw.iter().map(|text| raw_port(text)).collect::<Result<Vec<_>, _>>()?;
-    raw.extend(typed_raw.iter().cloned());
+    let typed = Typed {
+        robots: typed.to_vec(),
+        raw: args.raw.iter().map(|text| raw_port(text)).collect::<Result<_, _>>()?,
+    };
+    raw.extend(typed.raw.iter().cloned());
+    let at_start = AtStart { raw: raw.clone(), audit, history: history.clone(), http };
     let rules = policy.is_some();
     crate::limits::open_as_many_files_as_allowed();
     let mut ending = Ending::watch()?;
@@ -220,10 +225,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
         names,
         tls,
     };
-    let (policy, named): (_, Vec<_>) =
-        (settings.raw_policy.clone(), settings.robots.iter().map(|robot| robot.name.clone()).collect());
     let gateway = Gateway::start(settings).await.map_err(Failure::usage)?;
-    tell_unknown_robots(&policy, |name| named.contains(name) || gateway.is_added(name));
     let lines = match &mut beside {
         Some(beside) => beside.twins.commit(prepared).await,
         None => Vec::new(),
@@ -236,6 +238,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
     tell_tokens(&args.data, at).await;
     tell_raw(&gateway, rules);
     lines.into_iter().for_each(output::line);
+    tell_unknown_robots(&gateway);
     tell_link(&gateway).await;
     loop {
         let asked = async {
@@ -249,10 +252,7 @@ async fn serve(args: ServeArgs, robot_typed: bool) -> Result<Exit, Failure> {
         };
         tokio::select! {
             () = ending.signalled() => break,
-            path = asked => {
-                let started = Started { typed, typed_raw: &typed_raw, file: &from_next_start };
-                reread(&gateway, path, &started, beside.as_mut()).await;
-            }
+            path = asked => reread(&gateway, path, &typed, &at_start, beside.as_mut()).await,
         }
     }
     let ended = gateway.shutdown().await.map_err(Failure::unknown);
@@ -389,6 +389,18 @@ fn tell_raw(gateway: &Gateway, rules: bool) {
     }
 }
 
+/// Says that a rule is for a robot that there is not: its name may be mistyped.
+fn tell_unknown_robots(gateway: &Gateway) {
+    let policy = gateway.raw_policy();
+    let named = policy.rules().iter().filter_map(|rule| Some((rule, rule.robot.as_ref()?)));
+    for (rule, robot) in named.filter(|(_, robot)| !gateway.has(robot)) {
+        output::note(format_args!(
+            "r6: the [[raw_rule]] of {} is for `{robot}`, and there is no such robot",
+            rule.source
+        ));
+    }
+}
+
 async fn tell_link(gateway: &Gateway) {
     match gateway.setup_link().await {
         Ok(Some(link)) => {
@@ -396,110 +408,6 @@ async fn tell_link(gateway: &Gateway) {
         }
         Ok(None) => {}
         Err(error) => output::note(format_args!("r6: no link for a first admin: {error}")),
-    }
-}
-
-/// What of the file holds from the next start on.
-#[derive(PartialEq)]
-struct FromNextStart {
-    raw: Vec<RawPort>,
-    audit: AuditSettings,
-    history: HistorySettings,
-    http: HttpSettings,
-}
-
-impl FromNextStart {
-    /// The names of what differs.
-    fn changed(&self, now: &Self) -> Vec<&'static str> {
-        let all = [
-            ("[[raw]]", self.raw != now.raw),
-            ("[audit]", self.audit != now.audit),
-            ("[history]", self.history != now.history),
-            ("[http]", self.http != now.http),
-        ];
-        all.into_iter().filter_map(|(name, differs)| differs.then_some(name)).collect()
-    }
-}
-
-/// What the gateway was started with.
-struct Started<'s> {
-    /// The robots of the command line.
-    typed: &'s [String],
-    /// The raw ports of the command line.
-    typed_raw: &'s [RawPort],
-    file: &'s FromNextStart,
-}
-
-/// Reads the file again. A mistake in it changes nothing. Raw ports stay as they are until the next start;
-/// the rules change at once.
-async fn reread(gateway: &Gateway, path: &Path, started: &Started<'_>, mut beside: Option<&mut Beside>) {
-    let Config { robots, profiles, raw, policy, hall, audit, history, http } =
-        match all(Some(path), started.typed) {
-            Ok(config) => config,
-            Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
-        };
-    let is_known =
-        |name: &RobotName| robots.iter().any(|robot| robot.name == *name) || gateway.is_added(name);
-    if let Some(port) = raw.iter().chain(started.typed_raw).find(|port| !is_known(&port.robot)) {
-        return output::note(format_args!(
-            "r6: {}: nothing was changed: a raw port is for `{}`, and there would be no such robot: the next start would \
-             refuse that",
-            path.display(),
-            port.robot
-        ));
-    }
-    if let Some(policy) = &policy {
-        tell_unknown_robots(policy, is_known);
-    }
-    let prepared = match &beside {
-        Some(beside) => beside.twins.prepare(robots, &profiles, &beside.avoided).await,
-        None => Ok((robots, twins::Prepared::default())),
-    };
-    let (robots, prepared) = match prepared {
-        Ok(prepared) => prepared,
-        Err(failure) => return output::note(format_args!("r6: nothing was changed: {failure}")),
-    };
-    // Before the robots, which may take their time: a source that is denied now commands nothing more.
-    let before = gateway.raw_policy();
-    let policy = policy.unwrap_or_default();
-    let rules = (policy != before).then(|| policy.rules().len());
-    gateway.set_raw_policy(policy);
-    match gateway.reload(robots).await {
-        Ok(Changes { added, changed, removed }) => {
-            gateway.set_hall(hall);
-            let lines = match &mut beside {
-                Some(beside) => beside.twins.commit(prepared).await,
-                None => Vec::new(),
-            };
-            output::line(format_args!(
-                "read {} again: {added} added, {changed} changed, {removed} removed, {} now",
-                path.display(),
-                counted(gateway, beside.as_deref())
-            ));
-            lines.into_iter().for_each(output::line);
-            if let Some(rules) = rules {
-                output::line(format_args!("{} for raw ports from now on", output::counted(rules, "rule")));
-            }
-            let changed = started.file.changed(&FromNextStart { raw, audit, history, http });
-            if !changed.is_empty() {
-                output::note(format_args!("r6: from the next start on: {}", changed.join(", ")));
-            }
-        }
-        Err(problem) => {
-            gateway.set_raw_policy(before);
-            output::note(format_args!("r6: {}: nothing was changed: {}", path.display(), problem.message));
-        }
-    }
-}
-
-/// Says that a rule is for a robot that there is not: its name may be mistyped.
-fn tell_unknown_robots(policy: &RawPolicy, is_known: impl Fn(&RobotName) -> bool) {
-    let named = policy.rules().iter().filter_map(|rule| Some((rule, rule.robot.as_ref()?)));
-    for (rule, robot) in named.filter(|(_, robot)| !is_known(robot)) {
-        output::note(format_args!(
-            "r6: the [[raw_rule]] of {} is for `{robot}`, and there is no such robot",
-            rule.source
-        ));
     }
 }
 

@@ -202,7 +202,7 @@ fn a_hangup_makes_it_read_the_file_again_and_a_mistake_changes_nothing() {
     // With this file it would not start again.
     std::fs::write(&file, table("press", &robots[0]) + raw).unwrap();
     gateway.signal("HUP");
-    assert!(told("nothing was changed").contains("a raw port is for `saw`"));
+    assert!(told("nothing was changed").contains("would not start with it: a raw port is for `saw`"));
     assert_eq!(get(&url, &admin, "/v1/robots/saw").1["link"], "up");
 
     std::fs::write(&file, table("press", &robots[0])).unwrap();

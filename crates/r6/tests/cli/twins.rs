@@ -124,8 +124,9 @@ fn a_file_that_is_read_again_brings_twins_and_takes_them_away() {
     let up = || Some(get(&url, &viewer, "/v1/robots/press-twin").1).filter(|twin| twin["link"] == "up");
     assert_eq!(until(up)["identity"]["firmware"], "2.0.1.9");
 
-    // `press` keeps its twin, and another robot brings one.
-    std::fs::write(&file, robot("press", 1) + &robot("saw", 2)).unwrap();
+    // `press` keeps its twin, and another robot brings one. A twin may have a raw port at the next start.
+    let raw = "[[raw]]\nrobot = \"press-twin\"\nlisten = \"127.0.0.1:0\"\n";
+    std::fs::write(&file, robot("press", 1) + &robot("saw", 2) + raw).unwrap();
     running.signal("HUP");
     let line = running.line();
     assert!(line.ends_with(": 2 added, 0 changed, 0 removed, 2 robots, 2 twins now"), "{line}");
@@ -136,7 +137,7 @@ fn a_file_that_is_read_again_brings_twins_and_takes_them_away() {
     // A twin that was stopped goes with its robot: it has no arm that could be moved under another name.
     let operator = token(&data, "operator");
     until(|| (call(&url, &operator, "POST", "/v1/robots/saw-twin/stop", "").0 == 200).then_some(()));
-    std::fs::write(&file, robot("press", 1)).unwrap();
+    std::fs::write(&file, robot("press", 1) + raw).unwrap();
     running.signal("HUP");
     let line = running.line();
     assert!(line.ends_with(": 0 added, 0 changed, 2 removed, 1 robot, 1 twin now"), "{line}");
