@@ -10,6 +10,7 @@ mod cameras;
 pub mod commands;
 #[cfg(test)]
 mod contract;
+mod error;
 mod heads;
 pub mod history;
 mod keeper;
@@ -21,15 +22,14 @@ mod points;
 pub mod postgres;
 pub mod runs;
 mod sqlite;
-
-use std::fmt;
+mod versions;
 
 use r6_api::gateway::{AuditRecord, Deed, Role, Run};
 
-use crate::core::account::{Account, Decided, Denied, UserName, Wish};
+use crate::core::account::{Account, Decided, UserName, Wish};
 use crate::core::alarms;
-use crate::core::camera::{CameraGrant, MAX_GRANTS};
-use crate::core::chain::{Broken, Hash};
+use crate::core::camera::CameraGrant;
+use crate::core::chain::Hash;
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::owner::Claim;
@@ -40,6 +40,7 @@ use crate::core::seat::Saved;
 use accounts::{check_link, decide, link_made, user_changed};
 pub use cameras::NewGrant;
 use commands::{KeptCommand, NewCommand, Noted};
+pub use error::StoreError;
 pub use heads::{Ends, Heads};
 pub use keeper::Keeper;
 pub use library::{Kept, LibraryError, NewVersion};
@@ -436,7 +437,7 @@ pub struct StoredSettings {
 pub struct StoredRobot {
     /// Its name.
     pub name: RobotName,
-    /// Host and port.
+    /// Its address, as the API has it.
     pub address: String,
     /// How often its values are read.
     pub period_ms: u64,
@@ -457,7 +458,7 @@ pub struct Entry {
     pub hash: Hash,
 }
 
-/// Who changes users, tokens or programs, and when.
+/// Who changes users, tokens, programs or points, and when.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Author {
     /// The time of day, for the audit log.
@@ -528,70 +529,6 @@ pub struct Token {
     pub grant: Grant,
     /// What people call it.
     pub name: String,
-}
-
-/// Why the store did not do what it was asked for.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum StoreError {
-    /// The folder or the file cannot be used.
-    Unavailable(String),
-    /// The audit log is broken: nothing is appended to it.
-    Broken(Broken),
-    /// There is no room for another token.
-    TooManyTokens,
-    /// No valid token has this number.
-    NoSuchToken(i64),
-    /// The token with this number is for another robot.
-    TokenOfAnother(i64),
-    /// The robot has as many grants of cameras as it may have.
-    TooManyGrants,
-    /// The user stays as it is.
-    Denied(Denied),
-    /// The one-time link was used, is too old, or is of another user.
-    LinkVoid,
-    /// The user was changed meanwhile.
-    UserChanged,
-    /// A value in the store cannot be read.
-    Unreadable(String),
-    /// The store was closed.
-    Closed,
-    /// This robot has the address already.
-    AddressTaken(RobotName),
-    /// Another gateway owns the robot, and writes; or that is not known any more.
-    NotOwner,
-}
-
-impl fmt::Display for StoreError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unavailable(detail) => write!(f, "the store cannot be used: {detail}"),
-            Self::Broken(broken) => write!(f, "the audit log is broken: {broken}"),
-            Self::TooManyTokens => write!(f, "there are {MAX_TOKENS} tokens: revoke some first"),
-            Self::NoSuchToken(number) => write!(f, "there is no valid token {number}"),
-            Self::TokenOfAnother(number) => write!(f, "token {number} is for another robot"),
-            Self::TooManyGrants => {
-                write!(f, "this robot has {MAX_GRANTS} grants of cameras: revoke some first")
-            }
-            Self::Denied(denied) => denied.fmt(f),
-            Self::LinkVoid => f.write_str(
-                "this link is not valid: it was used, it is older than an hour, a newer one took its place, \
-                 or it is for another name",
-            ),
-            Self::UserChanged => f.write_str("the user was changed meanwhile: sign in again"),
-            Self::Unreadable(what) => write!(f, "the store has a value that cannot be read: {what}"),
-            Self::Closed => f.write_str("the store was closed"),
-            Self::AddressTaken(robot) => write!(f, "`{robot}` has this address"),
-            Self::NotOwner => f.write_str("this gateway does not own the robot: another one writes"),
-        }
-    }
-}
-
-impl std::error::Error for StoreError {}
-
-impl From<Broken> for StoreError {
-    fn from(broken: Broken) -> Self {
-        Self::Broken(broken)
-    }
 }
 
 /// The text of a record in the audit log.

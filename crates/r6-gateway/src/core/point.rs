@@ -7,7 +7,7 @@ use r6_api::gateway::PointValue;
 use super::library;
 
 /// The most points. All of them are listed at once, some 400 bytes each.
-pub const MAX_POINTS: usize = 1_000;
+pub const MAX_KEPT: usize = 1_000;
 
 /// The farthest number of a place, degrees or mm: beyond all arms.
 const FARTHEST: f64 = 1e6;

@@ -355,7 +355,7 @@ needs! {
     ManageUsers
     /// Changing the settings of the hall.
     ManageSettings
-    /// Storing and removing programs.
+    /// Storing and removing programs and points.
     StorePrograms
 }
 

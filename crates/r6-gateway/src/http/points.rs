@@ -8,15 +8,14 @@ use axum::response::Response;
 use r6_api::gateway::{PointValue, PointVersions, PointWanted, StoredPoint, StoredPoints};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
-use serde::Deserialize;
 use sha2::{Digest, Sha256};
-use utoipa::IntoParams;
 
 use super::State;
 use super::body;
 use super::caller::{Caller, Manager, StorePrograms};
 use super::described::{OfBody, OfChange, OfToken};
 use super::etag::{condition, with_etag};
+use super::programs::Which;
 use super::refusal::{self, bad_value};
 use crate::core::name::RobotName;
 use crate::core::owner::Owned;
@@ -34,15 +33,6 @@ pub async fn list(_caller: Caller, Of(state): Of<State>) -> Result<Json<StoredPo
     let found = state.shared.keeper.work(|store| store.points()).await;
     let points = found.map_err(|error: StoreError| refusal::of(error.into()))?;
     Ok(Json(StoredPoints { points: points.into_iter().map(stored).collect::<Result<_, _>>()? }))
-}
-
-/// Which version.
-#[derive(Debug, Deserialize, IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct Which {
-    /// The number of the version; the latest if it is missing.
-    version: Option<u64>,
 }
 
 /// A point that the gateway keeps. The header `ETag` is what `If-Match` takes to change it, if this is its

@@ -162,7 +162,7 @@ pub async fn list(_caller: Caller, Of(state): Of<State>) -> Result<Json<Programs
 #[serde(deny_unknown_fields)]
 pub struct Which {
     /// The number of the version; the latest if it is missing.
-    version: Option<u64>,
+    pub version: Option<u64>,
 }
 
 /// A program that the gateway keeps. The header `ETag` is what `If-Match` takes to change it, if this is its

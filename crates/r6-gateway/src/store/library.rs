@@ -6,7 +6,7 @@ use r6_api::gateway::{AuditRecord, Deed, ProgramType};
 
 use super::{Author, StoreError};
 use crate::core::library::{MAX_PROGRAMS, MAX_TOTAL, ProgramName, Tag, Unfit};
-use crate::core::point::MAX_POINTS;
+use crate::core::point::MAX_KEPT;
 
 /// A version of a program, without its text.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -119,7 +119,7 @@ impl fmt::Display for LibraryError {
                 f.write_str("it is not in this version: read it again, and look at what changed")
             }
             Self::TooManyPrograms => write!(f, "there are {MAX_PROGRAMS} programs: remove some first"),
-            Self::TooManyPoints => write!(f, "there are {MAX_POINTS} points: remove some first"),
+            Self::TooManyPoints => write!(f, "there are {MAX_KEPT} points: remove some first"),
             Self::TooManyBytes => {
                 write!(f, "all programs have {} MiB at most: remove some first", MAX_TOTAL >> 20)
             }

@@ -4,7 +4,7 @@ use r6_api::gateway::{AuditRecord, Deed};
 
 use super::{Author, LibraryError};
 use crate::core::library::Tag;
-use crate::core::point::{MAX_POINTS, PointName};
+use crate::core::point::{MAX_KEPT, PointName};
 
 /// A version of a point.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,9 +54,9 @@ impl NewPoint {
     }
 }
 
-/// Refuses another point, if there are so many.
+/// Refuses a new point if the store has [`MAX_KEPT`] points.
 pub(super) fn check_room(points: usize) -> Result<(), LibraryError> {
-    if points >= MAX_POINTS { Err(LibraryError::TooManyPoints) } else { Ok(()) }
+    if points >= MAX_KEPT { Err(LibraryError::TooManyPoints) } else { Ok(()) }
 }
 
 /// The record about a point that was removed.

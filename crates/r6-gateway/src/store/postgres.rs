@@ -23,6 +23,7 @@ mod tables;
 #[cfg(test)]
 mod tests;
 mod users;
+mod versions;
 
 use r6_api::gateway::{AuditRecord, Run};
 
@@ -30,6 +31,7 @@ use self::session::{Durable, Hand, Lock, Session};
 use self::tables::{FOUNDATION, TABLES};
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
+use super::versions::Named;
 use super::{
     Author, Ends, Entry, Heads, Kept, KeptPoint, LibraryError, Link, NewGrant, NewPoint, NewToken,
     NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token, UserChange,
@@ -394,7 +396,7 @@ impl Store for Postgres {
         condition: &Condition,
         by: &Author,
     ) -> Result<(), LibraryError> {
-        self.write(async |client| programs::remove(client, name, condition, by).await)
+        self.write(async |client| versions::remove(client, Named::Program(name), condition, by).await)
     }
 
     fn points(&mut self) -> Result<Vec<KeptPoint>, StoreError> {
@@ -415,7 +417,7 @@ impl Store for Postgres {
         condition: &Condition,
         by: &Author,
     ) -> Result<(), LibraryError> {
-        self.write(async |client| points::remove(client, name, condition, by).await)
+        self.write(async |client| versions::remove(client, Named::Point(name), condition, by).await)
     }
 
     fn begin_run(&mut self, new: &NewRun) -> Result<Begun, StoreError> {

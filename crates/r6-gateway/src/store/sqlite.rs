@@ -9,6 +9,7 @@ mod programs;
 mod runs;
 mod tables;
 mod users;
+mod versions;
 
 use r6_api::gateway::{ActedBy, AuditRecord, RobotIdentity, Run};
 use rusqlite::{Connection, OptionalExtension, Transaction, TransactionBehavior, params};
@@ -17,6 +18,7 @@ pub use self::file::{FILE, HALF_RESTORED, HISTORY, copy};
 use self::tables::TABLES;
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
+use super::versions::Named;
 use super::{
     Author, Ends, Entry, Heads, Kept, KeptPoint, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewGrant,
     NewPoint, NewToken, NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token,
@@ -441,7 +443,7 @@ impl Store for Sqlite {
         condition: &Condition,
         by: &Author,
     ) -> Result<(), LibraryError> {
-        programs::remove(self.write()?, name, condition, by)
+        versions::remove(self.write()?, Named::Program(name), condition, by)
     }
 
     fn points(&mut self) -> Result<Vec<KeptPoint>, StoreError> {
@@ -462,7 +464,7 @@ impl Store for Sqlite {
         condition: &Condition,
         by: &Author,
     ) -> Result<(), LibraryError> {
-        points::remove(self.write()?, name, condition, by)
+        versions::remove(self.write()?, Named::Point(name), condition, by)
     }
 
     fn begin_run(&mut self, new: &NewRun) -> Result<Begun, StoreError> {

@@ -1,7 +1,7 @@
 //! Kept points.
 
 use super::*;
-use crate::core::point::{MAX_POINTS, PointName};
+use crate::core::point::{MAX_KEPT, PointName};
 use crate::store::{KeptPoint, NewPoint};
 
 fn point(name: &str, text: &str) -> NewPoint {
@@ -74,7 +74,7 @@ fn there_is_a_limit_for_the_number_of_points() {
     let mut stores: [Box<dyn Store>; 2] =
         [Box::new(Memory::default()), Box::new(Sqlite::open(folder.path()).unwrap())];
     for store in &mut stores {
-        for number in 0..MAX_POINTS {
+        for number in 0..MAX_KEPT {
             store.put_point(&point(&format!("p-{number}"), "x"), &Condition::default()).unwrap();
         }
         let more = store.put_point(&point("more", "x"), &Condition::default());

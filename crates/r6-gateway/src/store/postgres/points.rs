@@ -3,21 +3,22 @@
 use tokio_postgres::{Client, Row};
 
 use super::audit::append;
-use super::{plain, signed, unsigned};
-use crate::core::library::{Condition, MAX_VERSIONS, Tag};
+use super::{plain, signed, unsigned, versions};
+use crate::core::library::{Condition, MAX_VERSIONS};
 use crate::core::point::PointName;
-use crate::store::points::{check_room, removed};
-use crate::store::{Author, KeptPoint, LibraryError, NewPoint, StoreError};
+use crate::store::points::check_room;
+use crate::store::versions::Named;
+use crate::store::{KeptPoint, LibraryError, NewPoint, StoreError};
 
 const COLUMNS: &str = "name, version, hash, stored_at, stored_by, text";
 
 fn kept(row: &Row) -> Result<KeptPoint, StoreError> {
     let name: &str = row.try_get(0)?;
     let unreadable = || StoreError::Unreadable(format!("the point `{name}`"));
-    let hash = <[u8; 32]>::try_from(row.try_get::<_, &[u8]>(2)?).map_err(|_| unreadable())?;
+    let name = PointName::new(name).ok_or_else(unreadable)?;
     Ok(KeptPoint {
-        name: PointName::new(name).ok_or_else(unreadable)?,
-        tag: Tag { version: unsigned(row.try_get(1)?), hash },
+        tag: Named::Point(&name).tag(unsigned(row.try_get(1)?), row.try_get(2)?)?,
+        name,
         stored_at: row.try_get(3)?,
         stored_by: row.try_get(4)?,
         text: String::from_utf8(row.try_get(5)?).map_err(|_| unreadable())?,
@@ -41,7 +42,7 @@ pub async fn versions(client: &Client, name: &PointName) -> Result<Vec<KeptPoint
 
 /// Adds a version.
 pub async fn put(client: &Client, new: &NewPoint, condition: &Condition) -> Result<KeptPoint, LibraryError> {
-    let last = last(client, &new.name).await?;
+    let last = versions::last(client, Named::Point(&new.name)).await?;
     condition.check(last)?;
     if last.is_none() {
         let count = client.query_one("SELECT count(DISTINCT name) FROM point", &[]).await;
@@ -70,24 +71,4 @@ pub async fn put(client: &Client, new: &NewPoint, condition: &Condition) -> Resu
         .map_err(StoreError::from)?;
     append(client, &[new.record(&kept)]).await?;
     Ok(kept)
-}
-
-/// Removes a point with its versions.
-pub async fn remove(
-    client: &Client,
-    name: &PointName,
-    condition: &Condition,
-    by: &Author,
-) -> Result<(), LibraryError> {
-    let last = last(client, name).await?.ok_or(LibraryError::NoSuchPoint)?;
-    condition.check(Some(last))?;
-    let removal = client.execute("DELETE FROM point WHERE name = $1", &[&name.as_str()]).await;
-    removal.map_err(StoreError::from)?;
-    append(client, &[removed(name, last, by)]).await?;
-    Ok(())
-}
-
-/// The latest version of a point.
-async fn last(client: &Client, name: &PointName) -> Result<Option<Tag>, StoreError> {
-    Ok(versions(client, name).await?.first().map(|kept| kept.tag))
 }

@@ -4,10 +4,10 @@ use r6_api::gateway::ProgramType;
 use tokio_postgres::{Client, Row};
 
 use super::audit::append;
-use super::{plain, signed, unsigned};
-use crate::core::library::{Condition, MAX_VERSIONS, ProgramName, Tag};
-use crate::store::library::removed;
-use crate::store::{Author, Kept, LibraryError, NewVersion, StoreError};
+use super::{plain, signed, unsigned, versions};
+use crate::core::library::{Condition, MAX_VERSIONS, ProgramName};
+use crate::store::versions::Named;
+use crate::store::{Kept, LibraryError, NewVersion, StoreError};
 
 /// All columns but the text.
 const COLUMNS: &str = "name, version, hash, bytes, stored_at, stored_by, kind, ok, steps";
@@ -15,10 +15,10 @@ const COLUMNS: &str = "name, version, hash, bytes, stored_at, stored_by, kind, o
 fn kept(row: &Row) -> Result<Kept, StoreError> {
     let name: &str = row.try_get(0)?;
     let unreadable = || StoreError::Unreadable(format!("the program `{name}`"));
-    let hash = <[u8; 32]>::try_from(row.try_get::<_, &[u8]>(2)?).map_err(|_| unreadable())?;
+    let name = ProgramName::new(name).ok_or_else(unreadable)?;
     Ok(Kept {
-        name: ProgramName::new(name).ok_or_else(unreadable)?,
-        tag: Tag { version: unsigned(row.try_get(1)?), hash },
+        tag: Named::Program(&name).tag(unsigned(row.try_get(1)?), row.try_get(2)?)?,
+        name,
         bytes: unsigned(row.try_get(3)?),
         stored_at: row.try_get(4)?,
         stored_by: row.try_get(5)?,
@@ -62,7 +62,7 @@ pub async fn one(
 
 /// Adds a version.
 pub async fn put(client: &Client, new: &NewVersion, condition: &Condition) -> Result<Kept, LibraryError> {
-    let last = last(client, &new.name).await?;
+    let last = versions::last(client, Named::Program(&new.name)).await?;
     condition.check(last)?;
     let kept = new.kept(last);
     insert(client, new, &kept, last.is_none()).await
@@ -105,33 +105,4 @@ async fn insert(client: &Client, new: &NewVersion, kept: &Kept, is_new: bool) ->
         .map_err(StoreError::from)?;
     append(client, &[new.record(kept)]).await?;
     Ok(kept.clone())
-}
-
-/// Removes a program with its versions.
-pub async fn remove(
-    client: &Client,
-    name: &ProgramName,
-    condition: &Condition,
-    by: &Author,
-) -> Result<(), LibraryError> {
-    let last = last(client, name).await?.ok_or(LibraryError::NoSuchProgram)?;
-    condition.check(Some(last))?;
-    let removal = client.execute("DELETE FROM program WHERE name = $1", &[&name.as_str()]).await;
-    removal.map_err(StoreError::from)?;
-    append(client, &[removed(name, last, by)]).await?;
-    Ok(())
-}
-
-/// The latest version of a program.
-async fn last(client: &Client, name: &ProgramName) -> Result<Option<Tag>, StoreError> {
-    let row = client
-        .query_opt(
-            "SELECT version, hash FROM program WHERE name = $1 ORDER BY version DESC LIMIT 1",
-            &[&name.as_str()],
-        )
-        .await?;
-    let Some(row) = row else { return Ok(None) };
-    let hash = <[u8; 32]>::try_from(row.try_get::<_, &[u8]>(1)?)
-        .map_err(|_| StoreError::Unreadable(format!("the program `{name}`")))?;
-    Ok(Some(Tag { version: unsigned(row.try_get(0)?), hash }))
 }

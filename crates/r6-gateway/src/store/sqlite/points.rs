@@ -1,12 +1,13 @@
 //! The points in the tables.
 
-use rusqlite::{Connection, OptionalExtension, Row, Transaction, params};
+use rusqlite::{Connection, Row, Transaction, params};
 
-use super::append_in;
-use crate::core::library::{Condition, MAX_VERSIONS, Tag};
+use super::{append_in, versions};
+use crate::core::library::{Condition, MAX_VERSIONS};
 use crate::core::point::PointName;
-use crate::store::points::{check_room, removed};
-use crate::store::{Author, KeptPoint, LibraryError, NewPoint, StoreError};
+use crate::store::points::check_room;
+use crate::store::versions::Named;
+use crate::store::{KeptPoint, LibraryError, NewPoint, StoreError};
 
 const COLUMNS: &str = "name, version, hash, stored_at, stored_by, text";
 
@@ -18,10 +19,10 @@ fn raw(row: &Row<'_>) -> rusqlite::Result<Raw> {
 }
 
 fn kept((name, version, hash, stored_at, stored_by, text): Raw) -> Result<KeptPoint, StoreError> {
-    let unreadable = || StoreError::Unreadable(format!("the point `{name}`"));
-    let hash = <[u8; 32]>::try_from(hash.as_slice()).map_err(|_| unreadable())?;
-    let name = PointName::new(&name).ok_or_else(unreadable)?;
-    Ok(KeptPoint { name, tag: Tag { version, hash }, stored_at, stored_by, text })
+    let known = PointName::new(&name);
+    let name = known.ok_or_else(|| StoreError::Unreadable(format!("the point `{name}`")))?;
+    let tag = Named::Point(&name).tag(version, &hash)?;
+    Ok(KeptPoint { name, tag, stored_at, stored_by, text })
 }
 
 /// The latest version of each point. The inner select reads the index alone.
@@ -48,7 +49,7 @@ pub fn put(
     new: &NewPoint,
     condition: &Condition,
 ) -> Result<KeptPoint, LibraryError> {
-    let last = last(&transaction, &new.name)?;
+    let last = versions::last(&transaction, Named::Point(&new.name))?;
     condition.check(last)?;
     if last.is_none() {
         let count = "SELECT count(DISTINCT name) FROM point";
@@ -76,28 +77,4 @@ pub fn put(
     append_in(&transaction, &[new.record(&kept)])?;
     transaction.commit().map_err(StoreError::from)?;
     Ok(kept)
-}
-
-/// Removes a point with its versions.
-pub fn remove(
-    transaction: Transaction<'_>,
-    name: &PointName,
-    condition: &Condition,
-    by: &Author,
-) -> Result<(), LibraryError> {
-    let last = last(&transaction, name)?.ok_or(LibraryError::NoSuchPoint)?;
-    condition.check(Some(last))?;
-    transaction.execute("DELETE FROM point WHERE name = ?1", [name.as_str()]).map_err(StoreError::from)?;
-    append_in(&transaction, &[removed(name, last, by)])?;
-    transaction.commit().map_err(StoreError::from)?;
-    Ok(())
-}
-
-/// The latest version of a point.
-fn last(transaction: &Transaction<'_>, name: &PointName) -> Result<Option<Tag>, StoreError> {
-    let mut select = transaction.prepare_cached(&format!(
-        "SELECT {COLUMNS} FROM point WHERE name = ?1 ORDER BY version DESC LIMIT 1"
-    ))?;
-    let row = select.query_row([name.as_str()], raw).optional()?;
-    Ok(row.map(kept).transpose()?.map(|kept| kept.tag))
 }

@@ -3,10 +3,10 @@
 use r6_api::gateway::ProgramType;
 use rusqlite::{Connection, OptionalExtension, Row, Transaction, params};
 
-use super::append_in;
-use crate::core::library::{Condition, MAX_VERSIONS, ProgramName, Tag};
-use crate::store::library::removed;
-use crate::store::{Author, Kept, LibraryError, NewVersion, StoreError};
+use super::{append_in, versions};
+use crate::core::library::{Condition, MAX_VERSIONS, ProgramName};
+use crate::store::versions::Named;
+use crate::store::{Kept, LibraryError, NewVersion, StoreError};
 
 /// All columns but the text.
 const COLUMNS: &str = "name, version, hash, bytes, stored_at, stored_by, kind, ok, steps";
@@ -41,10 +41,10 @@ impl Raw {
 
     fn kept(self) -> Result<Kept, StoreError> {
         let unreadable = || StoreError::Unreadable(format!("the program `{}`", self.name));
-        let hash = <[u8; 32]>::try_from(self.hash.as_slice()).map_err(|_| unreadable())?;
+        let name = ProgramName::new(&self.name).ok_or_else(unreadable)?;
         Ok(Kept {
-            name: ProgramName::new(&self.name).ok_or_else(unreadable)?,
-            tag: Tag { version: self.version, hash },
+            tag: Named::Program(&name).tag(self.version, &self.hash)?,
+            name,
             bytes: self.bytes,
             kind: ProgramType::of_word(&self.kind).ok_or_else(unreadable)?,
             stored_at: self.stored_at,
@@ -95,7 +95,7 @@ pub fn put(
     new: &NewVersion,
     condition: &Condition,
 ) -> Result<Kept, LibraryError> {
-    let last = last(&transaction, &new.name)?;
+    let last = versions::last(&transaction, Named::Program(&new.name))?;
     condition.check(last)?;
     let kept = new.kept(last);
     transaction
@@ -133,30 +133,4 @@ pub fn put(
     append_in(&transaction, &[new.record(&kept)])?;
     transaction.commit().map_err(StoreError::from)?;
     Ok(kept)
-}
-
-/// Removes a program with its versions.
-pub fn remove(
-    transaction: Transaction<'_>,
-    name: &ProgramName,
-    condition: &Condition,
-    by: &Author,
-) -> Result<(), LibraryError> {
-    let last = last(&transaction, name)?.ok_or(LibraryError::NoSuchProgram)?;
-    condition.check(Some(last))?;
-    transaction.execute("DELETE FROM program WHERE name = ?1", [name.as_str()]).map_err(StoreError::from)?;
-    append_in(&transaction, &[removed(name, last, by)])?;
-    transaction.commit().map_err(StoreError::from)?;
-    Ok(())
-}
-
-/// The latest version of a program.
-fn last(transaction: &Transaction<'_>, name: &ProgramName) -> Result<Option<Tag>, StoreError> {
-    let mut select = transaction
-        .prepare_cached("SELECT version, hash FROM program WHERE name = ?1 ORDER BY version DESC LIMIT 1")?;
-    let row = select.query_row([name.as_str()], |row| Ok((row.get(0)?, row.get::<_, Vec<u8>>(1)?)));
-    let Some((version, hash)) = row.optional()? else { return Ok(None) };
-    let hash = <[u8; 32]>::try_from(hash.as_slice());
-    let hash = hash.map_err(|_| StoreError::Unreadable(format!("the program `{name}`")))?;
-    Ok(Some(Tag { version, hash }))
 }
