@@ -4,9 +4,6 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 
 use r6_client::RequestError;
 
-/// What the address of a robot that connects to the gateway looks like, for messages.
-pub const DIALS_IN: &str = "listen:ADDR:PORT,from:ADDR, such as listen:192.168.1.2:9770,from:192.168.1.31";
-
 const LISTEN: &str = "listen:";
 const FROM: &str = ",from:";
 
@@ -25,6 +22,10 @@ pub enum RobotAddress {
 }
 
 impl RobotAddress {
+    /// What an address is, for people.
+    pub const WANTED: &str = "HOST[:PORT], such as 192.168.1.10; or of a robot that connects to the gateway \
+                              listen:ADDR:PORT,from:ADDR, such as listen:192.168.1.2:9770,from:192.168.1.31";
+
     /// Reads the address of a robot: `HOST[:PORT]`, or `listen:ADDR:PORT,from:ADDR`.
     ///
     /// # Errors
@@ -36,7 +37,7 @@ impl RobotAddress {
         };
         let wrong = |what: &str| {
             let shown: String = address.chars().take(256).collect();
-            format!("`{shown}` is not {DIALS_IN}: {what}")
+            format!("`{shown}` is not listen:ADDR:PORT,from:ADDR: {what}")
         };
         let Some((listen, from)) = dials_in.split_once(FROM) else {
             // Anybody who reaches the port would be taken for the robot.

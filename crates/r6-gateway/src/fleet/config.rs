@@ -97,13 +97,6 @@ impl RobotConfig {
         RobotAddress::read(&self.address).map_or_else(|_| self.address.clone(), |address| address.place())
     }
 
-    /// The port that the gateway listens on for this robot, if it is also one of the other's.
-    #[must_use]
-    pub fn shares_port(&self, other: &Self) -> Option<u16> {
-        let read = |robot: &Self| RobotAddress::read(&robot.address).ok();
-        read(self)?.shares_port(&read(other)?)
-    }
-
     /// Whether the robot connects to the gateway.
     #[must_use]
     pub fn dials_in(&self) -> bool {

@@ -12,6 +12,7 @@ use r6_api::Code;
 use r6_api::gateway::{AuditRecord, Deed, Happened, LeaseEnd, ManagedBy};
 use r6_client::{Address, RobotSettings};
 
+use super::address::RobotAddress;
 use super::config::RobotConfig;
 use super::station::{By, Kept, Station, Term, millis};
 use super::{Fleet, Post, Work, link};
@@ -72,11 +73,15 @@ pub fn check<'r>(robots: impl IntoIterator<Item = &'r RobotConfig>) -> Result<()
 
 /// Refuses two robots that connect to one port.
 fn check_ports(robots: &[&RobotConfig]) -> Result<(), Problem> {
-    let dials_in: Vec<_> = robots.iter().filter(|robot| robot.dials_in()).collect();
-    for (at, robot) in dials_in.iter().enumerate() {
+    let addresses =
+        robots.iter().filter_map(|robot| Some((&robot.name, RobotAddress::read(&robot.address).ok()?)));
+    let dials_in: Vec<_> = addresses.filter(|(_, address)| address.dials_in()).collect();
+    for (at, (name, address)) in dials_in.iter().enumerate() {
         let mut before = dials_in.iter().take(at);
-        if let Some((other, port)) = before.find_map(|other| Some((other, robot.shares_port(other)?))) {
-            let message = format!("`{}` and `{}` both connect to port {port} here", robot.name, other.name);
+        if let Some((other, port)) =
+            before.find_map(|(other, known)| Some((other, address.shares_port(known)?)))
+        {
+            let message = format!("`{name}` and `{other}` both connect to port {port} here");
             return Err(Problem::new(Code::AddressTaken, message));
         }
     }

@@ -32,11 +32,6 @@ use crate::text_file;
 /// The longest file. A robot takes a hundred bytes.
 const MAX_FILE_BYTES: usize = 1024 * 1024;
 
-/// What the address of a robot has to be.
-const ADDRESS: &str = "HOST[:PORT], such as 192.168.1.10; or of a robot that connects to the gateway \
-                       listen:ADDR:PORT,from:ADDR, such as listen:192.168.1.2:9770,from:192.168.1.31 (docs/GATEWAY.md, \
-                       Robots)";
-
 /// What the file of a gateway says.
 #[derive(Debug, Default)]
 pub struct Config {
@@ -153,8 +148,9 @@ fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
 
 fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
     let name = fields.due("name", RobotName::WANTED, |value| RobotName::new(value.text()?));
-    let address =
-        fields.due("address", ADDRESS, |value| value.text().filter(|text| RobotAddress::read(text).is_ok()));
+    let address = fields.due("address", RobotAddress::WANTED, |value| {
+        value.text().filter(|text| RobotAddress::read(text).is_ok())
+    });
     let models: Vec<_> = RobotModel::names().collect();
     let wanted = format!("a model: {}", models.join(", "));
     let model = fields.optional("model", &wanted, |value| RobotModel::named(value.text()?));
