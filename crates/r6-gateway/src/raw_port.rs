@@ -3,11 +3,14 @@
 //! # A request over the raw port
 //!
 //! 1. [`port`] accepts the connection, if the policy allows its source (`core/raw/policy.rs`).
-//! 2. [`conversation`] moves bytes; `core/raw/session.rs` finds the requests, and brings the replies into
-//!    their order.
+//! 2. [`conversation`] moves bytes; `core/raw/session.rs` finds the frames, and brings the replies into their
+//!    order; `core/raw/asked.rs` reads what a frame asks for.
 //! 3. [`serve`] carries a request out: a query from fresh readings or by asking the robot, a stop at once, a
 //!    command with the implicit lease (`core/raw/lease.rs`), on the way of all commands
-//!    (`fleet/command.rs`).
+//!    (`fleet/command.rs`), and what a camera sends under the grant of its rule (`fleet/camera.rs`).
+//!
+//! The photos that the controller asks for go the other way: `fleet/camera.rs` tells [`conversation`], which
+//! sends them to the clients whose rule names the camera.
 
 mod conversation;
 mod port;

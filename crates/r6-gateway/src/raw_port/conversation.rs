@@ -139,33 +139,14 @@ fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: T
             let work = tokio::spawn(async move { serve::stop(&door, &station, source, command).await });
             Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
         }
-        Asked::Points { camera, points } => {
-            paced(
-                ticket,
-                door.pace(),
-                async move { serve::points(&door, &station, source, camera, points).await },
-            )
-        }
-        Asked::Photo { camera, taken } => {
-            paced(
-                ticket,
-                door.pace(),
-                async move { serve::photo(&door, &station, source, camera, taken).await },
-            )
-        }
         Asked::Order(order) => {
-            paced(ticket, door.pace(), async move { serve::order(&door, &station, source, order).await })
+            let pace = door.pace();
+            let work = tokio::spawn(async move { serve::order(&door, &station, source, order).await });
+            Box::pin(async move {
+                let answer = work.await.unwrap_or(Answer::Silence);
+                tokio::time::sleep_until(begun + pace).await;
+                (ticket, answer)
+            })
         }
     }
-}
-
-/// Work that runs to its end by itself, and whose answer takes this long at least.
-fn paced(ticket: Ticket, pace: Duration, work: impl Future<Output = Answer> + Send + 'static) -> Work {
-    let due = tokio::time::Instant::now() + pace;
-    let work = tokio::spawn(work);
-    Box::pin(async move {
-        let answer = work.await.unwrap_or(Answer::Silence);
-        tokio::time::sleep_until(due).await;
-        (ticket, answer)
-    })
 }

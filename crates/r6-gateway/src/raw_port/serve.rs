@@ -66,8 +66,17 @@ pub async fn stop(door: &Door, station: &Station, source: SocketAddr, command: C
     door_answer(station, done.map(drop))
 }
 
-/// Sends a command or a list that changes or moves, with the implicit lease of the source.
+/// Sends a command, a list, or what a camera sends.
 pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Order) -> Answer {
+    match order {
+        Order::Points { camera, points } => self::points(door, station, source, camera, points).await,
+        Order::Photo { camera, taken } => photo(door, station, source, camera, taken).await,
+        order @ (Order::Command(_) | Order::List { .. }) => leased(door, station, source, order).await,
+    }
+}
+
+/// Sends a command or a list that changes or moves, with the implicit lease of the source.
+async fn leased(door: &Door, station: &Station, source: SocketAddr, order: Order) -> Answer {
     let Some(rule) = door.policy.rule(source, &door.robot) else { return Answer::Silence };
     let word = order.word();
     if rule.allow < RawAllow::Command {
@@ -120,7 +129,7 @@ pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Or
 }
 
 /// Sends the points that a camera found, under the grant of the rule of this source.
-pub async fn points(
+async fn points(
     door: &Door,
     station: &Station,
     source: SocketAddr,
@@ -138,13 +147,7 @@ pub async fn points(
 
 /// Sends the answer of a camera to a request for a photo. As from the controller, no reply comes, also if it
 /// was not sent: the audit log says so.
-pub async fn photo(
-    door: &Door,
-    station: &Station,
-    source: SocketAddr,
-    camera: Camera,
-    taken: bool,
-) -> Answer {
+async fn photo(door: &Door, station: &Station, source: SocketAddr, camera: Camera, taken: bool) -> Answer {
     match granted(door, station, source, camera) {
         None => drop(not_granted(door, station, source, "photo", camera)),
         Some((rule, granted)) => match station.answer_photo(&by(&rule, source), granted, taken).await {

@@ -2,7 +2,7 @@
 //! change are refused.
 
 use r6_proto::dialect::Addressing;
-use r6_proto::message::{Action, AddPoints, AddRcc, ExtraKind, PhotoAnswer, Point};
+use r6_proto::message::{Action, AddPoints, AddRcc, ExtraKind, PhotoAnswer};
 use r6_proto::request::CameraPoints;
 use r6_proto::{Address, Body, Command, Effect, Message, Request, RequestType};
 
@@ -20,22 +20,8 @@ pub enum Asked {
     Query(Vec<Address>),
     /// A command that stops or pauses.
     Stop(Command<'static>),
-    /// A command or a list that changes or moves.
+    /// A command or a list that changes or moves, or what a camera sends.
     Order(Order),
-    /// The parts that a camera found.
-    Points {
-        /// The camera.
-        camera: Camera,
-        /// The parts; none if it found none.
-        points: Vec<Point>,
-    },
-    /// The answer of a camera to a request for a photo. It gets no reply.
-    Photo {
-        /// The camera.
-        camera: Camera,
-        /// Whether the picture was taken.
-        taken: bool,
-    },
     /// Something that the gateway does not send on.
     Refused {
         /// What it was.
@@ -68,11 +54,11 @@ pub fn asked(message: &Message<'_>) -> Option<Asked> {
             Err(reason) => refused("AddRCC", reason),
         },
         Body::AddPoints(sets) => match points(message, sets) {
-            Ok((camera, points)) => Some(Asked::Points { camera, points }),
+            Ok(points) => Some(Asked::Order(points)),
             Err(reason) => refused("AddPoints", reason),
         },
         Body::PhotoAnswer(answer) => match photo(message, *answer) {
-            Ok((camera, taken)) => Some(Asked::Photo { camera, taken }),
+            Ok(answer) => Some(Asked::Order(answer)),
             Err(reason) => refused("photo", reason),
         },
         Body::Rejected(rejection) => match rejection.request {
@@ -121,7 +107,7 @@ fn list(message: &Message<'_>, rcc: &AddRcc<'_>) -> Result<Order, String> {
 }
 
 /// The points of an AddPoints, if they mean the same in our own encoding.
-fn points(message: &Message<'_>, sets: &AddPoints<'_>) -> Result<(Camera, Vec<Point>), String> {
+fn points(message: &Message<'_>, sets: &AddPoints<'_>) -> Result<Order, String> {
     let mut sets = sets.sets();
     let (Some((cam_id, points)), None) = (sets.next(), sets.next()) else {
         return Err("a request has the points of one camera: one set in `dsData`".to_owned());
@@ -137,12 +123,12 @@ fn points(message: &Message<'_>, sets: &AddPoints<'_>) -> Result<(Camera, Vec<Po
     encoded.map_err(|error| error.to_string())?;
     match meaning::change_of_points(message.frame(), &ours) {
         Some(change) => Err(change),
-        None => Ok((camera, points.to_vec())),
+        None => Ok(Order::Points { camera, points: points.to_vec() }),
     }
 }
 
 /// The answer to a photo, if it is known what it means.
-fn photo(message: &Message<'_>, answer: PhotoAnswer) -> Result<(Camera, bool), String> {
+fn photo(message: &Message<'_>, answer: PhotoAnswer) -> Result<Order, String> {
     has_each_key_once(message)?;
     let taken = match answer.ret {
         0 => false,
@@ -151,7 +137,7 @@ fn photo(message: &Message<'_>, answer: PhotoAnswer) -> Result<(Camera, bool), S
             return Err(format!("`ret` is {other}: 1 says that there is a picture, 0 that there is not"));
         }
     };
-    Ok((camera(answer.cam_id)?, taken))
+    Ok(Order::Photo { camera: camera(answer.cam_id)?, taken })
 }
 
 fn camera(cam_id: i64) -> Result<Camera, String> {

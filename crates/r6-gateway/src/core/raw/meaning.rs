@@ -223,8 +223,6 @@ mod tests {
             (point("888.001", "888.002"), "point 1: `X` would be sent"),
             (point("888.001", "888.0010006"), "point 1: `X` would be sent"),
             (point("0.988", "0.9886"), "point 1: `Similarity` would be sent"),
-            (point("888.001", "888.0010006"), "point 1: `X` would be sent"),
-            (point("0.988", "0.9886"), "point 1: `Similarity` would be sent"),
             (point("888.001", "null"), "point 1: `X` would be sent"),
             (point("\"ModelID\":0", "\"ModelID\":0.4"), "point 1: `ModelID` would be sent"),
             (format!("{OUR_POINT},{OUR_POINT}"), "of 2 points, 1 would be sent"),

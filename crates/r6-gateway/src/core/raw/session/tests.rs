@@ -5,6 +5,7 @@ use r6_proto::Address;
 
 use super::*;
 use crate::core::camera::MAX_POINTS;
+use crate::core::order::Order;
 use crate::core::raw::asked::MAX_ADDRESSES;
 
 fn at(ms: u64) -> Instant {
@@ -179,7 +180,7 @@ fn the_parts_of_a_camera_are_asked_for_and_their_number_is_told() {
     };
     let two = frame(&format!(r#"{{"camID":7,"data":[{POINT},{POINT}]}}"#));
     let (asked, told) = asked_and_told(&two, &Answer::Taken(Some(2)));
-    let Asked::Points { camera, points } = asked else { panic!("{asked:?}") };
+    let Asked::Order(Order::Points { camera, points }) = asked else { panic!("{asked:?}") };
     assert_eq!((camera.number(), points.len(), points[1].x), (7, 2, 888.001));
     assert!(told.len() == 1 && told[0].contains(r#""cmdReply":["AddPoints","2"]"#), "{told:?}");
     assert!(told[0].contains(r#""packID":"3""#), "{told:?}");
@@ -188,7 +189,7 @@ fn the_parts_of_a_camera_are_asked_for_and_their_number_is_told() {
     let (_, told) = asked_and_told(&two, &Answer::Silence);
     assert_eq!(told, [] as [String; 0], "an unknown outcome");
     let (asked, _) = asked_and_told(&frame(r#"{"camID":0,"data":[]}"#), &Answer::Taken(Some(0)));
-    assert!(matches!(&asked, Asked::Points { points, .. } if points.is_empty()), "{asked:?}");
+    assert!(matches!(&asked, Asked::Order(Order::Points { points, .. }) if points.is_empty()), "{asked:?}");
 
     let many = vec![POINT; MAX_POINTS + 1].join(",");
     for (set, reason) in [
@@ -222,7 +223,7 @@ fn an_answer_to_a_photo_is_asked_for_and_gets_no_reply() {
             let (asked, told) = asked_and_told(&frame, &answer);
             assert_eq!(told, [] as [String; 0], "{frame}");
             match (asked, taken) {
-                (Asked::Photo { camera, taken }, Some(wanted)) => {
+                (Asked::Order(Order::Photo { camera, taken }), Some(wanted)) => {
                     assert_eq!((camera.number(), taken), (2, wanted));
                 }
                 (Asked::Refused { request, .. }, None) => assert_eq!(request, "photo"),
