@@ -371,8 +371,8 @@ impl Gateway {
         fleet.station(robot.as_str()).is_some() || owners.robot(robot.as_str()).is_some()
     }
 
-    /// Checks that a gateway with these raw ports, these configured robots and the robots that were added over
-    /// the API would start.
+    /// Checks that a gateway with these raw ports, these configured robots and the robots that were added
+    /// over the API would start.
     ///
     /// # Errors
     /// What the start would say.

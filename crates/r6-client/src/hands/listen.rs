@@ -31,8 +31,8 @@ const TOLD_EVERY: Duration = Duration::from_secs(60);
 /// controller that lost its power.
 ///
 /// There is no login: any peer that reaches the port is taken for the controller. So set the address that is
-/// allowed ([`Self::only_from`]). Connections are accepted while there is none to the controller: until then
-/// the system queues them.
+/// allowed ([`Self::only_from`]). While a controller is connected, no other connection is accepted: the
+/// system queues those that come.
 ///
 /// ```
 /// # #[tokio::main(flavor = "current_thread")]

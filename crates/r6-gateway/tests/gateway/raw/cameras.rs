@@ -208,7 +208,7 @@ async fn points_whose_meaning_would_change_are_refused_with_their_place() {
 async fn what_is_logged_of_an_answer_that_was_not_sent_keeps_no_refusal_from_the_audit_log() {
     let raw = Raw::with(VirtualController::start().await.unwrap(), policy()).await;
     let mut camera = raw.script().await;
-    // Nobody asked for it: a line in the log.
+    // The controller did not ask: a line in the log.
     camera.send(&answer(1)).await;
     raw.hall.until_audited(|entry| entry["request"] == "photo camera 0").await;
     // It is not known what this means.

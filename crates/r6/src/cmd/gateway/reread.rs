@@ -42,8 +42,8 @@ impl AtStart {
     }
 }
 
-/// Reads the file again. A mistake in it changes nothing, and nor does a file with which the gateway would not
-/// start. What is [`AtStart`] stays as it is until the next start; the rules of raw ports change at once.
+/// Reads the file again. A mistake in it changes nothing, and nor does a file with which the gateway would
+/// not start. What is [`AtStart`] stays as it is until the next start; the rules of raw ports change at once.
 pub async fn reread(
     gateway: &Gateway,
     path: &Path,
