@@ -1,8 +1,8 @@
 //! The other gateways of the hall, as this one reaches them: over HTTP where callers find them, with a pass.
 //!
-//! With TLS, the other gateway proves itself with the certificate whose SHA-256 its row in the store has, and
-//! no authority is asked. This gateway proves itself with the signature of the pass (`core/pass.rs`), not
-//! with a certificate. Each request has a connection of its own: none waits behind another one.
+//! With TLS, both gateways show the certificates whose SHA-256 their rows in the store have, and no authority
+//! is asked. With or without it, this gateway proves that it asks with the signature of the pass
+//! (`core/pass.rs`). Each request has a connection of its own: none waits behind another one.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,6 +17,7 @@ use hyper::body::Incoming;
 use hyper::client::conn::http1;
 use hyper::{Request, Response};
 use hyper_util::rt::TokioIo;
+use r6_http::Tls;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 use tokio::io::{AsyncRead, AsyncWrite};
@@ -120,6 +121,8 @@ pub enum Failed {
 #[derive(Debug)]
 pub struct Peers {
     key: PassKey,
+    /// The certificate of this gateway.
+    own: Option<Tls>,
     /// The number of the last pass.
     last: AtomicU64,
     /// The passes that came, by the gateways that signed them.
@@ -127,15 +130,15 @@ pub struct Peers {
 }
 
 impl Peers {
-    /// A gateway with a key that is drawn now.
+    /// A gateway with a key that is drawn now, and with this certificate.
     ///
     /// # Errors
     /// The system has no random numbers.
-    pub fn new() -> Result<Self, String> {
+    pub fn new(own: Option<Tls>) -> Result<Self, String> {
         let mut seed = [0; 32];
         secret::fill(&mut seed).map_err(|error| format!("no random numbers: {error}"))?;
         let key = PassKey::of_seed(seed).ok_or_else(|| "no key could be made".to_owned())?;
-        Ok(Self { key, last: AtomicU64::new(0), taken: Mutex::default() })
+        Ok(Self { key, own, last: AtomicU64::new(0), taken: Mutex::default() })
     }
 
     /// The public half of its key.
@@ -144,15 +147,24 @@ impl Peers {
         self.key.public()
     }
 
-    /// The pass in this text, if it is for a request with this head to the gateway `own`. `key`: the key of a
-    /// gateway.
+    /// Whether a request with the SHA-256 of this certificate can be of the gateway behind this door: a gateway
+    /// with TLS lets no other one ask without its certificate.
     #[must_use]
-    pub fn open(
+    pub fn fits(&self, door: &Door, shown: Option<&str>) -> bool {
+        self.own.is_none() || door.certificate.as_deref() == shown
+    }
+
+    /// The pass in this text, if it is for a request with this head to the gateway `own`, and came with this
+    /// certificate. `door`: the door of a gateway.
+    #[must_use]
+    pub fn open<'a>(
+        &self,
         text: &str,
         own: u64,
-        head: &[u8; 32],
-        key: impl FnOnce(u64) -> Option<String>,
+        (head, shown): (&[u8; 32], Option<&str>),
+        door: impl FnOnce(u64) -> Option<&'a Door>,
     ) -> Option<Pass> {
+        let key = |from| Some(door(from).filter(|door| self.fits(door, shown))?.key.clone());
         pass::open(text, key).filter(|pass| pass.to == own && pass.head == *head)
     }
 
@@ -189,7 +201,7 @@ impl Peers {
         until: impl Fn() -> u64,
     ) -> Result<LiveStream, String> {
         let open = async {
-            let (stream, at) = connect(door).await?;
+            let (stream, at) = connect(door, self.own.as_ref()).await?;
             let address = format!("ws://{at}{}", onward.target);
             let mut request = address.into_client_request().map_err(|error| error.to_string())?;
             request.headers_mut().extend(onward.headers.clone());
@@ -232,7 +244,7 @@ impl Peers {
         until: impl Fn() -> u64,
     ) -> Result<Response<Incoming>, Failed> {
         let not_sent = |error: String| Failed::NotSent(format!("{}: {error}", door.url));
-        let connected = tokio::time::timeout(CONNECT_WITHIN, connect(door)).await;
+        let connected = tokio::time::timeout(CONNECT_WITHIN, connect(door, self.own.as_ref())).await;
         let (stream, at) = connected
             .map_err(|_| not_sent(format!("no connection within {CONNECT_WITHIN:?}")))?
             .map_err(not_sent)?;
@@ -260,7 +272,7 @@ pub trait Stream: AsyncRead + AsyncWrite + Send + Unpin {}
 impl<S: AsyncRead + AsyncWrite + Send + Unpin> Stream for S {}
 
 /// Connects to a gateway. Returns the address that was reached, too: every gateway takes requests to that.
-async fn connect(door: &Door) -> Result<(Box<dyn Stream>, String), String> {
+async fn connect(door: &Door, own: Option<&Tls>) -> Result<(Box<dyn Stream>, String), String> {
     let (is_secure, host) = match (door.url.strip_prefix("https://"), door.url.strip_prefix("http://")) {
         (Some(host), _) => (true, host),
         (None, Some(host)) => (false, host),
@@ -275,7 +287,7 @@ async fn connect(door: &Door) -> Result<(Box<dyn Stream>, String), String> {
     }
     let expected = door.certificate.clone().ok_or("the store does not have its certificate")?;
     let is_it = move |der: &[u8]| crate::certificate::fingerprint_of(der) == expected;
-    let stream = r6_http::connect_to(stream, is_it).await.map_err(|error| error.to_string())?;
+    let stream = r6_http::connect_to(stream, own, is_it).await.map_err(|error| error.to_string())?;
     Ok((Box::new(stream), at))
 }
 
@@ -311,6 +323,11 @@ fn hash(body: &[u8]) -> [u8; 32] {
 mod tests {
     use super::*;
 
+    fn certificate() -> Tls {
+        let made = rcgen::generate_simple_self_signed(vec!["localhost".to_owned()]).unwrap();
+        Tls::new(made.cert.pem().as_bytes(), made.signing_key.serialize_pem().as_bytes()).unwrap()
+    }
+
     fn headers(lines: &[(&'static str, &'static str)]) -> HeaderMap {
         let of = |(name, value): &(&'static str, &'static str)| {
             (HeaderName::from_static(name), HeaderValue::from_static(value))
@@ -320,8 +337,9 @@ mod tests {
 
     #[test]
     fn a_pass_is_for_one_request_to_one_gateway_once() {
-        let peers = Peers::new().unwrap();
+        let peers = Peers::new(None).unwrap();
         let (to, sent, body) = (9, [1; 32], b"{}");
+        let door = Door { key: peers.public_key(), certificate: Some("A".to_owned()), ..Door::default() };
         let pass = Pass {
             from: 3,
             to,
@@ -333,11 +351,24 @@ mod tests {
             source: None,
         };
         let text = peers.key.sign(&pass);
-        let key = |number| (number == 3).then(|| peers.public_key());
-        assert_eq!(Peers::open(&text, to, &sent, key), Some(pass.clone()));
-        assert_eq!(Peers::open(&text, 8, &sent, key), None, "another gateway, or an earlier start");
-        assert_eq!(Peers::open(&text, to, &[2; 32], key), None, "another head");
-        assert_eq!(Peers::open(&text, to, &sent, |_| None), None, "who signed is not known");
+        let of = |number| (number == 3).then_some(&door);
+        let open = |to, head, shown| peers.open(&text, to, (head, shown), of);
+        assert_eq!(open(to, &sent, None), Some(pass.clone()));
+        assert_eq!(open(8, &sent, None), None, "another gateway, or an earlier start");
+        assert_eq!(open(to, &[2; 32], None), None, "another head");
+        assert_eq!(peers.open(&text, to, (&sent, None), |_| None), None, "who signed is not known");
+        let secure = Peers { own: Some(certificate()), ..Peers::new(None).unwrap() };
+        let open = |shown| secure.open(&text, to, (&sent, shown), of);
+        assert_eq!(open(Some("A")), Some(pass.clone()));
+        assert_eq!(
+            (open(Some("B")), open(None)),
+            (None, None),
+            "whoever has the pass has not the certificate"
+        );
+        let plain = Door { certificate: None, ..door.clone() };
+        let open = |shown| secure.open(&text, to, (&sent, shown), |_| Some(&plain));
+        assert_eq!(open(None), Some(pass.clone()), "a gateway without TLS has none to show");
+        assert_eq!(open(Some("A")), None);
         assert_eq!(peers.admit(pass.clone(), b"{ }"), None, "another body");
         assert_eq!(peers.admit(pass.clone(), body), Some(pass.clone()));
         peers.retain(pass.until, |_| false);

@@ -143,7 +143,8 @@ impl Running {
         for told in told.await? {
             tracing::warn!("{told}");
         }
-        let peers = Peers::new().map_err(StoreError::Unavailable)?;
+        let peers = Peers::new(sharing.certificate.as_ref().map(Certificate::tls))
+            .map_err(StoreError::Unavailable)?;
         let door = Door {
             url: sharing.url.clone(),
             key: peers.public_key(),

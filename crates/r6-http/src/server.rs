@@ -22,6 +22,7 @@ use tracing::{debug, warn};
 use crate::afterwards::Afterwards;
 use crate::ends_with::EndsWith;
 use crate::in_json::InJson;
+use crate::shown::{self, Shown};
 use crate::slowed::Slowed;
 use crate::stalled::Stalled;
 use crate::tls::Tls;
@@ -112,10 +113,13 @@ pub async fn serve_until(
         let (tls, router) = (tls.clone(), router.clone());
         async move {
             let Some(tls) = tls else {
-                return converse(Slowed::new(stream), Peer(peer), router, state).await;
+                return converse(Slowed::new(stream), (Peer(peer), None), router, state).await;
             };
             match tls.accept(stream).await {
-                Ok(stream) => converse(stream, Peer(peer), router, state).await,
+                Ok(stream) => {
+                    let shown = shown::of(stream.get_ref().1);
+                    converse(stream, (Peer(peer), shown), router, state).await;
+                }
                 Err(error) => debug!(%peer, %error, "a connection got no TLS"),
             }
         }
@@ -125,7 +129,8 @@ pub async fn serve_until(
 
 /// Accepts and serves connections without TLS for as long as it is polled.
 pub async fn serve_plain(listener: impl Listener, router: Router) {
-    let greet = |stream, peer, state| converse(Slowed::new(stream), Peer(peer), router.clone(), state);
+    let greet =
+        |stream, peer, state| converse(Slowed::new(stream), (Peer(peer), None), router.clone(), state);
     attend(listener, greet, std::future::pending(), Duration::ZERO).await;
 }
 
@@ -272,7 +277,7 @@ async fn ended(end: &mut watch::Receiver<Option<EndsWith>>) {
     }
 }
 
-async fn converse<S>(stream: S, peer: Peer, router: Router, state: Arc<GuestState>)
+async fn converse<S>(stream: S, (peer, shown): (Peer, Option<Shown>), router: Router, state: Arc<GuestState>)
 where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
@@ -285,6 +290,9 @@ where
     let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
         state.is_kept.store(false, Ordering::Relaxed);
         request.extensions_mut().insert(peer);
+        if let Some(shown) = shown.clone() {
+            request.extensions_mut().insert(shown);
+        }
         request.extensions_mut().insert(Guest(Arc::clone(&state)));
         let answer = router.call(request);
         let (state, left, ends) = (Arc::clone(&state), Arc::clone(&left), Arc::clone(&ends));

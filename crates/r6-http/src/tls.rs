@@ -7,16 +7,18 @@ use std::time::Duration;
 
 use axum::http::StatusCode;
 use r6_api::{Code, Problem};
-use rustls::ServerConfig;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
-use rustls::server::ParsedCertificate;
+use rustls::server::{Acceptor, ParsedCertificate, WantsServerCert};
+use rustls::sign::CertifiedKey;
+use rustls::{ConfigBuilder, ServerConfig, WantsVerifier};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use tokio_rustls::TlsAcceptor;
+use tokio_rustls::LazyConfigAcceptor;
 use tokio_rustls::server::TlsStream;
 
 use crate::in_json::bare_answer;
+use crate::shown::{Any, PROTOCOL};
 use crate::slowed::Slowed;
 
 /// How long the handshake may take, from the opening of the connection: three messages each way over a slow
@@ -30,9 +32,23 @@ const HANDSHAKE_RECORD: u8 = 22;
 const MAX_CHAIN: usize = 16;
 
 /// The certificate of a server. Its clones are the same certificate: [`Self::replace`] changes it for all
-/// connections that come later.
+/// connections that come later. The server shows it to its clients, and to another server that it connects to
+/// ([`crate::connect_to`]).
 #[derive(Clone)]
-pub struct Tls(Arc<RwLock<Arc<ServerConfig>>>);
+pub struct Tls(Arc<RwLock<Arc<Configs>>>);
+
+/// One certificate, for each kind of connection.
+struct Configs {
+    /// From clients, which have no certificates.
+    clients: Arc<ServerConfig>,
+    /// From other servers, which show theirs.
+    servers: Arc<ServerConfig>,
+    /// What this server shows to others.
+    own: Arc<CertifiedKey>,
+}
+
+/// A configuration that has no key yet.
+type Unkeyed = ConfigBuilder<ServerConfig, WantsServerCert>;
 
 /// Why a certificate cannot be used.
 #[derive(Debug)]
@@ -64,7 +80,7 @@ impl Tls {
     /// # Errors
     /// [`BadCertificate`].
     pub fn new(certificates: &[u8], key: &[u8]) -> Result<Self, BadCertificate> {
-        Ok(Self(Arc::new(RwLock::new(config(certificates, key)?))))
+        Ok(Self(Arc::new(RwLock::new(configs(certificates, key)?))))
     }
 
     /// Uses another certificate for connections from now on. Those that are open keep theirs.
@@ -72,9 +88,18 @@ impl Tls {
     /// # Errors
     /// [`BadCertificate`]: nothing was changed.
     pub fn replace(&self, certificates: &[u8], key: &[u8]) -> Result<(), BadCertificate> {
-        let config = config(certificates, key)?;
-        *self.0.write().unwrap_or_else(PoisonError::into_inner) = config;
+        let configs = configs(certificates, key)?;
+        *self.0.write().unwrap_or_else(PoisonError::into_inner) = configs;
         Ok(())
+    }
+
+    /// What this server shows to another one.
+    pub(crate) fn own(&self) -> Arc<CertifiedKey> {
+        Arc::clone(&self.now().own)
+    }
+
+    fn now(&self) -> Arc<Configs> {
+        Arc::clone(&self.0.read().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Does the handshake with a peer. A peer that speaks plain HTTP gets an answer that says so.
@@ -82,7 +107,7 @@ impl Tls {
     /// # Errors
     /// The peer closed the connection, took too long, or is no client of TLS.
     pub(crate) async fn accept(&self, stream: TcpStream) -> io::Result<TlsStream<Slowed<TcpStream>>> {
-        let config = Arc::clone(&self.0.read().unwrap_or_else(PoisonError::into_inner));
+        let configs = self.now();
         let shake = async {
             let mut first = [0];
             if stream.peek(&mut first).await? == 0 {
@@ -92,7 +117,11 @@ impl Tls {
                 turn_away(stream).await;
                 return Err(io::Error::other("the peer does not speak TLS"));
             }
-            TlsAcceptor::from(config).accept(Slowed::new(stream)).await
+            let begun = LazyConfigAcceptor::new(Acceptor::default(), Slowed::new(stream)).await?;
+            let spoken = begun.client_hello().alpn();
+            let is_server = spoken.is_some_and(|mut spoken| spoken.any(|protocol| protocol == PROTOCOL));
+            let config = if is_server { &configs.servers } else { &configs.clients };
+            begun.into_stream(Arc::clone(config)).await
         };
         tokio::time::timeout(HANDSHAKE_TIME, shake).await.map_err(|_| io::ErrorKind::TimedOut)?
     }
@@ -137,16 +166,30 @@ fn chain(certificates: &[u8]) -> Result<Vec<CertificateDer<'static>>, BadCertifi
     Ok(chain)
 }
 
-fn config(certificates: &[u8], key: &[u8]) -> Result<Arc<ServerConfig>, BadCertificate> {
+fn configs(certificates: &[u8], key: &[u8]) -> Result<Arc<Configs>, BadCertificate> {
     let chain = chain(certificates)?;
     let key = PrivateKeyDer::from_pem_slice(key).map_err(|error| BadCertificate::Key(error.to_string()))?;
     let provider = Arc::new(rustls::crypto::ring::default_provider());
-    // TLS 1.2 and 1.3.
-    let config = ServerConfig::builder_with_provider(provider).with_safe_default_protocol_versions();
-    let config = config.map_err(BadCertificate::Pair)?.with_no_client_auth();
-    let mut config = config.with_single_cert(chain, key).map_err(BadCertificate::Pair)?;
-    config.alpn_protocols = vec![b"http/1.1".to_vec()];
-    Ok(Arc::new(config))
+    let own = CertifiedKey::from_der(chain.clone(), key.clone_key(), &provider);
+    let own = Arc::new(own.map_err(BadCertificate::Pair)?);
+    let config = |verifier: fn(ConfigBuilder<ServerConfig, WantsVerifier>) -> Unkeyed, protocol: &[u8]| {
+        // TLS 1.2 and 1.3.
+        let builder = ServerConfig::builder_with_provider(Arc::clone(&provider));
+        let builder = builder.with_safe_default_protocol_versions().map_err(BadCertificate::Pair)?;
+        let config = verifier(builder).with_single_cert(chain.clone(), key.clone_key());
+        let mut config = config.map_err(BadCertificate::Pair)?;
+        config.alpn_protocols = vec![protocol.to_vec()];
+        Ok(Arc::new(config))
+    };
+    let clients = config(|builder| builder.with_no_client_auth(), b"http/1.1")?;
+    let servers = config(
+        |builder| {
+            let provider = Arc::clone(builder.crypto_provider());
+            builder.with_client_cert_verifier(Arc::new(Any(provider)))
+        },
+        PROTOCOL,
+    )?;
+    Ok(Arc::new(Configs { clients, servers, own }))
 }
 
 /// Says that the connection needs TLS, and lets the peer read it.

@@ -23,13 +23,14 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use r6_api::Code;
-use r6_http::Refusal;
+use r6_http::{Refusal, Shown};
 use tokio::time::{Instant, sleep, timeout};
 
 pub use self::gather::{gather, robots};
 use self::places::Places;
 use super::caller::Caller;
 use super::{State, body, refusal};
+use crate::certificate::fingerprint_of;
 use crate::core::name::RobotName;
 use crate::core::owner::{Owned, Phase};
 use crate::core::pass::Bearer;
@@ -223,12 +224,15 @@ async fn admit(state: &State, request: Request) -> Result<Request, Refusal> {
     let target = parts.uri.path_and_query().map_or("/", |target| target.as_str());
     let head = peers::head(&parts.method, target, &parts.headers);
     let text = parts.headers.get(PASS).and_then(|text| text.to_str().ok()).unwrap_or_default();
-    // The other one may have been started a moment ago: a look at the rows comes twice a second.
+    // The other one may have been started a moment ago, or have another certificate since: a look at the rows
+    // comes twice a second.
+    let shown = parts.extensions.get().map(|Shown(certificate)| fingerprint_of(certificate));
+    let shown = shown.as_deref();
     let begun = Instant::now();
-    while owners.is_from_unknown(text) && begun.elapsed() < KNOWN_WITHIN {
+    while owners.is_from_unknown(text, shown) && begun.elapsed() < KNOWN_WITHIN {
         sleep(LOOK).await;
     }
-    let pass = owners.open(text, &head).ok_or_else(refused)?;
+    let pass = owners.open(text, &head, shown).ok_or_else(refused)?;
     let body = body::bytes(body).await?;
     let pass = owners.admit(pass, &body).ok_or_else(refused)?;
     parts.headers.remove(PASS);

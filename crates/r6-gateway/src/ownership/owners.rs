@@ -288,21 +288,24 @@ impl Owners {
         self.store_time().map_or(0, |now| now + PASS_LASTS)
     }
 
-    /// Whether a pass says that it is for this gateway, and is of a gateway that this one does not know yet.
+    /// Whether a pass says that it is for this gateway, and is of a gateway, or came with the SHA-256 of a
+    /// certificate, that this one does not know yet.
     #[must_use]
-    pub fn is_from_unknown(&self, text: &str) -> bool {
-        let claimed = pass::claimed(text);
+    pub fn is_from_unknown(&self, text: &str, shown: Option<&str>) -> bool {
+        let (Some((from, to)), Some(both)) = (pass::claimed(text), &self.0) else { return false };
         let is_new = |held: &mut Held| {
-            claimed.is_some_and(|(from, to)| to == held.number && !held.doors.contains_key(&from))
+            let door = held.doors.get(&from);
+            to == held.number && door.is_none_or(|door| shown.is_some() && !both.peers.fits(door, shown))
         };
         self.with(is_new).unwrap_or(false)
     }
 
-    /// The pass in this text, if it is of another gateway, for a request with this head.
+    /// The pass in this text, if it is of another gateway, for a request with this head, which came with the
+    /// SHA-256 of this certificate.
     #[must_use]
-    pub fn open(&self, text: &str, head: &[u8; 32]) -> Option<Pass> {
+    pub fn open(&self, text: &str, head: &[u8; 32], shown: Option<&str>) -> Option<Pass> {
         let (own, doors) = self.with(|held| (held.number, held.doors.clone()))?;
-        Peers::open(text, own, head, |number| doors.get(&number).map(|door| door.key.clone()))
+        self.0.as_ref()?.peers.open(text, own, (head, shown), |number| doors.get(&number))
     }
 
     /// The pass, if it is for this body, is not too old and was not taken before.
@@ -451,7 +454,7 @@ mod tests {
 
     #[test]
     fn a_pass_has_an_end_and_an_owner_lasts_as_long_as_its_beat() {
-        let owners = Owners::shared(Peers::new().unwrap());
+        let owners = Owners::shared(Peers::new(None).unwrap());
         owners.set_number(2, "http://here");
         assert!(owners.admit(pass(u64::MAX), b"").is_none(), "the time is not known");
         let press = Owned::Robot(RobotName::new("press").unwrap());

@@ -1,5 +1,6 @@
 //! Requests for a robot that another gateway owns: passed on to it, once.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use r6_gateway::{Gateway, GatewaySettings, TlsSettings};
@@ -9,6 +10,7 @@ use serde_json::{Value, json};
 use crate::far::listed;
 use crate::gateways::{Here, There, beside, command, database, lease, settings_of};
 use crate::support::{Browser, PASSWORD, PATIENCE, call, call_with, commands, ready_to_start, request};
+use crate::tls::exchange_with;
 
 /// Within this time after its owner froze, a stop has come to the robot: a takeover takes 5 s, and a machine
 /// that is busy longer.
@@ -170,14 +172,82 @@ async fn a_command_to_a_frozen_owner_is_not_sent_again_and_a_stop_reaches_the_ro
     here.gateway.shutdown().await.unwrap();
 }
 
+/// A gateway with a certificate that it makes, in front of this robot.
+async fn with_tls(url: &str, data: &Path, press: &VirtualController) -> Gateway {
+    let all = [("press".to_owned(), press.address())];
+    let settings = GatewaySettings { tls: TlsSettings::Made, ..settings_of(url, data, &all) };
+    Gateway::start(settings).await.unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn gateways_with_tls_ask_each_other_with_their_certificates() {
+    let Some((server, url, token)) = database("the test of certificates on both sides").await else { return };
+    let press = VirtualController::start().await.unwrap();
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let one = with_tls(&url, folders[0].path(), &press).await;
+    let other = with_tls(&url, folders[1].path(), &press).await;
+    let certificate = std::fs::read(other.certificate().unwrap().path()).unwrap();
+    let (at, bearer) = (other.address(), format!("Authorization: Bearer {token}\r\n"));
+    let ask = async |method, path, body| {
+        let reply = exchange_with((at, &certificate), method, path, &bearer, body).await;
+        let status: u16 = reply.split(' ').nth(1).unwrap().parse().unwrap();
+        let body = serde_json::from_str(reply.split_once("\r\n\r\n").unwrap().1).unwrap_or(Value::Null);
+        (status, body)
+    };
+    let begun = Instant::now();
+    // What is passed on is answered, and live values come.
+    loop {
+        let (status, state) = ask("GET", "/v1/robots/press", "").await;
+        let robots = ask("GET", "/v1/robots", "").await.1;
+        if status == 200 && state["link"] == "up" && robots["robots"][0]["link"] == "up" {
+            break;
+        }
+        assert!(begun.elapsed() < PATIENCE, "{status} {state} {robots}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert_eq!((one.owned(), other.owned()), (Some(1), Some(0)));
+    let (status, lease) = ask("POST", "/v1/robots/press/lease", "{}").await;
+    assert_eq!(status, 200, "{lease}");
+    // The row of the gateway that asks has another certificate: what comes from it is another's.
+    let told = format!("https://localhost:{}", at.port());
+    let told = [told, format!("https://{at}")];
+    let (wrong, silent) = (url.clone(), server);
+    let found = beside(move || {
+        let urls = told.map(|url| format!("'{url}'")).join(", ");
+        silent.sql(
+            &wrong,
+            &format!(
+                "CREATE FUNCTION r6_gateway.wrong() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
+                 NEW.certificate := 'AA:BB'; RETURN NEW; END $$;
+                 CREATE TRIGGER wrong BEFORE UPDATE ON r6_gateway.gateway FOR EACH ROW
+                 WHEN (NEW.name IN ({urls})) EXECUTE FUNCTION r6_gateway.wrong();"
+            ),
+        )
+    });
+    found.await;
+    let begun = Instant::now();
+    loop {
+        let (status, problem) = ask("GET", "/v1/robots/press", "").await;
+        if status == 503 {
+            let message = problem["message"].as_str().unwrap();
+            assert!(message.contains("takes no request of this gateway"), "{problem}");
+            break;
+        }
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    let (status, problem) = ask("POST", "/v1/robots/press/lease", "{}").await;
+    assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "nothing was done: {problem}");
+    one.shutdown().await.unwrap();
+    other.shutdown().await.unwrap();
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_gateway_with_tls_is_known_by_its_certificate() {
     let Some((server, url, token)) = database("the test of gateways with TLS").await else { return };
     let press = VirtualController::start().await.unwrap();
-    let all = vec![("press".to_owned(), press.address())];
     let data = tempfile::tempdir().unwrap();
-    let settings = GatewaySettings { tls: TlsSettings::Made, ..settings_of(&url, data.path(), &all) };
-    let one = Gateway::start(settings).await.unwrap();
+    let one = with_tls(&url, data.path(), &press).await;
     let other = Here::start(&url, &token, &[("press", press.address())]).await;
     let begun = Instant::now();
     let state = loop {

@@ -96,7 +96,18 @@ async fn a_client_that_trusts_the_certificate_is_served_under_its_names_only() {
 
 /// One request of a client that trusts the certificate: head and body.
 async fn exchange(made: &Made, method: &str, path: &str, headers: &str, body: &str) -> String {
-    let mut stream = connect(made.gateway.address(), "localhost", &made.certificate).await.unwrap();
+    exchange_with((made.gateway.address(), &made.certificate), method, path, headers, body).await
+}
+
+/// The same with the gateway that has this address and this certificate.
+pub async fn exchange_with(
+    (gateway, certificate): (SocketAddr, &[u8]),
+    method: &str,
+    path: &str,
+    headers: &str,
+    body: &str,
+) -> String {
+    let mut stream = connect(gateway, "localhost", certificate).await.unwrap();
     let head = format!(
         "{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{headers}\
          Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
@@ -106,6 +117,23 @@ async fn exchange(made: &Made, method: &str, path: &str, headers: &str, body: &s
     let mut reply = String::new();
     stream.read_to_string(&mut reply).await.unwrap();
     reply
+}
+
+/// Clients of people are not asked for a certificate, as the other tests here show.
+#[tokio::test]
+async fn who_says_to_be_a_gateway_has_to_show_a_certificate() {
+    let made = made().await;
+    let mut roots = RootCertStore::empty();
+    roots.add(CertificateDer::from_pem_slice(&made.certificate).unwrap()).unwrap();
+    let mut config = ClientConfig::builder().with_root_certificates(roots).with_no_client_auth();
+    config.alpn_protocols = vec![b"http/1.1".to_vec(), b"r6-server".to_vec()];
+    let stream = TcpStream::connect(made.gateway.address()).await.unwrap();
+    let name = ServerName::try_from("localhost").unwrap();
+    let connected = TlsConnector::from(Arc::new(config)).connect(name, stream).await;
+    // With TLS 1.3 the client learns it with the first bytes that it reads.
+    let read = async { connected?.read_u8().await };
+    let error = read.await.unwrap_err();
+    assert!(error.to_string().contains("CertificateRequired"), "{error}");
 }
 
 #[tokio::test]
