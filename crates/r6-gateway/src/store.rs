@@ -57,7 +57,9 @@ pub const MAX_TOKENS: usize = 10_000;
 /// The most entries of one page of the audit log.
 pub const MAX_PAGE: usize = 1_000;
 
-/// A place that keeps what must outlive the process. When a method that writes returns, its data is durable.
+/// A place that keeps what must outlive the process. When a method that writes returns, its data is durable:
+/// it survives a power cut. The outcomes of commands ([`Self::append`] of nothing else, [`Self::end_command`])
+/// survive the end of the process then, and a power cut after [`Self::settle`].
 pub trait Store: Send {
     /// What is written from now on is about these robots, and belongs to these terms. A store that others
     /// share writes only while all of the claims hold.
@@ -78,6 +80,16 @@ pub trait Store: Send {
     /// # Errors
     /// [`StoreError`]: nothing was appended, or that is unknown.
     fn append(&mut self, records: &[AuditRecord]) -> Result<u64, StoreError>;
+
+    /// Makes durable what only survives the end of the process yet. To be called soon after an outcome was
+    /// written.
+    ///
+    /// # Errors
+    /// [`StoreError`]: after a power cut the outcomes may be missing, and the next start writes that they are
+    /// unknown.
+    fn settle(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
 
     /// Entries of the audit log after a number, oldest first, at most [`MAX_PAGE`].
     ///

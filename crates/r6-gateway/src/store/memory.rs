@@ -1,6 +1,8 @@
 //! A store that keeps nothing beyond the process, for tests.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use r6_api::gateway::{AuditRecord, Deed, Run};
 
@@ -44,6 +46,8 @@ pub struct Memory {
     last_run: u64,
     /// The commands with a key, the oldest first.
     commands: VecDeque<MemoryCommand>,
+    /// How often it was settled.
+    settled: Arc<AtomicUsize>,
 }
 
 #[derive(Debug)]
@@ -62,6 +66,16 @@ struct MemoryRun {
     kept: KeptRun,
 }
 
+#[cfg(test)]
+impl Memory {
+    /// A store, and how often it was settled.
+    pub fn counting() -> (Self, Arc<AtomicUsize>) {
+        let store = Self::default();
+        let settled = Arc::clone(&store.settled);
+        (store, settled)
+    }
+}
+
 impl Store for Memory {
     fn append(&mut self, records: &[AuditRecord]) -> Result<u64, StoreError> {
         let first = self.entries.last().map_or(1, |entry| entry.number + 1);
@@ -72,6 +86,11 @@ impl Store for Memory {
             self.entries.push(Entry { number, body, hash });
         }
         Ok(first)
+    }
+
+    fn settle(&mut self) -> Result<(), StoreError> {
+        self.settled.fetch_add(1, Ordering::SeqCst);
+        Ok(())
     }
 
     fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {

@@ -1,4 +1,5 @@
-//! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit.
+//! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit. Only outcomes of
+//! commands are synchronised right after it (`settle.rs`).
 
 mod cameras;
 mod commands;
@@ -7,6 +8,7 @@ mod heads;
 mod points;
 mod programs;
 mod runs;
+mod settle;
 mod tables;
 mod users;
 mod versions;
@@ -15,6 +17,7 @@ use r6_api::gateway::{ActedBy, AuditRecord, RobotIdentity, Run};
 use rusqlite::{Connection, OptionalExtension, Transaction, TransactionBehavior, params};
 
 pub use self::file::{FILE, HALF_RESTORED, HISTORY, copy};
+use self::settle::Unsettled;
 use self::tables::TABLES;
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
@@ -52,6 +55,8 @@ const LEASES_SINCE_BACKUP: u64 = 1_000_000;
 #[derive(Debug)]
 pub struct Sqlite {
     connection: Connection,
+    /// Outcomes that were written and not synchronised.
+    unsettled: Unsettled,
 }
 
 impl Sqlite {
@@ -148,6 +153,13 @@ fn tokens(connection: &Connection) -> Result<Vec<Token>, StoreError> {
 
 impl Store for Sqlite {
     fn append(&mut self, records: &[AuditRecord]) -> Result<u64, StoreError> {
+        if settle::are_outcomes(records) {
+            return self.write_unsettled(|transaction| {
+                let first = append_in(&transaction, records)?;
+                transaction.commit()?;
+                Ok(first)
+            });
+        }
         let transaction = self.write()?;
         if records.is_empty() {
             // To see whether the disk takes something, something has to be written.
@@ -156,6 +168,10 @@ impl Store for Sqlite {
         let first = append_in(&transaction, records)?;
         transaction.commit()?;
         Ok(first)
+    }
+
+    fn settle(&mut self) -> Result<(), StoreError> {
+        self.unsettled.settle()
     }
 
     fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
@@ -513,7 +529,7 @@ impl Store for Sqlite {
     }
 
     fn end_command(&mut self, intent: u64, answer: &str, outcome: &AuditRecord) -> Result<(), StoreError> {
-        commands::end(self.write()?, intent, answer, outcome)
+        self.write_unsettled(|transaction| commands::end(transaction, intent, answer, outcome))
     }
 }
 

@@ -6,6 +6,7 @@ use std::time::Duration;
 use rusqlite::{Connection, OpenFlags};
 
 use super::Sqlite;
+use super::settle::Unsettled;
 use super::tables::TABLES;
 use crate::files;
 use crate::store::StoreError;
@@ -69,7 +70,7 @@ impl Sqlite {
             OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
         let connection = Connection::open_with_flags(uri(&path, is_still)?, flags)?;
         connection.busy_timeout(BUSY)?;
-        let store = Self { connection };
+        let store = Self { connection, unsettled: Unsettled::default() };
         if store.version()? > TABLES.len() {
             return Err(newer(&path, store.version()?));
         }
@@ -86,7 +87,7 @@ impl Sqlite {
         connection.busy_timeout(BUSY)?;
         connection.pragma_update(None, "journal_mode", "WAL")?;
         connection.pragma_update(None, "synchronous", "FULL")?;
-        Self { connection }.with_tables(path)
+        Self { connection, unsettled: Unsettled::of(path) }.with_tables(path)
     }
 
     /// A store that is in memory alone.
@@ -95,7 +96,8 @@ impl Sqlite {
     /// [`StoreError::Unavailable`].
     #[cfg(feature = "simulation")]
     pub fn in_memory() -> Result<Self, StoreError> {
-        Self { connection: Connection::open_in_memory()? }.with_tables(Path::new(":memory:"))
+        let connection = Connection::open_in_memory()?;
+        Self { connection, unsettled: Unsettled::default() }.with_tables(Path::new(":memory:"))
     }
 
     /// Whether the file takes no more pages, as on a full disk.
