@@ -1,6 +1,7 @@
 //! A running gateway.
 
 mod begin;
+mod front;
 mod raw_ports;
 
 use std::fmt;
@@ -18,6 +19,7 @@ use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 
 pub(crate) use self::begin::{Begun, begin, close_open, record, started, take_over};
+use self::front::Front;
 use crate::accounts::Accounts;
 use crate::auditor::{self, AuditSettings, Auditor, open_key};
 use crate::backup;
@@ -179,6 +181,8 @@ pub struct Gateway {
     raw_ports: Vec<RawPort>,
     certificate: Option<Certificate>,
     server: JoinSet<()>,
+    /// Where callers are served.
+    _front: Front,
     /// Locked as long as the gateway runs.
     _lock: File,
 }
@@ -209,6 +213,8 @@ impl Gateway {
         let failed = |error| GatewayError::Listen { option: "--listen", address: listen, error };
         let listener = TcpListener::bind(listen).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
+        let front = Front::start().map_err(GatewayError::System)?;
+        let listener = front.hear(listener).map_err(failed)?;
 
         let audit = (open_key(&settings.data)?, settings.audit);
         auditor::begin(&mut store, &audit.0)?;
@@ -227,7 +233,7 @@ impl Gateway {
         let doors = (address.port(), certificate.clone());
         let state = look_after(begun, shared, doors, robots, hall, Some(audit)).await?;
         let raw_policy = SharedPolicy::new(settings.raw_policy);
-        let doors = match raw_ports::open(settings.raw, &state.fleet, &raw_policy) {
+        let doors = match raw_ports::open(settings.raw, &state.fleet, &raw_policy, &front) {
             Ok(doors) => doors,
             Err(error) => {
                 state.fleet.end().await;
@@ -237,7 +243,8 @@ impl Gateway {
         let mut server = JoinSet::new();
         let site = site(address, settings.names, &state);
         let tls = certificate.as_ref().map(Certificate::tls);
-        server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
+        let serve = r6_http::serve(listener, http::router(state.clone(), site), tls);
+        server.spawn_on(serve, front.handle());
         server.spawn(follow(certificate.clone()));
         keep_fresh(&state, &mut server);
         if let Some(auditor) = state.auditor.clone() {
@@ -246,9 +253,10 @@ impl Gateway {
         let mut raw_ports = Vec::new();
         for (port, door, listener) in doors {
             raw_ports.push(port);
-            server.spawn(raw_port::attend(door, listener));
+            server.spawn_on(raw_port::attend(door, listener), front.handle());
         }
-        Ok(Self { address, state, sharing: None, raw_policy, raw_ports, certificate, server, _lock: lock })
+        let (sharing, _front, _lock) = (None, front, lock);
+        Ok(Self { address, state, sharing, raw_policy, raw_ports, certificate, server, _front, _lock })
     }
 
     /// Starts a gateway whose store others share.
@@ -271,6 +279,8 @@ impl Gateway {
         let failed = |error| GatewayError::Listen { option: "--listen", address: listen, error };
         let listener = TcpListener::bind(listen).await.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
+        let front = Front::start().map_err(GatewayError::System)?;
+        let listener = front.hear(listener).map_err(failed)?;
         let raw_policy = SharedPolicy::new(settings.raw_policy);
         let sharing = Sharing {
             database,
@@ -288,12 +298,13 @@ impl Gateway {
         let mut server = JoinSet::new();
         let site = site(address, settings.names, &state);
         let tls = certificate.as_ref().map(Certificate::tls);
-        server.spawn(r6_http::serve(listener, http::router(state.clone(), site), tls));
+        let serve = r6_http::serve(listener, http::router(state.clone(), site), tls);
+        server.spawn_on(serve, front.handle());
         server.spawn(follow(certificate.clone()));
         keep_fresh(&state, &mut server);
         let raw_ports = Vec::new();
-        let sharing = Some(running);
-        Ok(Self { address, state, sharing, raw_policy, raw_ports, certificate, server, _lock: lock })
+        let (sharing, _front, _lock) = (Some(running), front, lock);
+        Ok(Self { address, state, sharing, raw_policy, raw_ports, certificate, server, _front, _lock })
     }
 
     /// How many robots this gateway owns; `None` if no other gateway shares its store.

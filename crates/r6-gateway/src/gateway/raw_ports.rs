@@ -5,6 +5,7 @@ use std::sync::Arc;
 use tokio::net::TcpListener;
 
 use super::GatewayError;
+use super::front::Front;
 use crate::fleet::Fleet;
 use crate::fleet::config::RobotConfig;
 use crate::raw_port::{Door, RawPort, SharedPolicy};
@@ -38,12 +39,14 @@ pub(super) fn open(
     ports: Vec<RawPort>,
     fleet: &Arc<Fleet>,
     policy: &SharedPolicy,
+    front: &Front,
 ) -> Result<Vec<(RawPort, Door, TcpListener)>, GatewayError> {
     let opened = ports.into_iter().map(|port| {
         let address = port.listen;
         let failed = |error| GatewayError::Listen { option: "--raw", address, error };
         let (door, listener) = Door::open(&port, Arc::clone(fleet), policy.clone()).map_err(failed)?;
         let listen = listener.local_addr().map_err(failed)?;
+        let listener = front.hear(listener).map_err(failed)?;
         Ok((RawPort { listen, ..port }, door, listener))
     });
     opened.collect()

@@ -47,7 +47,9 @@ async fn an_old_script_of_a_camera_works_unchanged_while_others_poll_and_hold_th
     let mut log = raw.hall.robots[0].handle().log_from_start();
     let (mut camera, mut other) = (raw.script().await, Script::from(2, raw.address()).await);
     let mut commander = Script::from(3, raw.address()).await;
-    assert_eq!(other.query("curMode").await.len(), 1);
+    for script in [&mut camera, &mut other] {
+        assert_eq!(script.query("curMode").await.len(), 1, "its connection is there");
+    }
     raw.hall.robots[0].handle().operate(&PanelAction::Press(Button::Start)).unwrap();
     assert_eq!(camera.reply().await.unwrap(), PHOTO);
     camera.send(&answer(1)).await;
@@ -91,8 +93,11 @@ async fn without_a_grant_of_the_rule_nothing_of_a_camera_leaves() {
         let told = verdict(&script.ask(&points(0, &[1.0])).await);
         assert_eq!(told, "err this address is not camera 0: a [[raw_rule]] names it in `cameras`");
     }
+    let mut events = Stream::open(raw.hall.gateway.address(), &raw.hall.viewer, "/v1/events", "").await;
     raw.hall.robots[0].handle().request_photo(0);
+    while events.next().await.unwrap().data["event"] != "photo_requested" {}
     let mut camera = raw.script().await;
+    assert_eq!(camera.query("curMode").await.len(), 1, "its connection is there");
     raw.hall.robots[0].handle().request_photo(0);
     assert_eq!(camera.reply().await.unwrap(), PHOTO);
     commander.send(&answer(1)).await;
@@ -107,6 +112,7 @@ async fn without_a_grant_of_the_rule_nothing_of_a_camera_leaves() {
 async fn a_stop_holds_for_cameras_of_the_raw_port_too() {
     let raw = Raw::with(VirtualController::start().await.unwrap(), policy()).await;
     let mut camera = raw.script().await;
+    assert_eq!(camera.query("curMode").await.len(), 1, "its connection is there");
     raw.hall.robots[0].handle().request_photo(0);
     assert_eq!(camera.reply().await.unwrap(), PHOTO);
     assert_eq!(raw.hall.stop(&raw.hall.operator, "press").await.0, 200);

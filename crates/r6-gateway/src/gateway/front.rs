@@ -1,0 +1,63 @@
+//! Threads of their own for what callers ask, over HTTP and over the raw ports.
+//!
+//! The robots of a hall have their polls on the threads of the process, a thousand of them in a tenth of a
+//! second. A request would wait behind these at each of its steps. On threads that mostly sleep, the system lets
+//! it go first. So a stop is early also if all processors are busy.
+
+use std::fmt;
+use std::io;
+
+use tokio::net::TcpListener;
+use tokio::runtime::{Builder, Handle, Runtime};
+
+/// How many threads: one can be in a long answer while the other takes a stop.
+const THREADS: usize = 2;
+
+/// The threads. They end with this value, and what runs there with them.
+pub(super) struct Front {
+    handle: Handle,
+    /// Taken when this value is dropped.
+    runtime: Option<Runtime>,
+}
+
+impl fmt::Debug for Front {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Front")
+    }
+}
+
+impl Front {
+    /// Starts the threads.
+    ///
+    /// # Errors
+    /// The system gives no threads.
+    pub(super) fn start() -> io::Result<Self> {
+        let mut builder = Builder::new_multi_thread();
+        let runtime = builder.worker_threads(THREADS).thread_name("front").enable_all().build()?;
+        Ok(Self { handle: runtime.handle().clone(), runtime: Some(runtime) })
+    }
+
+    /// Where to spawn.
+    pub(super) fn handle(&self) -> &Handle {
+        &self.handle
+    }
+
+    /// Lets these threads hear of the connections of a listener.
+    ///
+    /// # Errors
+    /// The system does not allow that.
+    pub(super) fn hear(&self, listener: TcpListener) -> io::Result<TcpListener> {
+        let listener = listener.into_std()?;
+        let _entered = self.handle.enter();
+        TcpListener::from_std(listener)
+    }
+}
+
+impl Drop for Front {
+    fn drop(&mut self) {
+        // Not by waiting: this may be in a task.
+        if let Some(runtime) = self.runtime.take() {
+            runtime.shutdown_background();
+        }
+    }
+}
