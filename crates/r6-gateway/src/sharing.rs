@@ -48,6 +48,10 @@ use crate::store::postgres::session::Hand;
 use crate::store::postgres::{Database, Postgres, look_at_server};
 use crate::store::{Keeper, StoreError, StoredRobot};
 
+/// The least time between two looks, however often others say that there is something to see: a look reads
+/// all rows.
+const BETWEEN_LOOKS: Duration = Duration::from_millis(50);
+
 /// How long a gateway that could not begin with something leaves it to others.
 const AFTER_BAD_START: Duration = Duration::from_secs(3);
 
@@ -114,7 +118,7 @@ struct Inner {
     /// fence of that term.
     unsaved_stops: Mutex<BTreeMap<RobotName, (u64, Saved)>>,
     /// Asks for a look before its time.
-    look_soon: Notify,
+    look_soon: Arc<Notify>,
     /// Whether the gateway ends.
     ends: watch::Receiver<bool>,
 }
@@ -185,7 +189,7 @@ impl Running {
             shunned: Mutex::default(),
             moved: Mutex::default(),
             unsaved_stops: Mutex::default(),
-            look_soon: Notify::new(),
+            look_soon: Arc::default(),
             ends,
         });
         let (looked, first) = oneshot::channel();
@@ -276,7 +280,7 @@ async fn blocking<T: Send + 'static>(
 /// Looks and takes again and again, until the gateway ends.
 async fn run(inner: Arc<Inner>, looked: oneshot::Sender<()>) -> Result<(), StoreError> {
     let beats = Beats::start(&inner);
-    let mut rows = OwnerRows::new(inner.sharing.database.clone());
+    let mut rows = OwnerRows::hearing(inner.sharing.database.clone(), Arc::clone(&inner.look_soon));
     let mut look = Look::default();
     let mut looked = Some(looked);
     let mut ends = inner.ends.clone();
@@ -286,7 +290,7 @@ async fn run(inner: Arc<Inner>, looked: oneshot::Sender<()>) -> Result<(), Store
             biased;
             () = ended(&mut ends) => break,
             () = tokio::time::sleep(pause) => {}
-            () = inner.look_soon.notified(), if !pause.is_zero() => {}
+            () = soon(&inner), if !pause.is_zero() => {}
         }
         let (next, begun) = look.once(&inner, &mut rows).await;
         pause = next;
@@ -322,6 +326,12 @@ async fn run(inner: Arc<Inner>, looked: oneshot::Sender<()>) -> Result<(), Store
         tracing::warn!(%error, "the store does not know that this gateway ended");
     }
     done
+}
+
+/// Waits until something is told that a look shows, and [`BETWEEN_LOOKS`] at least.
+async fn soon(inner: &Inner) {
+    tokio::time::sleep(BETWEEN_LOOKS).await;
+    inner.look_soon.notified().await;
 }
 
 async fn ended(end: &mut watch::Receiver<bool>) {

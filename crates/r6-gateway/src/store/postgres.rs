@@ -59,6 +59,18 @@ pub struct Postgres {
 }
 
 impl Postgres {
+    /// Tells the gateways that something changed which a look shows. It is committed already, so it does not
+    /// matter whether they hear it.
+    fn say_look_again(&mut self) {
+        let said = self.session.bare(async |client| {
+            owner::say_look_again(client).await;
+            Ok(())
+        });
+        if let Err(error) = said {
+            tracing::debug!(%error, "the other gateways look in their time");
+        }
+    }
+
     /// Opens the store of a database, and makes the tables that are missing. What may be written depends on
     /// the hand.
     ///
@@ -358,16 +370,20 @@ impl Store for Postgres {
                 arms::tie(client, &[(robot.name.clone(), address)], &[]).await?;
             }
             audit::append(client, std::slice::from_ref(record)).await?;
-            Ok(())
-        })
+            Ok::<_, StoreError>(())
+        })?;
+        self.say_look_again();
+        Ok(())
     }
 
     fn remove_robot(&mut self, name: &RobotName, records: &[AuditRecord]) -> Result<(), StoreError> {
         self.write(async |client| {
             robots::remove(client, name).await?;
             audit::append(client, records).await?;
-            Ok(())
-        })
+            Ok::<_, StoreError>(())
+        })?;
+        self.say_look_again();
+        Ok(())
     }
 
     fn programs(&mut self) -> Result<Vec<Kept>, StoreError> {

@@ -5,12 +5,14 @@
 //! All times are those of the server's clock.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
+use tokio::sync::Notify;
 use tokio_postgres::{Client, Row};
 
 use super::arms::{self, Tied};
-use super::session::{Durable, Hand, connect, name_of_gateway};
+use super::session::{Durable, Hand, connect, connect_hearing, name_of_gateway};
 use super::{Database, signed, unsigned};
 use crate::core::owner::{Claim, EXPIRES, Life, Owned, Seen, SeenGateway, SeenOwner};
 use crate::peers::Door;
@@ -23,6 +25,10 @@ const WITHIN: Duration = Duration::from_millis(600);
 /// For how many days the row of a gateway stays that has nothing, and gives no sign of life. A process that
 /// was frozen for longer registers again.
 const FORGOTTEN_AFTER: i32 = 1;
+
+/// The channel on which gateways say that a look shows something new. It carries nothing else, and a look
+/// comes in its time also if nobody says so.
+const CHANNEL: &str = "r6_gateway_look";
 
 /// What a look sees.
 #[derive(Clone, Debug, Default)]
@@ -57,6 +63,8 @@ pub struct Taken {
 pub struct OwnerRows {
     database: Database,
     client: Option<Client>,
+    /// Told when another gateway says that a look shows something new.
+    look_soon: Option<Arc<Notify>>,
 }
 
 impl std::fmt::Debug for OwnerRows {
@@ -69,7 +77,13 @@ impl OwnerRows {
     /// Of this database. It connects when it is used.
     #[must_use]
     pub fn new(database: Database) -> Self {
-        Self { database, client: None }
+        Self { database, client: None, look_soon: None }
+    }
+
+    /// The same. This is told when a gateway has let go of something, or a robot came or went.
+    #[must_use]
+    pub fn hearing(database: Database, look_soon: Arc<Notify>) -> Self {
+        Self { look_soon: Some(look_soon), ..Self::new(database) }
     }
 
     /// Makes a row for this gateway, which is alive then and owns nothing. Rows that tell nothing any more
@@ -236,6 +250,7 @@ impl OwnerRows {
                     &[&claim.of.as_str(), &signed(claim.fence), &signed(own)],
                 )
                 .await?;
+            say_look_again(client).await;
             Ok(())
         })
         .await
@@ -250,9 +265,23 @@ impl OwnerRows {
             client
                 .execute("UPDATE gateway SET beat = beat + 1, beat_at = NULL WHERE id = $1", &[&signed(own)])
                 .await?;
+            say_look_again(client).await;
             Ok(())
         })
         .await
+    }
+
+    async fn connected(&self) -> Result<Client, StoreError> {
+        let Some(look_soon) = self.look_soon.clone() else {
+            return connect(&self.database, Hand::Shell, Durable::Always).await;
+        };
+        let heard = move || look_soon.notify_one();
+        let client = connect_hearing(&self.database, Hand::Shell, Durable::Always, heard).await?;
+        // A pooler between may not know the word. Then a look comes in its time.
+        if let Err(error) = client.batch_execute(&format!("LISTEN {CHANNEL}")).await {
+            tracing::debug!(%error, "the store does not tell of changes");
+        }
+        Ok(client)
     }
 
     /// Asks over the connection, which is made anew after a failure.
@@ -264,7 +293,7 @@ impl OwnerRows {
         let job = async {
             let client = match before {
                 Some(client) => client,
-                None => connect(&self.database, Hand::Shell, Durable::Always).await?,
+                None => self.connected().await?,
             };
             work(&client).await.map(|done| (done, client))
         };
@@ -280,6 +309,14 @@ impl OwnerRows {
                 WITHIN.as_millis()
             ))),
         }
+    }
+}
+
+/// Tells the gateways that a look shows something new. Not within the transaction that changed it: while one
+/// that notifies commits, the server lets no other one commit.
+pub async fn say_look_again(client: &Client) {
+    if let Err(error) = client.batch_execute(&format!("NOTIFY {CHANNEL}")).await {
+        tracing::debug!(%error, "the other gateways look in their time");
     }
 }
 

@@ -2,10 +2,11 @@
 //! lost.
 
 use std::error::Error as _;
+use std::future::poll_fn;
 use std::time::Duration;
 
 use tokio::runtime::{Builder, Runtime};
-use tokio_postgres::{Client, NoTls, SimpleQueryMessage};
+use tokio_postgres::{AsyncMessage, Client, NoTls, SimpleQueryMessage};
 
 use super::database::Database;
 use crate::core::owner::Claim;
@@ -285,14 +286,29 @@ pub fn name_of_gateway(number: u64) -> String {
 /// before others may take its robots. It does not while it waits for rows of a COPY, so who takes them ends
 /// these sessions (`owner.rs`).
 pub async fn connect(database: &Database, hand: Hand, durable: Durable) -> Result<Client, StoreError> {
+    connect_hearing(database, hand, durable, || ()).await
+}
+
+/// The same. `heard` is called for each word of another session on a channel that this one listens to.
+pub async fn connect_hearing(
+    database: &Database,
+    hand: Hand,
+    durable: Durable,
+    heard: impl Fn() + Send + 'static,
+) -> Result<Client, StoreError> {
     let mut config = database.config().clone();
     if let Hand::Gateway(number) = hand {
         config.application_name(name_of_gateway(number));
     }
-    let (client, connection) = config.connect(NoTls).await.map_err(|error| named(database, &error))?;
+    let (client, mut connection) = config.connect(NoTls).await.map_err(|error| named(database, &error))?;
     tokio::spawn(async move {
-        if let Err(error) = connection.await {
-            tracing::debug!(%error, "a connection to the store ended");
+        loop {
+            match poll_fn(|context| connection.poll_message(context)).await {
+                Some(Ok(AsyncMessage::Notification(_))) => heard(),
+                Some(Ok(_)) => {}
+                Some(Err(error)) => return tracing::debug!(%error, "a connection to the store ended"),
+                None => return,
+            }
         }
     });
     let commit = match durable {

@@ -1,6 +1,9 @@
 //! What a database alone does: fences, the row of the owner, versions of tables. `store/contract.rs` has what
 //! all stores do.
 
+use std::sync::Arc;
+use std::time::Duration;
+
 use r6_api::gateway::{AuditRecord, Deed};
 use r6_testkit::postgres::{Server, shared};
 
@@ -221,6 +224,47 @@ fn a_server_that_can_lose_what_it_acknowledged_is_told() {
             .unwrap()
     };
     assert_eq!((setting(Durable::Always), setting(Durable::Soon)), ("on".to_owned(), "off".to_owned()));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn gateways_hear_at_once_that_something_is_free_or_a_robot_came() {
+    let made = tokio::task::spawn_blocking(|| database("the test of words between gateways")).await.unwrap();
+    let Some((_server, _url, database)) = made else { return };
+    let heard = Arc::new(tokio::sync::Notify::new());
+    let (mut one, mut other) =
+        (OwnerRows::new(database.clone()), OwnerRows::hearing(database.clone(), Arc::clone(&heard)));
+    one.register(1, &door("one"), "file").await.unwrap();
+    let none = other.look().await.unwrap();
+    let claims = one.take(1, &wanted(&[robot("press")]), &none.seen).await.unwrap().claims;
+    one.beat(1, None, "file").await.unwrap();
+    let quiet = tokio::time::timeout(Duration::from_millis(300), heard.notified()).await;
+    assert!(quiet.is_err(), "beats say nothing");
+    let hears = async |what: &str| {
+        let word = tokio::time::timeout(Duration::from_secs(5), heard.notified()).await;
+        assert!(word.is_ok(), "{what}");
+    };
+    one.release(1, &claims[0]).await.unwrap();
+    hears("a robot is free").await;
+    one.end(1).await.unwrap();
+    hears("a gateway has ended").await;
+    let store = tokio::task::spawn_blocking(move || Postgres::of_gateway(&database, 2).unwrap());
+    let mut store = store.await.unwrap();
+    let saw = StoredRobot {
+        name: RobotName::new("saw").unwrap(),
+        address: "10.0.0.1".to_owned(),
+        period_ms: 100,
+        read: Vec::new(),
+        model: None,
+    };
+    let record = AuditRecord { deed: Deed::RobotRemoved {}, ..started() };
+    let put = tokio::task::spawn_blocking(move || {
+        store.put_robot(&saw, &record).unwrap();
+        (store, saw.name, record)
+    });
+    let (mut store, name, record) = put.await.unwrap();
+    hears("a robot was added").await;
+    tokio::task::spawn_blocking(move || store.remove_robot(&name, &[record]).unwrap()).await.unwrap();
+    hears("a robot was removed").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
