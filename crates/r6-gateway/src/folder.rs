@@ -1,12 +1,14 @@
-//! Where the store of the gateway of a folder is: in the folder, or in a database (`--store`).
+//! The folder of a gateway: its lock, and where its store is, in the folder or in a database (`--store`).
 //!
 //! Users, leases and stops of the one place count nothing in the other. A gateway whose store is in a
 //! database leaves a marker in its folder, so that nothing takes the folder for the store by mistake.
 
+use std::fs::{File, TryLockError};
 use std::io;
 use std::path::Path;
 
 use crate::files;
+use crate::gateway::GatewayError;
 use crate::store::FILE;
 
 /// The marker. The URL of the database is not in it, because that can have a password.
@@ -38,6 +40,23 @@ pub fn mark(folder: &Path) -> io::Result<()> {
         return Ok(());
     }
     files::write(&folder.join(MARKER), TEXT)
+}
+
+/// A lock on the folder, which the system gives back when the process ends, in whatever way.
+///
+/// # Errors
+/// [`GatewayError::InUse`]: another gateway has it. The system does not allow it.
+pub fn lock(folder: &Path) -> Result<File, GatewayError> {
+    let mut options = File::options();
+    options.create(true).append(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    let file = options.open(folder.join("lock")).map_err(GatewayError::System)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(GatewayError::InUse(folder.to_owned())),
+        Err(TryLockError::Error(error)) => Err(GatewayError::System(error)),
+    }
 }
 
 #[cfg(test)]

@@ -5,10 +5,10 @@ mod front;
 mod raw_ports;
 
 use std::fmt;
-use std::fs::{File, TryLockError};
+use std::fs::File;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, UNIX_EPOCH};
 
@@ -204,7 +204,7 @@ impl Gateway {
             return Err(GatewayError::OfDatabase(settings.data));
         }
         let mut store = Sqlite::open(&settings.data)?;
-        let lock = lock(&settings.data)?;
+        let lock = folder::lock(&settings.data)?;
         let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
         raw_ports::check(&settings.raw, &robots)?;
         let listen = settings.listen;
@@ -272,7 +272,7 @@ impl Gateway {
             return Err(GatewayError::HasStore(settings.data));
         }
         files::make_folder(&settings.data).map_err(GatewayError::System)?;
-        let lock = lock(&settings.data)?;
+        let lock = folder::lock(&settings.data)?;
         let data = settings.data.clone();
         let listen = settings.listen;
         let certificate = Certificate::open(&settings.tls, &settings.data, listen.ip(), &settings.names)?;
@@ -593,19 +593,5 @@ async fn refresh(tokens: Arc<Tokens>) {
     loop {
         tokio::time::sleep(REFRESH).await;
         outage.note("the tokens cannot be read", &tokens.refresh().await);
-    }
-}
-
-/// A lock on the folder, which the system gives back when the process ends, in whatever way.
-fn lock(folder: &Path) -> Result<File, GatewayError> {
-    let mut options = File::options();
-    options.create(true).append(true);
-    #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
-    let file = options.open(folder.join("lock")).map_err(GatewayError::System)?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(GatewayError::InUse(folder.to_owned())),
-        Err(TryLockError::Error(error)) => Err(GatewayError::System(error)),
     }
 }

@@ -147,8 +147,8 @@ impl Peers {
         self.key.public()
     }
 
-    /// Whether a request with the SHA-256 of this certificate can be of the gateway behind this door: a gateway
-    /// with TLS lets no other one ask without its certificate.
+    /// Whether a request that came with a certificate of this SHA-256 can be of the gateway behind this door:
+    /// with TLS, another gateway asks with its certificate.
     #[must_use]
     pub fn fits(&self, door: &Door, shown: Option<&str>) -> bool {
         self.own.is_none() || door.certificate.as_deref() == shown
@@ -360,11 +360,7 @@ mod tests {
         let secure = Peers { own: Some(certificate()), ..Peers::new(None).unwrap() };
         let open = |shown| secure.open(&text, to, (&sent, shown), of);
         assert_eq!(open(Some("A")), Some(pass.clone()));
-        assert_eq!(
-            (open(Some("B")), open(None)),
-            (None, None),
-            "whoever has the pass has not the certificate"
-        );
+        assert_eq!((open(Some("B")), open(None)), (None, None), "the pass alone is not enough");
         let plain = Door { certificate: None, ..door.clone() };
         let open = |shown| secure.open(&text, to, (&sent, shown), |_| Some(&plain));
         assert_eq!(open(None), Some(pass.clone()), "a gateway without TLS has none to show");

@@ -58,7 +58,7 @@ pub const MAX_TOKENS: usize = 10_000;
 pub const MAX_PAGE: usize = 1_000;
 
 /// A place that keeps what must outlive the process. When a method that writes returns, its data is durable:
-/// it survives a power cut. The outcomes of commands ([`Self::append`] of nothing else, [`Self::end_command`])
+/// it survives a power cut. The outcomes of commands ([`Self::append`] of them alone, [`Self::end_command`])
 /// survive the end of the process then, and a power cut after [`Self::settle`].
 pub trait Store: Send {
     /// What is written from now on is about these robots, and belongs to these terms. A store that others

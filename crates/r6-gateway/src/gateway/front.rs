@@ -1,8 +1,8 @@
 //! Threads of their own for what callers ask, over HTTP and over the raw ports.
 //!
-//! The robots of a hall have their polls on the threads of the process, a thousand of them in a tenth of a
-//! second. A request would wait behind these at each of its steps. On threads that mostly sleep, the system lets
-//! it go first. So a stop is early also if all processors are busy.
+//! The polls of the robots are on the other threads of the process: a thousand of them in 0.1 s. A request
+//! would wait behind these at each of its steps. Threads that mostly sleep go first, says the
+//! system. So a stop is early also if all processors are busy.
 
 use std::fmt;
 use std::io;

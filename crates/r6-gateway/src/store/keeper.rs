@@ -603,7 +603,7 @@ mod tests {
             keeper.append(Vec::new()).await.unwrap();
             let begun = Instant::now();
             while settled.load(Ordering::SeqCst) <= before {
-                assert!(begun.elapsed() < Duration::from_secs(5), "nobody asks any more");
+                assert!(begun.elapsed() < Duration::from_secs(5), "it is settled although no job comes");
                 tokio::time::sleep(Duration::from_millis(1)).await;
             }
             before = settled.load(Ordering::SeqCst);

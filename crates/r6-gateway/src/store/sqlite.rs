@@ -1,5 +1,5 @@
-//! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit. Only outcomes of
-//! commands are synchronised right after it (`settle.rs`).
+//! The store in a file: SQLite with a write-ahead log, synchronised to the disk at each commit. Only outcomes
+//! of commands are synchronised right after it (`settle.rs`).
 
 mod cameras;
 mod commands;

@@ -27,7 +27,7 @@ const WITHIN: Duration = Duration::from_millis(600);
 const FORGOTTEN_AFTER: i32 = 1;
 
 /// The channel on which gateways say that a look shows something new. It carries nothing else, and a look
-/// comes in its time also if nobody says so.
+/// comes in its time without that, too.
 const CHANNEL: &str = "r6_gateway_look";
 
 /// What a look sees.

@@ -1,9 +1,9 @@
 //! Outcomes of commands: written before the answer leaves, synchronised right after.
 //!
-//! An intent has to be on the disk before its command leaves, since nothing else tells that it left. An outcome
-//! need not: if a power cut takes it, the next start finds the intent alone, and writes that the outcome is
-//! unknown. So the caller does not wait for the disk a second time. What was written is in the system's memory,
-//! and survives the end of the process.
+//! An intent has to be on the disk before its command leaves, since nothing else tells that it left. An
+//! outcome need not: if a power cut takes it, the next start finds the intent alone, and writes that the
+//! outcome is unknown. So the caller does not wait for the disk a second time. What was written is in the
+//! memory of the system, and survives the end of the process.
 
 use std::fs::OpenOptions;
 use std::path::{Path, PathBuf};
