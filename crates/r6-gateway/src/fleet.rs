@@ -81,9 +81,12 @@ struct Work {
 }
 
 impl Work {
-    fn start<T: Future<Output = ()> + Send + 'static>(work: impl FnOnce(watch::Receiver<bool>) -> T) -> Self {
+    fn start<T: Future<Output = ()> + Send + 'static>(
+        shared: &Shared,
+        work: impl FnOnce(watch::Receiver<bool>) -> T,
+    ) -> Self {
         let (end, ends) = watch::channel(false);
-        Self { end, task: tokio::spawn(work(ends)) }
+        Self { end, task: shared.spawn(work(ends)) }
     }
 
     /// Ends it in order, or after [`END`] without.
@@ -103,8 +106,8 @@ impl Post {
         if owes_stop {
             station.seat(|seat, _| seat.owe_stop());
         }
-        let link = Work::start(|end| link::keep(Arc::clone(&station), end));
-        let clerk = Work::start(|end| clerk::work(Arc::clone(&station), end));
+        let link = Work::start(shared, |end| link::keep(Arc::clone(&station), end));
+        let clerk = Work::start(shared, |end| clerk::work(Arc::clone(&station), end));
         Self { station, link: Some(link), clerk }
     }
 
@@ -208,7 +211,7 @@ impl Fleet {
         aborts.iter().for_each(tokio::task::AbortHandle::abort);
         station.cut(cause);
         // The robot is not held up for them.
-        tokio::spawn(async move { station.write_last().await });
+        self.shared.spawn(async move { station.write_last().await });
     }
 
     fn read(&self) -> RwLockReadGuard<'_, BTreeMap<RobotName, Post>> {
@@ -217,5 +220,29 @@ impl Fleet {
 
     fn write(&self) -> RwLockWriteGuard<'_, BTreeMap<RobotName, Post>> {
         self.posts.write().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use tokio::runtime::Builder;
+
+    use super::*;
+    use crate::fleet::roads::Roads;
+    use crate::store::{Keeper, Memory};
+
+    #[test]
+    fn a_robot_that_a_caller_adds_does_not_run_on_the_threads_for_callers() {
+        let runtime = Builder::new_multi_thread().worker_threads(1).thread_name("robots").build().unwrap();
+        let keeper = Keeper::start(Memory::default()).unwrap();
+        let shared = runtime.block_on(async { Shared::new(keeper, Roads::Tcp, None, 0) });
+        let (named, name) = mpsc::channel();
+        let note = move || named.send(std::thread::current().name().map(str::to_owned)).unwrap();
+        let callers = Builder::new_current_thread().build().unwrap();
+        callers.block_on(async { Work::start(&shared, |_end| async move { note() }) });
+        let ran = name.recv_timeout(Duration::from_secs(5)).unwrap();
+        assert_eq!(ran.as_deref(), Some("robots"));
     }
 }

@@ -87,9 +87,7 @@ pub trait Store: Send {
     /// # Errors
     /// [`StoreError`]: after a power cut the outcomes may be missing, and the next start writes that they are
     /// unknown.
-    fn settle(&mut self) -> Result<(), StoreError> {
-        Ok(())
-    }
+    fn settle(&mut self) -> Result<(), StoreError>;
 
     /// Entries of the audit log after a number, oldest first, at most [`MAX_PAGE`].
     ///

@@ -399,7 +399,7 @@ impl Fleet {
         station.seat(|seat, _| seat.reconfigured());
         station.configure(robot);
         station.publish(Happened::RobotChanged {});
-        let link = Work::start(|end| link::keep(Arc::clone(&station), end));
+        let link = Work::start(&self.shared, |end| link::keep(Arc::clone(&station), end));
         // Meanwhile the robot may have been lost, and taken again: then it has a connection of its own.
         let mut posts = self.write();
         let post = posts.get_mut(&name).filter(|post| Arc::ptr_eq(&post.station, &station));

@@ -170,7 +170,7 @@ impl Station {
         let (answer, answered) = oneshot::channel();
         let run_id = run.run_id;
         let under_way = UnderWay { robot, ticket, by, run, answer: Some(answer), told: Instant::now() };
-        tokio::spawn(Arc::clone(&self).carry_out(taken, under_way, wish.motion));
+        self.shared.spawn(Arc::clone(&self).carry_out(taken, under_way, wish.motion));
         answered.await.unwrap_or_else(|_| {
             let message = format!("the gateway ends: what became of run {run_id} is not known");
             Err(Problem::new(Code::OutcomeUnknown, message))

@@ -206,6 +206,10 @@ impl Store for Mounted {
         self.write(|store| store.append(records))
     }
 
+    fn settle(&mut self) -> Result<(), StoreError> {
+        self.write(|store| store.settle())
+    }
+
     fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
         self.read(|store| store.entries(after, most))
     }

@@ -499,11 +499,8 @@ fn keep(mut store: impl Store, mut waiting: Receiver<Asked>) {
     loop {
         let job = next.take().or_else(|| waiting.try_recv().ok());
         let job = job.or_else(|| {
-            // The callers have their answers: only the next job waits for this. Intents behind it fail too
-            // while the disk does, so this fills no log.
-            if let Err(error) = store.settle() {
-                tracing::error!(%error, "after a power cut, the outcomes of the last commands may be missing");
-            }
+            // The callers have their answers: only the next job waits for this.
+            settle(&mut store);
             waiting.blocking_recv()
         });
         let Some(job) = job else { return };
@@ -514,8 +511,16 @@ fn keep(mut store: impl Store, mut waiting: Receiver<Asked>) {
     }
 }
 
+/// Makes outcomes durable. After a failure the next write finds a way or fails, so this fills no log.
+fn settle(store: &mut impl Store) {
+    if let Err(error) = store.settle() {
+        tracing::error!(%error, "after a power cut, the outcomes of the last commands may be missing");
+    }
+}
+
 /// Closes the store before the caller goes on, who may end the process.
-fn end(store: impl Store, answer: Answer<()>) {
+fn end(mut store: impl Store, answer: Answer<()>) {
+    settle(&mut store);
     drop(store);
     drop(answer.send(Ok(())));
 }
@@ -523,6 +528,10 @@ fn end(store: impl Store, answer: Answer<()>) {
 /// Does a job, and for appends those right behind it. Returns the first job that was taken and is not done.
 fn carry_out(store: &mut impl Store, (claim, job): Asked, waiting: &mut Receiver<Asked>) -> Option<Asked> {
     store.hold(claim.as_slice());
+    // What is shown to others is final.
+    if matches!(job, Job::Entries(..) | Job::Ends(..) | Job::Heads(..) | Job::Work(..)) {
+        settle(store);
+    }
     // A caller that has gone needs no answer.
     match job {
         Job::Append(records, answer) => {
@@ -588,25 +597,41 @@ fn carry_out(store: &mut impl Store, (claim, job): Asked, waiting: &mut Receiver
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::Ordering;
-    use std::time::{Duration, Instant};
+    use std::sync::mpsc;
+    use std::time::Duration;
+
+    use r6_api::gateway::Deed;
 
     use super::*;
     use crate::store::Memory;
 
     #[tokio::test]
-    async fn what_was_answered_is_settled_once_nothing_waits() {
-        let (store, settled) = Memory::counting();
-        let keeper = Keeper::start(store).unwrap();
-        let mut before = 0;
-        for _ in 0..3 {
-            keeper.append(Vec::new()).await.unwrap();
-            let begun = Instant::now();
-            while settled.load(Ordering::SeqCst) <= before {
-                assert!(begun.elapsed() < Duration::from_secs(5), "it is settled although no job comes");
-                tokio::time::sleep(Duration::from_millis(1)).await;
-            }
-            before = settled.load(Ordering::SeqCst);
-        }
+    async fn an_outcome_is_answered_first_and_settled_then_before_anybody_else_reads_it() {
+        let ((began, begins), (ends, may_end)) = (mpsc::channel(), mpsc::channel());
+        let keeper = Keeper::start(Memory::with_gate((began, may_end))).unwrap();
+        let settled = |what: &str| {
+            begins.recv_timeout(Duration::from_secs(5)).unwrap_or_else(|_| panic!("{what}"));
+        };
+        settled("at the start nothing waits");
+        ends.send(()).unwrap();
+        let record = AuditRecord {
+            time: "2026-01-01T00:00:00.000000Z".to_owned(),
+            actor: "token 1".to_owned(),
+            source: None,
+            robot: None,
+            deed: Deed::GatewayStarted { url: None },
+        };
+        // The answer is here, and the store is still being settled.
+        assert_eq!(keeper.append(vec![record]).await, Ok(1));
+        settled("nothing waits");
+        // A reader waits for that.
+        let reader = keeper.entries(0, 10);
+        let early = tokio::time::timeout(Duration::from_millis(50), reader).await;
+        assert!(early.is_err());
+        // Once for the idle turn, and once for each reader.
+        (0..4).for_each(|_| ends.send(()).unwrap());
+        assert_eq!(keeper.entries(0, 10).await.unwrap().len(), 1);
+        settled("the first reader");
+        settled("the second reader, or an idle turn");
     }
 }

@@ -1,8 +1,7 @@
 //! A store that keeps nothing beyond the process, for tests.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, Sender};
 
 use r6_api::gateway::{AuditRecord, Deed, Run};
 
@@ -46,9 +45,12 @@ pub struct Memory {
     last_run: u64,
     /// The commands with a key, the oldest first.
     commands: VecDeque<MemoryCommand>,
-    /// How often it was settled.
-    settled: Arc<AtomicUsize>,
+    /// Asked when it is settled.
+    settles: Option<Gate>,
 }
+
+/// Tells a test that the store is settled now, and waits until it may.
+type Gate = (Sender<()>, Receiver<()>);
 
 #[derive(Debug)]
 struct MemoryCommand {
@@ -68,11 +70,9 @@ struct MemoryRun {
 
 #[cfg(test)]
 impl Memory {
-    /// A store, and how often it was settled.
-    pub fn counting() -> (Self, Arc<AtomicUsize>) {
-        let store = Self::default();
-        let settled = Arc::clone(&store.settled);
-        (store, settled)
+    /// A store that says when it is settled, and waits then.
+    pub fn with_gate(gate: Gate) -> Self {
+        Self { settles: Some(gate), ..Self::default() }
     }
 }
 
@@ -89,7 +89,10 @@ impl Store for Memory {
     }
 
     fn settle(&mut self) -> Result<(), StoreError> {
-        self.settled.fetch_add(1, Ordering::SeqCst);
+        if let Some((began, may_end)) = &self.settles {
+            let _ = began.send(());
+            let _ = may_end.recv();
+        }
         Ok(())
     }
 

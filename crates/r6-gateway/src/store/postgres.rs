@@ -239,6 +239,11 @@ impl Store for Postgres {
         })
     }
 
+    /// The server has synchronised what it confirms.
+    fn settle(&mut self) -> Result<(), StoreError> {
+        Ok(())
+    }
+
     fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {
         self.session.read(async |client| audit::entries(client, after, most).await)
     }

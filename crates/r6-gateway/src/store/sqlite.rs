@@ -107,7 +107,7 @@ impl Sqlite {
 
     /// A transaction that writes. It begins at once, so that what it reads is what it adds to.
     fn write(&mut self) -> Result<Transaction<'_>, StoreError> {
-        Ok(self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?)
+        Ok(self.durable()?.transaction_with_behavior(TransactionBehavior::Immediate)?)
     }
 }
 
@@ -212,7 +212,7 @@ impl Store for Sqlite {
     }
 
     fn put_head(&mut self, note: &str) -> Result<(), StoreError> {
-        heads::put(&self.connection, "end", note)
+        heads::put(self.durable()?, "end", note)
     }
 
     fn cut(&mut self, until: u64, note: &str) -> Result<(), StoreError> {
@@ -305,7 +305,7 @@ impl Store for Sqlite {
     }
 
     fn remove_setup_link(&mut self) -> Result<(), StoreError> {
-        self.connection.execute("DELETE FROM link WHERE user = ''", [])?;
+        self.durable()?.execute("DELETE FROM link WHERE user = ''", [])?;
         Ok(())
     }
 

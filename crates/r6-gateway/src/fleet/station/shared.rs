@@ -2,7 +2,9 @@
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
+use tokio::runtime::Handle;
 use tokio::sync::watch;
+use tokio::task::JoinHandle;
 
 use crate::core::live::follower::Top;
 use crate::fleet::config::RobotConfig;
@@ -39,6 +41,8 @@ pub struct Shared {
     removed: AtomicU64,
     /// How many robots that were let go of have records that are not written.
     writes_last: AtomicUsize,
+    /// Where the tasks of robots run, whoever starts them: not on the threads for callers.
+    runtime: Handle,
 }
 
 /// The last records of a robot are written until this is dropped.
@@ -51,7 +55,7 @@ impl Drop for WritesLast<'_> {
 }
 
 impl Shared {
-    /// What robots share that none has used yet.
+    /// What robots share that none has used yet. Their tasks run on the runtime in which this is called.
     #[must_use]
     pub fn new(keeper: Keeper, roads: Roads, history: Option<Recorder>, epoch: u64) -> Self {
         let (news, pulse) = (News::default(), watch::Sender::new(0));
@@ -68,7 +72,16 @@ impl Shared {
             numbers: AtomicU64::new(0),
             removed: AtomicU64::new(0),
             writes_last: AtomicUsize::new(0),
+            runtime: Handle::current(),
         }
+    }
+
+    /// Starts a task of a robot.
+    pub(in crate::fleet) fn spawn<F>(&self, work: F) -> JoinHandle<F::Output>
+    where
+        F: Future<Output: Send + 'static> + Send + 'static,
+    {
+        self.runtime.spawn(work)
     }
 
     /// How many robots that were let go of have records that are not written.

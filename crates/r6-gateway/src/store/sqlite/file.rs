@@ -6,7 +6,7 @@ use std::time::Duration;
 use rusqlite::{Connection, OpenFlags};
 
 use super::Sqlite;
-use super::settle::Unsettled;
+use super::settle::{Unsettled, log_of};
 use super::tables::TABLES;
 use crate::files;
 use crate::store::StoreError;
@@ -175,6 +175,10 @@ pub fn copy(from: &Path, to: &Path) -> Result<(), StoreError> {
     let failed = |error: std::io::Error| StoreError::Unavailable(format!("{}: {error}", to.display()));
     let to_text = to.to_str().ok_or_else(|| failed(std::io::Error::other("its name is not in UTF-8")))?;
     files::make_file(to).map_err(failed)?;
+    // What is in the copy must not be lost by a power cut where it came from.
+    if let Ok(log) = std::fs::File::open(log_of(from)) {
+        log.sync_data().map_err(|error| StoreError::Unavailable(format!("{}: {error}", from.display())))?;
+    }
     // Not read-only: after a crash, the first one to open the file has to recover its log.
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(from, flags)?;
