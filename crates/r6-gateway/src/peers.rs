@@ -1,8 +1,8 @@
 //! The other gateways of the hall, as this one reaches them: over HTTP where callers find them, with a pass.
 //!
 //! With TLS, both gateways show the certificates whose SHA-256 their rows in the store have, and no authority
-//! is asked. With or without it, this gateway proves that it asks with the signature of the pass
-//! (`core/pass.rs`). Each request has a connection of its own: none waits behind another one.
+//! is asked. With TLS and without, this gateway proves that it is the one that asks with the signature of the
+//! pass (`core/pass.rs`). Each request has a connection of its own: none waits behind another one.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -148,7 +148,8 @@ impl Peers {
     }
 
     /// Whether a request that came with a certificate of this SHA-256 can be of the gateway behind this door:
-    /// with TLS, another gateway asks with its certificate.
+    /// with TLS, another gateway asks with its certificate. `None`: it came with none, as from a gateway that
+    /// has no TLS.
     #[must_use]
     pub fn fits(&self, door: &Door, shown: Option<&str>) -> bool {
         self.own.is_none() || door.certificate.as_deref() == shown

@@ -328,7 +328,7 @@ async fn run(inner: Arc<Inner>, looked: oneshot::Sender<()>) -> Result<(), Store
     done
 }
 
-/// Waits until something is told that a look shows, and [`BETWEEN_LOOKS`] at least.
+/// Waits until there is word that a look shows something new, and [`BETWEEN_LOOKS`] at least.
 async fn soon(inner: &Inner) {
     tokio::time::sleep(BETWEEN_LOOKS).await;
     inner.look_soon.notified().await;

@@ -1,8 +1,8 @@
 //! Threads of their own for what callers ask, over HTTP and over the raw ports.
 //!
 //! The polls of the robots are on the other threads of the process: a thousand of them in 0.1 s. A request
-//! would wait behind these at each of its steps. Threads that mostly sleep go first, says the
-//! system. So a stop is early also if all processors are busy.
+//! would wait behind them until it is read, and again after each write to the disk. What the robot replies is
+//! heard on those other threads.
 
 use std::fmt;
 use std::io;
@@ -10,8 +10,8 @@ use std::io;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Handle, Runtime};
 
-/// How many threads: one can be in a long answer while the other takes a stop.
-const THREADS: usize = 2;
+/// How many threads there are at least: one can be in a long answer while the other takes a stop.
+const LEAST: usize = 2;
 
 /// The threads. They end with this value, and what runs there with them.
 pub(super) struct Front {
@@ -32,8 +32,10 @@ impl Front {
     /// # Errors
     /// The system gives no threads.
     pub(super) fn start() -> io::Result<Self> {
+        // Half of the processors are left to the robots.
+        let threads = std::thread::available_parallelism().map_or(LEAST, |all| LEAST.max(all.get() / 2));
         let mut builder = Builder::new_multi_thread();
-        let runtime = builder.worker_threads(THREADS).thread_name("front").enable_all().build()?;
+        let runtime = builder.worker_threads(threads).thread_name("front").enable_all().build()?;
         Ok(Self { handle: runtime.handle().clone(), runtime: Some(runtime) })
     }
 

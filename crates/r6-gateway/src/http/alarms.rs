@@ -71,7 +71,7 @@ pub async fn all(
     Of(state): Of<State>,
     which: Result<Query<Which>, QueryRejection>,
 ) -> Result<Json<RobotAlarms>, Refusal> {
-    let Query(which) = which.map_err(|error| bad_value(error.body_text()))?;
+    let Query(which) = which.map_err(refusal::of_query)?;
     check_limit(which.limit, MAX_LIMIT)?;
     let target = format!("/v1/alarms?limit={MAX_LIMIT}&active={}", which.active);
     let others: Vec<(u64, RobotAlarms)> = forward::gather(&caller, &state, &target).await;
@@ -155,7 +155,7 @@ pub async fn show(
     robot: Robot<Read>,
     which: Result<Query<Which>, QueryRejection>,
 ) -> Result<Json<RobotAlarms>, Refusal> {
-    let Query(which) = which.map_err(|error| bad_value(error.body_text()))?;
+    let Query(which) = which.map_err(refusal::of_query)?;
     chosen(robot.station.alarms(), &which).map(Json)
 }
 

@@ -13,7 +13,7 @@ use super::State;
 use super::caller::Caller;
 use super::described::OfRight;
 use super::range::check_limit;
-use super::refusal::{self, bad_value};
+use super::refusal;
 use crate::core::role::Right;
 use crate::problem;
 use crate::store::MAX_PAGE;
@@ -51,7 +51,7 @@ pub async fn page(
     let grant = caller.grant();
     let own = grant.only.as_ref().map_or("", |only| only.as_str());
     caller.must(Right::ReadAudit, own)?;
-    let Query(Page { after, limit }) = page.map_err(|error| bad_value(error.body_text()))?;
+    let Query(Page { after, limit }) = page.map_err(refusal::of_query)?;
     check_limit(limit, MAX_PAGE)?;
     let entries = state.shared.keeper.entries(after, limit).await;
     let entries = entries.map_err(|error| refusal::of(error.into()))?;

@@ -114,7 +114,7 @@ pub async fn show(
     headers: HeaderMap,
     range: Result<Query<Range>, QueryRejection>,
 ) -> Result<Response, Refusal> {
-    let Query(range) = range.map_err(|error| bad_value(error.body_text()))?;
+    let Query(range) = range.map_err(refusal::of_query)?;
     let recorder = recorder(&state)?;
     let question = question(range, &robot.station, recorder)?;
     let (name, address) = (question.robot.clone(), question.address);
@@ -125,8 +125,16 @@ pub async fn show(
     if answer.is_too_wide {
         return Err(bad_value("a bucket of this width has too many samples: ask for a narrower one"));
     }
-    let page = page(&robot.station, &question, &answer);
-    match form(&headers, &[Form::Json, Form::Csv, Form::Parquet]) {
+    let (station, form) = (robot.station, form(&headers, &[Form::Json, Form::Csv, Form::Parquet]));
+    // A long page takes milliseconds to write. No stop waits for that.
+    let work = tokio::task::spawn_blocking(move || written(form, &station, &question, &answer));
+    work.await.map_err(refusal::of_lost_work)?
+}
+
+/// The answer in this form.
+fn written(form: Form, station: &Station, question: &Question, answer: &Answer) -> Result<Response, Refusal> {
+    let page = page(station, question, answer);
+    match form {
         Form::Json => Ok(Json(page).into_response()),
         Form::Csv => Ok(table(csv::table(&page), page.next_cursor)),
         Form::Parquet => {

@@ -61,7 +61,7 @@ pub async fn show(
     path: Result<Path<String>, PathRejection>,
     which: Result<Query<Which>, QueryRejection>,
 ) -> Result<Response, Refusal> {
-    let Query(Which { version }) = which.map_err(|error| bad_value(error.body_text()))?;
+    let Query(Which { version }) = which.map_err(refusal::of_query)?;
     let name = known(path)?;
     let versions = all_versions(&state, &name).await?;
     let mut versions = versions.into_iter();

@@ -190,7 +190,7 @@ pub async fn show(
     path: Result<Path<String>, PathRejection>,
     which: Result<Query<Which>, QueryRejection>,
 ) -> Result<Response, Refusal> {
-    let Query(Which { version: number }) = which.map_err(|error| bad_value(error.body_text()))?;
+    let Query(Which { version: number }) = which.map_err(refusal::of_query)?;
     let name = known(path)?;
     let found = state.shared.keeper.program(name.clone(), number).await;
     let (kept, program) = found.map_err(|error| refusal::of(error.into()))?.ok_or_else(|| no_such(&name))?;

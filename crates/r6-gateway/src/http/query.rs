@@ -45,7 +45,7 @@ pub async fn show(
     robot: Robot<Read>,
     wanted: Result<Query<Wanted>, QueryRejection>,
 ) -> Result<Json<Queried>, Refusal> {
-    let Query(Wanted { address }) = wanted.map_err(|error| bad_value(error.body_text()))?;
+    let Query(Wanted { address }) = wanted.map_err(refusal::of_query)?;
     let names: Vec<_> = address.split(',').map(str::trim).collect();
     if names.len() > MAX_ADDRESSES {
         return Err(bad_value(format!("a query has at most {MAX_ADDRESSES} addresses")));

@@ -1,5 +1,6 @@
 //! The HTTP status of each problem of the gateway.
 
+use axum::extract::rejection::QueryRejection;
 use axum::http::StatusCode;
 use r6_api::Code;
 use r6_http::Refusal;
@@ -17,6 +18,17 @@ pub fn of(problem: Problem) -> Refusal {
 /// `bad_value`: a value of the request is wrong.
 pub fn bad_value(message: impl Into<String>) -> Refusal {
     of(Problem::new(Code::BadValue, message))
+}
+
+/// A parameter behind the `?` of an address that is wrong.
+pub fn of_query(rejection: QueryRejection) -> Refusal {
+    let text = rejection.body_text();
+    let told = text.strip_prefix("Failed to deserialize query string: ").unwrap_or(&text);
+    let hint = match told.contains("unknown field `format`") {
+        true => "; the header `Accept` says the form, such as `Accept: text/csv`",
+        false => "",
+    };
+    bad_value(format!("{told}{hint}"))
 }
 
 /// Work that was given up, because the process ends.

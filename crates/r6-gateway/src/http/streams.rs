@@ -30,6 +30,7 @@ use tokio::time::Instant;
 use super::State;
 use super::caller::Caller;
 use super::described::OfRight;
+use super::refusal;
 use crate::http::streams::feed::Feed;
 use crate::http::streams::subscription::{Followed, Subscription, Which, bad_value, only};
 use crate::live::news::{Reading, Told};
@@ -156,7 +157,7 @@ impl Watched {
 }
 
 fn read<T>(query: Result<Query<T>, QueryRejection>) -> Result<T, Refusal> {
-    query.map(|Query(read)| read).map_err(|error| bad_value(error.body_text()))
+    query.map(|Query(read)| read).map_err(refusal::of_query)
 }
 
 fn last_event_id(headers: &HeaderMap) -> Option<&str> {

@@ -59,8 +59,8 @@ pub struct Postgres {
 }
 
 impl Postgres {
-    /// Tells the gateways that something changed which a look shows. It is committed already, so it does not
-    /// matter whether they hear it.
+    /// Tells the gateways that something changed which a look shows. It is committed: those that do not hear
+    /// this see it with their next look.
     fn say_look_again(&mut self) {
         let said = self.session.bare(async |client| {
             owner::say_look_again(client).await;

@@ -208,14 +208,13 @@ async fn gateways_with_tls_ask_each_other_with_their_certificates() {
     assert_eq!((one.owned(), other.owned()), (Some(1), Some(0)));
     let (status, lease) = ask("POST", "/v1/robots/press/lease", "{}").await;
     assert_eq!(status, 200, "{lease}");
-    // The row of the gateway that asks has another certificate: what comes from it is another's.
+    // The row of the gateway that asks has another certificate: the one that it shows is not its own then.
     let told = format!("https://localhost:{}", at.port());
     let told = [told, format!("https://{at}")];
-    let (wrong, silent) = (url.clone(), server);
-    let found = beside(move || {
+    let wrong = beside(move || {
         let urls = told.map(|url| format!("'{url}'")).join(", ");
-        silent.sql(
-            &wrong,
+        server.sql(
+            &url,
             &format!(
                 "CREATE FUNCTION r6_gateway.wrong() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
                  NEW.certificate := 'AA:BB'; RETURN NEW; END $$;
@@ -224,7 +223,7 @@ async fn gateways_with_tls_ask_each_other_with_their_certificates() {
             ),
         )
     });
-    found.await;
+    wrong.await;
     let begun = Instant::now();
     loop {
         let (status, problem) = ask("GET", "/v1/robots/press", "").await;

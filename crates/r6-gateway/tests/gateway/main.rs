@@ -3,6 +3,7 @@
 mod access;
 mod alarms;
 mod browsers;
+mod busy;
 mod cameras;
 mod commands;
 mod dials_in;

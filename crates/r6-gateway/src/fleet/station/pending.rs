@@ -88,7 +88,7 @@ impl Station {
         Ok(())
     }
 
-    /// Writes the records that wait. When this returns, they are on the disk.
+    /// Writes the records that wait. When this returns, they are in the store, as durable as that makes them.
     pub(in crate::fleet) async fn write_pending(&self) -> Result<(), StoreError> {
         self.pending.write(&self.term.keeper, None, |_| true).await.map(drop)
     }

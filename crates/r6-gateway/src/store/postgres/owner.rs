@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::Notify;
+use tokio_postgres::types::ToSql;
 use tokio_postgres::{Client, Row};
 
 use super::arms::{self, Tied};
@@ -243,17 +244,15 @@ impl OwnerRows {
     /// # Errors
     /// [`StoreError`]: then they wait.
     pub async fn release(&mut self, own: u64, claim: &Claim) -> Result<(), StoreError> {
-        self.ask(async |client| {
-            client
-                .execute(
-                    "UPDATE owner SET gateway = NULL WHERE robot = $1 AND fence = $2 AND gateway = $3",
-                    &[&claim.of.as_str(), &signed(claim.fence), &signed(own)],
-                )
-                .await?;
-            say_look_again(client).await;
-            Ok(())
-        })
-        .await
+        let released = self.ask(async |client| {
+            let change = "UPDATE owner SET gateway = NULL WHERE robot = $1 AND fence = $2 AND gateway = $3";
+            let of: [&(dyn ToSql + Sync); 3] = [&claim.of.as_str(), &signed(claim.fence), &signed(own)];
+            Ok(client.execute(change, &of).await?)
+        });
+        if released.await? > 0 {
+            self.say_look_again().await;
+        }
+        Ok(())
     }
 
     /// Says that this gateway has ended. What it still owns is free.
@@ -265,10 +264,22 @@ impl OwnerRows {
             client
                 .execute("UPDATE gateway SET beat = beat + 1, beat_at = NULL WHERE id = $1", &[&signed(own)])
                 .await?;
-            say_look_again(client).await;
             Ok(())
         })
-        .await
+        .await?;
+        self.say_look_again().await;
+        Ok(())
+    }
+
+    /// Tells the gateways that a look shows something new. What that is, is committed.
+    async fn say_look_again(&mut self) {
+        let said = self.ask(async |client| {
+            say_look_again(client).await;
+            Ok(())
+        });
+        if let Err(error) = said.await {
+            tracing::debug!(%error, "the other gateways look in their time");
+        }
     }
 
     async fn connected(&self) -> Result<Client, StoreError> {
@@ -277,7 +288,8 @@ impl OwnerRows {
         };
         let heard = move || look_soon.notify_one();
         let client = connect_hearing(&self.database, Hand::Shell, Durable::Always, heard).await?;
-        // A pooler between may not know the word. Then a look comes in its time.
+        // A pooler between can refuse that, or give what is said to another session. Then a look comes in its
+        // time.
         if let Err(error) = client.batch_execute(&format!("LISTEN {CHANNEL}")).await {
             tracing::debug!(%error, "the store does not tell of changes");
         }
@@ -312,8 +324,8 @@ impl OwnerRows {
     }
 }
 
-/// Tells the gateways that a look shows something new. Not within the transaction that changed it: while one
-/// that notifies commits, the server lets no other one commit.
+/// Tells the gateways that a look shows something new. Not within the transaction that changed it: the server
+/// lets transactions that notify commit one after the other.
 pub async fn say_look_again(client: &Client) {
     if let Err(error) = client.batch_execute(&format!("NOTIFY {CHANNEL}")).await {
         tracing::debug!(%error, "the other gateways look in their time");

@@ -289,7 +289,7 @@ pub async fn connect(database: &Database, hand: Hand, durable: Durable) -> Resul
     connect_hearing(database, hand, durable, || ()).await
 }
 
-/// The same. `heard` is called for each word of another session on a channel that this one listens to.
+/// The same. `heard` is called whenever a session notifies a channel that this one listens to.
 pub async fn connect_hearing(
     database: &Database,
     hand: Hand,
@@ -305,6 +305,7 @@ pub async fn connect_hearing(
         loop {
             match poll_fn(|context| connection.poll_message(context)).await {
                 Some(Ok(AsyncMessage::Notification(_))) => heard(),
+                Some(Ok(AsyncMessage::Notice(notice))) => tracing::info!("the store says: {notice}"),
                 Some(Ok(_)) => {}
                 Some(Err(error)) => return tracing::debug!(%error, "a connection to the store ended"),
                 None => return,

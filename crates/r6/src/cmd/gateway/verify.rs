@@ -73,6 +73,10 @@ pub fn run(args: &VerifyArgs) -> Result<Exit, Failure> {
         }
         Ok(verified) => {
             tell(&verified);
+            if verified.stored.is_none() && args.store.is_none() {
+                let told = "it has no signed head: no gateway has run with this folder, or not with this version";
+                output::line(format_args!("{}: {told}", args.data.display()));
+            }
             Ok(Exit::Done)
         }
         Err(VerifyError::Store(StoreError::Broken(broken))) => {
