@@ -1,8 +1,8 @@
 //! The other gateways of the hall, as this one reaches them: over HTTP where callers find them, with a pass.
 //!
 //! With TLS, both gateways show the certificates whose SHA-256 their rows in the store have, and no authority
-//! is asked. With TLS and without, this gateway proves that it is the one that asks with the signature of the
-//! pass (`core/pass.rs`). Each request has a connection of its own: none waits behind another one.
+//! is asked. With TLS and without, the signature of the pass proves that this gateway asks
+//! (`core/pass.rs`). Each request has a connection of its own: none waits behind another one.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};

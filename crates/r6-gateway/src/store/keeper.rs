@@ -528,8 +528,9 @@ fn end(mut store: impl Store, answer: Answer<()>) {
 /// Does a job, and for appends those right behind it. Returns the first job that was taken and is not done.
 fn carry_out(store: &mut impl Store, (claim, job): Asked, waiting: &mut Receiver<Asked>) -> Option<Asked> {
     store.hold(claim.as_slice());
-    // What is shown to others is final.
-    if matches!(job, Job::Entries(..) | Job::Ends(..) | Job::Heads(..) | Job::Work(..)) {
+    // What is shown to others is final, and no flood of reads puts that off. What is written is synchronised
+    // with what stands before it.
+    if !matches!(job, Job::Append(..) | Job::BeginCommand(..) | Job::EndCommand(..)) {
         settle(store);
     }
     // A caller that has gone needs no answer.

@@ -189,7 +189,7 @@ async fn gateways_with_tls_ask_each_other_with_their_certificates() {
     let certificate = std::fs::read(other.certificate().unwrap().path()).unwrap();
     let (at, bearer) = (other.address(), format!("Authorization: Bearer {token}\r\n"));
     let ask = async |method, path, body| {
-        let reply = exchange_with((at, &certificate), method, path, &bearer, body).await;
+        let reply = exchange_with((at, &certificate), method, path, &bearer, body).await.unwrap();
         let status: u16 = reply.split(' ').nth(1).unwrap().parse().unwrap();
         let body = serde_json::from_str(reply.split_once("\r\n\r\n").unwrap().1).unwrap_or(Value::Null);
         (status, body)
@@ -208,7 +208,7 @@ async fn gateways_with_tls_ask_each_other_with_their_certificates() {
     assert_eq!((one.owned(), other.owned()), (Some(1), Some(0)));
     let (status, lease) = ask("POST", "/v1/robots/press/lease", "{}").await;
     assert_eq!(status, 200, "{lease}");
-    // The row of the gateway that asks has another certificate: the one that it shows is not its own then.
+    // The row of the gateway that asks has another certificate, so what it shows is not its own.
     let told = format!("https://localhost:{}", at.port());
     let told = [told, format!("https://{at}")];
     let wrong = beside(move || {
@@ -237,6 +237,47 @@ async fn gateways_with_tls_ask_each_other_with_their_certificates() {
     }
     let (status, problem) = ask("POST", "/v1/robots/press/lease", "{}").await;
     assert_eq!((status, &problem["code"]), (503, &json!("no_owner")), "nothing was done: {problem}");
+    one.shutdown().await.unwrap();
+    other.shutdown().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_a_gateway_asks_is_answered_while_its_certificate_is_exchanged() {
+    let Some((_server, url, token)) = database("the test of an exchanged certificate").await else { return };
+    let press = VirtualController::start().await.unwrap();
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let one = with_tls(&url, folders[0].path(), &press).await;
+    let other = with_tls(&url, folders[1].path(), &press).await;
+    let (at, bearer) = (other.address(), format!("Authorization: Bearer {token}\r\n"));
+    let path = other.certificate().unwrap().path().to_owned();
+    let shown = rcgen::generate_simple_self_signed(vec!["localhost".to_owned()]).unwrap();
+    let (before, after) = (std::fs::read(&path).unwrap(), shown.cert.pem().into_bytes());
+    // The client of this test trusts both.
+    let ask = async |certificate: &[u8]| {
+        let reply = exchange_with((at, certificate), "GET", "/v1/robots/press", &bearer, "").await?;
+        Ok::<u16, std::io::Error>(reply.split(' ').nth(1).unwrap().parse().unwrap())
+    };
+    let begun = Instant::now();
+    while ask(&before).await.unwrap() != 200 {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert_eq!((one.owned(), other.owned()), (Some(1), Some(0)));
+    std::fs::write(path.with_file_name("key.pem"), shown.signing_key.serialize_pem()).unwrap();
+    std::fs::write(&path, &after).unwrap();
+    let (begun, mut with_the_new_one) = (Instant::now(), 0);
+    while with_the_new_one < 20 {
+        let status = match ask(&before).await {
+            Ok(status) => status,
+            Err(_) => {
+                with_the_new_one += 1;
+                ask(&after).await.unwrap()
+            }
+        };
+        assert_eq!(status, 200, "after {:?}, {with_the_new_one} with the new one", begun.elapsed());
+        assert!(begun.elapsed() < 2 * PATIENCE);
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
     one.shutdown().await.unwrap();
     other.shutdown().await.unwrap();
 }

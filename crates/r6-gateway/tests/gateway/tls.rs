@@ -96,7 +96,7 @@ async fn a_client_that_trusts_the_certificate_is_served_under_its_names_only() {
 
 /// One request of a client that trusts the certificate: head and body.
 async fn exchange(made: &Made, method: &str, path: &str, headers: &str, body: &str) -> String {
-    exchange_with((made.gateway.address(), &made.certificate), method, path, headers, body).await
+    exchange_with((made.gateway.address(), &made.certificate), method, path, headers, body).await.unwrap()
 }
 
 /// The same with the gateway that has this address and this certificate.
@@ -106,8 +106,8 @@ pub async fn exchange_with(
     path: &str,
     headers: &str,
     body: &str,
-) -> String {
-    let mut stream = connect(gateway, "localhost", certificate).await.unwrap();
+) -> std::io::Result<String> {
+    let mut stream = connect(gateway, "localhost", certificate).await?;
     let head = format!(
         "{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{headers}\
          Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
@@ -116,7 +116,7 @@ pub async fn exchange_with(
     stream.write_all(head.as_bytes()).await.unwrap();
     let mut reply = String::new();
     stream.read_to_string(&mut reply).await.unwrap();
-    reply
+    Ok(reply)
 }
 
 /// Clients of people are not asked for a certificate, as the other tests here show.

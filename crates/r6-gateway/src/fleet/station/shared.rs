@@ -41,7 +41,7 @@ pub struct Shared {
     removed: AtomicU64,
     /// How many robots that were let go of have records that are not written.
     writes_last: AtomicUsize,
-    /// Where the tasks of robots run, whoever starts them: not on the threads for callers.
+    /// Where the tasks of robots run, also if a caller starts them: not on the threads for callers.
     runtime: Handle,
 }
 

@@ -22,8 +22,8 @@ enum Log {
     Settled,
     /// It has outcomes that are not synchronised.
     Written,
-    /// It could not be synchronised. The system tells that once, and may have lost a part of it since: what is
-    /// written behind that part would not survive a power cut, also if it is synchronised.
+    /// It could not be synchronised. The system tells that once, and may have lost a part of it since. What
+    /// is written behind that part would not survive a power cut, even if it is synchronised.
     Doubtful,
 }
 
