@@ -145,8 +145,7 @@ async fn connect(station: &Station, config: &RobotConfig) -> Robot {
     let mut road = None;
     // How often listening failed, and which failure is in the log.
     let (mut failed, mut told) = (0_u32, None);
-    // Why there is no connection, as it is in the log.
-    let mut why = String::new();
+    let mut is_told = false;
     loop {
         match &road {
             None => match station.shared.roads.to(&config.address).await {
@@ -173,9 +172,8 @@ async fn connect(station: &Station, config: &RobotConfig) -> Robot {
             },
             Some(road) => match road.connect(settings.clone()).await {
                 Ok(robot) => return robot,
-                // A wrong address is the first mistake of all. It is told once, not with each attempt.
-                Err(error) if error.to_string() != why => {
-                    why = error.to_string();
+                // A wrong address is the first mistake of all. It is told once: a robot may be off for days.
+                Err(error) if !std::mem::replace(&mut is_told, true) => {
                     tracing::warn!(robot = station.name(), address = config.address, %error,
                         "no connection yet: it is tried again and again");
                 }

@@ -114,7 +114,7 @@ pub async fn show(
     headers: HeaderMap,
     range: Result<Query<Range>, QueryRejection>,
 ) -> Result<Response, Refusal> {
-    let Query(range) = range.map_err(refusal::of_query)?;
+    let Query(range) = range.map_err(refusal::of_query_for_forms)?;
     let recorder = recorder(&state)?;
     let question = question(range, &robot.station, recorder)?;
     let (name, address) = (question.robot.clone(), question.address);

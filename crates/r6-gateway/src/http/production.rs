@@ -97,7 +97,7 @@ pub async fn show(
     headers: HeaderMap,
     wanted: Result<Query<Wanted>, QueryRejection>,
 ) -> Result<Response, Refusal> {
-    let Query(wanted) = wanted.map_err(refusal::of_query)?;
+    let Query(wanted) = wanted.map_err(refusal::of_query_for_forms)?;
     let now = recorder(&state)?.time(clock::now());
     let known = state.settings.now();
     let asked = Asked::of(&wanted, &known.hall, now)?;

@@ -22,13 +22,22 @@ pub fn bad_value(message: impl Into<String>) -> Refusal {
 
 /// A parameter behind the `?` of an address that is wrong.
 pub fn of_query(rejection: QueryRejection) -> Refusal {
+    bad_value(told_of(&rejection))
+}
+
+/// The same, where the header `Accept` says the form of the answer.
+pub fn of_query_for_forms(rejection: QueryRejection) -> Refusal {
+    let mut told = told_of(&rejection);
+    if told.contains("unknown field `format`") {
+        told.push_str("; the header `Accept` says the form, such as `Accept: text/csv`");
+    }
+    bad_value(told)
+}
+
+/// What is wrong, without how it was found out.
+fn told_of(rejection: &QueryRejection) -> String {
     let text = rejection.body_text();
-    let told = text.strip_prefix("Failed to deserialize query string: ").unwrap_or(&text);
-    let hint = match told.contains("unknown field `format`") {
-        true => "; the header `Accept` says the form, such as `Accept: text/csv`",
-        false => "",
-    };
-    bad_value(format!("{told}{hint}"))
+    text.strip_prefix("Failed to deserialize query string: ").unwrap_or(&text).to_owned()
 }
 
 /// Work that was given up, because the process ends.

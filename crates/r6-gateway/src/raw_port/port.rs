@@ -37,8 +37,8 @@ const SEND_BUFFER: u32 = 64 * 1024;
 /// that was cut must not keep its place for ever.
 const KEEPALIVE: Duration = Duration::from_secs(30);
 
-/// How often to look at the implicit lease, and at the usual time of a reply. After a stop, the person who
-/// stopped waits this long at most until the lease of a script is free.
+/// How often to look at the implicit lease, and at the usual time of a reply. After a stop, the lease of a
+/// script is free this long after a poll has seen that the arm stands.
 const LOOK: Duration = Duration::from_millis(100);
 
 /// The longest time that a reply is held back, whatever the robot's usual time is.

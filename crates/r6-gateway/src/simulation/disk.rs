@@ -207,7 +207,7 @@ impl Store for Mounted {
     }
 
     fn settle(&mut self) -> Result<(), StoreError> {
-        self.write(|store| store.settle())
+        self.read(|store| store.settle())
     }
 
     fn entries(&mut self, after: u64, most: usize) -> Result<Vec<Entry>, StoreError> {

@@ -59,18 +59,6 @@ pub struct Postgres {
 }
 
 impl Postgres {
-    /// Tells the gateways that something changed which a look shows. It is committed: those that do not hear
-    /// this see it with their next look.
-    fn say_look_again(&mut self) {
-        let said = self.session.bare(async |client| {
-            owner::say_look_again(client).await;
-            Ok(())
-        });
-        if let Err(error) = said {
-            tracing::debug!(%error, "the other gateways look in their time");
-        }
-    }
-
     /// Opens the store of a database, and makes the tables that are missing. What may be written depends on
     /// the hand.
     ///
@@ -119,6 +107,18 @@ impl Postgres {
     /// [`StoreError`].
     pub fn hold_still(&mut self) -> Result<(), StoreError> {
         self.session.hold_still()
+    }
+
+    /// Tells the gateways that something changed which a look shows. It is committed: those that do not hear
+    /// this see it with their next look.
+    fn say_look_again(&mut self) {
+        let said = self.session.bare(async |client| {
+            owner::say_look_again(client).await;
+            Ok(())
+        });
+        if let Err(error) = said {
+            tracing::debug!(%error, "the other gateways look in their time");
+        }
     }
 }
 

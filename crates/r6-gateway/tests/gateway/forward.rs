@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use r6_gateway::{Gateway, GatewaySettings, TlsSettings};
 use r6_sim::VirtualController;
+use r6_testkit::postgres::Server;
 use serde_json::{Value, json};
 
 use crate::far::listed;
@@ -179,6 +180,17 @@ async fn with_tls(url: &str, data: &Path, press: &VirtualController) -> Gateway 
     Gateway::start(settings).await.unwrap()
 }
 
+/// From now on the rows of gateways for which this holds say another certificate, with each beat anew.
+async fn with_wrong_certificate(server: Server, url: String, of: String) {
+    let change = format!(
+        "CREATE FUNCTION r6_gateway.wrong() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
+         NEW.certificate := 'AA:BB'; RETURN NEW; END $$;
+         CREATE TRIGGER wrong BEFORE UPDATE ON r6_gateway.gateway FOR EACH ROW
+         WHEN ({of}) EXECUTE FUNCTION r6_gateway.wrong();"
+    );
+    beside(move || server.sql(&url, &change)).await;
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn gateways_with_tls_ask_each_other_with_their_certificates() {
     let Some((server, url, token)) = database("the test of certificates on both sides").await else { return };
@@ -211,19 +223,8 @@ async fn gateways_with_tls_ask_each_other_with_their_certificates() {
     // The row of the gateway that asks has another certificate, so what it shows is not its own.
     let told = format!("https://localhost:{}", at.port());
     let told = [told, format!("https://{at}")];
-    let wrong = beside(move || {
-        let urls = told.map(|url| format!("'{url}'")).join(", ");
-        server.sql(
-            &url,
-            &format!(
-                "CREATE FUNCTION r6_gateway.wrong() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
-                 NEW.certificate := 'AA:BB'; RETURN NEW; END $$;
-                 CREATE TRIGGER wrong BEFORE UPDATE ON r6_gateway.gateway FOR EACH ROW
-                 WHEN (NEW.name IN ({urls})) EXECUTE FUNCTION r6_gateway.wrong();"
-            ),
-        )
-    });
-    wrong.await;
+    let urls = told.map(|url| format!("'{url}'")).join(", ");
+    with_wrong_certificate(server, url, format!("NEW.name IN ({urls})")).await;
     let begun = Instant::now();
     loop {
         let (status, problem) = ask("GET", "/v1/robots/press", "").await;
@@ -302,17 +303,7 @@ async fn a_gateway_with_tls_is_known_by_its_certificate() {
     // Streams and lists, too.
     listed(&other, "press", |robot| robot["link"] == "up").await;
     // Another certificate than that in the store: the row says the right one again with each beat.
-    let (pinned, silent) = (url.clone(), server);
-    let wrong = beside(move || {
-        silent.sql(
-            &pinned,
-            "CREATE FUNCTION r6_gateway.wrong() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
-             NEW.certificate := 'AA:BB'; RETURN NEW; END $$;
-             CREATE TRIGGER wrong BEFORE UPDATE ON r6_gateway.gateway FOR EACH ROW
-             WHEN (NEW.certificate IS NOT NULL) EXECUTE FUNCTION r6_gateway.wrong();",
-        )
-    });
-    wrong.await;
+    with_wrong_certificate(server, url, "NEW.certificate IS NOT NULL".to_owned()).await;
     let begun = Instant::now();
     loop {
         let (status, problem) = other.call("GET", "/v1/robots/press", None).await;

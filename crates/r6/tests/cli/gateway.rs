@@ -436,6 +436,32 @@ fn a_backup_of_a_gateway_that_runs_becomes_the_folder_of_another_where_a_stop_ho
     assert_eq!(verified.code, 0, "{verified:?}");
 }
 
+#[test]
+fn a_robot_that_is_not_reached_is_in_the_log_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data").display().to_string();
+    // A port on which nothing listens any more.
+    let gone = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let (mut running, _) = gateway(&data, &["--robot", &format!("press={gone}")]);
+    let mut lines = running.close_stdin().lines();
+    let line = lines.find(|line| line.as_ref().unwrap().contains("no connection yet")).unwrap().unwrap();
+    assert!(line.contains(&gone.to_string()) && line.contains("refused"), "{line}");
+    assert_eq!(running.end("TERM"), Some(0));
+}
+
+#[test]
+fn a_folder_with_which_no_gateway_ran_is_told_from_a_whole_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data").display().to_string();
+    token(&data, "viewer");
+    let alone = r6(&["gateway", "verify", "--data", &data]);
+    assert!(alone.out.contains("data: it has no signed head: no gateway has run"), "{alone:?}");
+    let (running, _) = gateway(&data, &[]);
+    assert_eq!(running.end("TERM"), Some(0));
+    let used = r6(&["gateway", "verify", "--data", &data]);
+    assert!(used.code == 0 && !used.out.contains("no signed head"), "{used:?}");
+}
+
 /// A request of a user: the status, the headers and the body.
 fn send(gateway: &str, method: &str, path: &str, headers: &str, body: &str) -> (u16, String, Value) {
     let host = gateway.strip_prefix("http://").unwrap();

@@ -82,7 +82,7 @@ pub async fn show(
     headers: HeaderMap,
     wanted: Result<Query<Wanted>, QueryRejection>,
 ) -> Result<Response, Refusal> {
-    let Query(wanted) = wanted.map_err(refusal::of_query)?;
+    let Query(wanted) = wanted.map_err(refusal::of_query_for_forms)?;
     let recorder = recorder(&state)?;
     let now = recorder.time(clock::now());
     let question = question(wanted, robot.station.config().name, now)?;
