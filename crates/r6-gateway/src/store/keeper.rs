@@ -11,6 +11,8 @@ use tokio::sync::mpsc::{Sender, channel};
 use tokio::sync::oneshot;
 
 use self::work::keep;
+#[cfg(feature = "simulation")]
+use self::work::keep_in_task;
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::{
@@ -131,27 +133,11 @@ impl Keeper {
     /// before it is done at once.
     #[cfg(feature = "simulation")]
     pub fn in_task(
-        mut store: impl Store + 'static,
+        store: impl Store + 'static,
         takes: impl Fn() -> std::time::Duration + Send + 'static,
     ) -> Self {
-        let (jobs, mut waiting) = channel(MAX_WAITING);
-        tokio::spawn(async move {
-            let mut next = None;
-            loop {
-                let job = match next.take() {
-                    Some(job) => Some(job),
-                    None => waiting.recv().await,
-                };
-                match job {
-                    None => return,
-                    Some((_, Job::End(answer))) => return end(store, answer),
-                    Some(job) => {
-                        tokio::time::sleep(takes()).await;
-                        next = carry_out(&mut store, job, &mut waiting);
-                    }
-                }
-            }
-        });
+        let (jobs, waiting) = channel(MAX_WAITING);
+        tokio::spawn(keep_in_task(store, takes, waiting));
         Self { jobs, claim: None }
     }
 

@@ -24,6 +24,31 @@ pub(super) fn keep(mut store: impl Store, mut waiting: Receiver<Asked>) {
     }
 }
 
+/// As [`keep`], in a task. Each job takes `takes` before it is done at once.
+#[cfg(feature = "simulation")]
+pub(super) async fn keep_in_task(
+    mut store: impl Store,
+    takes: impl Fn() -> std::time::Duration,
+    mut waiting: Receiver<Asked>,
+) {
+    let mut next = None;
+    loop {
+        let mut job = next.take().or_else(|| waiting.try_recv().ok());
+        if job.is_none() {
+            settle(&mut store);
+            job = waiting.recv().await;
+        }
+        match job {
+            None => return,
+            Some((_, Job::End(answer))) => return end(store, answer),
+            Some(job) => {
+                tokio::time::sleep(takes()).await;
+                next = carry_out(&mut store, job, &mut waiting);
+            }
+        }
+    }
+}
+
 /// Makes outcomes durable. After a failure the next write finds a way or fails, so this fills no log.
 fn settle(store: &mut impl Store) {
     if let Err(error) = store.settle() {
@@ -32,14 +57,14 @@ fn settle(store: &mut impl Store) {
 }
 
 /// Closes the store before the caller goes on, who may end the process.
-pub(super) fn end(mut store: impl Store, answer: Answer<()>) {
+fn end(mut store: impl Store, answer: Answer<()>) {
     settle(&mut store);
     drop(store);
     drop(answer.send(Ok(())));
 }
 
 /// Does a job, and for appends those right behind it. Returns the first job that was taken and is not done.
-pub(super) fn carry_out(
+fn carry_out(
     store: &mut impl Store,
     (claim, job): Asked,
     waiting: &mut Receiver<Asked>,
