@@ -8,11 +8,12 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use tokio::sync::{OwnedSemaphorePermit, watch};
+use tokio::sync::watch;
 
 use crate::done::Done;
 use crate::evidence::About;
 use crate::stream::error::{Cause, MotionError};
+use crate::stream::turn::Turn;
 
 /// How a motion ended.
 pub(crate) type End = Result<Done, MotionError>;
@@ -59,7 +60,7 @@ impl Motions {
     }
 
     /// The motion has ended. Its turn is released at the moment this becomes visible, and not before.
-    pub fn end(&self, number: u64, end: &End, turn: OwnedSemaphorePermit) {
+    pub fn end(&self, number: u64, end: &End, turn: Turn) {
         if end.is_ok() {
             self.forget_sent_on();
         }
@@ -162,27 +163,26 @@ mod tests {
     use std::task::{Context, Wake, Waker};
     use std::time::Duration;
 
-    use tokio::sync::Semaphore;
-
     use super::*;
+    use crate::stream::turn::Turns;
 
     /// A waker that takes the next turn at once, while it is being woken.
     struct Next {
-        turns: Arc<Semaphore>,
+        turns: Turns,
         had_a_turn: Mutex<Vec<bool>>,
     }
 
     impl Wake for Next {
         fn wake(self: Arc<Self>) {
-            let turn = self.turns.try_acquire().is_ok();
+            let turn = self.turns.take(0).is_ok();
             self.had_a_turn.lock().unwrap().push(turn);
         }
     }
 
     #[test]
     fn who_is_told_of_the_end_may_begin_the_next_motion_at_once() {
-        let turns = Arc::new(Semaphore::new(1));
-        let turn = Arc::clone(&turns).try_acquire_owned().unwrap();
+        let turns = Turns::default();
+        let turn = turns.take(0).unwrap();
         let motions = Motions::default();
         let number = motions.begin();
         let next = Arc::new(Next { turns, had_a_turn: Mutex::default() });

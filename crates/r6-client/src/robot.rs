@@ -29,6 +29,7 @@ use crate::settings::{Heartbeat, RobotSettings};
 use crate::stop::report::SecondConnection;
 use crate::stop::stopping::Stopping;
 use crate::stream::error::MotionError;
+use crate::stream::turn::Turns;
 use crate::time::Elapsed;
 
 /// A handle on one controller. Clones share one connection; dropping the last one closes it.
@@ -62,8 +63,8 @@ struct Common {
     stops: watch::Sender<u64>,
     /// The stops that are under way: a motion that a stop ended waits for that stop.
     stopping: watch::Sender<Stopping>,
-    /// Held by the motion that is being streamed: two motions would mix in one list.
-    streaming: Arc<Semaphore>,
+    /// The motion that is being streamed has the turn: two motions would mix in one list.
+    turns: Turns,
     /// The motions of this handle and its clones.
     motions: Motions,
     /// Set when the handle is being closed: this ends a motion that is being streamed.
@@ -121,7 +122,7 @@ impl Robot {
             takes_whoever_comes,
             stops: watch::Sender::new(0),
             stopping: watch::Sender::default(),
-            streaming: Arc::new(Semaphore::new(1)),
+            turns: Turns::default(),
             motions: Motions::default(),
             closing: watch::Sender::new(false),
             photos: Arc::new(Semaphore::new(1)),
@@ -337,9 +338,9 @@ impl Robot {
         &self.common.stopping
     }
 
-    /// The right to stream a path over this connection; `None` if another motion has it.
-    pub(crate) fn streaming(&self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.common.streaming).try_acquire_owned().ok()
+    /// The right to stream a path over this connection.
+    pub(crate) fn turns(&self) -> &Turns {
+        &self.common.turns
     }
 
     /// The right to read where the arm is, check a list against that and send it. Keep it until the list is
@@ -368,8 +369,7 @@ impl Robot {
 
     /// Waits until no path is being streamed or stopped.
     pub(crate) async fn nothing_streams(&self) {
-        // The semaphore is never closed.
-        drop(self.common.streaming.acquire().await);
+        self.common.turns.free().await;
     }
 
     /// The number of the present connection or, between connections, of the next one.

@@ -34,7 +34,6 @@ use std::time::Duration;
 use r6_proto::OperationMode;
 use r6_proto::message::Command;
 use r6_proto::time::Instant;
-use tokio::sync::{OwnedSemaphorePermit, watch};
 
 use crate::error::{Invalid, NotSent, OutcomeUnknown, Refused, RequestError};
 use crate::job::{Terms, Work};
@@ -45,10 +44,7 @@ use crate::stop::halt::{Halt, Halted};
 pub use crate::stop::report::{
     DoubtAfterStop, ListAfterStop, NotTried, SecondConnection, StopMeans, StopReport,
 };
-use crate::stop::stopping::{
-    CONFIRM_WITHIN, DOUBT_WITHIN, LEFT_FOR_CLEARING, READ_EVERY, STOP_WITHIN, Stopping,
-};
-use crate::stream::error::Cause;
+use crate::stop::stopping::{CONFIRM_WITHIN, DOUBT_WITHIN, LEFT_FOR_CLEARING, READ_EVERY, STOP_WITHIN};
 
 /// A reply that takes longer than this is late: ten times the slowest that was measured (26 ms). The client
 /// then tries a second connection beside the first.
@@ -125,23 +121,6 @@ impl Robot {
             let request = Work::Command(Command::ActionStop).sent();
             Err(OutcomeUnknown::ConnectionLost { request, reason: LostReason::ClosedHere }.into())
         })
-    }
-
-    /// Takes the right to stream a path over this connection, and subscribes to every stop from now on. Waits
-    /// for a stop that is under way: it may still clear the list, and by then that would be the list of a
-    /// moving arm.
-    pub(crate) async fn turn(&self) -> Result<(OwnedSemaphorePermit, watch::Receiver<u64>), Cause> {
-        let turn = self.streaming().ok_or(Cause::AnotherRuns)?;
-        // Subscribe before the check, so that a stop that begins after it is noticed.
-        let stops = self.stops();
-        if !self.no_stop_under_way().await {
-            return Err(Cause::StoppedHere);
-        }
-        self.stopping().send_modify(Stopping::forget);
-        match self.motions().untold_failure() {
-            Some(earlier) => Err(Cause::EarlierFailed(earlier)),
-            None => Ok((turn, stops)),
-        }
     }
 
     /// Waits until no stop is under way over this connection. `false` if the longest time of a stop passes

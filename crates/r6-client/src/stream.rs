@@ -6,8 +6,8 @@
 //!
 //! 1. `moves.rs` has checked each step when it was added, in the types of `units.rs`.
 //! 2. `path.rs` cuts the steps into frames by their encoded length.
-//! 3. This file reads the state of the machine and asks the guard (`guard.rs`). If a condition is not met, it
-//!    sends nothing.
+//! 3. One motion at a time is streamed (`stream/turn.rs`). This file reads the state of the machine and asks
+//!    the guard (`guard.rs`). If a condition is not met, it sends nothing.
 //! 4. One errand (`stream/task.rs`) reads the state, sends what there is room for, and reads again.
 //!    `path/progress.rs` says how much room there is: from `RemoteCmdLen`, or, if the firmware has none, from
 //!    where the arm is on its path (`path/track.rs`).
@@ -24,6 +24,7 @@
 pub(crate) mod error;
 pub(crate) mod options;
 pub(crate) mod task;
+pub(crate) mod turn;
 
 use std::ops::Range;
 
@@ -95,7 +96,7 @@ impl Robot {
     ///
     /// - a wrong step, or a step beyond the guard's envelope ([`Robot::with_guard`])
     /// - a condition of the machine that is not met, or a state that cannot be read
-    /// - another motion that is being streamed
+    /// - another motion that is being streamed. If a stop has reached that motion, this waits for its end
     /// - a failure of the previous motion that the program has not read yet ([`Cause::EarlierFailed`], once)
     /// - a stop that is still under way after 15 s ([`Cause::StoppedHere`])
     pub async fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {

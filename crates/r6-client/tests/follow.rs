@@ -201,6 +201,42 @@ async fn a_machine_that_is_not_ready_gets_no_step_and_two_do_not_follow() {
     assert_eq!(first.await.unwrap().unwrap().steps, 0);
 }
 
+/// The report of a stop may be there a moment before the motion that it stopped has ended.
+#[tokio::test(start_paused = true)]
+async fn a_motion_waits_for_the_end_of_one_that_was_stopped() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    let (target, targets) = TargetSender::new();
+    target.send(j1(60.0));
+    let mut following = Box::pin(robot.follow(targets, FollowOptions::default()));
+    assert!(timeout(Duration::from_secs(1), &mut following).await.is_err(), "it follows");
+    // Nothing drives the follower meanwhile, so it cannot end.
+    assert!(robot.stop().await.unwrap().confirmed);
+    robot.command(r6_client::Command::StartButton).await.unwrap();
+    let motion = r6_client::Motion::new().axis_move(j1(1.0), Percent::MAX);
+    let run = tokio::spawn({
+        let (robot, motion) = (robot.clone(), motion.clone());
+        async move { robot.run(&motion, RunOptions::default()).await }
+    });
+    sleep(Duration::from_secs(1)).await;
+    assert!(!run.is_finished(), "the stopped motion still has the turn");
+    assert_eq!(following.await.unwrap_err().cause, Cause::StoppedHere);
+    run.await.unwrap().unwrap().finished().await.unwrap();
+    assert_eq!(controller.handle().snapshot().axes[0], 1.0);
+
+    // One that never ends: the wait has a limit.
+    let (target, targets) = TargetSender::new();
+    target.send(j1(60.0));
+    let mut following = Box::pin(robot.follow(targets, FollowOptions::default()));
+    assert!(timeout(Duration::from_secs(1), &mut following).await.is_err(), "it follows");
+    assert!(robot.stop().await.unwrap().confirmed);
+    robot.command(r6_client::Command::StartButton).await.unwrap();
+    let begun = tokio::time::Instant::now();
+    assert_eq!(robot.run(&motion, RunOptions::default()).await.unwrap_err().cause, Cause::AnotherRuns);
+    assert_eq!(begun.elapsed().as_secs(), 15);
+    drop(following);
+    robot.run(&motion, RunOptions::default()).await.unwrap().finished().await.unwrap();
+}
+
 #[tokio::test(start_paused = true)]
 async fn firmware_without_the_length_of_its_list_is_fed_only_at_rest() {
     let profile = Profile::named("legacy").unwrap();

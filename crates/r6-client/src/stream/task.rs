@@ -9,7 +9,7 @@ use r6_proto::axis::AXES;
 use r6_proto::message::Instruction;
 use r6_proto::time::Instant;
 use tokio::sync::oneshot::error::TryRecvError;
-use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, oneshot, watch};
+use tokio::sync::{OwnedMutexGuard, oneshot, watch};
 
 use crate::conditions::{Conditions, ListGate};
 use crate::done::{Done, EndProof, WaitOptions};
@@ -26,6 +26,7 @@ use crate::progress::Progress;
 use crate::robot::Robot;
 use crate::stream::error::{Cause, MAX_FAILED, MotionError};
 use crate::stream::options::RunOptions;
+use crate::stream::turn::Turn;
 
 /// What the owner of a motion may request before the motion ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,7 +146,7 @@ impl Task {
         self,
         ended: oneshot::Receiver<Wish>,
         stops: watch::Receiver<u64>,
-        turn: OwnedSemaphorePermit,
+        turn: Turn,
         lists: OwnedMutexGuard<()>,
     ) -> Ended {
         let (robot, number, progress) = (self.robot.clone(), self.number, self.progress.clone());

@@ -325,9 +325,9 @@ fn up_has_a_panel_unless_told() {
 #[test]
 fn where_no_panel_is_the_option_that_names_it_comes_first() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let nobody = listener.local_addr().unwrap().to_string();
+    let refusing = listener.local_addr().unwrap().to_string();
     drop(listener);
-    let outcome = r6(&["panel", "--panel", &nobody, "status"]);
+    let outcome = r6(&["panel", "--panel", &refusing, "status"]);
     assert_eq!(outcome.code, 3, "{outcome:?}");
     let advice = outcome.err.lines().nth(1).unwrap();
     let option = advice.find("--panel ADDR:PORT").unwrap();

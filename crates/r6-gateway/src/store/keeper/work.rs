@@ -64,11 +64,7 @@ fn end(mut store: impl Store, answer: Answer<()>) {
 }
 
 /// Does a job, and for appends those right behind it. Returns the first job that was taken and is not done.
-fn carry_out(
-    store: &mut impl Store,
-    (claim, job): Asked,
-    waiting: &mut Receiver<Asked>,
-) -> Option<Asked> {
+fn carry_out(store: &mut impl Store, (claim, job): Asked, waiting: &mut Receiver<Asked>) -> Option<Asked> {
     store.hold(claim.as_slice());
     // No outcome is shown to others, and none is behind a flood of other jobs, before it is on the disk. An
     // intent that follows is synchronised together with what stands before it.
