@@ -57,8 +57,8 @@ pub use program::{
     ProgramWanted, Programs, Queried, QueryProblem, StepRuns, StoredProgram,
 };
 pub use robot::{
-    ActedBy, GlobalSpeed, GuardRange, IdentityChange, LeaseHolder, ManagedBy, RobotGuard, RobotIdentity,
-    RobotLink, RobotState, RobotSummary, RobotWanted, Robots, Signal, SignalQuality,
+    ActedBy, GlobalSpeed, GuardRange, IdentityChange, LeaseHolder, ManagedBy, PollGroup, RobotGuard,
+    RobotIdentity, RobotLink, RobotState, RobotSummary, RobotWanted, Robots, Signal, SignalQuality,
 };
 pub use run::{Run, RunEnd, RunProof, RunRequest, RunState};
 pub use settings::{HallSettings, Settings, Shift, ShiftSpan, Weekday};

@@ -96,7 +96,8 @@ impl Robot {
     ///
     /// - a wrong step, or a step beyond the guard's envelope ([`Robot::with_guard`])
     /// - a condition of the machine that is not met, or a state that cannot be read
-    /// - another motion that is being streamed. If a stop has reached that motion, this waits for its end
+    /// - another motion that is being streamed. If it was stopped or paused, this waits for its
+    ///   end, for 15 s at most
     /// - a failure of the previous motion that the program has not read yet ([`Cause::EarlierFailed`], once)
     /// - a stop that is still under way after 15 s ([`Cause::StoppedHere`])
     pub async fn run(&self, motion: &Motion, options: RunOptions) -> Result<MotionHandle, MotionError> {

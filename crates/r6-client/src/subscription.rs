@@ -171,8 +171,12 @@ impl Subscription {
     /// A late caller gets the latest values; those in between are gone, and the poller does not wait.
     /// Dropping the future loses nothing.
     pub async fn next(&mut self) -> Option<Snapshot> {
-        self.robot.drive(self.news.changed()).await.ok()?;
-        Some(self.latest())
+        self.changed().await.then(|| self.latest())
+    }
+
+    /// Waits as [`Self::next`], without taking the values; `false` once the handle is closed.
+    pub async fn changed(&mut self) -> bool {
+        self.robot.drive(self.news.changed()).await.is_ok()
     }
 }
 

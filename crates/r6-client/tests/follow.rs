@@ -223,6 +223,27 @@ async fn a_motion_waits_for_the_end_of_one_that_was_stopped() {
     run.await.unwrap().unwrap().finished().await.unwrap();
     assert_eq!(controller.handle().snapshot().axes[0], 1.0);
 
+    // A stop during the wait is for the motion that waits, too.
+    let (target, targets) = TargetSender::new();
+    target.send(j1(60.0));
+    let mut following = Box::pin(robot.follow(targets, FollowOptions::default()));
+    assert!(timeout(Duration::from_secs(1), &mut following).await.is_err(), "it follows");
+    assert!(robot.stop().await.unwrap().confirmed);
+    robot.command(r6_client::Command::StartButton).await.unwrap();
+    let run = tokio::spawn({
+        let (robot, motion) = (robot.clone(), motion.clone());
+        async move { robot.run(&motion, RunOptions::default()).await }
+    });
+    sleep(Duration::from_secs(1)).await;
+    assert!(!run.is_finished());
+    assert!(robot.stop().await.unwrap().confirmed);
+    robot.command(r6_client::Command::StartButton).await.unwrap();
+    let there = controller.handle().snapshot().axes[0];
+    assert_eq!(following.await.unwrap_err().cause, Cause::StoppedHere);
+    assert_eq!(run.await.unwrap().unwrap_err().cause, Cause::StoppedHere);
+    sleep(Duration::from_secs(1)).await;
+    assert_eq!(controller.handle().snapshot().axes[0], there, "nothing of it was sent");
+
     // One that never ends: the wait has a limit.
     let (target, targets) = TargetSender::new();
     target.send(j1(60.0));

@@ -24,6 +24,7 @@ pub mod command;
 pub mod config;
 pub mod counts;
 pub mod desk;
+pub mod group;
 pub mod guard;
 pub mod link;
 mod observe;

@@ -93,6 +93,7 @@ pub use crate::core::retention::LEAST_ENTRIES;
 pub use crate::core::role::Grant;
 pub use crate::fleet::address::RobotAddress;
 pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
+pub use crate::fleet::group::{MAX_GROUPS, MAX_OF_GROUP, PollGroup};
 pub use crate::fleet::guard::Guard;
 pub use crate::fleet::panel::Panel;
 pub use crate::fleet::roster::Changes;

@@ -24,7 +24,7 @@ pub mod runs;
 mod sqlite;
 mod versions;
 
-use r6_api::gateway::{AuditRecord, Deed, Role, Run};
+use r6_api::gateway::{AuditRecord, Deed, PollGroup, Role, Run};
 
 use crate::core::account::{Account, Decided, UserName, Wish};
 use crate::core::alarms;
@@ -443,7 +443,7 @@ pub struct StoredSettings {
 }
 
 /// A robot that was added through the API.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct StoredRobot {
     /// Its name.
     pub name: RobotName,
@@ -453,6 +453,8 @@ pub struct StoredRobot {
     pub period_ms: u64,
     /// The addresses to read, besides the usual ones.
     pub read: Vec<String>,
+    /// The values that are read with a period of their own.
+    pub groups: Vec<PollGroup>,
     /// The model of its arm.
     pub model: Option<String>,
 }

@@ -266,8 +266,8 @@ impl Gateway {
                 Err(failure) if failure.code() == Code::NoSuchRobot => {}
                 Err(failure) if failure.code() == Code::NoOwner => {
                     let summary = robot.clone();
-                    let state =
-                        RobotState { summary, period_ms: 0, epoch: 0, number: 0, signals: Vec::new() };
+                    let (groups, signals) = (Vec::new(), Vec::new());
+                    let state = RobotState { summary, period_ms: 0, groups, epoch: 0, number: 0, signals };
                     states.push(ListedRobot { state, no_owner: Some(failure) });
                 }
                 Err(failure) => return Err(failure),

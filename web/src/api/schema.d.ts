@@ -2033,6 +2033,8 @@ export interface components {
         } | {
             /** @description Host and port. */
             address: string;
+            /** @description The values that are read with a period of their own. */
+            groups?: components["schemas"]["PollGroup"][];
             /** @description The model of its arm; absent if none is configured. */
             model?: string | null;
             /**
@@ -3192,6 +3194,32 @@ export interface components {
             /** @description 1 to 50. All of them have to fit into a frame of 2048 bytes: some 12 with all fields, 40 with X and Y. */
             points: components["schemas"]["CameraPoint"][];
         };
+        /** @description Values of a robot that are read with a period of their own. */
+        PollGroup: {
+            /**
+             * Format: double
+             * @description A value is kept if it differs from the last kept one by more than this, in its unit; as the history
+             *     is set if it is missing.
+             * @example 0.5
+             */
+            deadband?: number | null;
+            /** @description Whether the history keeps them; `true` if it is missing. */
+            keep?: boolean;
+            /**
+             * Format: int64
+             * @description How often they are read: 20 to 3 600 000 ms.
+             * @example 1000
+             */
+            period_ms: number;
+            /**
+             * @description Their query addresses, in no other group: all six axes or none, all six coordinates of the pose or
+             *     none, and addresses that are not read of every robot.
+             * @example [
+             *       "counter-0"
+             *     ]
+             */
+            read: string[];
+        };
         /** @description A pose; `null` for a component that could not be read. */
         Pose: {
             /** Format: double */
@@ -3586,6 +3614,8 @@ export interface components {
              * @description When this gateway started: numbers count from then.
              */
             epoch: number;
+            /** @description Values that are read with a period of their own. */
+            groups?: components["schemas"]["PollGroup"][];
             /**
              * Format: int64
              * @description The number of the last change of a value. All robots share one count of changes.
@@ -3593,7 +3623,7 @@ export interface components {
             number: number;
             /**
              * Format: int64
-             * @description How often the values are read.
+             * @description How often the values are read, besides those of its groups.
              */
             period_ms: number;
             /** @description The values, in the order in which they are read. */
@@ -3677,6 +3707,8 @@ export interface components {
              * @example 192.168.1.10
              */
             address: string;
+            /** @description Values that are read with a period of their own: axes, the pose, and others. */
+            groups?: components["schemas"]["PollGroup"][];
             /**
              * @description The model of its arm, one of `r6 plot --help`: plans for this robot need it.
              * @example BRTIRUS0707A
@@ -3688,7 +3720,10 @@ export interface components {
              * @example 100
              */
             period_ms?: number | null;
-            /** @description Query addresses to read besides the usual ones, 200 at most. The first counter counts parts. */
+            /**
+             * @description Query addresses to read besides the usual ones, 200 at most. The first counter counts
+             *     parts; after them, those of groups.
+             */
             read?: string[];
         };
         /** @description All robots of the gateway that the token may see. */

@@ -29,6 +29,7 @@ export type AuditHead = Schemas["AuditHead"];
 export type HallSettings = Schemas["HallSettings"];
 export type RobotIdentity = Schemas["RobotIdentity"];
 export type RobotWanted = Schemas["RobotWanted"];
+export type PollGroup = Schemas["PollGroup"];
 export type Ready = Schemas["Ready"];
 export type Weekday = Schemas["Weekday"];
 export type Token = Schemas["Token"];

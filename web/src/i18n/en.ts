@@ -12,7 +12,6 @@ import { faults } from "./en/faults.ts";
 import { alarms } from "./en/alarms.ts";
 import { chart } from "./en/chart.ts";
 import { choice, history } from "./en/history.ts";
-import { gallery } from "./en/gallery.ts";
 import { menu } from "./en/menu.ts";
 import { production } from "./en/production.ts";
 import { count, duration } from "./en/say.ts";
@@ -48,7 +47,6 @@ export const en = {
   audit,
   account,
   connections,
-  gallery,
   hallSettings,
   arm,
   controls,

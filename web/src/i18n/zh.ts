@@ -10,7 +10,6 @@ import { alarms } from "./zh/alarms.ts";
 import { chart } from "./zh/chart.ts";
 import { codeText } from "./zh/codes.ts";
 import { choice, history } from "./zh/history.ts";
-import { gallery } from "./zh/gallery.ts";
 import { menu } from "./zh/menu.ts";
 import { run } from "./zh/run.ts";
 import { teach } from "./zh/teach.ts";
@@ -47,7 +46,6 @@ export const zh: typeof en = {
   audit,
   account,
   connections,
-  gallery,
   hallSettings,
   arm,
   controls,

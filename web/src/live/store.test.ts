@@ -46,6 +46,15 @@ test("a snapshot, then changes: only slow ones make a new view", () => {
   expect(store.apply({ type: "change", robot: "gone", after: 1, number: 2, signals: [] }, 0)).toEqual([]);
 });
 
+test("a robot tells which values are read with another period", () => {
+  const store = new Store();
+  const groups = [{ period_ms: 1000, read: ["counter-0"], keep: true }];
+  store.apply(snapshot("saw", [], { groups }), 1_000);
+  expect(store.robots.get("saw")).toMatchObject({ period: 100, groups });
+  store.apply(snapshot("saw", []), 1_000);
+  expect(store.robots.get("saw")?.groups).toEqual([]);
+});
+
 test("after a reset, robots that no snapshot tells of are gone at the end of the pass", () => {
   const store = new Store();
   store.apply(snapshot("press", []), 0);
@@ -137,6 +146,9 @@ test("what is old, or read so seldom that it may be old, is not known", () => {
   expect(seen("fresh", { link: "down" })).toEqual(unknown);
   expect(seen("fresh", { period_ms: 4_000 })).toEqual([false, 0, 0, "pick", false]);
   expect(seen("fresh", { period_ms: 4_001 })).toEqual(unknown);
+  const groups = [{ period_ms: 100, read: ["isMoving"], keep: true }, { period_ms: 5_000, read: ["curMold"], keep: true }];
+  expect(seen("fresh", { period_ms: 4_001, groups })).toEqual([false, null, null, null, false]);
+  expect(seen("fresh", { groups })).toEqual([false, 0, 0, null, false]);
   // An old alarm is still shown.
   store.apply(snapshot("saw", [signal("curAlarm", 7, { quality: "stale" })]), 0);
   expect(viewOf(store.robots.get("saw")!).alarm).toBe(7);

@@ -2,7 +2,7 @@
  * What is known of the robots: their summaries and their values. No Svelte and no clock: times are those of
  * the caller, in milliseconds that only grow.
  */
-import type { AddressValue, GatewayEvent, LiveSent, RobotSummary, Signal, SignalQuality } from "../api/types.ts";
+import type { AddressValue, GatewayEvent, LiveSent, PollGroup, RobotSummary, Signal, SignalQuality } from "../api/types.ts";
 import type { Changed, Many } from "./pack.ts";
 
 /** A value as it was received. */
@@ -18,11 +18,20 @@ export interface Robot {
   summary: RobotSummary;
   /** How often its values are read, in milliseconds. */
   period: number;
+  /** Values that are read with a period of their own. */
+  groups: readonly PollGroup[];
   values: Map<string, Value>;
   /** When the link was lost, if it is lost and that is known. */
   downSince: number | null;
   /** Grows with each word on who answers: an answer to an earlier question does not count. */
   ticket: number;
+}
+
+/** How often a value is read, in milliseconds. */
+export function periodOf(robot: Robot, address: string): number {
+  const period = robot.groups.find((group) => group.read.includes(address))?.period_ms ?? robot.period;
+  // The mode is read twice a second at least.
+  return address === "curMode" ? Math.min(period, 500) : period;
 }
 
 export type Change =
@@ -86,11 +95,11 @@ export class Store {
   private take(sent: LiveSent, now: number): Change[] {
     switch (sent.type) {
       case "snapshot": {
-        const { signals, period_ms, epoch: _epoch, number: _number, type: _type, ...summary } = sent;
+        const { signals, period_ms, groups = [], epoch: _epoch, number: _number, type: _type, ...summary } = sent;
         const values = new Map(signals.map((signal) => [signal.address, valueOf(signal, now)]));
         const downSince = summary.link === "down" ? lastAsked(values) : null;
         this.unsure.delete(summary.name);
-        this.robots.set(summary.name, { summary, period: period_ms, values, downSince, ticket: this.ticket() });
+        this.robots.set(summary.name, { summary, period: period_ms, groups, values, downSince, ticket: this.ticket() });
         return [{ kind: "robot", name: summary.name, slow: true }];
       }
       case "change": {

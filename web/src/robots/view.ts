@@ -1,7 +1,7 @@
 /** One robot as the tiles and the sentences show it. */
 import type { RobotSummary, SignalQuality } from "../api/types.ts";
 import { SELDOM } from "../live/age.ts";
-import type { Robot, Value } from "../live/store.ts";
+import { type Robot, type Value, periodOf } from "../live/store.ts";
 
 export interface View {
   name: string;
@@ -31,7 +31,7 @@ export function viewOf(robot: Robot): View {
   /** A value of now: fresh, and not read so seldom that it may be old all the same. */
   const fresh = (address: string): Value["value"] => {
     const read = value(address);
-    return isUp && read?.quality === "fresh" && robot.period <= SELDOM ? read.value : null;
+    return isUp && read?.quality === "fresh" && periodOf(robot, address) <= SELDOM ? read.value : null;
   };
   const number = (read: Value["value"] | undefined): number | null => (typeof read === "number" ? read : null);
   const flag = (read: Value["value"]): boolean | null => (typeof read === "boolean" ? read : null);

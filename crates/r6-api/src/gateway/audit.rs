@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{CommandOutcome, IdentityChange, LeaseEnd, RobotIdentity, Role, RunEnd, RunState, Shift};
+use super::{
+    CommandOutcome, IdentityChange, LeaseEnd, PollGroup, RobotIdentity, Role, RunEnd, RunState, Shift,
+};
 use crate::Code;
 
 /// A rule for clients of raw ports.
@@ -303,6 +305,9 @@ pub enum Deed {
         period_ms: u64,
         /// The addresses that are read besides the usual ones.
         read: Vec<String>,
+        /// The values that are read with a period of their own.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        groups: Vec<PollGroup>,
         /// The model of its arm; absent if none is configured.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         model: Option<String>,

@@ -131,7 +131,7 @@ pub enum ManagedBy {
 }
 
 /// A robot to look after.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RobotWanted {
@@ -143,14 +143,49 @@ pub struct RobotWanted {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(minimum = 20, maximum = 3_600_000, example = 100))]
     pub period_ms: Option<u64>,
-    /// Query addresses to read besides the usual ones, 200 at most. The first counter counts parts.
+    /// Query addresses to read besides the usual ones, 200 at most. The first counter counts
+    /// parts; after them, those of groups.
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(max_items = 200))]
     pub read: Vec<String>,
+    /// Values that are read with a period of their own: axes, the pose, and others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "openapi", schema(max_items = 32))]
+    pub groups: Vec<PollGroup>,
     /// The model of its arm, one of `r6 plot --help`: plans for this robot need it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(example = "BRTIRUS0707A"))]
     pub model: Option<String>,
+}
+
+/// Values of a robot that are read with a period of their own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct PollGroup {
+    /// How often they are read: 20 to 3 600 000 ms.
+    #[cfg_attr(feature = "openapi", schema(minimum = 20, maximum = 3_600_000, example = 1000))]
+    pub period_ms: u64,
+    /// Their query addresses, in no other group: all six axes or none, all six coordinates of the pose or
+    /// none, and addresses that are not read of every robot.
+    #[cfg_attr(feature = "openapi", schema(min_items = 1, max_items = 256, example = json!(["counter-0"])))]
+    pub read: Vec<String>,
+    /// Whether the history keeps them; `true` if it is missing.
+    #[serde(default = "keep", skip_serializing_if = "is_kept")]
+    pub keep: bool,
+    /// A value is kept if it differs from the last kept one by more than this, in its unit; as the history
+    /// is set if it is missing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(minimum = 0.0, example = 0.5))]
+    pub deadband: Option<f64>,
+}
+
+fn keep() -> bool {
+    true
+}
+
+fn is_kept(keep: &bool) -> bool {
+    *keep
 }
 
 /// Limits of lists. They compare numbers with numbers, and protect no people. A limit that is `null` or
@@ -250,8 +285,11 @@ pub struct RobotState {
     /// All but the values.
     #[serde(flatten)]
     pub summary: RobotSummary,
-    /// How often the values are read.
+    /// How often the values are read, besides those of its groups.
     pub period_ms: u64,
+    /// Values that are read with a period of their own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub groups: Vec<PollGroup>,
     /// When this gateway started: numbers count from then.
     pub epoch: u64,
     /// The number of the last change of a value. All robots share one count of changes.

@@ -14,7 +14,8 @@ use r6_api::gateway::Role;
 use r6_client::{Address, RobotSettings};
 use r6_controller::Library;
 use r6_gateway::{
-    AuditSettings, Gateway, GatewaySettings, HistorySettings, RawPolicy, RobotConfig, RobotName, TlsSettings,
+    AuditSettings, Gateway, GatewaySettings, HistorySettings, PollGroup, RawPolicy, RobotConfig, RobotName,
+    TlsSettings,
 };
 use r6_sim::{SimSettings, Simulation};
 use tokio::runtime::Builder;
@@ -27,8 +28,15 @@ use crate::serve::{Server, told};
 
 const ROBOTS: u16 = 1000;
 
-/// Each robot is polled ten times a second.
+/// These values of each robot are read ten times a second: all change while it moves, but the output.
+const READ: [&str; 13] = [
+    "axis-0", "axis-1", "axis-2", "axis-3", "axis-4", "axis-5", "world-0", "world-1", "world-2", "world-3",
+    "world-4", "world-5", "output-0",
+];
 const EVERY: Duration = Duration::from_millis(100);
+
+/// All others that a gateway reads are read once a second, and the mode twice.
+const OTHERS: Duration = Duration::from_secs(1);
 
 /// The slice of this row, which holds several polls of each robot.
 const LONG_SLICE: Duration = Duration::from_secs(1);
@@ -68,17 +76,17 @@ pub fn serve_robots() {
 }
 
 /// The server process of the gateway, in front of the robots with these addresses. It prints its address, a
-/// token, its folder, and with commas between them the addresses that it reads of each robot.
+/// token, and its folder.
 pub fn serve_gateway(robots: &[String]) {
     let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build().expect("a runtime");
     let data = tempfile::tempdir().expect("a folder");
+    let reads = READ.map(|address| Address::parse(address).expect("an address"));
     let robots = robots.iter().enumerate().map(|(number, address)| RobotConfig {
-        period: EVERY,
-        addresses: vec![Address::parse("output-0").expect("an address")],
+        period: OTHERS,
+        groups: vec![PollGroup::new(EVERY, reads.to_vec())],
         ..RobotConfig::new(name(number), address.as_str())
     });
     let robots: Vec<_> = robots.collect();
-    let reads = robots.first().map(RobotConfig::all_addresses).unwrap_or_default();
     let settings = GatewaySettings {
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
         data: data.path().to_owned(),
@@ -93,16 +101,15 @@ pub fn serve_gateway(robots: &[String]) {
         names: Vec::new(),
         tls: TlsSettings::Off,
     };
-    run_gateway(&runtime, settings, &reads);
+    run_gateway(&runtime, settings);
 }
 
 /// Runs a gateway until the parent process is gone.
-fn run_gateway(runtime: &tokio::runtime::Runtime, settings: GatewaySettings, reads: &[Address]) {
+fn run_gateway(runtime: &tokio::runtime::Runtime, settings: GatewaySettings) {
     let data = settings.data.clone();
     let gateway = runtime.block_on(Gateway::start(settings)).expect("it starts");
     let token = r6_gateway::make_token(&data, Role::Operator, None, String::new()).expect("a token").1;
-    let reads = reads.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
-    wait(runtime, format!("{} {token} {} {reads}", gateway.address(), data.display()));
+    wait(runtime, format!("{} {token} {}", gateway.address(), data.display()));
 }
 
 fn name(number: usize) -> RobotName {
@@ -125,10 +132,9 @@ pub fn rows() -> Vec<Row> {
     let gateway = Server::Gateway.start_with(&robots.words);
     let mut client = Client::new(&gateway);
     std::thread::sleep(SETTLE);
-    let addresses: Vec<&str> = gateway.words.get(3).expect("what it reads").split(',').collect();
-    let count = addresses.len();
+    let count = READ.len();
     // A client of the same robots, each with a second connection. It asks for the same values.
-    let quoted: Vec<_> = addresses.iter().map(|address| format!("\"{address}\"")).collect();
+    let quoted: Vec<_> = READ.iter().map(|address| format!("\"{address}\"")).collect();
     let query = format!(
         r#"{{"dsID":"www.hc-system.com.RemoteMonitor","reqType":"query","packID":"10000","queryAddr":[{}]}}"#,
         quoted.join(",")

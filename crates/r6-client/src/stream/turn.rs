@@ -27,7 +27,8 @@ impl Drop for Turn {
 }
 
 impl Turns {
-    /// Takes the right. An error has the number of stops that were announced before another motion took it.
+    /// Takes the right, with the number of stops that were announced until now. An error has that number of the
+    /// motion that has the right.
     pub fn take(&self, stops: u64) -> Result<Turn, u64> {
         let mut other = None;
         self.taken.send_if_modified(|taken| {
@@ -65,17 +66,22 @@ impl Robot {
     }
 
     /// Waits for a motion that a stop has reached: it ends a moment after that stop, and a caller who has the
-    /// report of the stop cannot see when.
+    /// report of the stop cannot see when. A stop during that wait is for the caller's motion, too.
     async fn free_turn(&self) -> Result<(Turn, watch::Receiver<u64>), Cause> {
         let deadline = self.now() + STOP_WITHIN;
+        // Subscribe before the check, so that a stop that begins after it is noticed.
+        let stops = self.stops();
+        let announced = *stops.borrow();
         loop {
-            // Subscribe before the check, so that a stop that begins after it is noticed.
-            let stops = self.stops();
-            let announced = *stops.borrow();
-            match self.turns().take(announced) {
+            let taken = self.turns().take(announced);
+            // The sender lives as long as this handle.
+            if stops.has_changed().unwrap_or(true) {
+                return Err(Cause::StoppedHere);
+            }
+            match taken {
                 Ok(turn) => return Ok((turn, stops)),
                 Err(before) if before == announced => return Err(Cause::AnotherRuns),
-                Err(_stopped) => {
+                Err(_before) => {
                     let free = self.hub().time.timeout_at(deadline, self.turns().free()).await;
                     free.map_err(|_elapsed| Cause::AnotherRuns)?;
                 }

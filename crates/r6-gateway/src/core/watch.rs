@@ -54,10 +54,12 @@ pub fn late_after(period: Duration) -> Duration {
 /// Watches one robot.
 #[derive(Clone, Debug)]
 pub struct Watcher {
-    /// After what time without the mode, which is read most often, nothing comes any more.
+    /// After what time without the mode nothing comes any more.
     mode_late: Duration,
-    /// After what time without any other value something may have been missed.
+    /// After what time without another value something may have been missed.
     late: Duration,
+    /// The same of the counter of parts.
+    parts_late: Duration,
     parts: Option<Address>,
     before: Before,
     last: Option<Last>,
@@ -130,13 +132,15 @@ impl<T: Clone> Slot<T> {
 }
 
 impl Watcher {
-    /// Watches a robot that is read with this period. Its mode is read with a period of its own, which is not
-    /// longer. `parts`: the counter of parts, a `counter-n`.
+    /// Watches a robot whose addresses are read with these periods: all but the mode and the counter of parts
+    /// with one. `parts`: that counter, a `counter-n`.
     #[must_use]
-    pub fn new(period: Duration, mode_period: Duration, parts: Option<Address>, before: Before) -> Self {
+    pub fn new(period: impl Fn(Address) -> Duration, parts: Option<Address>, before: Before) -> Self {
+        let late = |address| late_after(period(address));
         Self {
-            mode_late: late_after(mode_period),
-            late: late_after(period),
+            mode_late: late(Address::CurMode),
+            late: late(Address::CurAlarm),
+            parts_late: parts.map_or(Duration::ZERO, late),
             parts,
             before,
             last: None,
@@ -327,7 +331,8 @@ impl Watcher {
             return;
         };
         let total = read.current;
-        let Some(from) = self.follow(|watcher| (&mut watcher.counter, watcher.late), value, |_| total) else {
+        let Some(from) = self.follow(|watcher| (&mut watcher.counter, watcher.parts_late), value, |_| total)
+        else {
             return;
         };
         let observed = match total.checked_sub(from) {

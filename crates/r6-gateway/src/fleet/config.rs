@@ -1,5 +1,6 @@
 //! What the gateway has to know of a robot to look after it.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,6 +10,7 @@ use r6_motion::RobotModel;
 
 use crate::core::name::RobotName;
 use crate::fleet::address::RobotAddress;
+use crate::fleet::group::{self, PollGroup};
 use crate::fleet::guard::Guard;
 use crate::fleet::panel::line::Panel;
 use crate::programs;
@@ -19,8 +21,12 @@ pub const USUAL_PERIOD: Duration = Duration::from_millis(100);
 /// The shortest and the longest time between two readings: those of the client.
 pub const PERIODS: (Duration, Duration) = (Duration::from_millis(20), Duration::from_secs(3_600));
 
-/// The most addresses of one robot, besides the usual ones: a subscription of the client has 256.
+/// The most addresses of one robot that are read with its period, besides the usual ones: a subscription of
+/// the client has 256.
 pub const MAX_READ: usize = 200;
+
+/// The mode is read at least this often, whatever the period of the values: a command needs it.
+pub(super) const MODE_PERIOD: Duration = Duration::from_millis(500);
 
 /// One robot to look after.
 #[derive(Clone, Debug)]
@@ -30,16 +36,18 @@ pub struct RobotConfig {
     /// Host and port, as [`r6_client::Robot::connect`] takes them; or where the gateway listens for it, as
     /// [`RobotAddress::read`] takes it.
     pub address: String,
-    /// How often its values are read: [`PERIODS`].
+    /// How often its values are read, besides those of its groups: [`PERIODS`].
     pub period: Duration,
     /// The addresses to read, besides the usual ones: at most [`MAX_READ`].
     pub addresses: Vec<Address>,
+    /// Values with a period of their own, usual ones too.
+    pub groups: Vec<PollGroup>,
     /// The model of its arm: a name that [`RobotModel::named`] knows. Plans need it.
     pub model: Option<String>,
     /// The limits that each list is checked against before it is sent. Only the configuration has them.
     pub guard: Option<Arc<Guard>>,
-    /// The counter of parts, a `counter-n`; `None` for the first counter of [`Self::addresses`], if there is
-    /// one.
+    /// The counter of parts, a `counter-n`; `None` for the first counter of [`Self::addresses`] or of the
+    /// groups, if there is one.
     pub parts: Option<Address>,
     /// The robot that this virtual controller is the twin of; `None` for every other robot.
     pub twin_of: Option<RobotName>,
@@ -62,6 +70,7 @@ impl RobotConfig {
             address: address.into(),
             period: USUAL_PERIOD,
             addresses: Vec::new(),
+            groups: Vec::new(),
             model: None,
             guard: None,
             parts: None,
@@ -85,6 +94,12 @@ impl RobotConfig {
         if self.addresses.len() > MAX_READ {
             return Err(format!("it reads at most {MAX_READ} addresses besides the usual ones"));
         }
+        group::check(&self.groups, &self.addresses)?;
+        if let Some(parts) = self.parts()
+            && self.group_of(parts).is_some_and(|group| !group.is_kept)
+        {
+            return Err(format!("`{parts}` counts parts: it cannot be in a group that is not kept"));
+        }
         if let Some(model) = &self.model {
             programs::model(model)?;
         }
@@ -107,7 +122,8 @@ impl RobotConfig {
     /// panel.
     #[must_use]
     pub fn is_as(&self, other: &Self) -> bool {
-        let read = (&self.addresses, self.parts) == (&other.addresses, other.parts);
+        let read =
+            (&self.addresses, &self.groups, self.parts) == (&other.addresses, &other.groups, other.parts);
         let twins = (&self.twin_of, &self.twin, self.panel) == (&other.twin_of, &other.twin, other.panel);
         let way = (&self.address, self.period) == (&other.address, other.period);
         way && read && twins && (&self.model, &self.guard) == (&other.model, &other.guard)
@@ -123,7 +139,8 @@ impl RobotConfig {
     #[must_use]
     pub fn parts(&self) -> Option<Address> {
         let is_counter = |address: &Address| matches!(address, Address::Counter(_));
-        self.parts.or_else(|| self.addresses.iter().copied().find(is_counter)).filter(is_counter)
+        let mut read = self.addresses.iter().chain(self.of_groups()).copied();
+        self.parts.or_else(|| read.find(is_counter)).filter(is_counter)
     }
 
     /// All addresses that are read: the usual ones first, each once.
@@ -138,6 +155,7 @@ impl RobotConfig {
             .chain(axes.map(Address::World))
             .chain(rest)
             .chain(self.addresses.iter().copied())
+            .chain(self.of_groups().copied())
             .chain(self.parts());
         let mut once = Vec::new();
         all.for_each(|address| {
@@ -146,5 +164,68 @@ impl RobotConfig {
             }
         });
         once
+    }
+
+    fn of_groups(&self) -> impl Iterator<Item = &Address> {
+        self.groups.iter().flat_map(|group| &group.addresses)
+    }
+
+    /// The group of an address, if it is in one.
+    #[must_use]
+    pub fn group_of(&self, address: Address) -> Option<&PollGroup> {
+        self.groups.iter().find(|group| group.addresses.contains(&address))
+    }
+
+    /// How often an address is read.
+    #[must_use]
+    pub fn period_of(&self, address: Address) -> Duration {
+        let period = self.group_of(address).map_or(self.period, |group| group.period);
+        if address == Address::CurMode { period.min(MODE_PERIOD) } else { period }
+    }
+
+    /// What is read with which period: [`Self::all_addresses`], each once.
+    #[must_use]
+    pub fn by_period(&self) -> BTreeMap<Duration, Vec<Address>> {
+        let mut all: BTreeMap<_, Vec<_>> = BTreeMap::new();
+        for address in self.all_addresses() {
+            all.entry(self.period_of(address)).or_default().push(address);
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests")]
+
+    use super::*;
+
+    fn read(addresses: &[&str]) -> Vec<Address> {
+        addresses.iter().map(|address| Address::parse(address).unwrap()).collect()
+    }
+
+    #[test]
+    fn each_address_is_read_once_with_the_period_of_its_group_and_the_mode_twice_a_second() {
+        let (minute, second) = (Duration::from_secs(60), Duration::from_secs(1));
+        let config = RobotConfig {
+            period: minute,
+            addresses: read(&["Addr-800", "axis-1"]),
+            groups: vec![PollGroup::new(second, read(&["axis-7", "counter-2"]))],
+            ..RobotConfig::new(RobotName::new("saw").unwrap(), "10.0.0.1")
+        };
+        assert!(config.check().is_ok());
+        let by_period = config.by_period();
+        let periods: Vec<_> = by_period.keys().copied().collect();
+        assert_eq!(periods, [MODE_PERIOD, second, minute]);
+        assert_eq!(by_period[&MODE_PERIOD], read(&["curMode"]));
+        assert_eq!(by_period[&second], read(&["axis-7", "counter-2"]));
+        assert_eq!(by_period.values().map(Vec::len).sum::<usize>(), config.all_addresses().len());
+        assert_eq!(config.parts(), Some(Address::parse("counter-2").unwrap()));
+        let groups: Vec<_> = config.groups.iter().map(PollGroup::told).collect();
+        let all = config.all_addresses();
+        let texts: Vec<_> = all.iter().map(Address::to_string).collect();
+        let copied = group::periods(texts.iter().map(String::as_str), 60_000, &groups);
+        let own: Vec<_> = all.iter().map(|address| config.period_of(*address)).collect();
+        assert_eq!(copied, own, "as another gateway tells of it");
     }
 }

@@ -4,6 +4,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
+use futures_util::future::select_all;
 use r6_api::gateway::RobotIdentity;
 use r6_client::{
     Address, Identity, NotSubscribed, OperationMode, OutcomeUnknown, Permission, Quality, Reading,
@@ -14,8 +15,9 @@ use tokio::sync::watch;
 
 use super::clerk::ended;
 use super::config::RobotConfig;
+use super::group::MAX_OF_GROUP;
 use super::record::record;
-use super::station::{MODE_PERIOD, Station};
+use super::station::Station;
 use crate::clock;
 
 /// The first and the longest wait before the next attempt to connect: doubled each time.
@@ -54,9 +56,9 @@ async fn run(station: &Station) {
     let robot = connect(station, &config).await;
     station.robot.send_replace(Some(robot.clone()));
     match subscribe(&robot, &config) {
-        Ok((values, mode)) => tokio::select! {
+        Ok(values) => tokio::select! {
             biased;
-            () = watch(station, &robot, values, mode) => {}
+            () = watch(station, &robot, values) => {}
             () = record(station, &robot, &config) => {}
             () = station.make_owed_stops(&robot) => {}
             () = station.watch_photos(&robot) => {}
@@ -68,30 +70,38 @@ async fn run(station: &Station) {
     std::future::pending().await
 }
 
-/// The values; and the mode, if that is read more often.
-fn subscribe(
-    robot: &Robot,
-    config: &RobotConfig,
-) -> Result<(Subscription, Option<Subscription>), NotSubscribed> {
-    let values = robot.subscribe(&config.all_addresses(), config.period)?;
-    let mode = (config.period > MODE_PERIOD).then(|| robot.subscribe(&[Address::CurMode], MODE_PERIOD));
-    Ok((values, mode.transpose()?))
+/// The values, by their period.
+fn subscribe(robot: &Robot, config: &RobotConfig) -> Result<Vec<Subscription>, NotSubscribed> {
+    let mut all = Vec::new();
+    for (period, addresses) in config.by_period() {
+        for part in addresses.chunks(MAX_OF_GROUP) {
+            all.push(robot.subscribe(part, period)?);
+        }
+    }
+    Ok(all)
+}
+
+/// Waits until values were read again. Returns the place of their subscription; `None` once the handle is
+/// closed.
+async fn next_of(values: &mut [Subscription]) -> Option<usize> {
+    if let [only] = values {
+        return only.changed().await.then_some(0);
+    }
+    let changed = values.iter_mut().map(|values| Box::pin(values.changed()));
+    let (is_open, place, _others) = select_all(changed).await;
+    is_open.then_some(place)
 }
 
 /// Takes in the values until the handle of the robot is closed.
-async fn watch(station: &Station, robot: &Robot, mut values: Subscription, mut mode: Option<Subscription>) {
+async fn watch(station: &Station, robot: &Robot, mut values: Vec<Subscription>) {
     // The connection whose robot was asked for its state: the client wants that before it sends a command.
     let mut known_on = None;
     // A robot may take long to answer. Meanwhile its values grow old, and that has to be seen.
     let (mut introduction, mut asked_on): (Option<Introduction<'_>>, _) = (None, None);
     let mut next_introduction = tokio::time::Instant::now();
+    // When all values were looked at last.
+    let mut looked_at = next_introduction;
     loop {
-        let next_mode = async {
-            match &mut mode {
-                Some(mode) => mode.next().await,
-                None => std::future::pending().await,
-            }
-        };
         let introduced = async {
             match &mut introduction {
                 Some(introduction) => introduction.as_mut().await,
@@ -99,22 +109,21 @@ async fn watch(station: &Station, robot: &Robot, mut values: Subscription, mut m
             }
         };
         // Values come again and again, so they are the last to be looked for.
-        let is_open = tokio::select! {
+        let (is_open, read) = tokio::select! {
             biased;
             known = introduced => {
                 introduction = None;
                 known_on = known;
                 let pause = if asked_on == Some(robot.connection()) { LOOK } else { Duration::ZERO };
                 next_introduction = tokio::time::Instant::now() + pause;
-                true
+                (true, None)
             }
             () = station.try_now.notified() => {
                 next_introduction = tokio::time::Instant::now();
-                true
+                (true, None)
             }
-            next = next_mode => next.is_some(),
-            next = values.next() => next.is_some(),
-            () = tokio::time::sleep(LOOK) => true,
+            read = next_of(&mut values) => (read.is_some(), read),
+            () = tokio::time::sleep(LOOK) => (true, None),
         };
         if !is_open {
             return;
@@ -125,10 +134,18 @@ async fn watch(station: &Station, robot: &Robot, mut values: Subscription, mut m
             introduction = Some(Box::pin(introduce(station, robot, connection)));
             asked_on = Some(connection);
         }
-        let now = clock::now();
-        let (latest, mode) = (values.latest(), mode.as_ref().map(Subscription::latest));
         let known_on = known_on.filter(|known| *known == robot.connection());
-        take(station, now, &latest, mode.as_ref().unwrap_or(&latest), known_on);
+        // The others may have grown old meanwhile.
+        let is_all = read.is_none() || looked_at.elapsed() >= LOOK;
+        if is_all {
+            looked_at = tokio::time::Instant::now();
+        }
+        for (place, values) in values.iter().enumerate() {
+            if is_all || read == Some(place) {
+                let now = clock::now();
+                take(station, now, &values.latest(), known_on);
+            }
+        }
     }
 }
 
@@ -213,15 +230,18 @@ async fn introduce(station: &Station, robot: &Robot, connection: u64) -> Option<
 /// Takes in the values, and whether the robot can be used.
 ///
 /// `now`: from before the values were taken, so that none seems younger than it is.
-fn take(station: &Station, now: Instant, values: &Snapshot, mode: &Snapshot, known_on: Option<u64>) {
+fn take(station: &Station, now: Instant, values: &Snapshot, known_on: Option<u64>) {
     let changed = station.board().take(now, values, || station.shared.draw());
     if changed {
         station.shared.wake_readers();
     }
-    let mode = mode.value(Address::CurMode).filter(|mode| mode.quality == Quality::Fresh);
-    let fresh = mode.and_then(|mode| match (&mode.reading, mode.age) {
-        (Some(Reading::Integer(number)), Some(age)) => Some((OperationMode::of_number(*number), age)),
-        _ => None,
+    // Other values say nothing about whether the robot can be used.
+    let Some(mode) = values.value(Address::CurMode) else { return };
+    let fresh = Some(mode).filter(|mode| mode.quality == Quality::Fresh).and_then(|mode| {
+        match (&mode.reading, mode.age) {
+            (Some(Reading::Integer(number)), Some(age)) => Some((OperationMode::of_number(*number), age)),
+            _ => None,
+        }
     });
     station.seat(|seat, _| match (known_on, fresh) {
         (Some(connection), Some((mode, age))) => {

@@ -5,7 +5,7 @@ use r6_client::Recorded;
 use r6_proto::time::Instant;
 
 use super::config::RobotConfig;
-use super::station::{MODE_PERIOD, Station};
+use super::station::Station;
 use crate::clock;
 use crate::core::history::event::{Event, Kind};
 use crate::core::history::sample::Micros;
@@ -25,7 +25,7 @@ impl<'s> Observer<'s> {
     pub fn new(station: &'s Station, config: &RobotConfig, before: Before) -> Self {
         Self {
             station,
-            watcher: Watcher::new(config.period, config.period.min(MODE_PERIOD), config.parts(), before),
+            watcher: Watcher::new(|address| config.period_of(address), config.parts(), before),
             flood: Flood::default(),
         }
     }

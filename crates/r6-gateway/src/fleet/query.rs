@@ -6,7 +6,7 @@ use r6_api::gateway::{Queried, QueryProblem, Signal, SignalQuality};
 use r6_api::{AddressValue, Code, Unit};
 use r6_client::{Address, AxisIndex};
 
-use super::station::{Station, millis};
+use super::station::{FRESH_FOR, Station, millis};
 use crate::clock;
 use crate::problem::Problem;
 
@@ -58,7 +58,7 @@ impl Station {
         Ok(Queried { signals, problems })
     }
 
-    /// Where the first axes of the arm stand, J1 first, from readings that are fresh.
+    /// Where the first axes of the arm stand, J1 first, from readings that are fresh, and not older than 1.5 s.
     ///
     /// # Errors
     /// `not_ready`, `identity_changed`.
@@ -66,7 +66,8 @@ impl Station {
         self.check_answers()?;
         let (board, now) = (self.board(), clock::now());
         let axes = AxisIndex::ALL.into_iter().take(axes).map(|axis| {
-            let (signal, _) = board.signal(now, Address::Axis(axis))?;
+            let (signal, asked_at) = board.signal(now, Address::Axis(axis))?;
+            asked_at.filter(|asked_at| now.since(*asked_at) <= FRESH_FOR)?;
             match (signal.quality, signal.value?) {
                 (SignalQuality::Fresh, AddressValue::Decimal(position)) => Some(position),
                 _ => None,

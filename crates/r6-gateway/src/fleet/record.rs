@@ -129,12 +129,10 @@ fn time_of_system(at: Instant) -> Micros {
 struct Feed {
     recorder: Recorder,
     robot: RobotName,
-    period: Duration,
-    interval: Interval,
     signals: BTreeMap<Address, Signal>,
     counts: Arc<RobotCounts>,
     /// What goes to the recorder next.
-    samples: Vec<(Address, Sample)>,
+    samples: Vec<(Address, Interval, Sample)>,
     events: Waiting,
     /// Since when samples are lost that the recorder was not told of.
     lost_from: Option<Micros>,
@@ -147,25 +145,39 @@ struct Feed {
 }
 
 struct Signal {
+    period: Duration,
+    interval: Interval,
     filter: ChangeOnly,
     /// When it was asked for last.
     asked_at: Option<Instant>,
 }
 
+impl Signal {
+    /// Whether a value was due since the last one, if something was lost meanwhile. The poller may ask for it
+    /// a quarter of its period early.
+    fn may_have_missed(&self, now: Instant) -> bool {
+        self.asked_at.is_none_or(|asked_at| asked_at + self.period * 3 / 4 <= now)
+    }
+}
+
 impl Feed {
     fn new(recorder: Recorder, config: &RobotConfig, counts: Arc<RobotCounts>) -> Self {
-        let interval = Interval::of_period(config.period);
         let signal = |address: Address| {
-            let filter = ChangeOnly::new(interval, recorder.settings().deadband(address));
-            (address, Signal { filter, asked_at: None })
+            let (group, period) = (config.group_of(address), config.period_of(address));
+            if group.is_some_and(|group| !group.is_kept) {
+                return None;
+            }
+            let interval = Interval::of_period(period);
+            let deadband = group.and_then(|group| group.deadband);
+            let deadband = deadband.unwrap_or_else(|| recorder.settings().deadband(address));
+            let filter = ChangeOnly::new(interval, deadband);
+            Some((address, Signal { period, interval, filter, asked_at: None }))
         };
-        let signals = config.all_addresses().into_iter().map(signal).collect();
+        let signals = config.all_addresses().into_iter().filter_map(signal).collect();
         let seen = (counts.now().1, recorder.counts().clock_steps.load(Ordering::Relaxed));
         Self {
             recorder,
             robot: config.name.clone(),
-            period: config.period,
-            interval,
             signals,
             counts,
             samples: Vec::new(),
@@ -189,20 +201,20 @@ impl Feed {
         // Most values of a poll were asked for together.
         let mut last = None;
         for Recorded { address, reading, age, connection: _ } in values {
-            // The poller also reads for others.
-            let Some(signal) = self.signals.get_mut(&address) else { continue };
             let asked_at = clock::before(now, age);
             let (_, time) = last
                 .filter(|(of, _)| *of == asked_at)
                 .unwrap_or_else(|| (asked_at, self.recorder.time(asked_at)));
             last = Some((asked_at, time));
-            signal.asked_at = Some(asked_at);
             // A clock that was set back begins anew.
             self.until = time;
             self.counts.read(time);
+            // The poller also reads what is not kept.
+            let Some(signal) = self.signals.get_mut(&address) else { continue };
+            signal.asked_at = Some(asked_at);
             let state = reading.as_ref().map_or(State::Gap(Gap::None), State::of);
             let kept = signal.filter.take(time, state);
-            self.samples.extend(kept.map(|sample| (address, sample)));
+            self.samples.extend(kept.map(|sample| (address, signal.interval, sample)));
         }
         self.hand_over(now);
     }
@@ -212,10 +224,10 @@ impl Feed {
         self.notice(now);
         for (address, signal) in &mut self.signals {
             let Some(asked_at) = signal.asked_at else { continue };
-            let until = asked_at + self.period + OVERDUE;
+            let until = asked_at + signal.period + OVERDUE;
             if until < now {
                 let gap = signal.filter.gap(self.recorder.time(until), Gap::Stale);
-                self.samples.extend(gap.map(|sample| (*address, sample)));
+                self.samples.extend(gap.map(|sample| (*address, signal.interval, sample)));
             }
         }
         self.hand_over(now);
@@ -234,7 +246,7 @@ impl Feed {
                 let was_known = signal.filter.gap(time, Gap::ClockStepped).is_some();
                 signal.filter.forget();
                 let gap = Sample { time, state: State::Gap(Gap::ClockStepped) };
-                self.samples.extend(was_known.then_some((*address, gap)));
+                self.samples.extend(was_known.then_some((*address, signal.interval, gap)));
             }
         }
         if lost {
@@ -257,7 +269,7 @@ impl Feed {
         let time = self.recorder.time(now);
         for (address, signal) in &mut self.signals {
             let gap = signal.filter.gap(time, Gap::Ended);
-            self.samples.extend(gap.map(|sample| (*address, sample)));
+            self.samples.extend(gap.map(|sample| (*address, signal.interval, sample)));
             signal.asked_at = None;
         }
         self.hand_over(now);
@@ -270,14 +282,16 @@ impl Feed {
         self.told = now;
         let mut samples = std::mem::take(&mut self.samples);
         if let Some(since) = self.lost_from {
-            let gap = |address: &Address| (*address, Sample { time: since, state: State::Gap(Gap::Lost) });
-            drop(samples.splice(0..0, self.signals.keys().map(gap)));
+            let gap = |(address, signal): (&Address, &Signal)| {
+                (*address, signal.interval, Sample { time: since, state: State::Gap(Gap::Lost) })
+            };
+            let missed = self.signals.iter().filter(|(_, signal)| signal.may_have_missed(now));
+            drop(samples.splice(0..0, missed.map(gap)));
         }
-        let (count, first) = (samples.len() as u64, samples.iter().map(|(_, sample)| sample.time).min());
+        let (count, first) = (samples.len() as u64, samples.iter().map(|(.., sample)| sample.time).min());
         let batch = Batch {
             robot: self.robot.clone(),
             time: self.until,
-            interval: self.interval,
             samples,
             events: self.events.take(self.until),
             counts: Arc::clone(&self.counts),
@@ -305,7 +319,7 @@ impl Drop for Feed {
         let time = self.recorder.time(now);
         for (address, signal) in &mut self.signals {
             let gap = signal.filter.gap(time, Gap::Ended);
-            self.samples.extend(gap.map(|sample| (*address, sample)));
+            self.samples.extend(gap.map(|sample| (*address, signal.interval, sample)));
         }
         self.hand_over(now);
         self.counts.lose_events(self.events.count());

@@ -18,6 +18,7 @@ use super::station::{By, Kept, Station, Term, millis};
 use super::{Fleet, Post, Work, link};
 use crate::clock;
 use crate::core::name::RobotName;
+use crate::fleet::group::PollGroup;
 use crate::problem::Problem;
 use crate::store::{Keeper, Store, StoreError, StoredRobot};
 
@@ -493,8 +494,8 @@ impl Station {
 }
 
 fn configured(robot: &RobotConfig) -> Deed {
-    let StoredRobot { address, period_ms, read, model, .. } = stored(robot);
-    Deed::RobotConfigured { address, period_ms, read, model }
+    let StoredRobot { address, period_ms, read, groups, model, .. } = stored(robot);
+    Deed::RobotConfigured { address, period_ms, read, groups, model }
 }
 
 fn stored(robot: &RobotConfig) -> StoredRobot {
@@ -503,6 +504,7 @@ fn stored(robot: &RobotConfig) -> StoredRobot {
         address: robot.address.clone(),
         period_ms: millis(robot.period),
         read: robot.addresses.iter().map(Address::to_string).collect(),
+        groups: robot.groups.iter().map(PollGroup::told).collect(),
         model: robot.model.clone(),
     }
 }
@@ -513,10 +515,12 @@ fn stored(robot: &RobotConfig) -> StoredRobot {
 /// Its addresses cannot be read.
 pub fn of_store(robot: &StoredRobot, settings: RobotSettings) -> Result<RobotConfig, StoreError> {
     let addresses = robot.read.iter().map(|address| Address::parse(address)).collect::<Result<_, _>>();
-    let unreadable = |_| StoreError::Unreadable(format!("the robot `{}`", robot.name));
+    let groups = robot.groups.iter().map(PollGroup::read).collect::<Result<_, _>>();
+    let unreadable = || StoreError::Unreadable(format!("the robot `{}`", robot.name));
     Ok(RobotConfig {
         period: Duration::from_millis(robot.period_ms),
-        addresses: addresses.map_err(unreadable)?,
+        addresses: addresses.map_err(|_| unreadable())?,
+        groups: groups.map_err(|_| unreadable())?,
         model: robot.model.clone(),
         settings,
         managed_by: ManagedBy::Api,

@@ -43,12 +43,9 @@ pub(super) const MAX_QUERIES: usize = 4;
 /// it sooner.
 pub(super) const MAX_STOPS: u32 = 16;
 
-/// The mode is read at least this often, whatever the period of the values: a command needs it.
-pub(super) const MODE_PERIOD: Duration = Duration::from_millis(500);
-
-/// For how long an observation of a robot's mode counts. Longer than [`MODE_PERIOD`] by the client's own
+/// For how long an observation of a robot's mode counts. Longer than the period of the mode by the client's own
 /// limit for a value that is suspect.
-const FRESH_FOR: Duration = Duration::from_millis(1500);
+pub(super) const FRESH_FOR: Duration = Duration::from_millis(1500);
 
 /// What the store has of a robot.
 #[derive(Clone, Debug, Default)]
@@ -255,15 +252,16 @@ impl Station {
             // It is another virtual controller, perhaps of another model, that has just been started.
             self.seat(|seat, _| seat.forget_identity());
         }
+        if self.config().address != config.address {
+            self.is_met.store(false, Ordering::SeqCst);
+        }
+        // Before the board: who sees the new values is told their periods.
+        *self.config.lock().unwrap_or_else(PoisonError::into_inner) = config.clone();
         {
             // Its number is drawn under the lock.
             let mut board = self.board();
             *board = self.shared.new_board(&config);
         }
-        if self.config().address != config.address {
-            self.is_met.store(false, Ordering::SeqCst);
-        }
-        *self.config.lock().unwrap_or_else(PoisonError::into_inner) = config;
         self.shared.wake_readers();
     }
 

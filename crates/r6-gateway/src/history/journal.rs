@@ -155,7 +155,7 @@ impl<S: HistoryStore> Journal<S> {
 
     /// Takes in what was read of a robot.
     pub fn take(&mut self, now: Instant, batch: Batch) {
-        let Batch { robot, time, interval, samples, events, counts } = batch;
+        let Batch { robot, time, samples, events, counts } = batch;
         self.note_seen(&robot, time);
         let mut last_event = self.last_events.get(&robot).copied();
         let is_full = self.size >= self.settings.memory && self.counts.paused.load(Ordering::Relaxed);
@@ -195,7 +195,7 @@ impl<S: HistoryStore> Journal<S> {
         }
         if is_full {
             robot.counts.lose(samples.len() as u64);
-            for (address, sample) in samples {
+            for (address, _, sample) in samples {
                 robot.lost.entry(address).or_insert(sample.time);
             }
             return;
@@ -203,7 +203,7 @@ impl<S: HistoryStore> Journal<S> {
         let before = robot.blocks.size();
         robot.time = time;
         robot.counts.keep(samples.len());
-        for (address, sample) in samples {
+        for (address, interval, sample) in samples {
             if let Some(since) = robot.lost.remove(&address) {
                 let gap = Sample { time: since.min(sample.time), state: State::Gap(Gap::Lost) };
                 robot.blocks.push(now, address, interval, gap);

@@ -57,10 +57,8 @@ pub struct Batch {
     pub robot: RobotName,
     /// Everything of this robot that was read until this time is in this batch or in one before.
     pub time: Micros,
-    /// The interval of all its signals.
-    pub interval: Interval,
-    /// The samples.
-    pub samples: Vec<(Address, Sample)>,
+    /// The samples, with the interval of their signal.
+    pub samples: Vec<(Address, Interval, Sample)>,
     /// What was seen to happen.
     pub events: Vec<Event>,
     /// Its counts.

@@ -18,6 +18,7 @@ use super::{State, refusal};
 use crate::core::name::RobotName;
 use crate::core::role::Right;
 use crate::fleet::config::{RobotConfig, USUAL_PERIOD};
+use crate::fleet::group::PollGroup;
 use crate::fleet::roster::Put;
 use crate::{problem, programs};
 
@@ -121,12 +122,13 @@ fn name_of(model: &RobotModel) -> String {
 /// The robot that a caller wants.
 fn read(name: &str, wanted: RobotWanted, settings: RobotSettings) -> Result<RobotConfig, problem::Problem> {
     let bad_value = |message: String| problem::Problem::new(Code::BadValue, message);
-    let RobotWanted { address, period_ms, read, model } = wanted;
+    let RobotWanted { address, period_ms, read, groups, model } = wanted;
     let name = RobotName::new(name).ok_or_else(|| bad_value(format!("a robot has {}", RobotName::WANTED)))?;
     let address_of = |text: &String| Address::parse(text).map_err(|unknown| bad_value(unknown.to_string()));
     Ok(RobotConfig {
         period: period_ms.map_or(USUAL_PERIOD, Duration::from_millis),
         addresses: read.iter().map(address_of).collect::<Result<_, _>>()?,
+        groups: groups.iter().map(PollGroup::read).collect::<Result<_, _>>().map_err(bad_value)?,
         model: model.as_deref().map(programs::model).transpose().map_err(bad_value)?.map(name_of),
         settings,
         managed_by: ManagedBy::Api,

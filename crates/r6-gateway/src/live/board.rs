@@ -15,13 +15,13 @@ use crate::core::live::numbers::{Numbers, Span};
 pub struct Board {
     numbers: Numbers,
     rows: Vec<Row>,
-    /// The greatest age of a fresh value.
-    fresh_for: Duration,
 }
 
 #[derive(Debug)]
 struct Row {
     address: Address,
+    /// Its greatest age while it is fresh.
+    fresh_for: Duration,
     value: Option<AddressValue>,
     quality: SignalQuality,
     /// Whether the controller does not have it.
@@ -30,19 +30,20 @@ struct Row {
 }
 
 impl Board {
-    /// No value yet of these addresses. `born`: larger than all numbers before. `fresh_for`: an older value
-    /// is never told as fresh, also if nothing was taken in since.
+    /// No value yet of these addresses. With each comes the age from which on its value is not told as fresh,
+    /// also if nothing was taken in since. `born`: larger than all numbers before.
     #[must_use]
-    pub fn new(born: u64, addresses: &[Address], fresh_for: Duration) -> Self {
-        let row = |address: &Address| Row {
-            address: *address,
+    pub fn new(born: u64, addresses: impl Iterator<Item = (Address, Duration)>) -> Self {
+        let row = |(address, fresh_for)| Row {
+            address,
+            fresh_for,
             value: None,
             quality: SignalQuality::None,
             is_unsupported: false,
             asked_at: None,
         };
-        let numbers = Numbers::new(born, addresses.len());
-        Self { numbers, rows: addresses.iter().map(row).collect(), fresh_for }
+        let rows: Vec<_> = addresses.map(row).collect();
+        Self { numbers: Numbers::new(born, rows.len()), rows }
     }
 
     /// The numbers between which a reader can go on.
@@ -60,10 +61,9 @@ impl Board {
     /// number of the change, which is larger than all numbers before.
     pub fn take(&mut self, now: Instant, snapshot: &Snapshot, next: impl FnOnce() -> u64) -> bool {
         let mut changed = Vec::new();
-        let fresh_for = self.fresh_for;
         for (place, row) in self.rows.iter_mut().enumerate() {
             let Some(read) = snapshot.value(row.address) else { continue };
-            if row.take(now, fresh_for, read) {
+            if row.take(now, read) {
                 changed.push(place);
             }
         }
@@ -77,13 +77,13 @@ impl Board {
     /// The values that changed after this number.
     pub fn since(&self, now: Instant, number: u64) -> Vec<Signal> {
         let rows = self.numbers.since(number).filter_map(|place| self.rows.get(place));
-        rows.map(|row| row.signal(now, self.fresh_for)).collect()
+        rows.map(|row| row.signal(now)).collect()
     }
 
     /// The value of an address, if it is read, and when it was asked for.
     pub fn signal(&self, now: Instant, address: Address) -> Option<(Signal, Option<Instant>)> {
         let row = self.rows.iter().find(|row| row.address == address)?;
-        Some((row.signal(now, self.fresh_for), row.asked_at))
+        Some((row.signal(now), row.asked_at))
     }
 
     /// Whether the controller said that it does not have this address.
@@ -93,18 +93,18 @@ impl Board {
 
     /// All values.
     pub fn all(&self, now: Instant) -> Vec<Signal> {
-        self.rows.iter().map(|row| row.signal(now, self.fresh_for)).collect()
+        self.rows.iter().map(|row| row.signal(now)).collect()
     }
 }
 
 impl Row {
     /// Takes in what was read. Returns whether it differs from what a reader may have been told.
-    fn take(&mut self, now: Instant, fresh_for: Duration, read: &Value) -> bool {
+    fn take(&mut self, now: Instant, read: &Value) -> bool {
         let value = read.reading.clone().map(AddressValue::from);
         self.is_unsupported = read.quality == Quality::Unsupported;
         let quality = quality(&read.quality);
         // A reader may have been told that it grew old. Then it is a change that it is fresh again.
-        let told = self.quality_at(self.age(now), fresh_for);
+        let told = self.quality_at(self.age(now));
         self.asked_at = read.age.map(|age| clock::before(now, age));
         let is_changed = self.value != value || self.quality != quality || told != quality;
         (self.value, self.quality) = (value, quality);
@@ -117,20 +117,20 @@ impl Row {
     }
 
     /// Its quality, as a reader is told while it has this age.
-    fn quality_at(&self, age: Option<Duration>, fresh_for: Duration) -> SignalQuality {
+    fn quality_at(&self, age: Option<Duration>) -> SignalQuality {
         match self.quality {
-            SignalQuality::Fresh if age.is_none_or(|age| age > fresh_for) => SignalQuality::Stale,
+            SignalQuality::Fresh if age.is_none_or(|age| age > self.fresh_for) => SignalQuality::Stale,
             quality => quality,
         }
     }
 
-    fn signal(&self, now: Instant, fresh_for: Duration) -> Signal {
+    fn signal(&self, now: Instant) -> Signal {
         let age = self.age(now);
         Signal {
             address: self.address.to_string(),
             value: self.value.clone(),
             unit: Unit::word_of(self.address).map(str::to_owned),
-            quality: self.quality_at(age, fresh_for),
+            quality: self.quality_at(age),
             age_ms: age.map(|age| u64::try_from(age.as_millis()).unwrap_or(u64::MAX)),
         }
     }
@@ -160,6 +160,7 @@ mod tests {
     fn row() -> Row {
         Row {
             address: Address::CurMode,
+            fresh_for: FRESH_FOR,
             value: Some(AddressValue::from(Reading::Integer(2))),
             quality: SignalQuality::Fresh,
             is_unsupported: false,
@@ -170,7 +171,7 @@ mod tests {
     #[test]
     fn a_value_that_grew_old_since_it_was_taken_in_is_not_told_as_fresh() {
         let row = row();
-        let told = |millis| row.signal(at(millis), FRESH_FOR).quality;
+        let told = |millis| row.signal(at(millis)).quality;
         assert_eq!((told(1100), told(1101)), (SignalQuality::Fresh, SignalQuality::Stale));
     }
 
@@ -183,9 +184,9 @@ mod tests {
             quality,
         };
         let mut row = row();
-        assert!(!row.take(at(1100), FRESH_FOR, &read(Quality::Fresh)), "it was never told as stale");
-        assert!(row.take(at(2191), FRESH_FOR, &read(Quality::Fresh)), "it was told as stale at 2191 ms");
-        assert!(!row.take(at(2200), FRESH_FOR, &read(Quality::Fresh)));
-        assert!(row.take(at(9000), FRESH_FOR, &read(Quality::Stale)), "it was told as fresh before");
+        assert!(!row.take(at(1100), &read(Quality::Fresh)), "it was never told as stale");
+        assert!(row.take(at(2191), &read(Quality::Fresh)), "it was told as stale at 2191 ms");
+        assert!(!row.take(at(2200), &read(Quality::Fresh)));
+        assert!(row.take(at(9000), &read(Quality::Stale)), "it was told as fresh before");
     }
 }

@@ -113,19 +113,19 @@ impl Far {
         copied.teller.as_ref().map_or(Duration::ZERO, |teller| teller.behind(now, copied.begun))
     }
 
-    /// A gateway tells all of it. `fresh_for`: the greatest age of a value that it tells as fresh. `draw`
-    /// gives the next number. It counts at once if neither the rows of the store nor another gateway say
+    /// A gateway tells all of it. `suspect_after`: for how long after its period it tells a value
+    /// as fresh. `draw` gives the next number. It counts at once if neither the rows of the store nor another gateway say
     /// otherwise.
     pub fn take_snapshot(
         &self,
         teller: &Arc<Teller>,
         state: RobotState,
-        fresh_for: Duration,
+        suspect_after: Duration,
         draw: impl FnOnce() -> u64,
     ) {
         let mut held = self.held();
         let number = teller.number();
-        held.told.insert(number, Copied::new(Some(Arc::clone(teller)), state, fresh_for));
+        held.told.insert(number, Copied::new(Some(Arc::clone(teller)), state, suspect_after));
         let is_its = |owner: Option<u64>| owner.is_none_or(|owner| owner == number);
         if is_its(held.owner) && is_its(held.by_rows) {
             held.show(number, draw());
@@ -297,8 +297,11 @@ impl Shown for Far {
     }
 
     fn state_with(&self, number: u64, signals: Vec<Signal>) -> RobotState {
-        let period_ms = self.held().copied().period_ms;
-        RobotState { summary: self.summary(), period_ms, epoch: self.epoch, number, signals }
+        let (period_ms, groups) = {
+            let held = self.held();
+            (held.copied().period_ms, held.copied().groups.clone())
+        };
+        RobotState { summary: self.summary(), period_ms, groups, epoch: self.epoch, number, signals }
     }
 
     fn tell_reader(&self, step: &mut dyn FnMut(Span) -> Step) -> (Span, Step, Vec<Signal>) {

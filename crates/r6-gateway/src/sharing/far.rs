@@ -29,6 +29,7 @@ use crate::core::name::RobotName;
 use crate::core::owner::{LOOK, Owned};
 use crate::core::seat::Saved;
 use crate::fleet::config::RobotConfig;
+use crate::fleet::group::PollGroup;
 use crate::live::far::{Far, HEARD, Shown as _, Teller};
 use crate::ownership::owners::Place;
 use crate::peers::{asks, read};
@@ -252,7 +253,8 @@ fn unknown(config: &RobotConfig) -> RobotState {
         global_speed: None,
     };
     let period_ms = u64::try_from(config.period.as_millis()).unwrap_or(u64::MAX);
-    RobotState { summary, period_ms, epoch: 0, number: 0, signals: Vec::new() }
+    let groups = config.groups.iter().map(PollGroup::told).collect();
+    RobotState { summary, period_ms, groups, epoch: 0, number: 0, signals: Vec::new() }
 }
 
 /// Follows a gateway, for as long as it is polled.
@@ -380,10 +382,9 @@ fn take(inner: &Inner, teller: &Arc<Teller>, message: LiveMessage, waiting: &Wai
             let settings =
                 config.map_or_else(|| inner.sharing.robot_settings.clone(), |config| config.settings);
             let suspect_after = settings.liveness.suspect_after;
-            let fresh_for = Duration::from_millis(state.period_ms).saturating_add(suspect_after);
             let make = || Far::new((*state).clone(), shared.epoch, shared.draw());
             let far = shared.far.one_or(&state.summary.name, make);
-            far.take_snapshot(teller, *state, fresh_for, || shared.draw());
+            far.take_snapshot(teller, *state, suspect_after, || shared.draw());
             shared.wake_readers();
         }
         LiveMessage::Change(change) => {

@@ -33,11 +33,12 @@ pub fn write_history(
         let samples: Vec<_> = samples
             .by_ref()
             .take(TOGETHER)
-            .map(|(at, number)| (address, Sample { time: Micros(at), state: State::Decimal(number) }))
+            .map(|(at, number)| Sample { time: Micros(at), state: State::Decimal(number) })
+            .map(|sample| (address, Interval::USUAL, sample))
             .collect();
-        time = samples.last().map_or(time, |(_, sample)| sample.time);
-        let (robot, counts, interval) = (robot.clone(), Arc::clone(&counts), Interval::USUAL);
-        journal.take(now, Batch { robot, time, interval, samples, events: Vec::new(), counts });
+        time = samples.last().map_or(time, |(.., sample)| sample.time);
+        let (robot, counts) = (robot.clone(), Arc::clone(&counts));
+        journal.take(now, Batch { robot, time, samples, events: Vec::new(), counts });
         journal.flush(now, time).map_err(|error| error.to_string())?;
     }
     journal.seal_all();

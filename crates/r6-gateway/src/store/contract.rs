@@ -8,7 +8,8 @@ mod programs;
 mod runs;
 
 use r6_api::gateway::{
-    ActedBy, AuditRecord, CommandOutcome, Deed, ProgramType, RobotIdentity, Role, Run, RunEnd, RunState,
+    ActedBy, AuditRecord, CommandOutcome, Deed, PollGroup, ProgramType, RobotIdentity, Role, Run, RunEnd,
+    RunState,
 };
 
 use self::programs::version;
@@ -347,6 +348,10 @@ fn settings_are_put_replaced_and_audited() {
     });
 }
 
+fn group() -> PollGroup {
+    PollGroup { period_ms: 20, read: vec!["Addr-801".to_owned()], keep: false, deadband: Some(0.5) }
+}
+
 #[test]
 fn robots_are_put_replaced_removed_and_audited() {
     on_each(|store| {
@@ -355,6 +360,7 @@ fn robots_are_put_replaced_removed_and_audited() {
             address: address.to_owned(),
             period_ms: 100,
             read: vec!["Addr-800".to_owned()],
+            groups: (name == "press").then(group).into_iter().collect(),
             model: (name == "saw").then(|| "BRTIRUS0707A".to_owned()),
         };
         let (saw, press) = (robot("saw", "10.0.0.1"), robot("press", "10.0.0.2"));
@@ -435,6 +441,7 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
         address: "10.0.0.1".to_owned(),
         period_ms: 100,
         read: Vec::new(),
+        groups: Vec::new(),
         model: model.map(str::to_owned),
     };
     let mut store = Sqlite::open(folder.path()).unwrap();
@@ -445,7 +452,7 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
     let before =
         "DROP TABLE camera; DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program;
                   DROP TABLE alarm; DROP TABLE hall;
-                  ALTER TABLE robot DROP COLUMN model; PRAGMA user_version = 1;";
+                  ALTER TABLE robot DROP COLUMN model; DROP TABLE poll_groups; PRAGMA user_version = 1;";
     raw.execute_batch(before).unwrap();
     drop(raw);
     let mut store = Sqlite::open(folder.path()).unwrap();

@@ -18,7 +18,7 @@ use rusqlite::{Connection, OptionalExtension, Transaction, TransactionBehavior, 
 
 pub use self::file::{FILE, HALF_RESTORED, HISTORY, copy};
 use self::settle::Unsettled;
-use self::tables::TABLES;
+use self::tables::{SINCE_GROUPS, TABLES};
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::versions::Named;
@@ -400,31 +400,43 @@ impl Store for Sqlite {
     }
 
     fn robots(&mut self) -> Result<Vec<StoredRobot>, StoreError> {
-        let mut select = self
-            .connection
-            .prepare_cached("SELECT name, address, period_ms, read, model FROM robot ORDER BY name")?;
+        // A file that is only read can be older than groups.
+        let groups = if self.version()? >= SINCE_GROUPS {
+            "COALESCE(groups, '[]') FROM robot LEFT JOIN poll_groups ON robot = name"
+        } else {
+            "'[]' FROM robot"
+        };
+        let select = format!("SELECT name, address, period_ms, read, model, {groups} ORDER BY name");
+        let mut select = self.connection.prepare_cached(&select)?;
         let rows = select.query_map([], |row| {
-            Ok((row.get::<_, String>(0)?, row.get(1)?, row.get(2)?, row.get::<_, String>(3)?, row.get(4)?))
+            let (name, read, groups) = (row.get::<_, String>(0)?, row.get::<_, String>(3)?, row.get(5)?);
+            Ok((name, row.get(1)?, row.get(2)?, read, row.get(4)?, groups))
         })?;
         rows.map(|row| {
-            let (name, address, period_ms, read, model) = row?;
+            let (name, address, period_ms, read, model, groups): (_, _, _, _, _, String) = row?;
             let unreadable = || StoreError::Unreadable(format!("the robot `{name}`"));
             let read = serde_json::from_str(&read).map_err(|_| unreadable())?;
+            let groups = serde_json::from_str(&groups).map_err(|_| unreadable())?;
             let name = RobotName::new(&name).ok_or_else(unreadable)?;
-            Ok(StoredRobot { name, address, period_ms, read, model })
+            Ok(StoredRobot { name, address, period_ms, read, groups, model })
         })
         .collect()
     }
 
     fn put_robot(&mut self, robot: &StoredRobot, record: &AuditRecord) -> Result<(), StoreError> {
-        let read = serde_json::to_string(&robot.read);
-        let read = read.map_err(|error| StoreError::Unreadable(error.to_string()))?;
+        let unreadable = |error: serde_json::Error| StoreError::Unreadable(error.to_string());
+        let read = serde_json::to_string(&robot.read).map_err(unreadable)?;
+        let groups = serde_json::to_string(&robot.groups).map_err(unreadable)?;
         let transaction = self.write()?;
         transaction.execute(
             "INSERT INTO robot (name, address, period_ms, read, model) VALUES (?1, ?2, ?3, ?4, ?5)
              ON CONFLICT (name) DO UPDATE SET address = excluded.address, period_ms = excluded.period_ms,
              read = excluded.read, model = excluded.model",
             params![robot.name.as_str(), robot.address, robot.period_ms, read, robot.model],
+        )?;
+        transaction.execute(
+            "INSERT OR REPLACE INTO poll_groups (robot, groups) VALUES (?1, ?2)",
+            params![robot.name.as_str(), groups],
         )?;
         append_in(&transaction, std::slice::from_ref(record))?;
         transaction.commit()?;
@@ -434,6 +446,7 @@ impl Store for Sqlite {
     fn remove_robot(&mut self, name: &RobotName, records: &[AuditRecord]) -> Result<(), StoreError> {
         let transaction = self.write()?;
         transaction.execute("DELETE FROM robot WHERE name = ?1", [name.as_str()])?;
+        transaction.execute("DELETE FROM poll_groups WHERE robot = ?1", [name.as_str()])?;
         append_in(&transaction, records)?;
         transaction.commit()?;
         Ok(())

@@ -14,6 +14,7 @@ mod fleet;
 mod forward;
 #[cfg(unix)]
 mod gateways;
+mod groups;
 mod guard;
 mod happenings;
 mod heads;

@@ -61,9 +61,13 @@ In hall.toml, for each robot:
   address = \"192.168.1.10\"
   period_ms = 100                      how often its values are read
   read = [\"Addr-800\", \"counter-1\"]     values to read besides the usual ones
-  parts = \"counter-1\"                  the counter of parts; the first counter of read if it is missing
+  parts = \"counter-1\"                  the counter of parts; the first counter that is read if it is missing
   model = \"BRTIRUS0707A\"               the model of its arm, for plans and its twin; `r6 plot --help` has all
   profile = \"hc1\"                      the profile of its firmware, for its twin; `r6 sim --help` has all
+  [[robot.group]]                      values with a period of their own, as often as there are such
+  period_ms = 10000
+  read = [\"Addr-801\"]
+  keep = false                         not in the history; or deadband = 0.5
 
 A robot that is set to client mode at its pendant connects to the gateway, at this port of this machine:
   address = \"listen:192.168.1.2:9770,from:192.168.1.31\"

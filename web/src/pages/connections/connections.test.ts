@@ -51,7 +51,9 @@ test("since when a link is as it is, comes from the last event, if that fits wha
 });
 
 test("what is read besides the usual values is kept when a robot is changed", () => {
-  expect(extra(["curMode", "axis-0", "axis-5", "axis-6", "world-5", "Addr-800", "counter-0", "lastCycle"])).toEqual(["axis-6", "Addr-800", "counter-0"]);
+  const all = ["curMode", "axis-0", "axis-5", "axis-6", "world-5", "Addr-800", "counter-0", "lastCycle"];
+  expect(extra(all, [])).toEqual(["axis-6", "Addr-800", "counter-0"]);
+  expect(extra(all, [{ period_ms: 1000, read: ["counter-0", "curMode"], keep: true }])).toEqual(["axis-6", "Addr-800"]);
   expect(wantedOf({ address: " 10.0.0.4 ", period: "100", read: "Addr-800, counter-0\n", model: "" })).toEqual({
     address: "10.0.0.4",
     period_ms: 100,

@@ -1,5 +1,5 @@
 /** A robot that somebody adds or changes, as it is typed. */
-import type { RobotWanted } from "../../api/types.ts";
+import type { PollGroup, RobotWanted } from "../../api/types.ts";
 
 export interface Typed {
   address: string;
@@ -10,9 +10,10 @@ export interface Typed {
 
 const USUAL = new Set(["curMode", "curAlarm", "isMoving", "origin", "RemoteCmdLen", "curMold", "curCycle", "lastCycle"]);
 
-/** The addresses that are read besides those of every robot: the API tells only all that are read. */
-export function extra(addresses: Iterable<string>): string[] {
-  return [...addresses].filter((address) => !USUAL.has(address) && !/^(axis|world)-[0-5]$/.test(address));
+/** The addresses that are read besides those of every robot and of groups: the API tells only all that are read. */
+export function extra(addresses: Iterable<string>, groups: readonly PollGroup[]): string[] {
+  const known = new Set([...USUAL, ...groups.flatMap((group) => group.read)]);
+  return [...addresses].filter((address) => !known.has(address) && !/^(axis|world)-[0-5]$/.test(address));
 }
 
 export function isRobotName(text: string): boolean {

@@ -1,6 +1,7 @@
 /** Values of one robot as texts, with their ages. */
 import type { AddressValue } from "../../api/types.ts";
 import { DEAD, type Shown, shown } from "../../live/age.ts";
+import { periodOf } from "../../live/store.ts";
 import { plain } from "../../i18n/plain.ts";
 import { hall } from "../../state/hall.svelte.ts";
 import { settings } from "../../state/settings.svelte.ts";
@@ -10,9 +11,7 @@ export const DECIMALS = 3;
 
 export function stateOf(robot: string, address: string): Shown {
   const known = hall.store.robots.get(robot);
-  const period = known?.period ?? Infinity;
-  // The mode is read twice a second at least, whatever the period.
-  return shown(known?.values.get(address), hall.now(), hall.since, address === "curMode" ? Math.min(period, 500) : period);
+  return shown(known?.values.get(address), hall.now(), hall.since, known ? periodOf(known, address) : Infinity);
 }
 
 /** The value; `-` if it is too old to be shown. */

@@ -64,10 +64,12 @@ test("torques are percent of the rated one, and axes that the controller does no
 
 test("a model is added to what the robot is configured with", () => {
   const read = ["curMode", "axis-0", "axis-5", "world-3", "lastCycle", "axis-6", "counter-2", "Addr-800"];
-  expect(withModel({ address: "10.0.0.4:9760", period: 200, read }, "BRTIRUS0707A")).toEqual({
+  const groups = [{ period_ms: 1000, read: ["counter-2", "curMode"], keep: false }];
+  expect(withModel({ address: "10.0.0.4:9760", period: 200, read, groups }, "BRTIRUS0707A")).toEqual({
     address: "10.0.0.4:9760",
     period_ms: 200,
-    read: ["axis-6", "counter-2", "Addr-800"],
+    read: ["axis-6", "Addr-800"],
+    groups,
     model: "BRTIRUS0707A",
   });
 });

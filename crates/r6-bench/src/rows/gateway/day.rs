@@ -72,7 +72,7 @@ pub fn serve() {
         names: Vec::new(),
         tls: TlsSettings::Off,
     };
-    super::run_gateway(&runtime, settings, &[]);
+    super::run_gateway(&runtime, settings);
 }
 
 /// The question over HTTP beside SQLite. Both sides read files that were written before.

@@ -15,7 +15,7 @@ fn at(ms: u64) -> Instant {
 }
 
 fn watcher() -> Watcher {
-    Watcher::new(PERIOD, PERIOD, Some(PARTS), Before::Never)
+    Watcher::new(|_| PERIOD, Some(PARTS), Before::Never)
 }
 
 fn counter(current: i64) -> Reading {
@@ -119,7 +119,7 @@ fn a_late_answer_brings_the_link_back_behind_its_loss() {
 #[test]
 fn what_was_not_seen_before_the_start_is_told() {
     for (before, from) in [(Before::Seen(Some(Micros(5))), Some(Micros(5))), (Before::Seen(None), None)] {
-        let mut watcher = Watcher::new(PERIOD, PERIOD, None, before);
+        let mut watcher = Watcher::new(|_| PERIOD, None, before);
         let events = poll(&mut watcher, 100, 1, 0, &[(Address::CurMode, Reading::Integer(7))]);
         let unseen = Observed::Unseen { from, to: time(100, 0), because: UnseenBecause::Start };
         assert_eq!(seen(&events), [unseen]);
@@ -150,7 +150,9 @@ fn a_value_that_is_missing_for_long_begins_anew_and_that_is_told_once() {
 #[test]
 fn a_robot_that_is_read_seldom_is_lost_when_its_mode_does_not_come() {
     let minute = Duration::from_secs(60);
-    let mut watcher = Watcher::new(minute, Duration::from_millis(500), None, Before::Never);
+    let half = Duration::from_millis(500);
+    let period = |address| if address == Address::CurMode { half } else { minute };
+    let mut watcher = Watcher::new(period, None, Before::Never);
     let mode = [(Address::CurMode, Reading::Integer(7))];
     let alarm = |code| (Address::CurAlarm, Reading::Integer(code));
     poll(&mut watcher, 0, 1, 0, &[mode[0].clone(), alarm(0)]);
@@ -180,7 +182,7 @@ fn another_robot_is_not_seen_until_it_is_accepted() {
     assert_eq!(seen(&poll(&mut watcher, 400, 1, 0, &mode(2))), [unseen]);
     assert_eq!(seen(&poll(&mut watcher, 500, 1, 0, &mode(7))), [Observed::ModeChanged { from: 2, to: 7 }]);
     // After a restart it is still there, and was never seen.
-    let mut watcher = Watcher::new(PERIOD, PERIOD, None, Before::Seen(Some(Micros(5))));
+    let mut watcher = Watcher::new(|_| PERIOD, None, Before::Seen(Some(Micros(5))));
     let unseen = Observed::Unseen { from: Some(Micros(5)), to: time(200, 0), because };
     assert_eq!(watcher.replaced(at(200), time(200, 0)), Some(Event::new(time(200, 0), unseen)));
     let unseen = Observed::Unseen { from: Some(Micros(5)), to: time(300, 0), because };

@@ -5,7 +5,7 @@ use r6_api::gateway::{LeaseEnd, Signal, SignalQuality};
 use r6_client::Address;
 use r6_proto::time::Instant;
 
-use super::{MAX_COMMANDS, MAX_STOPS, Station};
+use super::{FRESH_FOR, MAX_COMMANDS, MAX_STOPS, Station};
 use crate::clock;
 
 impl Station {
@@ -23,8 +23,10 @@ impl Station {
             )
         };
         let fresh = self.fresh();
-        let shows =
-            |read: &(Signal, Option<Instant>)| read.1.is_some_and(|asked_at| fresh.shows_all(asked_at));
+        // Of a robot that is read seldom, a reading may be fresh and from before the arm began to move.
+        let shows = |read: &(Signal, Option<Instant>)| {
+            read.1.is_some_and(|asked_at| fresh.shows_all(asked_at) && now.since(asked_at) <= FRESH_FOR)
+        };
         let stands = |read: &(Signal, _)| {
             read.0.quality == SignalQuality::Fresh && read.0.value == Some(AddressValue::Flag(false))
         };

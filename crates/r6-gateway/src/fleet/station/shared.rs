@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
+use r6_client::Address;
 use tokio::runtime::Handle;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -125,7 +126,8 @@ impl Shared {
     }
 
     pub(super) fn new_board(&self, config: &RobotConfig) -> Board {
-        let fresh_for = config.period + config.settings.liveness.suspect_after;
-        Board::new(self.draw(), &config.all_addresses(), fresh_for)
+        let suspect_after = config.settings.liveness.suspect_after;
+        let fresh_for = |address: Address| (address, config.period_of(address) + suspect_after);
+        Board::new(self.draw(), config.all_addresses().into_iter().map(fresh_for))
     }
 }

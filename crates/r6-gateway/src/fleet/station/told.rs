@@ -10,6 +10,7 @@ use crate::clock;
 use crate::core::live::follower::Step;
 use crate::core::live::numbers::Span;
 use crate::fleet::config::RobotConfig;
+use crate::fleet::group::PollGroup;
 use crate::live::far::Shown;
 
 impl Station {
@@ -67,8 +68,11 @@ impl Station {
 
     /// The robot with these values.
     pub fn state_with(&self, number: u64, signals: Vec<Signal>) -> RobotState {
-        let period_ms = millis(self.config().period);
-        RobotState { summary: self.summary(), period_ms, epoch: self.shared.epoch, number, signals }
+        let (period_ms, groups) = {
+            let config = self.config();
+            (millis(config.period), config.groups.iter().map(PollGroup::told).collect())
+        };
+        RobotState { summary: self.summary(), period_ms, groups, epoch: self.shared.epoch, number, signals }
     }
 }
 

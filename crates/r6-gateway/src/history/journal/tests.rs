@@ -32,12 +32,19 @@ pub(super) fn whole(time: i64, number: i64) -> Sample {
 }
 
 pub(super) fn batch(samples: Vec<(Address, Sample)>, counts: &Arc<RobotCounts>) -> Batch {
+    batch_of(Interval::LONGEST, samples, counts)
+}
+
+pub(super) fn batch_of(
+    interval: Interval,
+    samples: Vec<(Address, Sample)>,
+    counts: &Arc<RobotCounts>,
+) -> Batch {
     let time = samples.iter().map(|(_, sample)| sample.time).max().unwrap_or_default();
     Batch {
         robot: press(),
         time,
-        interval: Interval::LONGEST,
-        samples,
+        samples: samples.into_iter().map(|(address, sample)| (address, interval, sample)).collect(),
         events: Vec::new(),
         counts: Arc::clone(counts),
     }

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use r6_api::gateway::{LiveChange, RobotLink, RobotState, RobotSummary, Signal, SignalQuality};
+use r6_api::gateway::{LiveChange, PollGroup, RobotLink, RobotState, RobotSummary, Signal, SignalQuality};
 use r6_proto::time::Instant;
 
 use super::teller::Teller;
 use crate::clock;
 use crate::core::owner::CLOSE;
+use crate::fleet::group::periods;
 
 /// For how long a value that its owner told as fresh is still told as fresh if the owner says nothing more of
 /// it, beyond the greatest age of a fresh value. An owner that is silent for longer may have lost the robot.
@@ -27,8 +28,10 @@ pub struct Copied {
     /// When a stop was told that holds. A list that was asked for before may not know of it.
     pub stopped_at: Option<Instant>,
     pub period_ms: u64,
-    /// The greatest age that its owner tells a fresh value with.
-    pub fresh_for: Duration,
+    /// What is read with other periods.
+    pub groups: Vec<PollGroup>,
+    /// Of each value, the greatest age that its owner tells it with as fresh.
+    fresh_for: Vec<Duration>,
     /// The number of the last change, as its owner counts.
     pub there: u64,
     /// The values, and when each came.
@@ -36,9 +39,14 @@ pub struct Copied {
 }
 
 impl Copied {
-    pub fn new(teller: Option<Arc<Teller>>, state: RobotState, fresh_for: Duration) -> Self {
+    /// `suspect_after`: for how long after its period its owner tells a value as fresh.
+    pub fn new(teller: Option<Arc<Teller>>, state: RobotState, suspect_after: Duration) -> Self {
         let now = clock::now();
-        let RobotState { summary, period_ms, number, signals, .. } = state;
+        let RobotState { summary, period_ms, groups, number, signals, .. } = state;
+        let addresses = signals.iter().map(|signal| signal.address.as_str());
+        let fresh_for =
+            periods(addresses, period_ms, &groups).into_iter().map(|period| period + suspect_after);
+        let fresh_for = fresh_for.collect();
         let rows = signals.into_iter().map(|signal| (signal, now)).collect();
         let stopped_at = None;
         Self {
@@ -48,6 +56,7 @@ impl Copied {
             summed_at: now,
             stopped_at,
             period_ms,
+            groups,
             fresh_for,
             there: number,
             rows,
@@ -103,11 +112,12 @@ impl Copied {
         let mut age = age.saturating_add(millis(now.since(*told_at)));
         if let (SignalQuality::Fresh, Some(teller)) = (signal.quality, &self.teller) {
             let confirmed = teller.confirmed();
+            let fresh_for = self.fresh_for.get(place).copied().unwrap_or_default();
             if confirmed >= *told_at {
                 // Its owner reads it again and again, and tells of it only if it changes or grows old.
-                age = age.min(millis(self.fresh_for + now.since(confirmed)));
+                age = age.min(millis(fresh_for + now.since(confirmed)));
             }
-            if age > millis(self.fresh_for + HEARD) {
+            if age > millis(fresh_for + HEARD) {
                 signal.quality = SignalQuality::Stale;
             }
         }

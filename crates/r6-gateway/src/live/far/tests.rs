@@ -6,6 +6,9 @@ use super::*;
 use crate::core::live::numbers::Span;
 use r6_api::gateway::{LiveChange, RobotLink, RobotState, Signal, SignalQuality};
 
+const SUSPECT_AFTER: Duration = Duration::from_millis(400);
+
+/// The same, and the period.
 const FRESH_FOR: Duration = Duration::from_millis(500);
 
 fn state(value: &str, number: u64) -> RobotState {
@@ -53,7 +56,7 @@ fn the_rows_say_whose_copy_counts_in_whatever_order_the_gateways_tell() {
     let far = Far::new(state("start", 0), 7, 1);
     assert_eq!(seen(&far), ("start".to_owned(), false, Span { born: 1, number: 1 }));
     let live = BTreeSet::from([3, 4]);
-    far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+    far.take_snapshot(&heard(3), state("three", 5), SUSPECT_AFTER, || 2);
     assert_eq!(
         seen(&far),
         ("three".to_owned(), true, Span { born: 2, number: 2 }),
@@ -61,14 +64,14 @@ fn the_rows_say_whose_copy_counts_in_whatever_order_the_gateways_tell() {
     );
     assert!(!far.settle(Some(3), &live, || unreachable!()));
     // The next owner is faster than the rows.
-    far.take_snapshot(&heard(4), state("four", 8), FRESH_FOR, || unreachable!());
+    far.take_snapshot(&heard(4), state("four", 8), SUSPECT_AFTER, || unreachable!());
     assert!(far.take_change(4, change("four", 8, 9), || unreachable!()));
     assert_eq!(seen(&far).0, "three");
     assert!(far.settle(Some(4), &live, || 3));
     assert_eq!(seen(&far), ("four".to_owned(), true, Span { born: 3, number: 3 }));
     // The last one goes on with what it has lost.
     assert!(far.take_change(3, change("three", 5, 6), || unreachable!()));
-    far.take_snapshot(&heard(3), state("three", 7), FRESH_FOR, || unreachable!());
+    far.take_snapshot(&heard(3), state("three", 7), SUSPECT_AFTER, || unreachable!());
     assert!(!far.forget(3, || unreachable!()));
     assert_eq!(seen(&far).0, "four");
     assert!(far.take_change(4, change("four", 9, 11), || 4));
@@ -81,7 +84,7 @@ fn the_rows_say_whose_copy_counts_in_whatever_order_the_gateways_tell() {
 fn nothing_is_fresh_once_the_owner_is_lost_and_a_copy_is_never_stuck() {
     let live = BTreeSet::from([3]);
     let far = Far::new(state("start", 0), 7, 1);
-    far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+    far.take_snapshot(&heard(3), state("three", 5), SUSPECT_AFTER, || 2);
     // A look that is older than the snapshot.
     assert!(far.settle(None, &live, || 3));
     assert_eq!(seen(&far), ("three".to_owned(), false, Span { born: 3, number: 3 }));
@@ -104,7 +107,7 @@ fn a_lease_is_told_until_the_rows_say_that_its_owner_ended() {
     let lease = |far: &Far| far.summary().lease.map(|lease| lease.holder);
     let far = Far::new(state("start", 0), 7, 1);
     assert_eq!(lease(&far), None, "no gateway tells of it");
-    far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+    far.take_snapshot(&heard(3), state("three", 5), SUSPECT_AFTER, || 2);
     assert!(!far.settle(Some(3), &live, || unreachable!()));
     // Its owner lives, and is not heard of.
     assert!(far.forget(3, || 3));
@@ -114,19 +117,19 @@ fn a_lease_is_told_until_the_rows_say_that_its_owner_ended() {
     assert_eq!((lease(&far), seen(&far).2), (None, Span { born: 4, number: 4 }), "readers are told");
     assert!(!far.settle(None, &live, || unreachable!()));
     // It has another owner, which is not heard of either.
-    far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 5);
+    far.take_snapshot(&heard(3), state("three", 5), SUSPECT_AFTER, || 5);
     far.forget(3, || 6);
     assert!(far.settle(Some(4), &live, || 7));
     assert_eq!(lease(&far), None);
     // The gateway that had it goes on with it.
-    far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || unreachable!());
+    far.take_snapshot(&heard(3), state("three", 5), SUSPECT_AFTER, || unreachable!());
     assert!(!far.has_owner());
 }
 
 #[test]
 fn a_stop_is_told_at_once_and_what_is_older_says_nothing_against_it() {
     let far = Far::new(state("start", 0), 7, 1);
-    far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+    far.take_snapshot(&heard(3), state("three", 5), SUSPECT_AFTER, || 2);
     let (before, old) = (clock::now(), far.summary());
     tick();
     far.take_stop(3);
@@ -145,7 +148,7 @@ fn a_stop_is_told_at_once_and_what_is_older_says_nothing_against_it() {
     assert!(far.take_saved(&stopped, clock::now(), || 5));
     assert!(!far.take_saved(&stopped, clock::now(), || unreachable!()), "nothing is new");
     assert!(far.summary().stopped);
-    far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 6);
+    far.take_snapshot(&heard(3), state("three", 5), SUSPECT_AFTER, || 6);
     assert!(!far.take_saved(&stopped, clock::now(), || unreachable!()), "its owner tells more");
     far.take_stop(3);
     far.take_summary(3, old.clone(), clock::now());
@@ -163,7 +166,7 @@ fn a_stop_is_told_at_once_and_what_is_older_says_nothing_against_it() {
 fn the_store_may_not_have_a_stop_yet_that_its_living_owner_told() {
     let live = BTreeSet::from([3]);
     let far = Far::new(state("start", 0), 7, 1);
-    far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
+    far.take_snapshot(&heard(3), state("three", 5), SUSPECT_AFTER, || 2);
     far.settle(Some(3), &live, || unreachable!());
     far.take_stop(3);
     far.forget(3, || 3);
@@ -184,8 +187,8 @@ fn what_a_gateway_tells_of_a_robot_of_another_one_is_not_told_on() {
     let live = BTreeSet::from([3, 4]);
     let far = Far::new(state("start", 0), 7, 1);
     assert!(far.may_be_of(3) && far.may_be_of(4), "nothing is known");
-    far.take_snapshot(&heard(3), state("three", 5), FRESH_FOR, || 2);
-    far.take_snapshot(&heard(4), state("four", 5), FRESH_FOR, || unreachable!());
+    far.take_snapshot(&heard(3), state("three", 5), SUSPECT_AFTER, || 2);
+    far.take_snapshot(&heard(4), state("four", 5), SUSPECT_AFTER, || unreachable!());
     far.settle(Some(4), &live, || 3);
     assert!(!far.may_be_of(3) && far.may_be_of(4));
 }
@@ -194,7 +197,7 @@ fn what_a_gateway_tells_of_a_robot_of_another_one_is_not_told_on() {
 fn what_waits_here_is_behind_its_owner() {
     let now = clock::now();
     let (far, teller) = (Far::new(state("start", 0), 7, 1), heard(3));
-    far.take_snapshot(&teller, state("three", 5), FRESH_FOR, || 2);
+    far.take_snapshot(&teller, state("three", 5), SUSPECT_AFTER, || 2);
     let later = now + Duration::from_secs(9);
     teller.confirm(later);
     assert_eq!(far.behind(later), Duration::ZERO);
@@ -208,7 +211,7 @@ fn what_waits_here_is_behind_its_owner() {
 fn a_value_of_an_owner_that_says_nothing_is_not_told_as_fresh_for_long() {
     let now = clock::now();
     let teller = Arc::new(Teller::new(3));
-    let copied = Copied::new(Some(Arc::clone(&teller)), state("three", 5), FRESH_FOR);
+    let copied = Copied::new(Some(Arc::clone(&teller)), state("three", 5), SUSPECT_AFTER);
     let at = |after: Duration| {
         let signal = copied.signal(0, now + after).unwrap();
         (signal.quality, Duration::from_millis(signal.age_ms.unwrap()))
@@ -222,7 +225,7 @@ fn a_value_of_an_owner_that_says_nothing_is_not_told_as_fresh_for_long() {
     assert_eq!(at(long), (SignalQuality::Fresh, FRESH_FOR));
     assert_eq!(Far::new(state("start", 0), 7, 1).behind(now + long), Duration::ZERO, "it is not fresh");
     let far = Far::new(state("start", 0), 7, 1);
-    far.take_snapshot(&teller, state("three", 5), FRESH_FOR, || 2);
+    far.take_snapshot(&teller, state("three", 5), SUSPECT_AFTER, || 2);
     assert_eq!(far.behind(now + long), Duration::ZERO);
     assert_eq!(far.behind(now + long + HEARD), HEARD);
     let last = long + HEARD;

@@ -93,10 +93,14 @@ pub async fn put_settings(client: &Client, settings: &StoredSettings) -> Result<
     Ok(())
 }
 
+/// A database that is only read can be older than groups.
+const SELECT: &str =
+    "SELECT name, address, period_ms, read, model, COALESCE(to_jsonb(robot) ->> 'poll_groups', '[]')
+                      FROM robot ORDER BY name";
+
 /// The robots that were put.
 pub async fn all(client: &Client) -> Result<Vec<StoredRobot>, StoreError> {
-    let rows =
-        client.query("SELECT name, address, period_ms, read, model FROM robot ORDER BY name", &[]).await?;
+    let rows = client.query(SELECT, &[]).await?;
     rows.iter()
         .map(|row| {
             let name: &str = row.try_get(0)?;
@@ -107,6 +111,7 @@ pub async fn all(client: &Client) -> Result<Vec<StoredRobot>, StoreError> {
                 period_ms: unsigned(row.try_get(2)?),
                 read: serde_json::from_str(row.try_get(3)?).map_err(|_| unreadable())?,
                 model: row.try_get(4)?,
+                groups: serde_json::from_str(row.try_get(5)?).map_err(|_| unreadable())?,
             })
         })
         .collect()
@@ -123,15 +128,17 @@ pub async fn put(client: &Client, robot: &StoredRobot) -> Result<(), StoreError>
     let model = robot.model.as_deref().map(plain);
     client
         .execute(
-            "INSERT INTO robot (name, address, period_ms, read, model) VALUES ($1, $2, $3, $4, $5)
+            "INSERT INTO robot (name, address, period_ms, read, model, poll_groups)
+             VALUES ($1, $2, $3, $4, $5, $6)
              ON CONFLICT (name) DO UPDATE SET address = excluded.address, period_ms = excluded.period_ms,
-             read = excluded.read, model = excluded.model",
+             read = excluded.read, model = excluded.model, poll_groups = excluded.poll_groups",
             &[
                 &robot.name.as_str(),
                 &plain(&robot.address),
                 &signed(robot.period_ms),
                 &json(&robot.read)?,
                 &model,
+                &json(&robot.groups)?,
             ],
         )
         .await?;

@@ -15,7 +15,7 @@ CREATE TABLE IF NOT EXISTS r6_gateway.version (
 ";
 
 /// What makes the tables of each version out of those before, from version 1 on.
-pub const TABLES: [&str; 6] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES, POINTS];
+pub const TABLES: [&str; 7] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES, POINTS, GROUPS];
 
 /// - `audit`: `what`, `robot` and `intent` are read from the text when it is written.
 /// - `seat`: the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -246,4 +246,9 @@ CREATE TABLE point (
     text      bytea NOT NULL,
     PRIMARY KEY (name, version)
 );
+";
+
+/// What is read of a robot with other periods.
+const GROUPS: &str = "
+ALTER TABLE robot ADD COLUMN poll_groups text NOT NULL DEFAULT '[]';
 ";

@@ -189,6 +189,7 @@ fn two_gateways_give_no_two_robots_one_address() {
         address: address.to_owned(),
         period_ms: 100,
         read: Vec::new(),
+        groups: Vec::new(),
         model: None,
     };
     assert_eq!(store.put_robot(&robot("saw", "10.0.0.1"), &started()), Ok(()));
@@ -254,6 +255,7 @@ async fn gateways_hear_at_once_that_something_is_free_or_a_robot_came() {
         address: "10.0.0.1".to_owned(),
         period_ms: 100,
         read: Vec::new(),
+        groups: Vec::new(),
         model: None,
     };
     let record = AuditRecord { deed: Deed::RobotRemoved {}, ..started() };
@@ -427,13 +429,15 @@ fn the_gateway_of_an_older_version_has_let_go_before_its_robots_can_be_taken() {
     // As version 2 made it, with an owner that lives.
     server.sql(
         &url,
-        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE camera; DROP TABLE point; DROP TABLE gateway;
+        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE camera; DROP TABLE point; DROP TABLE gateway; ALTER TABLE robot DROP COLUMN poll_groups;
          DROP TABLE owner;
          CREATE TABLE owner (one integer, fence bigint, beat bigint, gateway text, beat_at timestamptz);
          INSERT INTO owner VALUES (1, 7, 9, 'old', now())",
     );
     // To read it changes nothing.
-    assert_eq!(Postgres::open_to_read(&database).unwrap().cameras(None), Ok(Vec::new()));
+    let mut reader = Postgres::open_to_read(&database).unwrap();
+    assert_eq!((reader.cameras(None), reader.robots()), (Ok(Vec::new()), Ok(Vec::new())));
+    drop(reader);
     let begun = std::time::Instant::now();
     let mut store = Postgres::open(&database, Hand::Shell).unwrap();
     assert!(begun.elapsed() >= std::time::Duration::from_millis(3_500), "{:?}", begun.elapsed());

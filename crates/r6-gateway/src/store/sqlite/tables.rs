@@ -2,8 +2,8 @@
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-pub const TABLES: [&str; 10] =
-    [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS, POINTS];
+pub const TABLES: [&str; 11] =
+    [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS, POINTS, GROUPS];
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
 /// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -168,10 +168,21 @@ CREATE TABLE IF NOT EXISTS point (
 ) STRICT;
 ";
 
+/// The first version with [`GROUPS`].
+pub const SINCE_GROUPS: usize = 11;
+
+/// What is read of a robot with other periods. The table may be there, as that of [`CAMERAS`].
+const GROUPS: &str = "
+CREATE TABLE IF NOT EXISTS poll_groups (
+    robot  TEXT PRIMARY KEY,
+    groups TEXT NOT NULL
+) STRICT;
+";
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Sqlite;
+    use crate::store::{Sqlite, Store as _};
 
     #[test]
     fn a_file_whose_version_an_older_gateway_set_back_is_opened() {
@@ -180,6 +191,8 @@ mod tests {
         let file = rusqlite::Connection::open(folder.path().join("control.db")).unwrap();
         file.execute("INSERT INTO camera VALUES ('press', 0, 1, 'anna', 'now')", []).unwrap();
         file.pragma_update(None, "user_version", TABLES.len() - 1).unwrap();
+        // To read it changes nothing.
+        assert_eq!(Sqlite::open_to_read(folder.path(), false).unwrap().robots(), Ok(Vec::new()));
         drop(Sqlite::open(folder.path()).unwrap());
         let grants: usize = file.query_row("SELECT count(*) FROM camera", [], |row| row.get(0)).unwrap();
         assert_eq!(grants, 1);

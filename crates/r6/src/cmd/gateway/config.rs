@@ -1,11 +1,13 @@
 //! The file of a gateway: robots, raw ports, who may use these, HTTP, and the history.
 
 mod audit;
+mod groups;
 mod hall;
 mod history;
 mod http;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -21,6 +23,7 @@ use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Found, Node, Wrong};
 use r6_proto::message::instruction::PathSpeed;
 
+pub use groups::read as groups;
 pub use hall::read as hall_and_shifts;
 pub use http::{HOST_NAME, HttpSettings, host_name};
 
@@ -70,12 +73,13 @@ fn parse(text: &str) -> Result<Config, Mistakes> {
         let inner = Fields::of(table, &[], format!("[[robot]] {number}: "));
         let profile = profile(&inner);
         let guard = guard(&inner, number, &mut found);
+        let groups = groups::read(&inner, &format!("[[robot]] {number}: "), &mut found);
         let read = one(&inner).and_then(|robot| {
             if robots.iter().any(|known| known.name == robot.name) {
                 return Err(inner.wrong("name", format!("two robots are called `{}`", robot.name)));
             }
             profiles.extend(profile.map(|profile| (robot.name.clone(), profile)));
-            Ok(RobotConfig { guard, ..robot })
+            Ok(RobotConfig { guard, groups, ..robot })
         });
         robots.extend(inner.finish(read, &mut found));
     }
@@ -182,9 +186,8 @@ impl Values {
 
 /// Reads what a table says of the values of a robot.
 pub fn values(fields: &Fields<'_>) -> Values {
-    let [shortest, longest] =
-        [PERIODS.0, PERIODS.1].map(|period| u32::try_from(period.as_millis()).unwrap_or(u32::MAX));
-    let period = fields.whole_in("period_ms", &format!("from {shortest} to {longest}"), shortest..=longest);
+    let (wanted, range) = periods();
+    let period = fields.whole_in("period_ms", &wanted, range);
     let wanted = format!("at most {MAX_READ} query addresses in brackets, such as [\"Addr-800\"]");
     let addresses = fields.optional("read", &wanted, |value| {
         let addresses = value.list()?.iter().map(address_of).collect::<Option<Vec<_>>>()?;
@@ -194,6 +197,13 @@ pub fn values(fields: &Fields<'_>) -> Values {
         Address::parse(value.text()?).ok().filter(|address| matches!(address, Address::Counter(_)))
     });
     Values { period, addresses: addresses.unwrap_or_default(), parts }
+}
+
+/// Which periods there are, in ms.
+fn periods() -> (String, RangeInclusive<u32>) {
+    let [shortest, longest] =
+        [PERIODS.0, PERIODS.1].map(|period| u32::try_from(period.as_millis()).unwrap_or(u32::MAX));
+    (format!("from {shortest} to {longest}"), shortest..=longest)
 }
 
 /// The limits of a robot: `[robot.guard]`, with the keys of a file of `r6 run --guard`.
@@ -238,6 +248,37 @@ mod tests {
             profiles.iter().map(|(robot, profile)| (robot, profile.name.as_str())).collect();
         assert_eq!(profiles, [(&press.name, "legacy")]);
         assert_eq!((saw.address.as_str(), saw.period), ("saw.hall:9761", r6_gateway::USUAL_PERIOD));
+    }
+
+    #[test]
+    fn a_file_names_poll_groups() {
+        let robot = "[[robot]]\nname = \"saw\"\naddress = \"a\"\n";
+        let text = "[[robot.group]]\nperiod_ms = 50\nread = [\"axis-0\", \"Addr-800\"]\n\
+                    [[robot.group]]\nperiod_ms = 10000\nread = [\"counter-0\"]\nkeep = false\ndeadband = 0.5\n";
+        let saw = parse(&format!("{robot}{text}")).unwrap().robots.remove(0);
+        let [fast, slow] = &saw.groups[..] else { panic!("{saw:?}") };
+        assert_eq!(
+            (fast.period.as_millis(), fast.addresses.len(), fast.is_kept, fast.deadband),
+            (50, 2, true, None)
+        );
+        assert_eq!((slow.period.as_secs(), slow.is_kept, slow.deadband), (10, false, Some(0.5)));
+        assert_eq!(saw.parts(), Some(Address::Counter(0)), "the first counter that is read");
+        for (wrong, line, why) in [
+            ("period_ms = 19\nread = [\"axis-0\"]\n", "hall.toml:5:", "from 20 to 3600000"),
+            ("read = [\"axis-0\"]\n", "hall.toml:", "`period_ms`"),
+            ("period_ms = 20\nread = []\n", "hall.toml:6:", "1 to 256 query addresses"),
+            ("period_ms = 20\nread = [\"axis-x\"]\n", "hall.toml:6:", "1 to 256 query addresses"),
+            ("period_ms = 20\nread = [\"axis-0\"]\ndeadband = -1\n", "hall.toml:7:", "a number from 0"),
+            (
+                "period_ms = 20\nread = [\"axis-0\"]\nkeeps = true\n",
+                "hall.toml:7:",
+                "there is no key `keeps`",
+            ),
+        ] {
+            assert_told(&format!("{robot}[[robot.group]]\n{wrong}"), &[(line, why)]);
+        }
+        let many = "[[robot.group]]\nperiod_ms = 20\nread = [\"axis-0\"]\n".repeat(33);
+        assert_told(&format!("{robot}{many}"), &[("hall.toml", "a robot has at most 32 groups")]);
     }
 
     #[test]

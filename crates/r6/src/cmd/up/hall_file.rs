@@ -149,11 +149,13 @@ impl Reader<'_> {
         let label = format!("[[robot]] {}{named}: ", number + 1);
         let fields = Fields::of(table, &[], label.clone());
         let scenario = Scenario::of_table(&fields, &label, found);
+        let groups = config::groups(&fields, &label, found);
         let read = self.fields(&fields).map(|robot| {
             // Each robot draws its own numbers from the seed of the hall.
             let seed = seed.wrapping_add(number);
             let scenario = Some(Arc::new(scenario));
-            HallRobot { settings: SimSettings { seed, scenario, ..robot.settings }, ..robot }
+            let config = RobotConfig { groups, ..robot.config };
+            HallRobot { settings: SimSettings { seed, scenario, ..robot.settings }, config }
         });
         self.robots.extend(fields.finish(read, found));
     }

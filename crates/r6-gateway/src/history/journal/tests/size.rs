@@ -53,8 +53,7 @@ fn in_chunks(samples: &[(Address, Sample)]) -> u64 {
     let mut running = journal(Days::to_write(folder.path(), 1 << 30), settings());
     let polls = samples.chunk_by(|(_, one), (_, next)| one.time == next.time);
     for (number, poll) in polls.enumerate() {
-        let interval = Interval::USUAL;
-        running.take(Instant::ORIGIN, Batch { interval, ..batch(poll.to_vec(), &counts) });
+        running.take(Instant::ORIGIN, batch_of(Interval::USUAL, poll.to_vec(), &counts));
         if number % 25 == 0 {
             running.flush(Instant::ORIGIN, Micros(BASE)).unwrap();
         }
