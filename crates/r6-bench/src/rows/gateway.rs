@@ -206,7 +206,7 @@ pub fn rows() -> Vec<Row> {
             against: "bare write and read of the same query to the same robots",
             goal: Some(Goal::AtMost(2.0)),
             figure: Figure::Ratio(ratio),
-            in_the_way: "no single place: the thread of the history, which packs and writes, takes a sixth of the time, the \
+            in_the_way: "no single place: the thread of the history, which packs and writes, takes a fifth of the time, the \
                          system calls a quarter, asking for memory a tenth, and the rest is spread over the client and \
                          the runtime, which wait for the memory of a thousand robots; no function takes more than 8 %",
         },

@@ -27,8 +27,8 @@ impl Drop for Turn {
 }
 
 impl Turns {
-    /// Takes the right, with the number of stops that were announced until now. An error has that number of the
-    /// motion that has the right.
+    /// Takes the right, with the number of stops that were announced until now. An error has the number with
+    /// which another motion took it.
     pub fn take(&self, stops: u64) -> Result<Turn, u64> {
         let mut other = None;
         self.taken.send_if_modified(|taken| {

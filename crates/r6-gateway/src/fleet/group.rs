@@ -8,7 +8,7 @@ use r6_client::{Address, AxisIndex};
 
 use super::config::{MODE_PERIOD, PERIODS};
 
-/// The most groups of a robot: more periods than anybody needs, each of which has a subscription of the client.
+/// The most groups of a robot: more periods than anybody needs, each with a subscription of the client.
 pub const MAX_GROUPS: usize = 32;
 
 /// The most addresses of a group, as of a subscription of the client: more than all that are not registers.

@@ -58,7 +58,7 @@ impl Station {
         Ok(Queried { signals, problems })
     }
 
-    /// Where the first axes of the arm stand, J1 first, from readings that are fresh, and not older than 1.5 s.
+    /// Where the first axes of the arm stand, J1 first, from readings that are fresh and 1.5 s old at most.
     ///
     /// # Errors
     /// `not_ready`, `identity_changed`.

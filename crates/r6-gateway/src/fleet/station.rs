@@ -43,8 +43,8 @@ pub(super) const MAX_QUERIES: usize = 4;
 /// it sooner.
 pub(super) const MAX_STOPS: u32 = 16;
 
-/// For how long an observation of a robot's mode counts. Longer than the period of the mode by the client's own
-/// limit for a value that is suspect.
+/// For how long a reading counts as evidence for commands, leases and plans. Longer than the period of the
+/// mode by the client's own limit for a value that is suspect.
 pub(super) const FRESH_FOR: Duration = Duration::from_millis(1500);
 
 /// What the store has of a robot.

@@ -113,9 +113,9 @@ impl Far {
         copied.teller.as_ref().map_or(Duration::ZERO, |teller| teller.behind(now, copied.begun))
     }
 
-    /// A gateway tells all of it. `suspect_after`: for how long after its period it tells a value
-    /// as fresh. `draw` gives the next number. It counts at once if neither the rows of the store nor another gateway say
-    /// otherwise.
+    /// A gateway tells all of it. `suspect_after`: for how long after its period it tells a value as fresh.
+    /// `draw` gives the next number. It counts at once if neither the rows of the store nor another gateway
+    /// say otherwise.
     pub fn take_snapshot(
         &self,
         teller: &Arc<Teller>,

@@ -66,8 +66,8 @@ fn end(mut store: impl Store, answer: Answer<()>) {
 /// Does a job, and for appends those right behind it. Returns the first job that was taken and is not done.
 fn carry_out(store: &mut impl Store, (claim, job): Asked, waiting: &mut Receiver<Asked>) -> Option<Asked> {
     store.hold(claim.as_slice());
-    // An outcome is on the disk before others can read it, and before other jobs go on. An intent that follows
-    // is synchronised together with what stands before it.
+    // An outcome is on the disk before others can read it, and before other jobs go on. An intent that
+    // follows is synchronised together with what stands before it.
     if !matches!(job, Job::Append(..) | Job::BeginCommand(..) | Job::EndCommand(..)) {
         settle(store);
     }
