@@ -107,7 +107,7 @@ pub fn asked() -> Option<ExitCode> {
         Server::AtRest => at_rest::serve(),
         Server::Working => gateway::serve_robots(),
         Server::Gateway => gateway::serve_gateway(&words.collect::<Vec<_>>()),
-        Server::Day => gateway::day::serve(),
+        Server::Day => gateway::day::serve(&words.collect::<Vec<_>>()),
     }
     Some(ExitCode::SUCCESS)
 }

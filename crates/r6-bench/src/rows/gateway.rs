@@ -75,11 +75,11 @@ pub fn serve_robots() {
     wait(&runtime, addresses.join(" "));
 }
 
-/// The server process of the gateway, in front of the robots with these addresses. It prints its address, a
-/// token, and its folder.
-pub fn serve_gateway(robots: &[String]) {
+/// The server process of the gateway with this folder, in front of the robots with these addresses. It prints
+/// its address and a token.
+pub fn serve_gateway(words: &[String]) {
+    let (data, robots) = words.split_first().expect("a folder");
     let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build().expect("a runtime");
-    let data = tempfile::tempdir().expect("a folder");
     let reads = READ.map(|address| Address::parse(address).expect("an address"));
     let robots = robots.iter().enumerate().map(|(number, address)| RobotConfig {
         period: OTHERS,
@@ -89,7 +89,7 @@ pub fn serve_gateway(robots: &[String]) {
     let robots: Vec<_> = robots.collect();
     let settings = GatewaySettings {
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
-        data: data.path().to_owned(),
+        data: data.into(),
         store: None,
         robots,
         robot_settings: RobotSettings::default(),
@@ -109,7 +109,7 @@ fn run_gateway(runtime: &tokio::runtime::Runtime, settings: GatewaySettings) {
     let data = settings.data.clone();
     let gateway = runtime.block_on(Gateway::start(settings)).expect("it starts");
     let token = r6_gateway::make_token(&data, Role::Operator, None, String::new()).expect("a token").1;
-    wait(runtime, format!("{} {token} {}", gateway.address(), data.display()));
+    wait(runtime, format!("{} {token}", gateway.address()));
 }
 
 fn name(number: usize) -> RobotName {
@@ -129,7 +129,10 @@ fn wait(runtime: &tokio::runtime::Runtime, line: String) {
 /// A poll over bare sockets and through the gateway, and what the gateway takes.
 pub fn rows() -> Vec<Row> {
     let robots = Server::Working.start();
-    let gateway = Server::Gateway.start_with(&robots.words);
+    // The process of the gateway is ended before its folder is removed.
+    let data = tempfile::tempdir().expect("a folder");
+    let folder = data.path().display().to_string();
+    let gateway = Server::Gateway.start_with(&[&[folder], &robots.words[..]].concat());
     let mut client = Client::new(&gateway);
     std::thread::sleep(SETTLE);
     let count = READ.len();
@@ -176,10 +179,10 @@ pub fn rows() -> Vec<Row> {
     spread(&[process, robots.process()]).expect("threads may move to the other cores");
     let [through, direct] = commands(&mut client, &mut Bare::new(robots.addresses[1]));
     let [change_p50, change_p99] = live::changes(&gateway, robots.addresses[2], "robot-2");
-    let floor = disk(gateway.words.get(2).expect("a folder"));
+    let floor = disk(data.path());
     pin().expect("this process can be kept on one core");
     let memory = resident_megabytes(process);
-    let history = Path::new(gateway.words.get(2).expect("a folder")).join("history");
+    let history = data.path().join("history");
     let (first_kept, first_size) = history_now(&mut client, &history);
     std::thread::sleep(GROWS);
     let (kept, size) = history_now(&mut client, &history);
@@ -316,8 +319,8 @@ fn percentiles<const N: usize>(mut times: Vec<f64>, percents: [usize; N]) -> [f6
 }
 
 /// The median of a synchronised write of 4 KiB in this folder, in ms.
-fn disk(folder: &str) -> f64 {
-    let mut file = std::fs::File::create(Path::new(folder).join("floor")).expect("a file");
+fn disk(folder: &Path) -> f64 {
+    let mut file = std::fs::File::create(folder.join("floor")).expect("a file");
     let times: Vec<f64> = (0..COMMANDS)
         .map(|_| {
             let begun = Instant::now();

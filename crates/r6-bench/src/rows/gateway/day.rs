@@ -1,6 +1,7 @@
 //! The averages of a day of the history, beside the same question to a plain table of SQLite.
 
 use std::net::SocketAddr;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use r6_api::gateway::Role;
@@ -42,21 +43,21 @@ fn position(signal: usize, sample: u32) -> f64 {
 }
 
 /// The gateway in whose folder the day is: a server process.
-pub fn serve() {
+pub fn serve(words: &[String]) {
     let runtime = Builder::new_current_thread().enable_all().build().expect("a runtime");
-    let data = tempfile::tempdir().expect("a folder");
+    let data = Path::new(words.first().expect("a folder"));
     // A folder that has a history and no store is not taken.
-    r6_gateway::make_token(data.path(), Role::Viewer, None, String::new()).expect("a store");
+    r6_gateway::make_token(data, Role::Viewer, None, String::new()).expect("a store");
     let name = RobotName::new("robot-0").expect("a name");
     for (number, signal) in SIGNALS.iter().enumerate() {
         let address = Address::parse(signal).expect("an address");
         let values = (0..SAMPLES).map(|sample| position(number, sample));
         let samples = (BEGIN..).step_by(usize::try_from(EVERY).expect("it fits")).zip(values);
-        write_history(data.path(), &name, address, samples).expect("the disk has room");
+        write_history(data, &name, address, samples).expect("the disk has room");
     }
     let settings = GatewaySettings {
         listen: SocketAddr::from(([127, 0, 0, 1], 0)),
-        data: data.path().to_owned(),
+        data: data.to_owned(),
         store: None,
         // Nothing listens there: the day is all that is known of this robot.
         robots: vec![RobotConfig {
@@ -77,7 +78,9 @@ pub fn serve() {
 
 /// The question over HTTP beside SQLite. Both sides read files that were written before.
 pub fn rows() -> Vec<Row> {
-    let gateway: Running = Server::Day.start();
+    // The process of the gateway is ended before its folder is removed.
+    let data = tempfile::tempdir().expect("a folder");
+    let gateway: Running = Server::Day.start_with(&[data.path().display().to_string()]);
     let mut client = Client::new(&gateway);
     let folder = tempfile::tempdir().expect("a folder");
     let plain = plain_table(&folder.path().join("plain.db"));
