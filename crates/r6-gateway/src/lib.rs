@@ -88,7 +88,9 @@ pub use crate::core::camera::{Camera, CameraGrant};
 pub use crate::core::hall::{Hall, Mistake as HallMistake};
 pub use crate::core::head::PublicKey;
 pub use crate::core::name::RobotName;
-pub use crate::core::raw::policy::{MAX_CAMERAS, RawAllow, RawPolicy, RawRule, RawSource};
+pub use crate::core::raw::policy::{
+    MAX_CAMERAS, MAX_PROGRAMS, RawAllow, RawPolicy, RawRule, RawSource, raw_words,
+};
 pub use crate::core::retention::LEAST_ENTRIES;
 pub use crate::core::role::Grant;
 pub use crate::fleet::address::RobotAddress;

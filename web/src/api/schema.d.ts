@@ -3464,6 +3464,11 @@ export interface components {
             /** @description The cameras as which they may send points and answer photos; absent without any. */
             cameras?: number[];
             /**
+             * @description The only commands and requests that these sources may send of those that need the lease; absent
+             *     without a limit.
+             */
+            commands?: string[] | null;
+            /**
              * Format: double
              * @description The highest global speed that these sources may set, in percent; absent without a limit.
              */
@@ -3480,6 +3485,11 @@ export interface components {
             max_speed?: number | null;
             /** @description The only robot that it is for; `null` for all. */
             only: string | null;
+            /**
+             * @description The only programs of the controller that these sources may switch to and start; absent without a
+             *     limit.
+             */
+            programs?: string[] | null;
             /** @description The address or the network that it is for. */
             source: string;
         };

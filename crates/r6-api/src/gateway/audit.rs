@@ -18,6 +18,14 @@ pub struct RawPortRule {
     pub only: Option<String>,
     /// `deny`, `read` or `command`.
     pub allow: String,
+    /// The only commands and requests that these sources may send of those that need the lease; absent
+    /// without a limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub commands: Option<Vec<String>>,
+    /// The only programs of the controller that these sources may switch to and start; absent without a
+    /// limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub programs: Option<Vec<String>>,
     /// The highest global speed that these sources may set, in percent; absent without a limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_global_speed: Option<f64>,

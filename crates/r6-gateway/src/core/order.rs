@@ -82,12 +82,15 @@ impl Order {
         }
     }
 
+    /// The word of a list.
+    pub const LIST: &str = "AddRCC";
+
     /// Its word: that of the command, or the type of the request.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match self {
             Self::Command(command) => command.name().word(),
-            Self::List { .. } => "AddRCC",
+            Self::List { .. } => Self::LIST,
             Self::Points { .. } => "AddPoints",
             Self::Photo { .. } => "photo",
         }

@@ -86,6 +86,11 @@ async fn leased(door: &Door, station: &Station, source: SocketAddr, order: Order
     if let Some(reason) = rule.forbids(&order).or_else(|| beyond(&rule, &order)) {
         return refuse(door, station, source, word, (Code::NotAllowed, reason));
     }
+    if rule.asks_for_program(&order)
+        && let Some(reason) = rule.forbids_start(loaded(station).await.as_deref())
+    {
+        return refuse(door, station, source, word, (Code::NotAllowed, reason));
+    }
     let effect = order.effect();
     let holder = holder(&rule, source);
     // What is refused anyway does not take the lease from those who could use it.
@@ -126,6 +131,12 @@ async fn leased(door: &Door, station: &Station, source: SocketAddr, order: Order
     }
     drop(used);
     door_answer(station, done.map(drop))
+}
+
+/// The program that the controller has loaded, if it says so now.
+async fn loaded(station: &Station) -> Option<String> {
+    let read = station.robot()?.query(&[Address::CurMold]).await.ok()?;
+    read.text(Address::CurMold).map(str::to_owned)
 }
 
 /// Sends the points that a camera found, under the grant of the rule of this source.

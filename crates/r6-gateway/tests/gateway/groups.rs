@@ -1,7 +1,6 @@
 //! Poll groups: values with a period of their own, and whether and how they are kept.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use r6_api::gateway::SignalQuality;
@@ -9,48 +8,20 @@ use r6_client::Address;
 use r6_gateway::{PollGroup, RobotConfig};
 use r6_sim::VirtualController;
 use serde_json::{Value, json};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpListener, TcpStream};
 
+use crate::raw::Tap;
 use crate::support::{Hall, name, signal};
 
 const AXES: [&str; 6] = ["axis-0", "axis-1", "axis-2", "axis-3", "axis-4", "axis-5"];
 
 /// What was asked for, query by query.
-type Asked = Arc<Mutex<Vec<Vec<String>>>>;
-
-/// An address that leads to this controller, and what is asked for over it.
-async fn overheard(controller: &VirtualController) -> (String, Asked) {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let (address, there) = (listener.local_addr().unwrap(), controller.address());
-    let asked = Asked::default();
-    let heard = Arc::clone(&asked);
-    tokio::spawn(async move {
-        let (mut client, _) = listener.accept().await.unwrap();
-        let mut robot = TcpStream::connect(there).await.unwrap();
-        let (mut from, mut to) = ([0; 16_384], [0; 16_384]);
-        loop {
-            tokio::select! {
-                count = client.read(&mut from) => {
-                    let Ok(count @ 1..) = count else { return };
-                    let frames = serde_json::Deserializer::from_slice(&from[..count]).into_iter::<Value>();
-                    for frame in frames.map(Result::unwrap) {
-                        let list = frame["queryAddr"].as_array().cloned().unwrap_or_default();
-                        let list = list.iter().map(|address| address.as_str().unwrap().to_owned());
-                        heard.lock().unwrap().push(list.collect());
-                    }
-                    robot.write_all(&from[..count]).await.unwrap();
-                }
-                count = robot.read(&mut to) => {
-                    let Ok(count @ 1..) = count else { return };
-                    if client.write_all(&to[..count]).await.is_err() {
-                        return;
-                    }
-                }
-            }
-        }
-    });
-    (address.to_string(), asked)
+fn asked(tap: &Tap) -> Vec<Vec<String>> {
+    let query = |frame: String| {
+        let frame: Value = serde_json::from_str(&frame).unwrap();
+        let list = frame["queryAddr"].as_array().unwrap().iter();
+        list.map(|address| address.as_str().unwrap().to_owned()).collect()
+    };
+    tap.frames("queryAddr").into_iter().map(query).collect()
 }
 
 fn read(addresses: &[&str]) -> Vec<Address> {
@@ -60,7 +31,7 @@ fn read(addresses: &[&str]) -> Vec<Address> {
 #[tokio::test]
 async fn each_group_is_read_with_its_own_period_in_as_few_queries() {
     let controller = VirtualController::start().await.unwrap();
-    let (address, asked) = overheard(&controller).await;
+    let tap = Tap::before(controller.address()).await;
     let (fast, slow) = (Duration::from_millis(50), Duration::from_secs(2));
     let config = RobotConfig {
         period: Duration::from_millis(500),
@@ -68,15 +39,15 @@ async fn each_group_is_read_with_its_own_period_in_as_few_queries() {
             PollGroup::new(fast, read(&AXES)),
             PollGroup::new(slow, read(&["counter-0", "Addr-800"])),
         ],
-        ..RobotConfig::new(name("press"), address)
+        ..RobotConfig::new(name("press"), tap.address.to_string())
     };
     let hall = Hall::at(tempfile::tempdir().unwrap(), vec![config], vec![controller]).await;
     hall.until_up("press").await;
     hall.until("press", |state| signal(state, "counter-0")["quality"] == "fresh").await;
-    asked.lock().unwrap().clear();
+    let before = asked(&tap).len();
     let begun = std::time::Instant::now();
     tokio::time::sleep(Duration::from_secs(4)).await;
-    let (asked, took) = (asked.lock().unwrap().clone(), begun.elapsed().as_secs_f64());
+    let (asked, took) = (asked(&tap).split_off(before), begun.elapsed().as_secs_f64());
     let mut counts = BTreeMap::<&str, f64>::new();
     asked.iter().flatten().for_each(|address| *counts.entry(address).or_default() += 1.0);
     // A busy machine reads less often, and no machine more often.

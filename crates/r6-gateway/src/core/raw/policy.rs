@@ -5,6 +5,7 @@ use std::net::IpAddr;
 
 use r6_api::gateway::{Deed, RawPortRule};
 use r6_proto::Command;
+use r6_proto::message::{CommandName, Effect};
 
 use crate::core::camera::Camera;
 use crate::core::name::RobotName;
@@ -15,6 +16,17 @@ const MAX_TOLD: usize = 100;
 
 /// How many cameras a rule names at most. A computer looks after a few.
 pub const MAX_CAMERAS: usize = 16;
+
+/// How many programs a rule names at most.
+pub const MAX_PROGRAMS: usize = 100;
+
+/// The words of the commands and requests that need the lease: a rule can name those that it allows.
+#[must_use]
+pub fn raw_words() -> Vec<&'static str> {
+    let changes = |name: &CommandName| name.effect() == Effect::Changes || name.effect() == Effect::Moves;
+    let commands = CommandName::ALL.into_iter().filter(changes).map(CommandName::word);
+    commands.chain([Order::LIST]).collect()
+}
 
 /// What a rule allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -122,6 +134,10 @@ pub struct RawRule {
     pub robot: Option<RobotName>,
     /// What it allows.
     pub allow: RawAllow,
+    /// The only words that they may send of those that need the lease, out of [`raw_words`]; `None` for all.
+    pub commands: Option<Vec<&'static str>>,
+    /// The only programs of the controller that they may switch to and start; `None` for all.
+    pub programs: Option<Vec<String>>,
     /// The highest global speed that these sources may set, percent; `None` for any.
     pub max_global_speed: Option<f64>,
     /// The highest speed of moves in their lists, percent; `None` for any.
@@ -140,6 +156,8 @@ impl RawRule {
             source,
             robot: None,
             allow,
+            commands: None,
+            programs: None,
             max_global_speed: None,
             max_speed: None,
             max_path_speed: None,
@@ -147,19 +165,57 @@ impl RawRule {
         }
     }
 
-    /// Why these sources may not send a command, whatever the lease says; `None` if they may. Lists are
-    /// checked by an envelope of the client.
+    /// Why these sources may not send a command, whatever the lease and the controller say; `None` if they
+    /// may. Lists are checked by an envelope of the client.
     #[must_use]
     pub fn forbids(&self, order: &Order) -> Option<String> {
-        match (order, self.max_global_speed) {
-            (Order::Command(Command::ModifyGspd { percent }), Some(most))
+        let word = order.word();
+        if let Some(commands) = self.commands.as_ref().filter(|commands| !commands.contains(&word)) {
+            return Some(format!("this address may send only {}, not {word}", list(commands)));
+        }
+        match (order, self.max_global_speed, &self.programs) {
+            (Order::Command(Command::ModifyGspd { percent }), Some(most), _)
                 if !(0.0..=most).contains(percent) =>
             {
                 Some(format!("this address may set a global speed of {most} % at most, not {percent} %"))
             }
+            (Order::Command(Command::SwitchMold { mold }), _, Some(programs))
+                if !programs.iter().any(|program| program == mold) =>
+            {
+                Some(format!("this address may run only the programs {}, not `{mold}`", list(programs)))
+            }
             _ => None,
         }
     }
+
+    /// Whether it depends on the program that the controller has loaded whether they may send this.
+    #[must_use]
+    pub fn asks_for_program(&self, order: &Order) -> bool {
+        matches!(order, Order::Command(command) if command.name().starts()) && self.programs.is_some()
+    }
+
+    /// Why these sources may not start this program, `None` if the controller does not say which one is
+    /// loaded.
+    #[must_use]
+    pub fn forbids_start(&self, loaded: Option<&str>) -> Option<String> {
+        let programs = self.programs.as_ref()?;
+        match loaded {
+            Some(loaded) if programs.iter().any(|program| program == loaded) => None,
+            Some(loaded) => {
+                Some(format!("this address may run only the programs {}, not `{loaded}`", list(programs)))
+            }
+            None => Some(format!(
+                "this address may run only the programs {}, and the controller does not say which one is loaded",
+                list(programs)
+            )),
+        }
+    }
+}
+
+/// Some names, with commas; `(none)` for none.
+fn list(names: &[impl AsRef<str>]) -> String {
+    let names: Vec<_> = names.iter().map(AsRef::as_ref).collect();
+    if names.is_empty() { "(none)".to_owned() } else { names.join(", ") }
 }
 
 /// The rules of all raw ports, in their order.
@@ -196,6 +252,11 @@ impl RawPolicy {
             source: rule.source.to_string(),
             only: rule.robot.as_ref().map(ToString::to_string),
             allow: rule.allow.word().to_owned(),
+            commands: rule
+                .commands
+                .as_ref()
+                .map(|words| words.iter().map(|word| (*word).to_owned()).collect()),
+            programs: rule.programs.clone(),
             max_global_speed: rule.max_global_speed,
             max_speed: rule.max_speed,
             max_path_speed: rule.max_path_speed,
@@ -296,6 +357,37 @@ mod tests {
             rule("::1", RawAllow::Command).forbids(&Command::ModifyGspd { percent: 100.0 }.into()),
             None
         );
+    }
+
+    #[test]
+    fn a_rule_names_the_commands_and_the_programs_that_it_allows() {
+        let commands = Some(vec!["modifyGSPD", "AddRCC"]);
+        let some = RawRule { commands, ..rule("::1", RawAllow::Command) };
+        assert_eq!(some.forbids(&Command::ModifyGspd { percent: 30.0 }.into()), None);
+        assert_eq!(some.forbids(&Order::List { replace: true, steps: Vec::new() }), None);
+        let start = Command::StartButton.into();
+        assert_eq!(
+            some.forbids(&start).unwrap(),
+            "this address may send only modifyGSPD, AddRCC, not startButton"
+        );
+        let words = raw_words();
+        assert!(words.contains(&"startButton") && words.contains(&"AddRCC") && words.contains(&"modifyGSPD"));
+        assert!(!words.contains(&"actionStop"), "a stop needs no lease");
+
+        let programs = Some(vec!["press".to_owned(), "drill".to_owned()]);
+        let some = RawRule { programs, ..rule("::1", RawAllow::Command) };
+        let switch = |mold: &'static str| Command::SwitchMold { mold: mold.into() }.into();
+        assert_eq!(some.forbids(&switch("drill")), None);
+        let other = "this address may run only the programs press, drill, not `saw`";
+        assert_eq!(some.forbids(&switch("saw")).unwrap(), other);
+        assert!(some.asks_for_program(&start) && !some.asks_for_program(&switch("drill")));
+        assert_eq!((some.forbids(&start), some.forbids_start(Some("press"))), (None, None));
+        assert_eq!(some.forbids_start(Some("saw")).unwrap(), other);
+        assert!(some.forbids_start(None).unwrap().contains("does not say which one is loaded"));
+        let none = RawRule { programs: Some(Vec::new()), ..rule("::1", RawAllow::Command) };
+        assert!(none.forbids_start(Some("press")).unwrap().contains("only the programs (none)"));
+        let all = rule("::1", RawAllow::Command);
+        assert!(!all.asks_for_program(&start) && all.forbids_start(None).is_none());
     }
 
     proptest! {

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use r6_controller::Profile;
+use r6_controller::{Profile, Program, StartState};
 use r6_gateway::{RawAllow, RawPolicy, RawRule, RawSource};
 use r6_sim::VirtualController;
 use serde_json::json;
@@ -189,6 +189,41 @@ async fn a_limit_of_the_global_speed_holds() {
     );
     assert_eq!(script.command("modifyGSPD 300").await, "ok");
     assert_eq!(raw.tap.frames("modifyGSPD").len(), 1);
+}
+
+#[tokio::test]
+async fn a_rule_limits_the_commands_and_the_programs() {
+    let rule = RawRule::new(RawSource::parse("127.0.0.1").unwrap(), RawAllow::Command);
+    let of = |programs: &[&str]| RawRule {
+        commands: Some(vec!["startButton", "switchMold"]),
+        programs: Some(programs.iter().map(|name| (*name).to_owned()).collect()),
+        ..rule.clone()
+    };
+    let pendant = || VirtualController::builder().profile(Profile::named("r6-pendant").unwrap());
+    let long = || Program::read("long", "[[step]]\ndo = \"axis-move\"\nto = [60]\nspeed = 1\n").unwrap();
+    let ready = async || pendant().program(long()).unwrap().stands(StartState::Auto).start().await.unwrap();
+
+    let raw = Raw::with(ready().await, RawPolicy::new(vec![of(&["drill"])])).await;
+    let mut script = raw.script().await;
+    let told = script.command("modifyGSPD 300").await;
+    assert_eq!(told, "err this address may send only startButton, switchMold, not modifyGSPD");
+    let other = "err this address may run only the programs drill, not `long`";
+    assert_eq!(script.command("switchMold long").await, other);
+    assert_eq!(script.command("startButton").await, other);
+    assert_eq!(raw.tap.frames("cmdData").len(), 0, "none of it reached the controller");
+    let refused = raw.hall.until_audited(|entry| entry["request"] == "startButton").await;
+    assert_eq!(refused["code"], "not_allowed", "{refused}");
+
+    let raw = Raw::with(ready().await, RawPolicy::new(vec![of(&["drill", "long"])])).await;
+    let mut script = raw.script().await;
+    assert_eq!(script.command("startButton").await, "ok");
+    raw.hall.until("press", |state| signal(state, "isMoving")["value"] == true).await;
+
+    // Over the port for hosts, controllers have no `curMold`.
+    let raw = Raw::with(ready_to_start().await, RawPolicy::new(vec![of(&["long"])])).await;
+    let told = raw.script().await.command("startButton").await;
+    assert!(told.ends_with("and the controller does not say which one is loaded"), "{told}");
+    assert_eq!(raw.tap.frames("cmdData").len(), 0);
 }
 
 #[tokio::test]

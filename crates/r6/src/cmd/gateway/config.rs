@@ -16,8 +16,8 @@ use r6_client::Address;
 use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_controller::{Profile, RobotModel};
 use r6_gateway::{
-    AuditSettings, Camera, Guard, Hall, HistorySettings, MAX_CAMERAS, MAX_READ, PERIODS, RawAllow, RawPolicy,
-    RawPort, RawRule, RawSource, RobotAddress, RobotConfig, RobotName,
+    AuditSettings, Camera, Guard, Hall, HistorySettings, MAX_CAMERAS, MAX_PROGRAMS, MAX_READ, PERIODS,
+    RawAllow, RawPolicy, RawPort, RawRule, RawSource, RobotAddress, RobotConfig, RobotName, raw_words,
 };
 use r6_program::Mistakes;
 use r6_program::form::{self, Fields, Found, Node, Wrong};
@@ -126,6 +126,20 @@ fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
     let words = [RawAllow::Deny, RawAllow::Read, RawAllow::Command].map(|allow| (allow.word(), allow));
     let allow = fields.due_word("allow", &words);
     let robot = fields.optional("robot", "the name of a robot", |value| RobotName::new(value.text()?));
+    let words = raw_words();
+    let known = words.join(", ");
+    let wanted = format!("a list of commands, each once: {known}");
+    let commands = fields.optional("commands", &wanted, |value| {
+        let of = |node: &Node| words.iter().copied().find(|word| node.text() == Some(word));
+        let named = value.list()?.iter().map(of).collect::<Option<Vec<_>>>()?;
+        let once: BTreeSet<_> = named.iter().collect();
+        (once.len() == named.len()).then_some(named)
+    });
+    let wanted = format!("at most {MAX_PROGRAMS} names of programs in brackets, such as [\"press\"]");
+    let programs = fields.optional("programs", &wanted, |value| {
+        let named = value.list()?.iter().map(|name| name.text().map(str::to_owned));
+        named.collect::<Option<Vec<_>>>().filter(|named| named.len() <= MAX_PROGRAMS)
+    });
     let max_global_speed = fields.number_in("max_global_speed", "percent from 0 to 100", 0.0..=100.0);
     let max_speed = fields.optional("max_speed", Percent::WANTED, |value| {
         value.number().filter(|percent| Percent::new(*percent).is_ok())
@@ -147,7 +161,7 @@ fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
             fields.wrong("cameras", "a source that is denied is no camera: allow = \"read\"".to_owned())
         );
     }
-    Ok(RawRule { robot, max_global_speed, max_speed, max_path_speed, cameras, ..rule })
+    Ok(RawRule { robot, commands, programs, max_global_speed, max_speed, max_path_speed, cameras, ..rule })
 }
 
 fn one(fields: &Fields<'_>) -> Result<RobotConfig, Wrong> {
@@ -382,6 +396,7 @@ mod tests {
         let text = "[[raw]]\nrobot = \"press-4\"\nlisten = \"192.168.1.2:9760\"\n\
                     [[raw_rule]]\nsource = \"192.168.1.20\"\nallow = \"command\"\nrobot = \"press-4\"\n\
                     max_global_speed = 30\nmax_speed = 20.5\nmax_path_speed = 250\n\
+                    commands = [\"AddRCC\", \"startButton\"]\nprograms = [\"press\"]\n\
                     [[raw_rule]]\nsource = \"192.168.1.0/24\"\nallow = \"read\"\ncameras = [0, 12]\n";
         let Config { raw, policy, .. } = parse(text).unwrap();
         assert_eq!(
@@ -393,6 +408,8 @@ mod tests {
         let first = of("192.168.1.20", "press-4").unwrap();
         assert_eq!((first.allow, first.max_global_speed), (RawAllow::Command, Some(30.0)));
         assert_eq!((first.max_speed, first.max_path_speed), (Some(20.5), Some(250)));
+        assert_eq!(first.commands.as_deref(), Some(&["AddRCC", "startButton"][..]));
+        assert_eq!(first.programs, Some(vec!["press".to_owned()]));
         let second = of("192.168.1.20", "saw").unwrap();
         assert_eq!((second.allow, first.cameras.len()), (RawAllow::Read, 0));
         assert_eq!(second.cameras, [0, 12].map(|number| Camera::new(number).unwrap()));
