@@ -65,6 +65,7 @@ pub async fn sign_in(
         (status = 200, description = "The session, with `Set-Cookie`", body = Session),
         (status = 401, description = "`no_token`: it is not valid", body = Problem),
         (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
+        (status = 422, description = "`bad_value`", body = Problem),
         (status = 429, description = "`too_many_requests`", body = Problem),
         (status = 503, description = "`store_unavailable`", body = Problem),
         OfBody,
