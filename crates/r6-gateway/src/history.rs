@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use r6_proto::Address;
 
 pub use counts::{HistoryCounts, RobotCounts};
-pub use recorder::{Batch, Recorder};
+pub use recorder::{Batch, NotKept, Recorder};
 
 /// The least that all files of the history may take: parts of an eighth of it are still large enough.
 pub const LEAST_MAX_BYTES: u64 = 64 * 1024 * 1024;

@@ -19,7 +19,7 @@ use crate::core::history::sample::{Interval, Micros, Sample, State};
 use crate::core::history::waiting::Waiting;
 use crate::core::name::RobotName;
 use crate::core::watch::Before;
-use crate::history::{Batch, Recorder, RobotCounts};
+use crate::history::{Batch, NotKept, Recorder, RobotCounts};
 
 /// How often to look whether values are overdue, and to say that everything until now was read.
 const LOOK: Duration = Duration::from_millis(500);
@@ -150,12 +150,13 @@ struct Signal {
     filter: ChangeOnly,
     /// When it was asked for last.
     asked_at: Option<Instant>,
+    /// Whether a value of it was lost that the recorder was not told of.
+    is_lost: bool,
 }
 
 impl Signal {
-    /// Whether a value was due since the last one, if something was lost meanwhile. The poller may ask for it
-    /// a quarter of its period early.
-    fn may_have_missed(&self, now: Instant) -> bool {
+    /// Whether a value was due since the last one. The poller may ask for it a quarter of its period early.
+    fn was_due(&self, now: Instant) -> bool {
         self.asked_at.is_none_or(|asked_at| asked_at + self.period * 3 / 4 <= now)
     }
 }
@@ -171,7 +172,7 @@ impl Feed {
             let deadband = group.and_then(|group| group.deadband);
             let deadband = deadband.unwrap_or_else(|| recorder.settings().deadband(address));
             let filter = ChangeOnly::new(interval, deadband);
-            Some((address, Signal { period, interval, filter, asked_at: None }))
+            Some((address, Signal { period, interval, filter, asked_at: None, is_lost: false }))
         };
         let signals = config.all_addresses().into_iter().filter_map(signal).collect();
         let seen = (counts.now().1, recorder.counts().clock_steps.load(Ordering::Relaxed));
@@ -254,8 +255,10 @@ impl Feed {
         }
     }
 
-    /// Values were lost behind those that were taken last.
+    /// Values were lost between those that were taken last and now. A signal that is read seldom may have
+    /// lost none.
     fn lose(&mut self, count: u64, now: Instant) {
+        self.signals.values_mut().for_each(|signal| signal.is_lost |= signal.was_due(now));
         self.counts.lose(count);
         let behind = Micros(self.until.0.saturating_add(100));
         let from = if self.until == Micros::default() { self.recorder.time(now) } else { behind };
@@ -285,10 +288,8 @@ impl Feed {
             let gap = |(address, signal): (&Address, &Signal)| {
                 (*address, signal.interval, Sample { time: since, state: State::Gap(Gap::Lost) })
             };
-            let missed = self.signals.iter().filter(|(_, signal)| signal.may_have_missed(now));
-            drop(samples.splice(0..0, missed.map(gap)));
+            drop(samples.splice(0..0, self.signals.iter().filter(|(_, signal)| signal.is_lost).map(gap)));
         }
-        let (count, first) = (samples.len() as u64, samples.iter().map(|(.., sample)| sample.time).min());
         let batch = Batch {
             robot: self.robot.clone(),
             time: self.until,
@@ -296,17 +297,22 @@ impl Feed {
             events: self.events.take(self.until),
             counts: Arc::clone(&self.counts),
         };
-        let Err(events) = self.recorder.keep(batch) else {
-            self.lost_from = None;
+        let Err(NotKept { samples, events }) = self.recorder.keep(batch) else {
+            if self.lost_from.take().is_some() {
+                self.signals.values_mut().for_each(|signal| signal.is_lost = false);
+            }
             return;
         };
         self.events.put_back(events);
-        if let Some(first) = first {
+        for (address, ..) in &samples {
+            self.signals.get_mut(address).into_iter().for_each(|signal| signal.is_lost = true);
+        }
+        if let Some(first) = samples.iter().map(|(.., sample)| sample.time).min() {
             if self.lost_from.is_none() {
                 tracing::warn!(robot = %self.robot, "the history takes no more samples: they are lost from here on");
             }
             self.lost_from.get_or_insert(first);
-            self.counts.lose(count);
+            self.counts.lose(samples.len() as u64);
             self.notice(now);
         }
     }
@@ -323,5 +329,60 @@ impl Drop for Feed {
         }
         self.hand_over(now);
         self.counts.lose_events(self.events.count());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests")]
+
+    use r6_proto::Reading;
+
+    use super::super::group::PollGroup;
+    use super::*;
+    use crate::history::HistorySettings;
+    use crate::store::history::Place;
+
+    #[tokio::test]
+    async fn only_a_signal_that_was_due_has_lost_a_value() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = Place::Folder(folder.path().to_owned());
+        let recorder = Recorder::start(place, HistorySettings::default()).unwrap();
+        let (often, seldom) = (Address::parse("Addr-800").unwrap(), Address::parse("Addr-801").unwrap());
+        let config = RobotConfig {
+            addresses: vec![often],
+            groups: vec![PollGroup::new(Duration::from_secs(3600), vec![seldom])],
+            ..RobotConfig::new(RobotName::new("press").unwrap(), "10.0.0.1")
+        };
+        let mut feed = Feed::new(recorder.clone(), &config, Arc::default());
+        let value = |address, number| {
+            let (reading, age) = (Some(Reading::Integer(number)), Duration::ZERO);
+            Recorded { address, reading, age, connection: 1 }
+        };
+        let begun = clock::now();
+        feed.take(begun, vec![value(often, 1), value(seldom, 5)]);
+        // The next poll is there, and one before it was lost.
+        feed.lose(1, begun + Duration::from_millis(200));
+        feed.take(begun + Duration::from_millis(200), vec![value(often, 2)]);
+        let kept = async |address| {
+            let open = recorder.open(config.name.clone(), address).await.unwrap();
+            let samples = open.into_iter().flat_map(|(_, samples)| samples);
+            samples.map(|sample| (sample.state.number(), sample.state.gap())).collect::<Vec<_>>()
+        };
+        assert_eq!(kept(often).await, [(Some(1.0), None), (None, Some(Gap::Lost)), (Some(2.0), None)]);
+        assert_eq!(kept(seldom).await, [(Some(5.0), None)]);
+
+        // What could not be handed over is lost, also of a signal that has just been read.
+        recorder.end().await.unwrap();
+        for number in 6.. {
+            feed.take(begun + Duration::from_millis(300), vec![value(seldom, number)]);
+            if feed.lost_from.is_some() {
+                break;
+            }
+            // The thread ends a moment after its answer.
+            assert!(clock::now().since(begun) < Duration::from_secs(20));
+            tokio::task::yield_now().await;
+        }
+        assert!(feed.signals[&seldom].is_lost && !feed.signals[&often].is_lost);
     }
 }

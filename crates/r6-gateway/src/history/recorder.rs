@@ -65,6 +65,15 @@ pub struct Batch {
     pub counts: Arc<RobotCounts>,
 }
 
+/// What a batch had that is not kept.
+#[derive(Debug, Default)]
+pub struct NotKept {
+    /// The samples, which are lost.
+    pub samples: Vec<(Address, Interval, Sample)>,
+    /// The events, to be handed over again.
+    pub events: Vec<Event>,
+}
+
 /// The samples of a signal that are not in a chunk on the disk, by block.
 pub type Open = Vec<(Interval, Vec<Sample>)>;
 
@@ -152,8 +161,8 @@ impl Recorder {
     /// Hands over what is to be kept; never waits.
     ///
     /// # Errors
-    /// Too much waits already. The samples are lost, the events come back.
-    pub fn keep(&self, batch: Batch) -> Result<(), Vec<Event>> {
+    /// Too much waits already. What is not kept comes back.
+    pub fn keep(&self, batch: Batch) -> Result<(), NotKept> {
         // What happened is asked for sooner than samples.
         let has_events = !batch.events.is_empty();
         // Before it is sent: the thread takes off what it has taken.
@@ -162,10 +171,10 @@ impl Recorder {
             self.shared.waiting.fetch_sub(1, Ordering::Relaxed);
             match error {
                 TrySendError::Full(Job::Keep(batch)) | TrySendError::Disconnected(Job::Keep(batch)) => {
-                    batch.events
+                    NotKept { samples: batch.samples, events: batch.events }
                 }
                 // Only a batch was sent.
-                TrySendError::Full(_) | TrySendError::Disconnected(_) => Vec::new(),
+                TrySendError::Full(_) | TrySendError::Disconnected(_) => NotKept::default(),
             }
         })?;
         if has_events || waiting == MANY {
