@@ -5845,8 +5845,17 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `overloaded`: other programs are being checked or planned; `no_owner` */
+            /** @description `overloaded`: other programs are being planned, or the robot is asked too much; `no_owner` */
             503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_reply`: the robot does not say where it stands */
+            504: {
                 headers: {
                     [name: string]: unknown;
                 };

@@ -58,25 +58,31 @@ impl Station {
         Ok(Queried { signals, problems })
     }
 
-    /// Where the first axes of the arm stand, J1 first, from readings that are fresh and 1.5 s old at most.
+    /// Where the first axes of the arm stand, J1 first: from readings that are 1.5 s old at most, or by
+    /// asking the robot.
     ///
     /// # Errors
-    /// `not_ready`, `identity_changed`.
-    pub fn position(&self, axes: usize) -> Result<Vec<f64>, Problem> {
+    /// Those of [`Self::query`].
+    pub async fn position(&self, axes: usize) -> Result<Vec<f64>, Problem> {
         self.check_answers()?;
+        if let Some(read) = self.read_position(axes) {
+            return Ok(read);
+        }
+        let addresses: Vec<_> = AxisIndex::ALL.into_iter().take(axes).map(Address::Axis).collect();
+        let Queried { signals, .. } = self.query(&addresses).await?;
+        signals.into_iter().map(|signal| decimal(signal.value?)).collect::<Option<_>>().ok_or_else(|| {
+            Problem::new(Code::NotReady, "the controller does not tell as many axes as its model has")
+        })
+    }
+
+    fn read_position(&self, axes: usize) -> Option<Vec<f64>> {
         let (board, now) = (self.board(), clock::now());
         let axes = AxisIndex::ALL.into_iter().take(axes).map(|axis| {
             let (signal, asked_at) = board.signal(now, Address::Axis(axis))?;
-            asked_at.filter(|asked_at| now.since(*asked_at) <= FRESH_FOR)?;
-            match (signal.quality, signal.value?) {
-                (SignalQuality::Fresh, AddressValue::Decimal(position)) => Some(position),
-                _ => None,
-            }
+            let is_recent = asked_at.is_some_and(|asked_at| now.since(asked_at) <= FRESH_FOR);
+            if is_recent && signal.quality == SignalQuality::Fresh { decimal(signal.value?) } else { None }
         });
-        axes.collect::<Option<_>>().ok_or_else(|| {
-            let message = "where the arm stands was not read just now, or it has fewer axes than its model";
-            Problem::new(Code::NotReady, message)
-        })
+        axes.collect()
     }
 
     /// Where the arm stands: its axes, J1 first, and its pose, if the controller has one. It is asked now,
@@ -100,10 +106,7 @@ impl Station {
         if read(Address::IsMoving) != Some(AddressValue::Flag(false)) {
             return Err(not_ready("the arm moves, or does not say that it stands: wait until it stands"));
         }
-        let number = |address| match read(address)? {
-            AddressValue::Decimal(number) => Some(number),
-            _ => None,
-        };
+        let number = |address| decimal(read(address)?);
         // Up to the first axis that the arm does not have.
         let axes: Vec<_> = six().map_while(|axis| number(Address::Axis(axis))).collect();
         if axes.is_empty() {
@@ -121,6 +124,10 @@ impl Station {
         }
         if is_up { Ok(()) } else { Err(not_up()) }
     }
+}
+
+fn decimal(value: AddressValue) -> Option<f64> {
+    if let AddressValue::Decimal(number) = value { Some(number) } else { None }
 }
 
 fn not_up() -> Problem {

@@ -47,7 +47,8 @@ const FARTHEST: f64 = 1e6;
     responses(
         (status = 200, description = "What was found; mistakes too are 200", body = ProgramChecked),
         (status = 422, description = "`bad_value`: the text is too long", body = Problem),
-        (status = 503, description = "`overloaded`: other programs are being checked or planned", body = Problem),
+        (status = 503, description = "`overloaded`: other programs are being planned, or the robot is asked too much", body = Problem),
+        (status = 504, description = "`no_reply`: the robot does not say where it stands", body = Problem),
         OfChange,
         OfBody,
     )
@@ -83,15 +84,15 @@ pub async fn plan(
     Of(state): Of<State>,
     WithProgram(request): WithProgram<PlanRequest>,
 ) -> Result<Json<ProgramPlan>, Refusal> {
-    let wish = wish(&caller, &state, request)?;
+    let wish = wish(&caller, &state, request).await?;
     let plan = state.bench.compute(move || planning::plan(wish)).await;
     plan.and_then(|plan| plan).map(Json).map_err(refusal::of)
 }
 
-fn wish(caller: &Caller, state: &State, request: PlanRequest) -> Result<Wish, Refusal> {
+async fn wish(caller: &Caller, state: &State, request: PlanRequest) -> Result<Wish, Refusal> {
     let PlanRequest { program, model, robot, from, global_speed_percent, sample_ms } = request;
     checking::check_length(&program).map_err(refusal::of)?;
-    let (model, stands) = arm(caller, state, model, robot, from.is_none())?;
+    let (model, stands) = arm(caller, state, model, robot, from.is_none()).await?;
     let from = from.or(stands).unwrap_or_default();
     if from.len() > model.axis_count() || from.iter().any(|axis| axis.abs() > FARTHEST) {
         let (name, count) = (&model.name, model.axis_count());
@@ -110,7 +111,7 @@ fn wish(caller: &Caller, state: &State, request: PlanRequest) -> Result<Wish, Re
 }
 
 /// The model to plan with, and where the robot stands, if it is named and `reads` says so.
-fn arm(
+async fn arm(
     caller: &Caller,
     state: &State,
     model: Option<String>,
@@ -136,7 +137,7 @@ fn arm(
             }
             // Where the arm stands, its owner alone knows.
             let station = station.ok_or_else(|| refusal::of(owners.no_owner(&Owned::Robot(config.name))))?;
-            Ok((model, Some(station.position(model.axis_count()).map_err(refusal::of)?)))
+            Ok((model, Some(station.position(model.axis_count()).await.map_err(refusal::of)?)))
         }
         (Some(_), Some(_)) | (None, None) => {
             let names: Vec<_> = RobotModel::names().collect();

@@ -122,6 +122,32 @@ async fn a_plan_of_a_model_has_times_samples_and_problems_and_moves_no_robot() {
 }
 
 #[tokio::test]
+async fn a_plan_for_a_robot_that_is_read_seldom_asks_where_it_stands() {
+    let text = "[[step]]\ndo = \"axis-move\"\nto = [20]\nspeed = 100\n";
+    let program = r6_controller::Program::read("go", text).unwrap();
+    let builder =
+        VirtualController::builder().program(program).unwrap().stands(r6_controller::StartState::Auto);
+    let robot = builder.start().await.unwrap();
+    let config = RobotConfig {
+        period: std::time::Duration::from_secs(60),
+        model: Some("BRTIRUS0707A".to_owned()),
+        ..RobotConfig::new(name("press"), robot.address().to_string())
+    };
+    let hall = Hall::at(tempfile::tempdir().unwrap(), vec![config], vec![robot]).await;
+    hall.until_up("press").await;
+    let lease = hall.lease(&hall.operator, "press").await;
+    assert_eq!(hall.command(&hall.operator, "press", &lease, "actionSingleCycle").await.0, 200);
+    // The reading of its axes counts for 1.5 s. It says 0.
+    tokio::time::sleep(std::time::Duration::from_secs(2)).await;
+    assert_eq!(hall.robots[0].handle().snapshot().axes[0], 20.0);
+    let (status, planned) = plan(&hall, json!({ "program": SQUARE, "robot": "press" })).await;
+    assert_eq!(status, 200, "{planned}");
+    assert_eq!(planned["samples"][0]["axes"][0], 20.0, "{}", planned["samples"][0]);
+    let state = hall.get(&hall.viewer, "/v1/robots/press").await;
+    assert_eq!(crate::support::signal(&state, "axis-0")["value"], 0.0, "it was not polled meanwhile");
+}
+
+#[tokio::test]
 async fn a_plan_for_a_robot_begins_where_it_stands() {
     let text = "[[step]]\ndo = \"axis-move\"\nto = [20, 0, -10, 0, -40, 0]\nspeed = 100\n";
     let program = r6_controller::Program::read("go", text).unwrap();
