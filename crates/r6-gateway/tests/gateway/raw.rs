@@ -8,6 +8,7 @@ mod queries;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use r6_gateway::{RawAllow, RawPolicy, RawRule, RawSource};
 use r6_proto::frame::{FrameBuffer, Limits};
@@ -32,8 +33,12 @@ impl Raw {
     }
 
     pub async fn with(robot: VirtualController, policy: RawPolicy) -> Self {
+        Self::read_every(Duration::from_millis(20), robot, policy).await
+    }
+
+    pub async fn read_every(period: Duration, robot: VirtualController, policy: RawPolicy) -> Self {
         let tap = Tap::before(robot.address()).await;
-        let hall = Hall::with_raw(robot, tap.address, policy).await;
+        let hall = Hall::with_raw(robot, tap.address, policy, period).await;
         Self { hall, tap }
     }
 

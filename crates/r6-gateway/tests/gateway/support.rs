@@ -86,9 +86,14 @@ impl Hall {
         Self { gateway, robots, data, viewer, operator, engineer, admin }
     }
 
-    /// A gateway with one robot, `press`, at this address, which is up, and its raw port with these rules.
-    pub async fn with_raw(robot: VirtualController, address: SocketAddr, policy: RawPolicy) -> Self {
-        let period = Duration::from_millis(20);
+    /// A gateway with one robot, `press`, at this address, which is read with this period and is up, and its
+    /// raw port with these rules.
+    pub async fn with_raw(
+        robot: VirtualController,
+        address: SocketAddr,
+        policy: RawPolicy,
+        period: Duration,
+    ) -> Self {
         let press = RobotConfig { period, ..RobotConfig::new(name("press"), address.to_string()) };
         let data = tempfile::tempdir().unwrap();
         let port = RawPort { robot: name("press"), listen: SocketAddr::from(([127, 0, 0, 1], 0)) };

@@ -7,7 +7,7 @@ use r6_gateway::{RawAllow, RawPolicy, RawRule, RawSource};
 use r6_sim::VirtualController;
 use serde_json::json;
 
-use super::{Raw, Script, command, verdict};
+use super::{Raw, Script, command, policy, verdict};
 use crate::support::{PATIENCE, commands, ready_to_start, signal};
 
 /// 127.0.0.1 and 127.0.0.3 may send commands, 127.0.0.2 may read.
@@ -174,6 +174,24 @@ async fn an_arm_that_moves_keeps_the_lease_of_a_script_that_has_gone() {
         tokio::time::sleep(Duration::from_millis(100)).await;
     }
     raw.hall.stop(&raw.hall.operator, "press").await;
+    raw.hall.until("press", |state| state["lease"].is_null()).await;
+}
+
+#[tokio::test]
+async fn a_reading_of_an_arm_at_rest_frees_no_lease_once_it_is_old() {
+    let (period, robot) = (Duration::from_secs(8), VirtualController::start().await.unwrap());
+    let raw = Raw::read_every(period, robot, policy(RULES)).await;
+    let mut script = raw.script().await;
+    assert_eq!(script.command("modifyGSPD 500").await, "ok");
+    drop(script);
+    let begun = Instant::now();
+    let lease = async || raw.hall.get(&raw.hall.viewer, "/v1/robots/press").await["lease"].clone();
+    // After 10 s without a frame the lease ends if the arm stands. That was read after 8 s, and is read again
+    // after 16 s.
+    while begun.elapsed() < Duration::from_secs(14) {
+        assert_eq!(lease().await["holder"], "raw 127.0.0.1 (rule 127.0.0.1)", "{:?}", begun.elapsed());
+        tokio::time::sleep(Duration::from_millis(200)).await;
+    }
     raw.hall.until("press", |state| state["lease"].is_null()).await;
 }
 
