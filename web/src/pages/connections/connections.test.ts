@@ -2,7 +2,8 @@ import { expect, test } from "vitest";
 import { faultOf, lossesIn, sinceOf } from "./link.ts";
 import { countsOf, ofGateway, samplesIn } from "./metrics.ts";
 import type { HistoryEvent } from "./types.ts";
-import { extra, isPeriod, isRobotName, wantedOf } from "./wanted.ts";
+import { extra } from "../../robots/extra.ts";
+import { isPeriod, isRobotName, wantedOf } from "./wanted.ts";
 
 const TEXT = `# HELP r6_gateway_robot_up Whether the robot answers.
 # TYPE r6_gateway_robot_up gauge

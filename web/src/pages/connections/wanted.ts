@@ -1,19 +1,11 @@
 /** A robot that somebody adds or changes, as it is typed. */
-import type { PollGroup, RobotWanted } from "../../api/types.ts";
+import type { RobotWanted } from "../../api/types.ts";
 
 export interface Typed {
   address: string;
   period: string;
   read: string;
   model: string;
-}
-
-const USUAL = new Set(["curMode", "curAlarm", "isMoving", "origin", "RemoteCmdLen", "curMold", "curCycle", "lastCycle"]);
-
-/** The addresses that are read besides those of every robot and of groups: the API tells only all that are read. */
-export function extra(addresses: Iterable<string>, groups: readonly PollGroup[]): string[] {
-  const known = new Set([...USUAL, ...groups.flatMap((group) => group.read)]);
-  return [...addresses].filter((address) => !known.has(address) && !/^(axis|world)-[0-5]$/.test(address));
 }
 
 export function isRobotName(text: string): boolean {
