@@ -8,6 +8,7 @@ mod ends;
 mod forged;
 mod gateway;
 mod gateway_calls;
+mod gateway_cut_short;
 mod gateway_kills;
 mod gateway_store;
 mod hall;
