@@ -1,15 +1,17 @@
 //! Following a moving target: never more than is safe, no step twice, and never towards an old target.
 
+use std::pin::Pin;
 use std::time::Duration;
 
 use r6_client::units::{AxisPosition, Degrees, Percent};
 use r6_client::{
-    Cause, Envelope, FollowOptions, Followed, MotionError, OutcomeUnknown, Robot, RobotSettings, RunOptions,
-    TargetSender,
+    Cause, Envelope, FollowOptions, Followed, MotionError, MotionHandle, OutcomeUnknown, Robot,
+    RobotSettings, RunOptions, TargetSender,
 };
 use r6_controller::{Profile, Scenario, StartState};
 use r6_sim::{Builder, VirtualController};
 
+use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 
 /// An event that has not happened after this time never will. The clock of these tests jumps to the next
@@ -201,61 +203,70 @@ async fn a_machine_that_is_not_ready_gets_no_step_and_two_do_not_follow() {
     assert_eq!(first.await.unwrap().unwrap().steps, 0);
 }
 
+/// A motion that a stop has reached, and that ends once this is driven.
+async fn stopped(robot: &Robot) -> Pin<Box<dyn Future<Output = Result<Followed, MotionError>>>> {
+    let follower = robot.clone();
+    let mut following = Box::pin(async move {
+        let (target, targets) = TargetSender::new();
+        target.send(j1(60.0));
+        follower.follow(targets, FollowOptions::default()).await
+    });
+    assert!(timeout(Duration::from_secs(1), &mut following).await.is_err(), "it follows");
+    stop_and_start(robot).await;
+    following
+}
+
+async fn stop_and_start(robot: &Robot) {
+    assert!(robot.stop().await.unwrap().confirmed);
+    robot.command(r6_client::Command::StartButton).await.unwrap();
+}
+
+/// Runs a motion to 1 degree in a task of its own. It waits for one that has the turn.
+async fn waiting_run(robot: &Robot) -> JoinHandle<Result<MotionHandle, MotionError>> {
+    let robot = robot.clone();
+    let run = tokio::spawn(async move { robot.run(&to_one_degree(), RunOptions::default()).await });
+    sleep(Duration::from_secs(1)).await;
+    assert!(!run.is_finished(), "the stopped motion still has the turn");
+    run
+}
+
+fn to_one_degree() -> r6_client::Motion {
+    r6_client::Motion::new().axis_move(j1(1.0), Percent::MAX)
+}
+
 /// The report of a stop may be there a moment before the motion that it stopped has ended.
 #[tokio::test(start_paused = true)]
 async fn a_motion_waits_for_the_end_of_one_that_was_stopped() {
     let (controller, robot) = cell(VirtualController::builder()).await;
-    let (target, targets) = TargetSender::new();
-    target.send(j1(60.0));
-    let mut following = Box::pin(robot.follow(targets, FollowOptions::default()));
-    assert!(timeout(Duration::from_secs(1), &mut following).await.is_err(), "it follows");
-    // Nothing drives the follower meanwhile, so it cannot end.
-    assert!(robot.stop().await.unwrap().confirmed);
-    robot.command(r6_client::Command::StartButton).await.unwrap();
-    let motion = r6_client::Motion::new().axis_move(j1(1.0), Percent::MAX);
-    let run = tokio::spawn({
-        let (robot, motion) = (robot.clone(), motion.clone());
-        async move { robot.run(&motion, RunOptions::default()).await }
-    });
-    sleep(Duration::from_secs(1)).await;
-    assert!(!run.is_finished(), "the stopped motion still has the turn");
+    let following = stopped(&robot).await;
+    let run = waiting_run(&robot).await;
     assert_eq!(following.await.unwrap_err().cause, Cause::StoppedHere);
     run.await.unwrap().unwrap().finished().await.unwrap();
     assert_eq!(controller.handle().snapshot().axes[0], 1.0);
+}
 
-    // A stop during the wait is for the motion that waits, too.
-    let (target, targets) = TargetSender::new();
-    target.send(j1(60.0));
-    let mut following = Box::pin(robot.follow(targets, FollowOptions::default()));
-    assert!(timeout(Duration::from_secs(1), &mut following).await.is_err(), "it follows");
-    assert!(robot.stop().await.unwrap().confirmed);
-    robot.command(r6_client::Command::StartButton).await.unwrap();
-    let run = tokio::spawn({
-        let (robot, motion) = (robot.clone(), motion.clone());
-        async move { robot.run(&motion, RunOptions::default()).await }
-    });
-    sleep(Duration::from_secs(1)).await;
-    assert!(!run.is_finished());
-    assert!(robot.stop().await.unwrap().confirmed);
-    robot.command(r6_client::Command::StartButton).await.unwrap();
+#[tokio::test(start_paused = true)]
+async fn a_stop_is_also_for_a_motion_that_waits_for_the_end_of_another() {
+    let (controller, robot) = cell(VirtualController::builder()).await;
+    let following = stopped(&robot).await;
+    let run = waiting_run(&robot).await;
+    stop_and_start(&robot).await;
     let there = controller.handle().snapshot().axes[0];
     assert_eq!(following.await.unwrap_err().cause, Cause::StoppedHere);
     assert_eq!(run.await.unwrap().unwrap_err().cause, Cause::StoppedHere);
     sleep(Duration::from_secs(1)).await;
     assert_eq!(controller.handle().snapshot().axes[0], there, "nothing of it was sent");
+}
 
-    // One that never ends: the wait has a limit.
-    let (target, targets) = TargetSender::new();
-    target.send(j1(60.0));
-    let mut following = Box::pin(robot.follow(targets, FollowOptions::default()));
-    assert!(timeout(Duration::from_secs(1), &mut following).await.is_err(), "it follows");
-    assert!(robot.stop().await.unwrap().confirmed);
-    robot.command(r6_client::Command::StartButton).await.unwrap();
+#[tokio::test(start_paused = true)]
+async fn a_motion_waits_15_s_at_most_for_the_end_of_another() {
+    let (_controller, robot) = cell(VirtualController::builder()).await;
+    let following = stopped(&robot).await;
     let begun = tokio::time::Instant::now();
-    assert_eq!(robot.run(&motion, RunOptions::default()).await.unwrap_err().cause, Cause::AnotherRuns);
-    assert_eq!(begun.elapsed().as_secs(), 15);
+    let refused = robot.run(&to_one_degree(), RunOptions::default()).await.unwrap_err();
+    assert_eq!((refused.cause, begun.elapsed().as_secs()), (Cause::AnotherRuns, 15));
     drop(following);
-    robot.run(&motion, RunOptions::default()).await.unwrap().finished().await.unwrap();
+    robot.run(&to_one_degree(), RunOptions::default()).await.unwrap().finished().await.unwrap();
 }
 
 #[tokio::test(start_paused = true)]
