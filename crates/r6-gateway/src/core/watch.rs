@@ -132,8 +132,8 @@ impl<T: Clone> Slot<T> {
 }
 
 impl Watcher {
-    /// Watches a robot whose addresses are read with these periods: all but the mode and the counter of parts
-    /// with one. `parts`: that counter, a `counter-n`.
+    /// Watches a robot whose addresses are read with these periods. The mode and the counter of parts may
+    /// have their own; the rest of what is watched has one. `parts`: that counter, a `counter-n`.
     #[must_use]
     pub fn new(period: impl Fn(Address) -> Duration, parts: Option<Address>, before: Before) -> Self {
         let late = |address| late_after(period(address));

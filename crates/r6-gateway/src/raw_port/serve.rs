@@ -133,9 +133,11 @@ async fn leased(door: &Door, station: &Station, source: SocketAddr, order: Order
     door_answer(station, done.map(drop))
 }
 
-/// The program that the controller has loaded, if it says so now.
+/// The program that the controller has loaded, if it says so now. Raw clients ask one after the other.
 async fn loaded(station: &Station) -> Option<String> {
-    let read = station.robot()?.query(&[Address::CurMold]).await.ok()?;
+    let robot = station.robot()?;
+    let _turn = station.asking.lock().await;
+    let read = robot.query(&[Address::CurMold]).await.ok()?;
     read.text(Address::CurMold).map(str::to_owned)
 }
 

@@ -188,14 +188,14 @@ impl RawRule {
         }
     }
 
-    /// Whether it depends on the program that the controller has loaded whether they may send this.
+    /// Whether [`Self::forbids_start`] has to be asked, too: they may start some programs only.
     #[must_use]
     pub fn asks_for_program(&self, order: &Order) -> bool {
         matches!(order, Order::Command(command) if command.name().starts()) && self.programs.is_some()
     }
 
-    /// Why these sources may not start this program, `None` if the controller does not say which one is
-    /// loaded.
+    /// Why these sources may not start the program that the controller has loaded; `None` if they may.
+    /// `loaded`: its name, if the controller says it.
     #[must_use]
     pub fn forbids_start(&self, loaded: Option<&str>) -> Option<String> {
         let programs = self.programs.as_ref()?;
