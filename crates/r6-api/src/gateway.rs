@@ -16,6 +16,7 @@ mod panel;
 mod point;
 mod production;
 mod program;
+mod raw;
 mod robot;
 mod run;
 mod settings;
@@ -56,9 +57,11 @@ pub use program::{
     ProgramPlan, ProgramProblem, ProgramStep, ProgramText, ProgramType, ProgramVersion, ProgramVersions,
     ProgramWanted, Programs, Queried, QueryProblem, StepRuns, StoredProgram,
 };
+pub use raw::{RawPortState, RawPorts, RawPortsWanted};
 pub use robot::{
-    ActedBy, GlobalSpeed, GuardRange, IdentityChange, LeaseHolder, ManagedBy, PollGroup, RobotGuard,
-    RobotIdentity, RobotLink, RobotState, RobotSummary, RobotWanted, Robots, Signal, SignalQuality,
+    ActedBy, GlobalSpeed, GuardRange, GuardWanted, IdentityChange, LeaseHolder, ManagedBy, PollGroup,
+    RobotGuard, RobotIdentity, RobotLink, RobotState, RobotSummary, RobotWanted, Robots, Signal,
+    SignalQuality,
 };
 pub use run::{Run, RunEnd, RunProof, RunRequest, RunState};
 pub use settings::{HallSettings, Settings, Shift, ShiftSpan, Weekday};

@@ -11,6 +11,20 @@ pub struct Problem {
     pub code: Code,
     /// What is wrong and what to do, in a sentence: for people.
     pub message: String,
+    /// The number of the command in the audit log of the gateway: its intent was written, and its outcome
+    /// stands there too, as far as it is known. Missing for everything else.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command_id: Option<u64>,
+    /// When it can be tried again. Missing if that is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub retry_after_ms: Option<u64>,
+}
+
+impl Problem {
+    /// A problem with this code and this sentence.
+    pub fn new(code: Code, message: impl Into<String>) -> Self {
+        Self { code, message: message.into(), command_id: None, retry_after_ms: None }
+    }
 }
 
 /// Why a command of `r6` failed, or would fail for the state that it is a part of.
@@ -289,6 +303,6 @@ mod tests {
     #[test]
     fn a_code_of_a_newer_version_can_be_read() {
         let problem: Problem = serde_json::from_str(r#"{"code":"of_tomorrow","message":"no"}"#).unwrap();
-        assert_eq!(problem, Problem { code: Code::Unknown, message: "no".to_owned() });
+        assert_eq!(problem, Problem::new(Code::Unknown, "no"));
     }
 }

@@ -66,6 +66,15 @@ pub fn text(time: Micros) -> String {
     humantime::format_rfc3339_micros(UNIX_EPOCH.checked_add(since).unwrap_or(UNIX_EPOCH)).to_string()
 }
 
+/// The end of the year 9999, in seconds since 1970: RFC 3339 has no later time.
+const LAST_SECOND: i64 = 253_402_300_799;
+
+/// A time in seconds since 1970 as text: RFC 3339, UTC, microseconds.
+pub fn text_of_seconds(seconds: u64) -> String {
+    let seconds = i64::try_from(seconds).unwrap_or(i64::MAX).min(LAST_SECOND);
+    text(Micros(seconds.saturating_mul(1_000_000)))
+}
+
 /// Milliseconds with three decimals.
 pub fn milliseconds(time: Duration) -> f64 {
     (time.as_secs_f64() * 1e6).round() / 1e3

@@ -35,7 +35,7 @@ mod record;
 pub mod roads;
 pub mod roster;
 pub mod run;
-mod send;
+pub mod send;
 pub mod station;
 
 use std::collections::{BTreeMap, BTreeSet};

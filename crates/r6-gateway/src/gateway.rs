@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, UNIX_EPOCH};
 
-use r6_api::gateway::{Deed, ManagedBy};
+use r6_api::gateway::{ActedBy, Deed, ManagedBy};
 use r6_client::RobotSettings;
 use r6_http::access::Site;
 use tokio::net::TcpListener;
@@ -41,7 +41,7 @@ use crate::http::{self, Cookie, State};
 use crate::outage::Outage;
 use crate::problem::Problem;
 use crate::programs::bench::Bench;
-use crate::raw_port::{self, RawPort, SharedPolicy};
+use crate::raw_port::{self, RawPort, Switch};
 use crate::settings::Settings;
 use crate::sharing::{self, Configured, Running, Sharing};
 use crate::store::history::Place;
@@ -177,7 +177,7 @@ pub struct Gateway {
     state: State,
     /// The loop of a gateway that shares its store.
     sharing: Option<Running>,
-    raw_policy: SharedPolicy,
+    switch: Arc<Switch>,
     raw_ports: Vec<RawPort>,
     certificate: Option<Certificate>,
     server: JoinSet<()>,
@@ -205,6 +205,9 @@ impl Gateway {
         }
         let mut store = Sqlite::open(&settings.data)?;
         let lock = folder::lock(&settings.data)?;
+        let raw_rules = settings.raw_policy.deed();
+        let switch = Switch::read(&settings.data, settings.raw_policy).map_err(GatewayError::System)?;
+        let switch = Arc::new(switch);
         let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
         raw_ports::check(&settings.raw, &robots)?;
         let listen = settings.listen;
@@ -220,7 +223,7 @@ impl Gateway {
         auditor::begin(&mut store, &audit.0)?;
         let begun = begin(&mut store, robots)?;
         if !settings.raw.is_empty() {
-            store.append(&[record(None, settings.raw_policy.deed())])?;
+            store.append(&[record(None, raw_rules)])?;
         }
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
         let history = settings.history;
@@ -231,9 +234,9 @@ impl Gateway {
         let shared = Shared::new(keeper, Roads::Tcp, history, epoch());
         let (robots, hall) = (settings.robot_settings, settings.hall);
         let doors = (address.port(), certificate.clone());
-        let state = look_after(begun, shared, doors, robots, hall, Some(audit)).await?;
-        let raw_policy = SharedPolicy::new(settings.raw_policy);
-        let doors = match raw_ports::open(settings.raw, &state.fleet, &raw_policy, &front) {
+        let mut state = look_after(begun, shared, doors, robots, hall, Some(audit)).await?;
+        state.raw_ports = Some(Arc::clone(&switch));
+        let doors = match raw_ports::open(settings.raw, &state.fleet, &switch.policy, &front) {
             Ok(doors) => doors,
             Err(error) => {
                 state.fleet.end().await;
@@ -255,8 +258,9 @@ impl Gateway {
             raw_ports.push(port);
             server.spawn_on(raw_port::attend(door, listener), front.handle());
         }
+        switch.opened(&raw_ports);
         let (sharing, _front, _lock) = (None, front, lock);
-        Ok(Self { address, state, sharing, raw_policy, raw_ports, certificate, server, _front, _lock })
+        Ok(Self { address, state, sharing, switch, raw_ports, certificate, server, _front, _lock })
     }
 
     /// Starts a gateway whose store others share.
@@ -281,7 +285,7 @@ impl Gateway {
         let address = listener.local_addr().map_err(failed)?;
         let front = Front::start().map_err(GatewayError::System)?;
         let listener = front.hear(listener).map_err(failed)?;
-        let raw_policy = SharedPolicy::new(settings.raw_policy);
+        let switch = Arc::new(Switch::without_ports(settings.raw_policy));
         let sharing = Sharing {
             database,
             url: sharing::url(address, certificate.is_some(), &settings.names),
@@ -304,7 +308,7 @@ impl Gateway {
         keep_fresh(&state, &mut server);
         let raw_ports = Vec::new();
         let (sharing, _front, _lock) = (Some(running), front, lock);
-        Ok(Self { address, state, sharing, raw_policy, raw_ports, certificate, server, _front, _lock })
+        Ok(Self { address, state, sharing, switch, raw_ports, certificate, server, _front, _lock })
     }
 
     /// How many robots this gateway owns; `None` if no other gateway shares its store.
@@ -329,6 +333,12 @@ impl Gateway {
     #[must_use]
     pub fn raw_ports(&self) -> &[RawPort] {
         &self.raw_ports
+    }
+
+    /// Who has closed all raw ports, and when.
+    #[must_use]
+    pub fn raw_ports_closed(&self) -> Option<ActedBy> {
+        self.switch.policy.closed()
     }
 
     /// Makes a one-time link for the first admin, which takes the place of the one before: its address, with
@@ -363,10 +373,11 @@ impl Gateway {
         Ok(secret.0)
     }
 
-    /// Makes these rules those of all raw ports, from the next frame of each client on. The audit log tells
-    /// of them, as soon as the disk takes it.
+    /// Makes these rules those of all raw ports, at once: clients that may do nothing any more are closed,
+    /// and what waits under another rule does not leave. The audit log tells of it, as soon as the disk takes
+    /// it.
     pub fn set_raw_policy(&self, policy: RawPolicy) {
-        if let Some(changed) = self.raw_policy.set(policy).filter(|_| self.sharing.is_none()) {
+        if let Some(changed) = self.switch.policy.set(policy).filter(|_| self.sharing.is_none()) {
             // What a camera has asked for under a rule that is gone does not leave.
             for station in self.state.fleet.stations() {
                 station.seat(|seat, _| seat.grant_is_revoked());
@@ -399,7 +410,7 @@ impl Gateway {
     /// The present rules of all raw ports.
     #[must_use]
     pub fn raw_policy(&self) -> RawPolicy {
-        self.raw_policy.now()
+        self.switch.policy.now()
     }
 
     /// Makes the time zone and the shifts of the file these. Without, those that were stored over the API
@@ -529,6 +540,7 @@ pub(crate) async fn look_after(
         robot_settings,
         settings,
         bench,
+        raw_ports: None,
     })
 }
 

@@ -30,6 +30,7 @@ mod production;
 mod programs;
 mod query;
 mod range;
+mod raw_ports;
 mod refusal;
 mod robots;
 mod runs;
@@ -67,6 +68,7 @@ pub use crate::http::cookie::Cookie;
 use crate::http::described::OfToken;
 use crate::problem::Problem;
 use crate::programs::bench::Bench;
+use crate::raw_port::Switch;
 use crate::settings::Settings;
 use crate::tokens::Tokens;
 use crate::traces;
@@ -96,6 +98,8 @@ pub struct State {
     pub settings: Arc<Settings>,
     /// Where programs are checked and planned.
     pub bench: Bench,
+    /// The switch of the raw ports; `None` for a gateway that can have none.
+    pub raw_ports: Option<Arc<Switch>>,
 }
 
 impl State {
@@ -163,6 +167,7 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(models::list))
         .routes(routes!(query::show))
         .routes(routes!(runs::show))
+        .routes(routes!(raw_ports::show, raw_ports::put))
         .routes(routes!(robots::list))
         .routes(routes!(robots::show, robots::put, robots::remove))
         .routes(routes!(leases::acquire, leases::release))

@@ -92,7 +92,7 @@ pub use crate::core::raw::policy::{
     MAX_CAMERAS, MAX_PROGRAMS, RawAllow, RawPolicy, RawRule, RawSource, raw_words,
 };
 pub use crate::core::retention::LEAST_ENTRIES;
-pub use crate::core::role::Grant;
+pub use crate::core::role::{Grant, Only};
 pub use crate::fleet::address::RobotAddress;
 pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
 pub use crate::fleet::group::{MAX_GROUPS, MAX_OF_GROUP, PollGroup};
@@ -107,7 +107,7 @@ pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
 pub use crate::shell::{
     At, add_user, disable_user, grant_camera, has_certificate, is_robot_known, list_cameras, list_tokens,
-    list_users, make_link, make_token, revoke_token,
+    list_users, make_link, make_token, make_token_until, revoke_token,
 };
 pub use crate::store::postgres::Database;
 pub use crate::store::{StoreError, Token};

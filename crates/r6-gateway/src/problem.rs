@@ -21,12 +21,14 @@ pub struct Problem {
     pub reason: Option<String>,
     /// How long to wait before the next try, if that is known.
     pub retry_after: Option<Duration>,
+    /// The number of the command in the audit log, if its intent was written.
+    pub command_id: Option<u64>,
 }
 
 impl Problem {
     /// A problem.
     pub fn new(code: Code, message: impl Into<String>) -> Self {
-        Self { code, message: message.into(), reason: None, retry_after: None }
+        Self { code, message: message.into(), reason: None, retry_after: None, command_id: None }
     }
 
     /// `too_many_requests`: it can be tried again after this time.

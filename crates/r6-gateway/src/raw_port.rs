@@ -11,18 +11,25 @@
 //!
 //! The photos that the controller asks for go the other way: `fleet/camera.rs` tells [`conversation`], which
 //! sends them to the clients whose rule names the camera.
+//!
+//! [`switch`] closes and opens all raw ports at once.
 
 mod conversation;
 mod port;
 mod serve;
+mod switch;
 
 use std::net::SocketAddr;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::Arc;
+
+use r6_api::gateway::ActedBy;
+use tokio::sync::watch;
 
 use crate::core::name::RobotName;
 use crate::core::raw::policy::{RawPolicy, RawRule};
 
 pub use port::{Door, attend};
+pub use switch::Switch;
 
 /// One raw port.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,34 +40,80 @@ pub struct RawPort {
     pub listen: SocketAddr,
 }
 
-/// The policy that all raw ports share. It can be exchanged: the new one holds from the next frame on.
-#[derive(Clone, Debug, Default)]
-pub struct SharedPolicy(Arc<RwLock<RawPolicy>>);
+/// The policy that all raw ports share, and whether they are open. Clients hear of each change.
+#[derive(Clone, Debug)]
+pub struct SharedPolicy(Arc<watch::Sender<Held>>);
+
+#[derive(Debug)]
+struct Held {
+    policy: RawPolicy,
+    /// Who closed all raw ports, and when.
+    closed: Option<ActedBy>,
+    /// How often they were closed. What was asked for before does not leave after, also if they are open
+    /// again.
+    closings: u64,
+}
 
 impl SharedPolicy {
-    /// A policy.
+    /// A policy, and who has closed all raw ports.
     #[must_use]
-    pub fn new(policy: RawPolicy) -> Self {
-        Self(Arc::new(RwLock::new(policy)))
+    pub fn new(policy: RawPolicy, closed: Option<ActedBy>) -> Self {
+        Self(Arc::new(watch::Sender::new(Held { policy, closed, closings: 0 })))
     }
 
     /// Exchanges it. Returns the new one if it differs.
     pub fn set(&self, policy: RawPolicy) -> Option<RawPolicy> {
-        let mut held = self.0.write().unwrap_or_else(PoisonError::into_inner);
-        let is_new = *held != policy;
-        held.clone_from(&policy);
+        let is_new = self.0.send_if_modified(|held| {
+            let is_new = held.policy != policy;
+            held.policy.clone_from(&policy);
+            is_new
+        });
         is_new.then_some(policy)
     }
 
     /// The present policy.
     #[must_use]
     pub fn now(&self) -> RawPolicy {
-        self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
+        self.0.borrow().policy.clone()
+    }
+
+    /// Closes all raw ports, or opens them.
+    pub fn set_closed(&self, closed: Option<ActedBy>) {
+        self.0.send_modify(|held| {
+            held.closings += u64::from(closed.is_some());
+            held.closed = closed;
+        });
+    }
+
+    /// Who has closed all raw ports, and when.
+    #[must_use]
+    pub fn closed(&self) -> Option<ActedBy> {
+        self.0.borrow().closed.clone()
+    }
+
+    /// How often all raw ports were closed.
+    #[must_use]
+    fn closings(&self) -> u64 {
+        self.0.borrow().closings
+    }
+
+    /// The rule for this source and robot, unless the raw ports were closed since there were so many
+    /// closings.
+    fn rule_since(&self, closings: u64, source: SocketAddr, robot: &str) -> Option<RawRule> {
+        let held = self.0.borrow();
+        let is_open = held.closed.is_none() && held.closings == closings;
+        is_open.then(|| held.policy.rule(source.ip(), robot).cloned()).flatten()
+    }
+
+    /// Changes of the policy.
+    fn changes(&self) -> watch::Receiver<Held> {
+        self.0.subscribe()
     }
 
     /// The rule for this source and robot; `None` if the source may do nothing.
     fn rule(&self, source: SocketAddr, robot: &str) -> Option<RawRule> {
-        let policy = self.0.read().unwrap_or_else(PoisonError::into_inner);
-        policy.rule(source.ip(), robot).cloned()
+        let held = self.0.borrow();
+        let is_open = held.closed.is_none();
+        is_open.then(|| held.policy.rule(source.ip(), robot).cloned()).flatten()
     }
 }

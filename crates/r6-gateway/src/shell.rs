@@ -10,7 +10,7 @@ use crate::clock;
 use crate::core::account::{Account, UserName, Wish};
 use crate::core::camera::{Camera, CameraGrant};
 use crate::core::name::RobotName;
-use crate::core::role::Grant;
+use crate::core::role::{Grant, Only};
 use crate::core::seat::Saved;
 use crate::store::postgres::session::Hand;
 use crate::store::postgres::{Database, Postgres};
@@ -65,21 +65,35 @@ impl At {
     }
 }
 
-/// Makes a token. Returns its number and its text, which is nowhere else.
+/// Makes a token that holds until it is revoked. Returns its number and its text, which is nowhere else.
 ///
 /// # Errors
 /// [`StoreError`].
 pub fn make_token(
     at: impl Into<At>,
     role: Role,
-    only: Option<RobotName>,
+    only: Option<Only>,
     name: String,
+) -> Result<(i64, String), StoreError> {
+    make_token_until(at, Grant { role, only }, name, None)
+}
+
+/// Makes a token that ends then, in seconds since 1970; `None`: it holds until it is revoked. Returns its
+/// number and its text, which is nowhere else.
+///
+/// # Errors
+/// [`StoreError`].
+pub fn make_token_until(
+    at: impl Into<At>,
+    grant: Grant,
+    name: String,
+    expires: Option<u64>,
 ) -> Result<(i64, String), StoreError> {
     let mut store = at.into().open()?;
     let drawn = tokens::draw();
     let (text, hash) =
         drawn.map_err(|error| StoreError::Unavailable(format!("no random numbers: {error}")))?;
-    let token = NewToken { hash, grant: Grant { role, only }, name };
+    let token = NewToken { hash, grant, name, expires };
     let number = store.add_token(&token, &Author::shell(clock::time_of_day()))?;
     Ok((number, text))
 }

@@ -24,8 +24,10 @@ pub mod runs;
 mod sqlite;
 mod versions;
 
-use r6_api::gateway::{AuditRecord, Deed, PollGroup, Role, Run};
+use r6_api::gateway::{AuditRecord, Deed, GuardWanted, PollGroup, Role, Run};
+use serde::{Deserialize, Serialize};
 
+use crate::clock;
 use crate::core::account::{Account, Decided, UserName, Wish};
 use crate::core::alarms;
 use crate::core::camera::CameraGrant;
@@ -457,6 +459,20 @@ pub struct StoredRobot {
     pub groups: Vec<PollGroup>,
     /// The model of its arm.
     pub model: Option<String>,
+    /// What came later, in one text.
+    pub more: MoreOfRobot,
+}
+
+/// What came later to what is stored of a robot: a part that is missing is not configured.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MoreOfRobot {
+    /// The counter of parts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parts: Option<String>,
+    /// The limits of its lists.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guard: Option<Box<GuardWanted>>,
 }
 
 /// An entry of the audit log as it is stored.
@@ -528,6 +544,8 @@ pub struct NewToken {
     pub grant: Grant,
     /// What people call it.
     pub name: String,
+    /// When it ends, in seconds since 1970; `None`: it holds until it is revoked.
+    pub expires: Option<u64>,
 }
 
 /// A token that is not revoked.
@@ -541,6 +559,8 @@ pub struct Token {
     pub grant: Grant,
     /// What people call it.
     pub name: String,
+    /// When it ends or has ended, in seconds since 1970; `None`: it holds until it is revoked.
+    pub expires: Option<u64>,
 }
 
 /// The text of a record in the audit log.
@@ -558,6 +578,7 @@ fn token_made(number: i64, token: &NewToken, author: &Author) -> AuditRecord {
         role: token.grant.role,
         only: token.grant.only.as_ref().map(ToString::to_string),
         name: token.name.clone(),
+        expires_at: token.expires.map(clock::text_of_seconds),
     })
 }
 

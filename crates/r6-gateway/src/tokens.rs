@@ -51,6 +51,15 @@ pub struct Known {
     pub label: String,
     /// What it allows.
     pub grant: Grant,
+    /// When it ends, in seconds since 1970 by the clock of the system.
+    expires: Option<u64>,
+}
+
+impl Known {
+    /// Whether it has not ended.
+    fn holds(&self) -> bool {
+        self.expires.is_none_or(|expires| clock::seconds() < expires)
+    }
 }
 
 /// What people are told of a token: `token`, its number, and its name if it has one.
@@ -147,7 +156,7 @@ impl Tokens {
 
     fn with_number(&self, number: i64) -> Option<Arc<Known>> {
         let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
-        known.values().find(|known| known.number == number).cloned()
+        known.values().find(|known| known.number == number && known.holds()).cloned()
     }
 
     /// Whether the token with this number is still valid.
@@ -225,11 +234,11 @@ impl Tokens {
         let now = clock::now();
         let tokens = self.keeper.tokens().await?;
         *read_at = now;
-        let known = tokens.into_iter().map(|Token { number, hash, grant, name }| {
+        let known = tokens.into_iter().map(|Token { number, hash, grant, name, expires }| {
             let label = label(number, &name);
-            (hash, Arc::new(Known { number, name, label, grant }))
+            (hash, Arc::new(Known { number, name, label, grant, expires }))
         });
-        let known: BTreeMap<_, _> = known.collect();
+        let known: BTreeMap<_, _> = known.filter(|(_, known)| known.holds()).collect();
         let valid: BTreeSet<_> = known.values().map(|known| known.number).collect();
         self.rates.lock().unwrap_or_else(PoisonError::into_inner).retain(|number, _| valid.contains(number));
         self.sessions().retain(now, |number| valid.contains(number).then_some(0));
@@ -238,6 +247,7 @@ impl Tokens {
     }
 
     fn known(&self, hash: &[u8; 32]) -> Option<Arc<Known>> {
-        self.known.read().unwrap_or_else(PoisonError::into_inner).get(hash).cloned()
+        let known = self.known.read().unwrap_or_else(PoisonError::into_inner);
+        known.get(hash).filter(|known| known.holds()).cloned()
     }
 }

@@ -126,7 +126,7 @@ fn with_body(written: &[u8]) -> Option<Vec<u8>> {
         }
         _ => (Code::BadRequest, "this is no HTTP request that can be read".to_owned()),
     };
-    bare_answer(status, &Problem { code, message })
+    bare_answer(status, &Problem::new(code, message))
 }
 
 /// The bytes of an answer with a problem, behind which the connection is closed.

@@ -26,15 +26,23 @@ impl Refusal {
 
     /// A refusal with this problem.
     pub fn new(status: StatusCode, code: Code, message: impl Into<String>) -> Self {
-        Self { status, problem: Problem { code, message: message.into() }, retry_after: None }
+        Self { status, problem: Problem::new(code, message), retry_after: None }
     }
 
     /// A refusal with 429: the caller may try again after this time.
     #[must_use]
     pub fn too_many(after: Duration) -> Self {
         let message = format!("too many requests: try again in {} ms", after.as_millis() + 1);
-        let refusal = Self::new(StatusCode::TOO_MANY_REQUESTS, Code::TooManyRequests, message);
+        let mut refusal = Self::new(StatusCode::TOO_MANY_REQUESTS, Code::TooManyRequests, message);
+        refusal.problem.retry_after_ms = u64::try_from(after.as_millis() + 1).ok();
         Self { retry_after: Some(after), ..refusal }
+    }
+
+    /// The same about the command with this number in the audit log.
+    #[must_use]
+    pub fn of_command(mut self, command_id: Option<u64>) -> Self {
+        self.problem.command_id = command_id;
+        self
     }
 
     /// A refusal with 404.

@@ -194,10 +194,7 @@ fn configs(certificates: &[u8], key: &[u8]) -> Result<Arc<Configs>, BadCertifica
 
 /// Says that the connection needs TLS, and lets the peer read it.
 async fn turn_away(mut stream: TcpStream) {
-    let problem = Problem {
-        code: Code::NeedsTls,
-        message: "this server speaks TLS: begin the URL with https".to_owned(),
-    };
+    let problem = Problem::new(Code::NeedsTls, "this server speaks TLS: begin the URL with https");
     let Some(answer) = bare_answer(StatusCode::BAD_REQUEST, &problem) else { return };
     if stream.write_all(&answer).await.is_err() || stream.shutdown().await.is_err() {
         return;

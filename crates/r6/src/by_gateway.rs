@@ -413,7 +413,7 @@ fn new_key() -> Result<String, Failure> {
 
 /// What a problem of the gateway means for the run. `lost`: how the run ends if the gateway failed itself.
 fn failure(status: StatusCode, problem: Problem, lost: Exit) -> Failure {
-    let Problem { code, message } = problem;
+    let Problem { code, message, .. } = problem;
     let failure = match (code, status.as_u16()) {
         (Code::OutcomeUnknown | Code::NotStopped, _) => Failure::unknown(message),
         (Code::NoReply | Code::NoConnection | Code::Unreachable, _) => Failure::no_reply(message),
@@ -472,7 +472,7 @@ mod tests {
     fn a_problem_tells_whether_something_may_have_acted() {
         let exit = |status: u16, code: Code| {
             let status = StatusCode::from_u16(status).unwrap();
-            failure(status, Problem { code, message: "no".to_owned() }, Exit::Unknown).exit()
+            failure(status, Problem::new(code, "no"), Exit::Unknown).exit()
         };
         assert_eq!(exit(504, Code::OutcomeUnknown), Exit::Unknown);
         assert_eq!(exit(504, Code::NotStopped), Exit::Unknown);

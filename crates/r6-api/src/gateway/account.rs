@@ -86,7 +86,7 @@ pub struct Session {
     pub token_name: Option<String>,
     /// What the caller may do.
     pub role: Role,
-    /// The only robot; `null` for all.
+    /// The only robots, with commas between their names; `null` for all.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub robot: Option<String>,
     /// Send it as `X-CSRF-Token` with every request that is no `GET`; `null` for a token without a session,
@@ -146,7 +146,7 @@ pub struct User {
     pub name: String,
     /// What the user may do.
     pub role: Role,
-    /// The only robot; `null` for all.
+    /// The only robots, with commas between their names; `null` for all.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub robot: Option<String>,
     /// Whether the user cannot sign in.
@@ -164,7 +164,8 @@ pub struct User {
 pub struct UserWanted {
     /// What the user may do.
     pub role: Role,
-    /// The only robot; `null` for all robots. If it is missing, it stays; a new user is for all robots.
+    /// The only robots, 1 to 100 names with commas between them; `null` for all. If it is missing, it stays;
+    /// a new user is for all robots.
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(value_type = Option<String>))]
     pub robot: Option<Option<String>>,
@@ -198,11 +199,15 @@ pub struct Token {
     pub number: i64,
     /// What it allows.
     pub role: Role,
-    /// The only robot; `null` for all.
+    /// The only robots, with commas between their names; `null` for all.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub robot: Option<String>,
     /// What people call it.
     pub name: String,
+    /// When it ends or has ended; `null` if it holds until it is revoked.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub expires_at: Option<String>,
 }
 
 /// A token to make.
@@ -212,12 +217,16 @@ pub struct Token {
 pub struct TokenWanted {
     /// What it allows.
     pub role: Role,
-    /// The only robot; all robots if it is missing.
+    /// The only robots, 1 to 100 names with commas between them; all robots if it is missing.
     #[serde(default)]
     pub robot: Option<String>,
     /// What people call it: at most 64 characters.
     #[serde(default)]
     pub name: String,
+    /// When it ends: RFC 3339 in UTC, in the future; it holds until it is revoked if this is missing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(example = "2027-01-31T00:00:00Z"))]
+    pub expires_at: Option<String>,
 }
 
 /// A new token.

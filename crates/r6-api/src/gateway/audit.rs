@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    CommandOutcome, IdentityChange, LeaseEnd, PollGroup, RobotIdentity, Role, RunEnd, RunState, Shift,
+    CommandOutcome, GuardWanted, IdentityChange, LeaseEnd, PollGroup, RobotIdentity, Role, RunEnd, RunState,
+    Shift,
 };
 use crate::Code;
 
@@ -144,6 +145,9 @@ pub enum Deed {
         only: Option<String>,
         /// Its name.
         name: String,
+        /// When it ends; absent if it holds until it is revoked.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        expires_at: Option<String>,
     },
     /// A token was revoked.
     TokenRevoked {
@@ -319,6 +323,12 @@ pub enum Deed {
         /// The model of its arm; absent if none is configured.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         model: Option<String>,
+        /// The counter of parts; absent if none is configured.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        parts: Option<String>,
+        /// The limits of its lists; absent if there are none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        guard: Option<Box<GuardWanted>>,
     },
     /// The robot was removed.
     RobotRemoved {},
@@ -352,6 +362,11 @@ pub enum Deed {
         rules: Vec<RawPortRule>,
         /// How many more rules there are: the first 100 are told.
         more: usize,
+    },
+    /// All raw ports were closed or opened.
+    RawPorts {
+        /// Whether they are open from now on.
+        open: bool,
     },
     /// The settings of the hall are these from now on.
     SettingsChanged {

@@ -33,6 +33,10 @@ pub struct RobotSummary {
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub guard: Option<RobotGuard>,
+    /// The counter of parts, as configured, else the first counter that is read; `null` if none is.
+    #[serde(default)]
+    #[cfg_attr(feature = "openapi", schema(required = true, example = "counter-0"))]
+    pub parts: Option<String>,
     /// The robot that this virtual controller is the twin of, with `r6 gateway --twins`; `null` for every
     /// other robot.
     #[serde(default)]
@@ -156,6 +160,14 @@ pub struct RobotWanted {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(example = "BRTIRUS0707A"))]
     pub model: Option<String>,
+    /// The counter of parts, `counter-n`; the first counter that is read if it is missing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(example = "counter-0"))]
+    pub parts: Option<String>,
+    /// The limits that each list over the gateway is checked against before it is sent; no limits if it is
+    /// missing, also if the robot had some before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guard: Option<GuardWanted>,
 }
 
 /// Values of a robot that are read with a period of their own.
@@ -208,6 +220,38 @@ pub struct RobotGuard {
     /// The ranges of axes, `J1` to `J8`, for axis moves.
     pub axes: Vec<GuardRange>,
     /// The ranges of `x`, `y` and `z` for linear and curve moves, in the work frame in use.
+    pub workspace: Vec<GuardRange>,
+}
+
+/// Limits of lists to set. They compare numbers with numbers, and protect no people. A limit that is missing
+/// is not checked.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct GuardWanted {
+    /// The highest speed of a move in percent, before the global speed: 0.1 to 100 in steps of 0.1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(minimum = 0.1, maximum = 100, example = 50.0))]
+    pub max_speed: Option<f64>,
+    /// The highest path speed: a whole number of mm/s, 1 to 10 000.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(minimum = 1, maximum = 10_000, multiple_of = 1, example = 500))]
+    pub max_path_speed: Option<f64>,
+    /// How far an axis move turns an axis at most, in degrees: above 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(exclusive_minimum = 0.0, example = 120.0))]
+    pub max_axis_step: Option<f64>,
+    /// How far a move of the tool goes at most, in mm: above 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schema(exclusive_minimum = 0.0, example = 400.0))]
+    pub max_distance: Option<f64>,
+    /// The ranges of axes, `J1` to `J8`, for axis moves: each axis once, in degrees or in mm.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "openapi", schema(max_items = 8))]
+    pub axes: Vec<GuardRange>,
+    /// The ranges of `x`, `y` and `z` in mm for linear and curve moves, in the work frame in use: each once.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "openapi", schema(max_items = 3))]
     pub workspace: Vec<GuardRange>,
 }
 

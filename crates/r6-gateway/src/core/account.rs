@@ -8,8 +8,7 @@ use std::fmt;
 
 use r6_api::gateway::Role;
 
-use crate::core::name::RobotName;
-use crate::core::role::Grant;
+use crate::core::role::{Grant, Only};
 
 /// The most accounts. They are all held in memory, and listed at once.
 pub const MAX_ACCOUNTS: usize = 1_000;
@@ -113,8 +112,8 @@ pub enum Wish {
     Put {
         /// Its role.
         role: Role,
-        /// The only robot, or `None` for all.
-        only: Option<Option<RobotName>>,
+        /// The only robots, or `None` for all.
+        only: Option<Option<Only>>,
         /// Whether it is disabled.
         disabled: Option<bool>,
         /// The new password.
@@ -274,7 +273,7 @@ mod tests {
     }
 
     fn grants() -> impl Strategy<Value = Grant> {
-        let only = prop::option::weighted(0.2, Just(RobotName::new("press").unwrap()));
+        let only = prop::option::weighted(0.2, Just(Only::read("press,saw").unwrap()));
         (prop::sample::select(vec![Role::Viewer, Role::Admin, Role::Admin]), only)
             .prop_map(|(role, only)| Grant { role, only })
     }

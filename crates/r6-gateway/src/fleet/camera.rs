@@ -244,7 +244,7 @@ impl Station {
         let permit = permit.and_then(|permit| granted.asked.admit(clock::now(), permit));
         let permit = permit.map_err(|denied| (CommandOutcome::NotSent, denied.into()))?;
         let _sending = self.sending();
-        let sent = self.send(robot, permit).await;
+        let sent = self.send(robot, permit, None).await;
         sent.map_err(|error| {
             // If it was taken back, the seat knows why.
             let denied = || match &error {
@@ -398,8 +398,12 @@ mod tests {
         station.seat(|seat, now| seat.observed(now, robot.connection(), false));
 
         let author = Author::shell(clock::time_of_day());
-        let token =
-            NewToken { hash: [1; 32], grant: Grant { role: Role::Viewer, only: None }, name: String::new() };
+        let token = NewToken {
+            hash: [1; 32],
+            grant: Grant { role: Role::Viewer, only: None },
+            name: String::new(),
+            expires: None,
+        };
         let token = keeper.add_token(token, author.clone()).await.unwrap();
         let (camera, by) = (Camera::new(0).unwrap(), By { actor: "token 1".to_owned(), source: None });
         station.grant_camera(author.clone(), camera, token).await.unwrap();

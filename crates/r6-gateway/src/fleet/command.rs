@@ -20,6 +20,7 @@ use tracing::Instrument;
 pub use self::recorded::Once;
 pub(super) use self::recorded::Told;
 use super::link::to_client;
+use super::send::{RULES_CHANGED, Still};
 use super::station::{By, MAX_COMMANDS, MAX_STOPS, Station, millis};
 use crate::clock;
 use crate::core::order::Order;
@@ -152,6 +153,7 @@ impl Station {
 
     /// Sends a command or a list that changes or moves. Its intent is on the disk before it leaves, its
     /// outcome after. With `once`, a request that came before gets the answer of then, and nothing is sent.
+    /// With `still`, it does not leave once that is false.
     ///
     /// # Errors
     /// `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused`, `overloaded`,
@@ -163,10 +165,11 @@ impl Station {
         order: Order,
         run_leftover: bool,
         once: Option<&Once>,
+        still: Option<Still>,
     ) -> Result<CommandDone, Problem> {
         let sent = order.to_string();
         let span = traces::of_command(self.name(), &sent);
-        let done = self.try_command(by, key, order, run_leftover, once).instrument(span.clone()).await;
+        let done = self.try_command(by, key, order, run_leftover, once, still).instrument(span.clone()).await;
         if let Err((problem, Told::No)) = &done {
             span.in_scope(|| traces::note_outcome(None, problem.code.word(), true));
             self.note_refused(by, &sent, problem.code);
@@ -181,6 +184,7 @@ impl Station {
         order: Order,
         run_leftover: bool,
         once: Option<&Once>,
+        still: Option<Still>,
     ) -> Result<CommandDone, (Problem, Told)> {
         let untold = |problem: Problem| (problem, Told::No);
         let _slot = self.commands.try_acquire().map_err(|_| {
@@ -204,8 +208,17 @@ impl Station {
             let permit = permit.and_then(|permit| asked.admit(clock::now(), permit));
             let permit = permit.map_err(|denied| (CommandOutcome::NotSent, denied.into()))?;
             let _sending = self.sending();
-            let answer = self.send(&robot, permit).await;
-            answer.map_err(|error| (outcome(&error), self.problem_of(&error, key, effect)))
+            let answer = self.send(&robot, permit, still.clone()).await;
+            let is_over = still.as_ref().is_some_and(|still| !still());
+            answer.map_err(|error| {
+                let problem = match &error {
+                    RequestError::NotSent(NotSent::Withdrawn) if is_over => {
+                        Problem::new(Code::NotAllowed, RULES_CHANGED)
+                    }
+                    error => self.problem_of(error, key, effect),
+                };
+                (outcome(&error), problem)
+            })
         };
         let send = self.noting_speed(by, percent, send);
         match once {

@@ -44,7 +44,7 @@ pub struct RobotConfig {
     pub groups: Vec<PollGroup>,
     /// The model of its arm: a name that [`RobotModel::named`] knows. Plans need it.
     pub model: Option<String>,
-    /// The limits that each list is checked against before it is sent. Only the configuration has them.
+    /// The limits that each list is checked against before it is sent.
     pub guard: Option<Arc<Guard>>,
     /// The counter of parts, a `counter-n`; `None` for the first counter of [`Self::addresses`] or of the
     /// groups, if there is one.
@@ -191,6 +191,18 @@ impl RobotConfig {
             all.entry(self.period_of(address)).or_default().push(address);
         }
         all
+    }
+}
+
+/// A counter of parts.
+///
+/// # Errors
+/// It is no counter.
+pub fn counter(text: &str) -> Result<Address, String> {
+    match Address::parse(text) {
+        Ok(counter @ Address::Counter(_)) => Ok(counter),
+        Ok(_) => Err(format!("`parts` is a counter, such as `counter-0`, but this is `{text}`")),
+        Err(unknown) => Err(unknown.to_string()),
     }
 }
 

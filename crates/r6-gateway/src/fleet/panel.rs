@@ -183,7 +183,7 @@ fn unreachable(why: &str) -> Problem {
 /// The outcome and the problem of an action that was not done, or that may have been done.
 fn problem_of(failed: Failed) -> (CommandOutcome, Problem) {
     match failed {
-        Failed::Refused(r6_api::Problem { code, message }) => {
+        Failed::Refused(r6_api::Problem { code, message, .. }) => {
             let code = match code {
                 // At the gateway, this is an alarm that somebody wants to acknowledge.
                 Code::NoSuchAlarm => Code::BadValue,

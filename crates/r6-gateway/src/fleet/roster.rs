@@ -13,14 +13,15 @@ use r6_api::gateway::{AuditRecord, Deed, Happened, LeaseEnd, ManagedBy};
 use r6_client::{Address, RobotSettings};
 
 use super::address::RobotAddress;
-use super::config::RobotConfig;
+use super::config::{self, RobotConfig};
+use super::guard::Guard;
 use super::station::{By, Kept, Station, Term, millis};
 use super::{Fleet, Post, Work, link};
 use crate::clock;
 use crate::core::name::RobotName;
 use crate::fleet::group::PollGroup;
 use crate::problem::Problem;
-use crate::store::{Keeper, Store, StoreError, StoredRobot};
+use crate::store::{Keeper, MoreOfRobot, Store, StoreError, StoredRobot};
 
 /// The most robots of one gateway: each has a task, a connection and some hundred kilobytes.
 pub const MAX_ROBOTS: usize = 1_000;
@@ -494,8 +495,9 @@ impl Station {
 }
 
 fn configured(robot: &RobotConfig) -> Deed {
-    let StoredRobot { address, period_ms, read, groups, model, .. } = stored(robot);
-    Deed::RobotConfigured { address, period_ms, read, groups, model }
+    let StoredRobot { name: _, address, period_ms, read, groups, model, more } = stored(robot);
+    let MoreOfRobot { parts, guard } = more;
+    Deed::RobotConfigured { address, period_ms, read, groups, model, parts, guard }
 }
 
 fn stored(robot: &RobotConfig) -> StoredRobot {
@@ -506,6 +508,10 @@ fn stored(robot: &RobotConfig) -> StoredRobot {
         read: robot.addresses.iter().map(Address::to_string).collect(),
         groups: robot.groups.iter().map(PollGroup::told).collect(),
         model: robot.model.clone(),
+        more: MoreOfRobot {
+            parts: robot.parts.map(|address| address.to_string()),
+            guard: robot.guard.as_deref().map(|guard| Box::new(guard.wanted().clone())),
+        },
     }
 }
 
@@ -516,12 +522,18 @@ fn stored(robot: &RobotConfig) -> StoredRobot {
 pub fn of_store(robot: &StoredRobot, settings: RobotSettings) -> Result<RobotConfig, StoreError> {
     let addresses = robot.read.iter().map(|address| Address::parse(address)).collect::<Result<_, _>>();
     let groups = robot.groups.iter().map(PollGroup::read).collect::<Result<_, _>>();
+    let MoreOfRobot { parts, guard } = &robot.more;
+    let parts = parts.as_deref().map(config::counter).transpose();
+    // Without its limits it would be sent more than it may be.
+    let guard = guard.as_deref().map(Guard::read).transpose();
     let unreadable = || StoreError::Unreadable(format!("the robot `{}`", robot.name));
     Ok(RobotConfig {
         period: Duration::from_millis(robot.period_ms),
         addresses: addresses.map_err(|_| unreadable())?,
         groups: groups.map_err(|_| unreadable())?,
         model: robot.model.clone(),
+        parts: parts.map_err(|_| unreadable())?,
+        guard: guard.map_err(|_| unreadable())?.map(Arc::new),
         settings,
         managed_by: ManagedBy::Api,
         ..RobotConfig::new(robot.name.clone(), robot.address.clone())

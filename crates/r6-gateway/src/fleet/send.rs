@@ -11,13 +11,25 @@ use crate::clock;
 use crate::core::order::Order;
 use crate::core::seat::{Permit, Ticket};
 
+/// Whether what was asked for may still leave. The client asks in the call that writes the first byte, so it
+/// has to return at once.
+pub type Still = Arc<dyn Fn() -> bool + Send + Sync>;
+
+/// What a client is told if that is not so any more.
+pub const RULES_CHANGED: &str = "the rules of the raw ports have changed, or the ports were closed";
+
 impl Station {
     /// Sends the command or the list of a permit. The client looks again, in the call that writes the first
     /// byte, whether the permit is void or too old, and whether the connection is another one.
     ///
     /// For an answer to a photo there is no reply: `Ok` means that it left.
-    pub(super) async fn send(&self, robot: &Robot, permit: Permit) -> Result<Accepted, RequestError> {
-        let Some(conditions) = self.conditions(&permit) else {
+    pub(super) async fn send(
+        &self,
+        robot: &Robot,
+        permit: Permit,
+        still: Option<Still>,
+    ) -> Result<Accepted, RequestError> {
+        let Some(conditions) = self.conditions(&permit, still) else {
             return Err(NotSent::Withdrawn.into());
         };
         match permit.into_order() {
@@ -57,12 +69,12 @@ impl Station {
             let permit = permit.inspect_err(|denied| {
                 tracing::info!(robot = station.name(), %denied, "a list of a run is not permitted");
             });
-            station.conditions(&permit.ok()?)
+            station.conditions(&permit.ok()?, None)
         })
     }
 
     /// The conditions of a permit; `None` if it is void.
-    fn conditions(&self, permit: &Permit) -> Option<Conditions> {
+    fn conditions(&self, permit: &Permit, still: Option<Still>) -> Option<Conditions> {
         let permission = self.permission(permit)?;
         let (latest, ownership) = (permit.latest(), self.term.ownership.clone());
         Some(Conditions {
@@ -70,7 +82,10 @@ impl Station {
             only_on: Some(permit.connection()),
             // The client's clock stands while the machine sleeps. The clock of the lease goes on, and so does
             // that of the ownership: a process that was frozen sends nothing when it goes on.
-            permission: Some(permission.only_while(move || clock::now() < latest && ownership.may_move())),
+            permission: Some(permission.only_while(move || {
+                let may = still.as_ref().is_none_or(|still| still());
+                may && clock::now() < latest && ownership.may_move()
+            })),
         })
     }
 }

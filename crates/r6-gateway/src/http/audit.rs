@@ -36,8 +36,8 @@ fn usual_limit() -> usize {
     100
 }
 
-/// A page of the audit log, oldest first. A token for one robot sees the entries of that robot.
-#[utoipa::path(get, path = "/v1/audit", params(Page), responses(
+/// A page of the audit log, oldest first. A token for some robots sees the entries of these.
+#[utoipa::path(get, path = "/v1/audit", operation_id = "audit", params(Page), responses(
     (status = 200, description = "The entries", body = Audit),
     (status = 422, description = "`bad_value`", body = Problem),
     (status = 503, description = "`store_unavailable`", body = Problem),
@@ -49,8 +49,7 @@ pub async fn page(
     page: Result<Query<Page>, QueryRejection>,
 ) -> Result<Json<Audit>, Refusal> {
     let grant = caller.grant();
-    let own = grant.only.as_ref().map_or("", |only| only.as_str());
-    caller.must(Right::ReadAudit, own)?;
+    caller.must_somewhere(Right::ReadAudit)?;
     let Query(Page { after, limit }) = page.map_err(refusal::of_query)?;
     check_limit(limit, MAX_PAGE)?;
     let entries = state.shared.keeper.entries(after, limit).await;
@@ -66,21 +65,20 @@ pub async fn page(
     let entries = entries.collect::<Result<Vec<_>, Refusal>>()?;
     let seen = |entry: &AuditEntry| match (&grant.only, &entry.record.robot) {
         (None, _) => true,
-        (Some(only), robot) => robot.as_deref() == Some(only.as_str()),
+        (Some(only), robot) => robot.as_deref().is_some_and(|robot| only.covers(robot)),
     };
     Ok(Json(Audit { entries: entries.into_iter().filter(seen).collect(), next_after }))
 }
 
 /// The present end of the audit log, signed. Keep the note on another machine: `r6 gateway verify --head`
 /// finds with it whether the log was cut off or rewritten since.
-#[utoipa::path(get, path = "/v1/audit/head", responses(
+#[utoipa::path(get, path = "/v1/audit/head", operation_id = "audit_head", responses(
     (status = 200, description = "The head", body = AuditHead),
     (status = 503, description = "`store_unavailable`", body = Problem),
     OfRight,
 ))]
 pub async fn head(caller: Caller, Of(state): Of<State>) -> Result<Json<AuditHead>, Refusal> {
-    let grant = caller.grant();
-    caller.must(Right::ReadAudit, grant.only.as_ref().map_or("", |only| only.as_str()))?;
+    caller.must_somewhere(Right::ReadAudit)?;
     let auditor = state.auditor().map_err(refusal::of)?;
     let (head, note) = auditor.head().await.map_err(|error| refusal::of(error.into()))?;
     let (number, hash, key) = (head.number, head.hash.to_string(), auditor.key().to_string());

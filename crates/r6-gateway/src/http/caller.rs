@@ -142,13 +142,35 @@ impl Caller {
         if grant.allows(right, robot) {
             return Ok(());
         }
-        let message = if grant.covers(robot) {
-            let (needed, role) = (right.lowest_role().word(), grant.role.word());
-            format!("this needs the role {needed}, and the caller is {role}")
+        Err(if grant.covers(robot) {
+            self.role_is_too_low(right)
         } else {
-            "the token or the user is for another robot".to_owned()
-        };
-        Err(Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message))
+            not_allowed(match &grant.only {
+                Some(only) => format!("the token or the user is only for {only}"),
+                None => "the token or the user is for another robot".to_owned(),
+            })
+        })
+    }
+
+    /// Refuses unless the caller may do this with one robot at least.
+    pub fn must_somewhere(&self, right: Right) -> Result<(), Refusal> {
+        if self.grant().allows_somewhere(right) { Ok(()) } else { Err(self.role_is_too_low(right)) }
+    }
+
+    /// Refuses unless the caller may do this for all robots, and tells the audit log.
+    pub fn must_of_all(&self, right: Right, state: &State, path: &str) -> Result<(), Refusal> {
+        // No robot has this name, so it is covered by all robots alone.
+        self.must(right, "").inspect_err(|_| {
+            if let Some(source) = self.source {
+                let request = path.chars().take(MAX_TOLD).collect();
+                state.accounts.ledger.refused(&self.by(), source.ip(), request, Code::NotAllowed);
+            }
+        })
+    }
+
+    fn role_is_too_low(&self, right: Right) -> Refusal {
+        let (needed, role) = (right.lowest_role().word(), self.grant().role.word());
+        not_allowed(format!("this needs the role {needed}, and the caller is {role}"))
     }
 
     /// Counts a request of this token or user. A stop is not counted: it must never be refused for this.
@@ -308,6 +330,10 @@ impl FromRequestParts<State> for Caller {
     }
 }
 
+fn not_allowed(message: String) -> Refusal {
+    Refusal::new(StatusCode::FORBIDDEN, Code::NotAllowed, message)
+}
+
 /// Refuses what the gateway may not do with a robot now, because it is about to lose it.
 fn check_owner(parts: &Parts, station: &Station, is_stop: bool) -> Result<(), Refusal> {
     let ownership = &station.term.ownership;
@@ -353,6 +379,8 @@ needs! {
     Configure
     /// Changing users and tokens.
     ManageUsers
+    /// Closing all raw ports.
+    CloseRawPorts
     /// Changing the settings of the hall.
     ManageSettings
     /// Storing and removing programs and points.
@@ -374,14 +402,7 @@ impl<R: Needs> FromRequestParts<State> for Manager<R> {
 
     async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
         let caller = Caller::from_request_parts(parts, state).await?;
-        // No robot has this name, so it is covered by all robots alone.
-        if let Err(refusal) = caller.must(R::RIGHT, "") {
-            if let Some(source) = caller.source {
-                let request = parts.uri.path().chars().take(MAX_TOLD).collect();
-                state.accounts.ledger.refused(&caller.by(), source.ip(), request, Code::NotAllowed);
-            }
-            return Err(refusal);
-        }
+        caller.must_of_all(R::RIGHT, state, parts.uri.path())?;
         let named = Path::<BTreeMap<String, String>>::from_request_parts(parts, state).await;
         let named = named.ok().and_then(|Path(named)| named.into_values().next()).unwrap_or_default();
         Ok(Self { caller, named, right: PhantomData })

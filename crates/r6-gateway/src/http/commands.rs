@@ -99,7 +99,7 @@ pub async fn command(
             })?;
             let run_leftover = request.run_leftover;
             traces::spawn(async move {
-                station.command(&by, key, command.into(), run_leftover, once.as_ref()).await
+                station.command(&by, key, command.into(), run_leftover, once.as_ref(), None).await
             })
         }
     };

@@ -83,6 +83,7 @@ fn usual_limit() -> usize {
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}/history",
+    operation_id = "history",
     params(("name" = String, Path, description = "The name of the robot"), Range),
     responses(
         (

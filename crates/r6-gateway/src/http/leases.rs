@@ -20,6 +20,7 @@ use crate::traces;
 #[utoipa::path(
     post,
     path = "/v1/robots/{name}/lease",
+    operation_id = "acquire_lease",
     params(("name" = String, Path, description = "The name of the robot")),
     request_body = LeaseRequest,
     responses(
@@ -73,6 +74,7 @@ pub async fn acquire(
 #[utoipa::path(
     delete,
     path = "/v1/robots/{name}/lease",
+    operation_id = "release_lease",
     params(("name" = String, Path, description = "The name of the robot")),
     request_body = WithLease,
     responses(

@@ -54,7 +54,7 @@ pub async fn hall() -> impl IntoResponse {
 }
 
 /// The dashboard: one robot. The same page as `/`.
-#[utoipa::path(get, path = "/robots/{name}", security(()), params(("name" = String, Path, description = "The name of the robot")), responses(
+#[utoipa::path(get, path = "/robots/{name}", operation_id = "page_of_robot", security(()), params(("name" = String, Path, description = "The name of the robot")), responses(
     (status = 200, description = "The page", content_type = "text/html"),
     (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
     (status = 404, description = "This build has no dashboard", content_type = "text/html"),

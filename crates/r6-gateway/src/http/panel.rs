@@ -21,6 +21,7 @@ use crate::problem;
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}/panel",
+    operation_id = "panel",
     params(("name" = String, Path, description = "The name of the robot")),
     responses(
         (status = 200, description = "Now", body = Snapshot),
@@ -38,6 +39,7 @@ pub async fn show(robot: Robot<Read>) -> Result<axum::Json<Snapshot>, Refusal> {
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}/panel/faults",
+    operation_id = "panel_faults",
     params(("name" = String, Path, description = "The name of the robot")),
     responses(
         (status = 200, description = "All of them", body = Faults),
@@ -58,6 +60,7 @@ pub async fn faults(robot: Robot<Read>) -> Result<axum::Json<Faults>, Refusal> {
 #[utoipa::path(
     post,
     path = "/v1/robots/{name}/panel",
+    operation_id = "act_at_panel",
     params(
         ("name" = String, Path, description = "The name of the robot"),
         deadline::Deadline

@@ -43,6 +43,7 @@ const FARTHEST: f64 = 1e6;
 #[utoipa::path(
     post,
     path = "/v1/programs/check",
+    operation_id = "check_program",
     request_body = ProgramText,
     responses(
         (status = 200, description = "What was found; mistakes too are 200", body = ProgramChecked),
@@ -68,6 +69,7 @@ pub async fn check(
 #[utoipa::path(
     post,
     path = "/v1/programs/plan",
+    operation_id = "plan_program",
     request_body = PlanRequest,
     responses(
         (status = 200, description = "The plan, also of a program that an alarm ends", body = ProgramPlan),
@@ -147,7 +149,7 @@ async fn arm(
 }
 
 /// The programs that the gateway keeps, each in its latest version.
-#[utoipa::path(get, path = "/v1/programs", responses(
+#[utoipa::path(get, path = "/v1/programs", operation_id = "programs", responses(
     (status = 200, description = "All of them, without their texts", body = Programs),
     (status = 503, description = "`store_unavailable`", body = Problem),
     OfToken,
@@ -171,6 +173,7 @@ pub struct Which {
 #[utoipa::path(
     get,
     path = "/v1/programs/{program}",
+    operation_id = "program",
     params(("program" = String, Path, description = "The name of the program"), Which),
     responses(
         (
@@ -203,6 +206,7 @@ pub async fn show(
 #[utoipa::path(
     get,
     path = "/v1/programs/{program}/versions",
+    operation_id = "program_versions",
     params(("program" = String, Path, description = "The name of the program")),
     responses(
         (status = 200, description = "The last 50, the latest first, without their texts", body = ProgramVersions),
@@ -230,6 +234,7 @@ pub async fn versions(
 #[utoipa::path(
     put,
     path = "/v1/programs/{program}",
+    operation_id = "put_program",
     params(
         ("program" = String, Path, description = "Its name: 1 to 64 characters of a to z, digits, - and _"),
         ("If-Match" = Option<String>, Header, description = "The `ETag` of the version that is changed"),
@@ -295,6 +300,7 @@ pub async fn put(
 #[utoipa::path(
     delete,
     path = "/v1/programs/{program}",
+    operation_id = "remove_program",
     params(
         ("program" = String, Path, description = "The name of the program"),
         ("If-Match" = Option<String>, Header, description = "The `ETag` of its latest version")

@@ -30,6 +30,7 @@ pub struct Wanted {
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}/query",
+    operation_id = "query",
     params(("name" = String, Path, description = "The name of the robot"), Wanted),
     responses(
         (status = 200, description = "The values", body = Queried),

@@ -96,7 +96,8 @@ fn time(name: &str, text: Option<&str>) -> Result<Option<Micros>, Refusal> {
     text.map(read).transpose()
 }
 
-fn instant(text: &str) -> Option<Micros> {
+/// The time of this text: RFC 3339 in UTC.
+pub fn instant(text: &str) -> Option<Micros> {
     let time = humantime::parse_rfc3339(text).ok()?.duration_since(UNIX_EPOCH).ok()?;
     i64::try_from(time.as_micros()).ok().map(Micros)
 }

@@ -11,7 +11,10 @@ use crate::problem::Problem;
 pub fn of(problem: Problem) -> Refusal {
     match problem.retry_after {
         Some(after) => Refusal::too_many(after),
-        None => Refusal::new(status(problem.code), problem.code, problem.message),
+        None => {
+            let refusal = Refusal::new(status(problem.code), problem.code, problem.message);
+            refusal.of_command(problem.command_id)
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The robots and their values.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Json;
@@ -17,13 +18,14 @@ use super::described::{OfBody, OfChange, OfRight, OfToken};
 use super::{State, refusal};
 use crate::core::name::RobotName;
 use crate::core::role::Right;
-use crate::fleet::config::{RobotConfig, USUAL_PERIOD};
+use crate::fleet::config::{self, RobotConfig, USUAL_PERIOD};
 use crate::fleet::group::PollGroup;
+use crate::fleet::guard::Guard;
 use crate::fleet::roster::Put;
 use crate::{problem, programs};
 
 /// The robots that the token may see.
-#[utoipa::path(get, path = "/v1/robots", responses(
+#[utoipa::path(get, path = "/v1/robots", operation_id = "robots", responses(
     (status = 200, description = "All of them, without their values", body = Robots),
     OfToken,
 ))]
@@ -37,6 +39,7 @@ pub async fn list(caller: Caller, Of(state): Of<State>) -> Json<Robots> {
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}",
+    operation_id = "robot",
     params(("name" = String, Path, description = "The name of the robot")),
     responses(
         (status = 200, description = "Now", body = RobotState),
@@ -53,6 +56,7 @@ pub async fn show(robot: Robot<Read>) -> Json<RobotState> {
 #[utoipa::path(
     put,
     path = "/v1/robots/{name}",
+    operation_id = "put_robot",
     params(("name" = String, Path, description = "The name: 1 to 32 characters of a to z, digits and -")),
     request_body = RobotWanted,
     responses(
@@ -94,6 +98,7 @@ pub async fn put(
 #[utoipa::path(
     delete,
     path = "/v1/robots/{name}",
+    operation_id = "remove_robot",
     params(("name" = String, Path, description = "The name of the robot")),
     responses(
         (status = 204, description = "It was removed"),
@@ -122,7 +127,7 @@ fn name_of(model: &RobotModel) -> String {
 /// The robot that a caller wants.
 fn read(name: &str, wanted: RobotWanted, settings: RobotSettings) -> Result<RobotConfig, problem::Problem> {
     let bad_value = |message: String| problem::Problem::new(Code::BadValue, message);
-    let RobotWanted { address, period_ms, read, groups, model } = wanted;
+    let RobotWanted { address, period_ms, read, groups, model, parts, guard } = wanted;
     let name = RobotName::new(name).ok_or_else(|| bad_value(format!("a robot has {}", RobotName::WANTED)))?;
     let address_of = |text: &String| Address::parse(text).map_err(|unknown| bad_value(unknown.to_string()));
     Ok(RobotConfig {
@@ -130,6 +135,8 @@ fn read(name: &str, wanted: RobotWanted, settings: RobotSettings) -> Result<Robo
         addresses: read.iter().map(address_of).collect::<Result<_, _>>()?,
         groups: groups.iter().map(PollGroup::read).collect::<Result<_, _>>().map_err(bad_value)?,
         model: model.as_deref().map(programs::model).transpose().map_err(bad_value)?.map(name_of),
+        parts: parts.as_deref().map(config::counter).transpose().map_err(bad_value)?,
+        guard: guard.as_ref().map(Guard::read).transpose().map_err(bad_value)?.map(Arc::new),
         settings,
         managed_by: ManagedBy::Api,
         ..RobotConfig::new(name, address)

@@ -32,6 +32,7 @@ const OTHER_TEXT: &str = "nothing was sent: the program has another text than wh
 #[utoipa::path(
     post,
     path = "/v1/robots/{name}/programs/run",
+    operation_id = "run_program",
     params(
         ("name" = String, Path, description = "The name of the robot"),
         (
@@ -130,6 +131,7 @@ pub async fn run(
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}/runs/{run}",
+    operation_id = "run",
     params(
         ("name" = String, Path, description = "The name of the robot"),
         ("run" = u64, Path, description = "The number of the run")

@@ -137,7 +137,7 @@ fn with_cookie(cookie: &Cookie, secret: &Secret, session: Session) -> Response {
 }
 
 /// Who calls, and until when the session is open. This counts as a request of the session.
-#[utoipa::path(get, path = "/v1/session", responses(
+#[utoipa::path(get, path = "/v1/session", operation_id = "session", responses(
     (status = 200, description = "The caller", body = Session),
     OfToken,
 ))]

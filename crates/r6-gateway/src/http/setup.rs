@@ -26,7 +26,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; connect-src 'self';
 /// The page of a one-time link. The secret of the link is behind the `#` of its address: a browser sends it
 /// to no server when it opens the page, and the page takes it out of the address. A link in a mail may open
 /// it.
-#[utoipa::path(get, path = "/setup", security(()), responses(
+#[utoipa::path(get, path = "/setup", operation_id = "page_of_setup", security(()), responses(
     (status = 200, description = "The page", content_type = "text/html"),
     (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
 ))]
@@ -35,7 +35,7 @@ pub async fn page() -> impl IntoResponse {
 }
 
 /// The script of the page.
-#[utoipa::path(get, path = "/setup.js", security(()), responses(
+#[utoipa::path(get, path = "/setup.js", operation_id = "script_of_setup", security(()), responses(
     (status = 200, description = "The script", content_type = "text/javascript"),
     (status = 403, description = "`foreign_host`, `foreign_origin`", body = Problem),
 ))]

@@ -12,9 +12,11 @@ use r6_http::Refusal;
 use super::body;
 use super::caller::{ManageUsers, Manager};
 use super::described::{OfBody, OfChange, OfRight};
+use super::range::{instant, shown};
 use super::refusal::bad_value;
 use super::users::only;
 use super::{State, refusal};
+use crate::clock;
 use crate::core::role::Grant;
 use crate::problem;
 use crate::store::NewToken;
@@ -24,26 +26,28 @@ use crate::tokens;
 const MAX_NAME: usize = 64;
 
 /// The tokens that are not revoked, without their secrets.
-#[utoipa::path(get, path = "/v1/tokens", responses(
+#[utoipa::path(get, path = "/v1/tokens", operation_id = "tokens", responses(
     (status = 200, description = "In the order of their numbers", body = Tokens),
     (status = 503, description = "`store_unavailable`", body = Problem),
     OfRight,
 ))]
 pub async fn list(_manager: Manager<ManageUsers>, Of(state): Of<State>) -> Result<Json<Tokens>, Refusal> {
     let tokens = state.shared.keeper.tokens().await.map_err(|error| refusal::of(error.into()))?;
-    let shown = |token: crate::store::Token| Token {
+    let told = |token: crate::store::Token| Token {
         number: token.number,
         role: token.grant.role,
         robot: token.grant.only.map(|only| only.to_string()),
         name: token.name,
+        expires_at: token.expires.map(clock::text_of_seconds),
     };
-    Ok(Json(Tokens { tokens: tokens.into_iter().map(shown).collect() }))
+    Ok(Json(Tokens { tokens: tokens.into_iter().map(told).collect() }))
 }
 
 /// Makes a token. It is shown this once.
 #[utoipa::path(
     post,
     path = "/v1/tokens",
+    operation_id = "make_token",
     request_body = TokenWanted,
     responses(
         (status = 201, description = "The token", body = TokenMade),
@@ -60,21 +64,21 @@ pub async fn make(
     Of(state): Of<State>,
     body::Json(wanted): body::Json<TokenWanted>,
 ) -> Result<impl IntoResponse, Refusal> {
-    let TokenWanted { role, robot, name } = wanted;
+    let TokenWanted { role, robot, name, expires_at } = wanted;
     if name.chars().take(MAX_NAME + 1).count() > MAX_NAME || name.chars().any(char::is_control) {
         let wanted = format!("name: at most {MAX_NAME} characters, and no control characters");
         return Err(bad_value(wanted));
     }
     let grant = Grant { role, only: only(robot)? };
+    let expires = expires_at.as_deref().map(end).transpose()?;
     let (text, hash) = tokens::draw().map_err(|error| {
         let message = format!("no random numbers: {error}");
         refusal::of(problem::Problem::new(Code::StoreUnavailable, message))
     })?;
     let author = manager.caller.author();
-    let work =
-        tokio::spawn(
-            async move { state.shared.keeper.add_token(NewToken { hash, grant, name }, author).await },
-        );
+    let work = tokio::spawn(async move {
+        state.shared.keeper.add_token(NewToken { hash, grant, name, expires }, author).await
+    });
     let number = work.await.map_err(refusal::of_lost_work)?.map_err(|error| refusal::of(error.into()))?;
     let made = TokenMade { number, token: Secret(text) };
     Ok((StatusCode::CREATED, [(CACHE_CONTROL, "no-store")], Json(made)))
@@ -84,6 +88,7 @@ pub async fn make(
 #[utoipa::path(
     delete,
     path = "/v1/tokens/{number}",
+    operation_id = "revoke_token",
     params(("number" = i64, Path, description = "The number of the token")),
     responses(
         (status = 204, description = "The token is revoked"),
@@ -113,4 +118,13 @@ pub async fn revoke(manager: Manager<ManageUsers>, Of(state): Of<State>) -> Resu
         Ok(false) => Err(no_such()),
         Err(error) => Err(refusal::of(crate::store::StoreError::into(error))),
     }
+}
+
+/// When a token ends, in seconds since 1970.
+fn end(text: &str) -> Result<u64, Refusal> {
+    let seconds = instant(text).and_then(|at| u64::try_from(at.0 / 1_000_000).ok());
+    seconds.filter(|end| *end > clock::seconds()).ok_or_else(|| {
+        let shown = shown(text);
+        bad_value(format!("expires_at: `{shown}` is not a time to come such as 2027-01-31T00:00:00Z"))
+    })
 }

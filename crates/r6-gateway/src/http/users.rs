@@ -13,12 +13,12 @@ use super::caller::{ManageUsers, Manager};
 use super::described::{OfBody, OfChange, OfRight};
 use super::refusal::{self, bad_value};
 use crate::core::account::{Decided, UserName, Wish};
-use crate::core::name::RobotName;
+use crate::core::role::Only;
 use crate::problem;
 use crate::store::StoredUser;
 
 /// All users, without their passwords.
-#[utoipa::path(get, path = "/v1/users", responses(
+#[utoipa::path(get, path = "/v1/users", operation_id = "users", responses(
     (status = 200, description = "In the order of their names", body = Users),
     OfRight,
 ))]
@@ -32,6 +32,7 @@ pub async fn list(_manager: Manager<ManageUsers>, Of(state): Of<State>) -> Json<
 #[utoipa::path(
     put,
     path = "/v1/users/{name}",
+    operation_id = "put_user",
     params((
         "name" = String,
         Path,
@@ -74,6 +75,7 @@ pub async fn put(
 #[utoipa::path(
     delete,
     path = "/v1/users/{name}",
+    operation_id = "remove_user",
     params(("name" = String, Path, description = "The name")),
     responses(
         (status = 204, description = "The user was removed"),
@@ -93,13 +95,13 @@ pub async fn remove(manager: Manager<ManageUsers>, Of(state): Of<State>) -> Resu
     removed.map(|_| StatusCode::NO_CONTENT).map_err(refusal::of)
 }
 
-/// The only robot that a body names. There need not be such a robot yet.
+/// The only robots that a body names. There need not be such robots yet.
 ///
 /// # Errors
-/// `bad_value`: it is no name.
-pub(super) fn only(robot: Option<String>) -> Result<Option<RobotName>, Refusal> {
-    let read = |robot: String| {
-        RobotName::new(&robot).ok_or_else(|| bad_value(format!("robot: it has to be {}", RobotName::WANTED)))
+/// `bad_value`: they are no names.
+pub(super) fn only(robot: Option<String>) -> Result<Option<Only>, Refusal> {
+    let read = |robots: String| {
+        Only::read(&robots).ok_or_else(|| bad_value(format!("robot: it has to be {}", Only::WANTED)))
     };
     robot.map(read).transpose()
 }

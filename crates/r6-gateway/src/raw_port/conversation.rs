@@ -46,6 +46,10 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
     let (mut from, mut to) = stream.split();
     let mut session = Session::new();
     let mut photos = station.photos();
+    let mut changes = door.policy.changes();
+    // One may have come since the client was let in.
+    changes.mark_changed();
+    let closings = door.policy.closings();
     let mut work: FuturesUnordered<Work> = FuturesUnordered::new();
     let mut input = vec![0; READ_BYTES];
     // The client may close its half and still read, as `nc -N` does.
@@ -53,7 +57,7 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
     let mut stuck_since: Option<Instant> = None;
     loop {
         while let Some((ticket, asked)) = session.poll_request() {
-            work.push(begin(door, station, source, ticket, asked));
+            work.push(begin(door, station, (source, closings), ticket, asked));
         }
         if let Some(cause) = session.closed() {
             return End::Closed(cause);
@@ -78,7 +82,7 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                 let now = clock::now();
                 let frames = session.handle_input(now, input.get(..count).unwrap_or_default());
                 if frames > 0 {
-                    let Some(rule) = door.policy.rule(source, &door.robot) else {
+                    let Some(rule) = door.policy.rule_since(closings, source, &door.robot) else {
                         return End::Closed(Cause::Denied);
                     };
                     if rule.allow == RawAllow::Command {
@@ -104,6 +108,11 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                 let granted = asked.into_iter().filter(|camera| cameras.contains(camera));
                 granted.for_each(|camera| session.push_photo(camera));
             }
+            _ = changes.changed() => {
+                if door.policy.rule_since(closings, source, &door.robot).is_none() {
+                    return End::Closed(Cause::Denied);
+                }
+            }
             changed = link.wait_for(|now| *now != Some(connection)) => {
                 // Closed without an answer to what is under way: its outcome is unknown.
                 drop(changed);
@@ -121,7 +130,15 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
 }
 
 /// Begins a request. Stops and commands run to their end even if the client leaves.
-fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: Ticket, asked: Asked) -> Work {
+///
+/// `closings`: how often the raw ports had been closed when the client came.
+fn begin(
+    door: &Arc<Door>,
+    station: &Arc<Station>,
+    (source, closings): (SocketAddr, u64),
+    ticket: Ticket,
+    asked: Asked,
+) -> Work {
     let (door, station) = (Arc::clone(door), Arc::clone(station));
     let begun = tokio::time::Instant::now();
     match asked {
@@ -141,7 +158,8 @@ fn begin(door: &Arc<Door>, station: &Arc<Station>, source: SocketAddr, ticket: T
         }
         Asked::Order(order) => {
             let pace = door.pace();
-            let work = tokio::spawn(async move { serve::order(&door, &station, source, order).await });
+            let work =
+                tokio::spawn(async move { serve::order(&door, &station, (source, closings), order).await });
             Box::pin(async move {
                 let answer = work.await.unwrap_or(Answer::Silence);
                 tokio::time::sleep_until(begun + pace).await;

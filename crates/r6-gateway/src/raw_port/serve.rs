@@ -1,6 +1,7 @@
 //! Carries out one request of a raw client.
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 
 use r6_api::Code;
 use r6_client::units::{MillimetresPerSecond, Percent};
@@ -16,6 +17,7 @@ use crate::core::raw::policy::{RawAllow, RawRule};
 use crate::core::raw::session::Answer;
 use crate::core::seat::{Denied, Key, USUAL_LEASE};
 use crate::fleet::camera::Granted;
+use crate::fleet::send::{RULES_CHANGED, Still};
 use crate::fleet::station::{By, Station};
 use crate::problem::Problem;
 
@@ -67,17 +69,31 @@ pub async fn stop(door: &Door, station: &Station, source: SocketAddr, command: C
 }
 
 /// Sends a command, a list, or what a camera sends.
-pub async fn order(door: &Door, station: &Station, source: SocketAddr, order: Order) -> Answer {
+///
+/// `closings`: how often the raw ports had been closed when the client came.
+pub async fn order(
+    door: &Door,
+    station: &Station,
+    (source, closings): (SocketAddr, u64),
+    order: Order,
+) -> Answer {
     match order {
         Order::Points { camera, points } => self::points(door, station, source, camera, points).await,
         Order::Photo { camera, taken } => photo(door, station, source, camera, taken).await,
-        order @ (Order::Command(_) | Order::List { .. }) => leased(door, station, source, order).await,
+        order @ (Order::Command(_) | Order::List { .. }) => {
+            leased(door, station, (source, closings), order).await
+        }
     }
 }
 
 /// Sends a command or a list that changes or moves, with the implicit lease of the source.
-async fn leased(door: &Door, station: &Station, source: SocketAddr, order: Order) -> Answer {
-    let Some(rule) = door.policy.rule(source, &door.robot) else { return Answer::Silence };
+async fn leased(
+    door: &Door,
+    station: &Station,
+    (source, closings): (SocketAddr, u64),
+    order: Order,
+) -> Answer {
+    let Some(rule) = door.policy.rule_since(closings, source, &door.robot) else { return Answer::Silence };
     let word = order.word();
     if rule.allow < RawAllow::Command {
         let reason = "this address may only read and stop".to_owned();
@@ -119,13 +135,16 @@ async fn leased(door: &Door, station: &Station, source: SocketAddr, order: Order
         return refuse(door, station, source, word, (Code::TooManyRequests, reason));
     }
     let is_list = matches!(order, Order::List { .. });
-    // Waiting for the lease took its time.
-    let still = door.policy.rule(source, &door.robot).is_some_and(|now| now == rule);
-    if !still {
-        let reason = "the rules have changed".to_owned();
-        return refuse(door, station, source, word, (Code::NotAllowed, reason));
+    // Waiting for the lease took its time. It is asked again when the first byte is written: the command may
+    // wait for the disk or behind another one.
+    let (policy, robot, of_rule) = (door.policy.clone(), door.robot.clone(), rule.clone());
+    let still: Still =
+        Arc::new(move || policy.rule_since(closings, source, &robot).is_some_and(|now| now == of_rule));
+    if !still() {
+        return refuse(door, station, source, word, (Code::NotAllowed, RULES_CHANGED.to_owned()));
     }
-    let done = station.command(&by(&rule, source), key, order, is_list && has_list, None).await;
+    let leftover = is_list && has_list;
+    let done = station.command(&by(&rule, source), key, order, leftover, None, Some(still)).await;
     if is_list && done.is_ok() {
         door.lease().has_list(key);
     }

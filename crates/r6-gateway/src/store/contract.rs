@@ -8,8 +8,8 @@ mod programs;
 mod runs;
 
 use r6_api::gateway::{
-    ActedBy, AuditRecord, CommandOutcome, Deed, PollGroup, ProgramType, RobotIdentity, Role, Run, RunEnd,
-    RunState,
+    ActedBy, AuditRecord, CommandOutcome, Deed, GuardWanted, PollGroup, ProgramType, RobotIdentity, Role,
+    Run, RunEnd, RunState,
 };
 
 use self::programs::version;
@@ -17,8 +17,8 @@ use super::postgres::session::Hand;
 use super::postgres::{Database, Postgres};
 use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS_OF_ONE, NewRun};
 use super::{
-    Author, Keeper, Kept, LibraryError, Link, Memory, NewToken, NewVersion, Sqlite, Store, StoreError,
-    StoredRobot, StoredSettings, UserChange,
+    Author, Keeper, Kept, LibraryError, Link, Memory, MoreOfRobot, NewToken, NewVersion, Sqlite, Store,
+    StoreError, StoredRobot, StoredSettings, UserChange,
 };
 use crate::core::account::{Decided, Denied, PasswordHash, UserName, Wish};
 use crate::core::alarms;
@@ -26,7 +26,7 @@ use crate::core::chain::{Broken, Hash, Verifier};
 use crate::core::history::sample::Micros;
 use crate::core::library::{Condition, MAX_PROGRAMS, MAX_VERSIONS, ProgramName, Tag, Unfit};
 use crate::core::name::RobotName;
-use crate::core::role::Grant;
+use crate::core::role::{Grant, Only};
 use crate::core::seat::Saved;
 
 /// Runs a test on a new store of each kind.
@@ -61,8 +61,14 @@ fn outcome(intent: u64) -> AuditRecord {
 }
 
 fn token(byte: u8, only: Option<&str>) -> NewToken {
-    let only = only.map(|name| RobotName::new(name).unwrap());
-    NewToken { hash: [byte; 32], grant: Grant { role: Role::Engineer, only }, name: format!("token {byte}") }
+    let only = only.map(|names| Only::read(names).unwrap());
+    let expires = (byte == 2).then_some(1_900_000_000);
+    NewToken {
+        hash: [byte; 32],
+        grant: Grant { role: Role::Engineer, only },
+        name: format!("token {byte}"),
+        expires,
+    }
 }
 
 fn author() -> Author {
@@ -79,7 +85,7 @@ fn password(text: &str) -> PasswordHash {
 }
 
 fn grant(role: Role, only: Option<&str>) -> Grant {
-    Grant { role, only: only.map(|name| RobotName::new(name).unwrap()) }
+    Grant { role, only: only.map(|names| Only::read(names).unwrap()) }
 }
 
 fn head(store: &mut dyn Store) -> Result<(u64, Hash), Broken> {
@@ -132,6 +138,7 @@ fn tokens_are_added_revoked_and_audited() {
         let known = store.tokens().unwrap();
         assert_eq!((known[0].number, known[0].hash, known[0].name.as_str()), (1, [1; 32], "token 1"));
         assert_eq!(known[1].grant, token(2, Some("press")).grant);
+        assert_eq!((known[0].expires, known[1].expires), (None, Some(1_900_000_000)));
         assert_eq!(store.revoke_token(2, author), Ok(true));
         assert_eq!(store.revoke_token(2, author), Ok(false));
         assert_eq!(store.revoke_token(9, author), Ok(false));
@@ -140,7 +147,10 @@ fn tokens_are_added_revoked_and_audited() {
         let told = store.entries(0, 10).unwrap();
         let deeds = told.iter().map(|entry| serde_json::from_str::<AuditRecord>(&entry.body).unwrap().deed);
         let deeds: Vec<_> = deeds.collect();
-        assert!(matches!(&deeds[1], Deed::TokenMade { token: 2, only: Some(only), .. } if only == "press"));
+        let at = "2030-03-17T17:46:40.000000Z";
+        let made = matches!(&deeds[1], Deed::TokenMade { token: 2, only: Some(only), expires_at: Some(expires_at), .. }
+            if only == "press" && expires_at == at);
+        assert!(made, "{deeds:?}");
         assert_eq!(deeds[2], Deed::TokenRevoked { token: 2 });
         assert!(told.iter().all(|entry| !entry.body.contains("0101")), "no hash of a token");
         assert_eq!(head(store).unwrap().0, 4);
@@ -352,6 +362,11 @@ fn group() -> PollGroup {
     PollGroup { period_ms: 20, read: vec!["Addr-801".to_owned()], keep: false, deadband: Some(0.5) }
 }
 
+fn more() -> MoreOfRobot {
+    let guard = GuardWanted { max_speed: Some(12.5), ..GuardWanted::default() };
+    MoreOfRobot { parts: Some("counter-3".to_owned()), guard: Some(Box::new(guard)) }
+}
+
 #[test]
 fn robots_are_put_replaced_removed_and_audited() {
     on_each(|store| {
@@ -362,6 +377,7 @@ fn robots_are_put_replaced_removed_and_audited() {
             read: vec!["Addr-800".to_owned()],
             groups: (name == "press").then(group).into_iter().collect(),
             model: (name == "saw").then(|| "BRTIRUS0707A".to_owned()),
+            more: if name == "saw" { more() } else { MoreOfRobot::default() },
         };
         let (saw, press) = (robot("saw", "10.0.0.1"), robot("press", "10.0.0.2"));
         store.put_robot(&saw, &record(Deed::RobotRemoved {})).unwrap();
@@ -443,6 +459,7 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
         read: Vec::new(),
         groups: Vec::new(),
         model: model.map(str::to_owned),
+        more: model.map(|_| more()).unwrap_or_default(),
     };
     let mut store = Sqlite::open(folder.path()).unwrap();
     store.put_robot(&robot(None), &record(Deed::RobotRemoved {})).unwrap();
@@ -452,7 +469,7 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
     let before =
         "DROP TABLE camera; DROP TABLE command; DROP TABLE audit_head; ALTER TABLE seat DROP COLUMN stopped_by; DROP TABLE run; DROP TABLE user; DROP TABLE link; DROP TABLE program;
                   DROP TABLE alarm; DROP TABLE hall;
-                  ALTER TABLE robot DROP COLUMN model; DROP TABLE poll_groups; PRAGMA user_version = 1;";
+                  ALTER TABLE robot DROP COLUMN model; DROP TABLE poll_groups; DROP TABLE robot_more; DROP TABLE token_end; PRAGMA user_version = 1;";
     raw.execute_batch(before).unwrap();
     drop(raw);
     let mut store = Sqlite::open(folder.path()).unwrap();

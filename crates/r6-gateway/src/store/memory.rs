@@ -156,8 +156,8 @@ impl Store for Memory {
         let number = self.last_token + 1;
         self.append(&[token_made(number, token, author)])?;
         self.last_token = number;
-        let NewToken { hash, grant, name } = token.clone();
-        self.tokens.push(Token { number, hash, grant, name });
+        let NewToken { hash, grant, name, expires } = token.clone();
+        self.tokens.push(Token { number, hash, grant, name, expires });
         Ok(number)
     }
 

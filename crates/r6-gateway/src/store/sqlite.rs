@@ -18,7 +18,7 @@ use rusqlite::{Connection, OptionalExtension, Transaction, TransactionBehavior, 
 
 pub use self::file::{FILE, HALF_RESTORED, HISTORY, copy};
 use self::settle::Unsettled;
-use self::tables::{SINCE_GROUPS, TABLES};
+use self::tables::{SINCE_GROUPS, SINCE_MORE, TABLES};
 use super::commands::{KeptCommand, NewCommand, Noted};
 use super::runs::{Begun, KeptRun, NewRun};
 use super::versions::Named;
@@ -34,7 +34,7 @@ use crate::core::chain::{Broken, Hash, link};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::point::PointName;
-use crate::core::role::Grant;
+use crate::core::role::{Grant, Only};
 use crate::core::seat::Saved;
 
 /// The version from which on there are users.
@@ -129,24 +129,25 @@ fn to_json(of: &impl serde::Serialize) -> Result<String, StoreError> {
 }
 
 fn grant(word: &str, only: Option<String>) -> Result<Grant, StoreError> {
-    let only = only.map(|only| {
-        RobotName::new(&only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`")))
-    });
+    let only = only
+        .map(|only| Only::read(&only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`"))));
     Ok(Grant { role: role(word)?, only: only.transpose()? })
 }
 
-/// The tokens that are not revoked.
-fn tokens(connection: &Connection) -> Result<Vec<Token>, StoreError> {
-    let mut select = connection.prepare_cached(
-        "SELECT number, hash, role, only, name FROM token WHERE revoked IS NULL ORDER BY number",
-    )?;
+/// The tokens that are not revoked. `version`: that of the file, which may be older than ends of tokens.
+fn tokens(connection: &Connection, version: usize) -> Result<Vec<Token>, StoreError> {
+    let expires =
+        if version >= SINCE_MORE { "(SELECT expires FROM token_end WHERE token = number)" } else { "NULL" };
+    let mut select = connection.prepare_cached(&format!(
+        "SELECT number, hash, role, only, name, {expires} FROM token WHERE revoked IS NULL ORDER BY number"
+    ))?;
     let rows = select.query_map([], |row| {
         let only: Option<String> = row.get(3)?;
-        Ok((row.get(0)?, row.get(1)?, row.get::<_, String>(2)?, only, row.get(4)?))
+        Ok((row.get(0)?, row.get(1)?, row.get::<_, String>(2)?, only, row.get(4)?, row.get(5)?))
     })?;
     rows.map(|row| {
-        let (number, hash, word, only, name) = row?;
-        Ok(Token { number, hash, grant: grant(&word, only)?, name })
+        let (number, hash, word, only, name, expires) = row?;
+        Ok(Token { number, hash, grant: grant(&word, only)?, name, expires })
     })
     .collect()
 }
@@ -242,12 +243,18 @@ impl Store for Sqlite {
         if known >= MAX_TOKENS {
             return Err(StoreError::TooManyTokens);
         }
-        let only = token.grant.only.as_ref().map(RobotName::as_str);
+        let only = token.grant.only.as_ref().map(Only::to_string);
         transaction.execute(
             "INSERT INTO token (hash, role, only, name, made) VALUES (?1, ?2, ?3, ?4, ?5)",
             params![token.hash, token.grant.role.word(), only, token.name, author.time],
         )?;
         let number = transaction.last_insert_rowid();
+        if let Some(expires) = token.expires {
+            transaction.execute(
+                "INSERT INTO token_end (token, expires) VALUES (?1, ?2)",
+                params![number, expires],
+            )?;
+        }
         append_in(&transaction, &[token_made(number, token, author)])?;
         transaction.commit()?;
         Ok(number)
@@ -269,7 +276,7 @@ impl Store for Sqlite {
     }
 
     fn tokens(&mut self) -> Result<Vec<Token>, StoreError> {
-        tokens(&self.connection)
+        tokens(&self.connection, self.version()?)
     }
 
     fn cameras(&mut self, of: Option<&RobotName>) -> Result<Vec<(RobotName, CameraGrant)>, StoreError> {
@@ -282,7 +289,7 @@ impl Store for Sqlite {
 
     fn grant_camera(&mut self, new: &NewGrant, author: &Author) -> Result<bool, StoreError> {
         let transaction = self.write()?;
-        let tokens = tokens(&transaction)?;
+        let tokens = tokens(&transaction, TABLES.len())?;
         cameras::give(transaction, new, &tokens, author)
     }
 
@@ -400,33 +407,34 @@ impl Store for Sqlite {
     }
 
     fn robots(&mut self) -> Result<Vec<StoredRobot>, StoreError> {
-        // A file that is only read can be older than groups.
-        let groups = if self.version()? >= SINCE_GROUPS {
-            "COALESCE(groups, '[]') FROM robot LEFT JOIN poll_groups ON robot = name"
-        } else {
-            "'[]' FROM robot"
-        };
-        let select = format!("SELECT name, address, period_ms, read, model, {groups} ORDER BY name");
+        // A file that is only read can be older than these tables.
+        let version = self.version()?;
+        let since = |first, part: &'static str| if version >= first { part } else { "NULL" };
+        let groups = since(SINCE_GROUPS, "(SELECT groups FROM poll_groups WHERE robot = name)");
+        let more = since(SINCE_MORE, "(SELECT more FROM robot_more WHERE robot = name)");
+        let select = format!(
+            "SELECT name, address, period_ms, read, model, COALESCE({groups}, '[]'), COALESCE({more}, '{{}}')
+             FROM robot ORDER BY name"
+        );
         let mut select = self.connection.prepare_cached(&select)?;
         let rows = select.query_map([], |row| {
             let (name, read, groups) = (row.get::<_, String>(0)?, row.get::<_, String>(3)?, row.get(5)?);
-            Ok((name, row.get(1)?, row.get(2)?, read, row.get(4)?, groups))
+            Ok((name, row.get(1)?, row.get(2)?, read, row.get(4)?, groups, row.get(6)?))
         })?;
         rows.map(|row| {
-            let (name, address, period_ms, read, model, groups): (_, _, _, _, _, String) = row?;
+            let (name, address, period_ms, read, model, groups, more): (_, _, _, _, _, String, String) = row?;
             let unreadable = || StoreError::Unreadable(format!("the robot `{name}`"));
             let read = serde_json::from_str(&read).map_err(|_| unreadable())?;
             let groups = serde_json::from_str(&groups).map_err(|_| unreadable())?;
+            let more = serde_json::from_str(&more).map_err(|_| unreadable())?;
             let name = RobotName::new(&name).ok_or_else(unreadable)?;
-            Ok(StoredRobot { name, address, period_ms, read, groups, model })
+            Ok(StoredRobot { name, address, period_ms, read, groups, model, more })
         })
         .collect()
     }
 
     fn put_robot(&mut self, robot: &StoredRobot, record: &AuditRecord) -> Result<(), StoreError> {
-        let unreadable = |error: serde_json::Error| StoreError::Unreadable(error.to_string());
-        let read = serde_json::to_string(&robot.read).map_err(unreadable)?;
-        let groups = serde_json::to_string(&robot.groups).map_err(unreadable)?;
+        let (read, groups, more) = (to_json(&robot.read)?, to_json(&robot.groups)?, to_json(&robot.more)?);
         let transaction = self.write()?;
         transaction.execute(
             "INSERT INTO robot (name, address, period_ms, read, model) VALUES (?1, ?2, ?3, ?4, ?5)
@@ -438,6 +446,10 @@ impl Store for Sqlite {
             "INSERT OR REPLACE INTO poll_groups (robot, groups) VALUES (?1, ?2)",
             params![robot.name.as_str(), groups],
         )?;
+        transaction.execute(
+            "INSERT OR REPLACE INTO robot_more (robot, more) VALUES (?1, ?2)",
+            params![robot.name.as_str(), more],
+        )?;
         append_in(&transaction, std::slice::from_ref(record))?;
         transaction.commit()?;
         Ok(())
@@ -447,6 +459,7 @@ impl Store for Sqlite {
         let transaction = self.write()?;
         transaction.execute("DELETE FROM robot WHERE name = ?1", [name.as_str()])?;
         transaction.execute("DELETE FROM poll_groups WHERE robot = ?1", [name.as_str()])?;
+        transaction.execute("DELETE FROM robot_more WHERE robot = ?1", [name.as_str()])?;
         append_in(&transaction, records)?;
         transaction.commit()?;
         Ok(())

@@ -1,5 +1,6 @@
 //! Who may use the gateway: tokens, roles, and each route of the description.
 
+use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
@@ -9,7 +10,7 @@ use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
-use crate::support::{Hall, PATIENCE, call, cookie_name, name, request};
+use crate::support::{Hall, PATIENCE, Stream, call, cookie_name, name, request};
 
 /// Who may use a route.
 #[derive(Clone, Copy)]
@@ -25,7 +26,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 74] = [
+const ROUTES: [(&str, &str, Needs); 76] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -95,6 +96,8 @@ const ROUTES: [(&str, &str, Needs); 74] = [
     ("GET", "/v1/robots/{name}/production", Needs::Role(Role::Viewer)),
     ("GET", "/v1/settings", Needs::Role(Role::Viewer)),
     ("PUT", "/v1/settings", Needs::Role(Role::Admin)),
+    ("GET", "/v1/raw-ports", Needs::Role(Role::Viewer)),
+    ("PUT", "/v1/raw-ports", Needs::Role(Role::Engineer)),
     ("GET", "/v1/alarms", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/alarms", Needs::Role(Role::Viewer)),
     ("POST", "/v1/robots/{name}/alarms/{id}/acknowledge", Needs::Role(Role::Operator)),
@@ -143,7 +146,8 @@ fn of_nonsense(method: &str, path: &str) -> u16 {
 async fn every_route_refuses_strangers_and_lower_roles() {
     let hall = Hall::start().await;
     let tokens = [&hall.viewer, &hall.operator, &hall.engineer, &hall.admin];
-    let of_another = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw")), String::new());
+    let of_another =
+        r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw").into()), String::new());
     let of_another = of_another.unwrap().1;
     assert_eq!(described().len(), ROUTES.len());
     for (method, path) in described() {
@@ -169,7 +173,8 @@ async fn every_route_refuses_strangers_and_lower_roles() {
             }
         }
         // Users and tokens are for no single robot.
-        if path.contains("{name}") || path.contains("/users") || path.contains("/tokens") {
+        let is_for_all = ["/users", "/tokens"].iter().any(|part| path.contains(part));
+        if path.contains("{name}") || is_for_all || (method == "PUT" && path == "/v1/raw-ports") {
             let (status, problem) = hall.call(&of_another, &method, &concrete, body.as_ref()).await;
             assert_eq!((status, &problem["code"]), (403, &json!("not_allowed")), "{method} {path}");
         }
@@ -273,7 +278,8 @@ async fn a_token_works_at_once_and_is_refused_soon_after_it_is_revoked() {
 async fn a_token_for_one_robot_sees_no_other() {
     let robots = [VirtualController::start().await, VirtualController::start().await];
     let hall = Hall::with(robots.map(Result::unwrap).into()).await;
-    let only = r6_gateway::make_token(hall.data.path(), Role::Engineer, Some(name("saw")), String::new());
+    let only =
+        r6_gateway::make_token(hall.data.path(), Role::Engineer, Some(name("saw").into()), String::new());
     let only = only.unwrap().1;
     let names = |robots: Value| -> Vec<String> {
         let robots = robots["robots"].as_array().unwrap().clone();
@@ -317,6 +323,7 @@ async fn a_token_that_asks_too_often_is_told_and_can_still_stop() {
     assert!(count("404") >= 200 && count("429") > 0, "{} {}", count("404"), count("429"));
     assert_eq!(count("404") + count("429"), 600);
     assert!(answers.contains("\"too_many_requests\"") && answers.contains("retry-after: 1\r\n"));
+    assert!(answers.contains("\"retry_after_ms\":"), "{answers}");
 
     assert_eq!(hall.stop(&hall.operator, "press").await.0, 200);
     let (status, done) = hall.command(&hall.operator, "press", &Value::Null, "actionStop").await;
@@ -447,7 +454,8 @@ async fn bodies_that_cannot_be_read_are_no_stops_and_count() {
 #[tokio::test]
 async fn a_part_of_a_path_that_is_no_text_is_named_by_its_own_problem() {
     let hall = Hall::start().await;
-    let only = r6_gateway::make_token(hall.data.path(), Role::Engineer, Some(name("press")), String::new());
+    let only =
+        r6_gateway::make_token(hall.data.path(), Role::Engineer, Some(name("press").into()), String::new());
     let only = only.unwrap().1;
     for token in [&hall.engineer, &only] {
         for (path, code) in [
@@ -471,7 +479,7 @@ async fn a_robot_that_is_not_there_is_told_with_the_nearest_name_that_the_caller
     let (status, problem) = hall.call(&hall.viewer, "GET", "/v1/robots/pres", None).await;
     assert_eq!((status, &problem["message"]), (404, &json!("there is no robot `pres`; nearest: `press`")));
     let of_misspelt =
-        r6_gateway::make_token(hall.data.path(), Role::Viewer, Some(name("pres")), String::new());
+        r6_gateway::make_token(hall.data.path(), Role::Viewer, Some(name("pres").into()), String::new());
     let (status, problem) = hall.call(&of_misspelt.unwrap().1, "GET", "/v1/robots/pres", None).await;
     assert_eq!(
         (status, &problem["message"]),
@@ -485,4 +493,104 @@ async fn a_robot_that_is_not_there_is_told_with_the_nearest_name_that_the_caller
         let message = problem["message"].as_str().unwrap();
         assert!(message.starts_with("`Adr-800` is no query address; nearest: `Addr-n`"), "{path}: {message}");
     }
+}
+
+#[tokio::test]
+async fn a_token_and_a_user_for_some_robots_see_and_use_these_alone() {
+    let robots = [(); 3].map(|()| VirtualController::start());
+    let robots = futures_util::future::join_all(robots).await.into_iter().map(Result::unwrap).collect();
+    let hall = Hall::with(robots).await;
+    let wanted = json!({ "role": "engineer", "robot": "saw,press" });
+    let (status, made) = hall.post(&hall.admin, "/v1/tokens", &wanted).await;
+    assert_eq!(status, 201, "{made}");
+    let token = made["token"].as_str().unwrap();
+    let listed = hall.get(&hall.admin, "/v1/tokens").await;
+    assert_eq!(listed["tokens"].as_array().unwrap().last().unwrap()["robot"], "press,saw");
+    let seen = hall.get(token, "/v1/robots").await;
+    let names: Vec<_> = seen["robots"].as_array().unwrap().iter().map(|robot| &robot["name"]).collect();
+    assert_eq!(names, ["press", "saw"]);
+    for robot in ["press", "saw", "lathe"] {
+        let mine = robot != "lathe";
+        let path = format!("/v1/robots/{robot}");
+        let (status, _) = hall.call(token, "GET", &path, None).await;
+        assert_eq!(status, if mine { 200 } else { 403 }, "{robot}");
+        let (status, _) = hall.stop(token, robot).await;
+        assert_eq!(status, if mine { 200 } else { 403 }, "{robot}");
+        let (status, _) = hall.post(token, &format!("{path}/lease"), &json!({})).await;
+        assert_eq!(status, if mine { 200 } else { 403 }, "{robot}");
+    }
+    // The audit log of these robots, and of nothing else.
+    let stopped = |entry: &Value| entry["what"] == "stop" && entry["robot"] == "saw";
+    hall.until_audited(stopped).await;
+    assert_eq!(hall.stop(&hall.operator, "lathe").await.0, 200);
+    hall.until_audited(|entry| entry["what"] == "stop" && entry["robot"] == "lathe").await;
+    let entries = hall.get(token, "/v1/audit?limit=1000").await;
+    let robots: BTreeSet<_> =
+        entries["entries"].as_array().unwrap().iter().map(|entry| entry["robot"].as_str()).collect();
+    assert_eq!(robots, [Some("press"), Some("saw")].into());
+
+    let wrong = json!({ "role": "engineer", "robot": "saw," });
+    let (status, problem) = hall.post(&hall.admin, "/v1/tokens", &wrong).await;
+    assert_eq!((status, &problem["code"]), (422, &json!("bad_value")));
+    assert!(problem["message"].as_str().unwrap().contains("commas between them"), "{problem}");
+
+    // A user likewise. A change takes a robot away at once.
+    hall.user("ben", Role::Operator).await;
+    let put = |robots: &'static str| {
+        let body = json!({ "role": "operator", "robot": robots });
+        let hall = &hall;
+        async move { hall.call(&hall.admin, "PUT", "/v1/users/ben", Some(&body)).await.0 }
+    };
+    assert_eq!(put("press,lathe").await, 204);
+    let ben = hall.browser("ben").await;
+    let status = |robot: &'static str| {
+        let ben = ben.clone();
+        async move { ben.call("GET", &format!("/v1/robots/{robot}"), None).await.0 }
+    };
+    assert_eq!([status("press").await, status("saw").await, status("lathe").await], [200, 403, 200]);
+    assert_eq!(put("press").await, 204);
+    let ben = hall.browser("ben").await;
+    let lathe = ben.call("GET", "/v1/robots/lathe", None).await;
+    assert_eq!(lathe.0, 403);
+}
+
+#[tokio::test]
+async fn a_token_with_an_end_is_refused_from_then_on_and_its_streams_end() {
+    let hall = Hall::start().await;
+    let ends = |seconds: u64| {
+        let at = std::time::SystemTime::now() + Duration::from_secs(seconds);
+        humantime::format_rfc3339_seconds(at).to_string()
+    };
+    for (wrong, shown) in [("tomorrow", "`tomorrow`"), ("2020-01-01T00:00:00Z", "`2020-01-01T00:00:00Z`")] {
+        let wanted = json!({ "role": "viewer", "expires_at": wrong });
+        let (status, problem) = hall.post(&hall.admin, "/v1/tokens", &wanted).await;
+        assert_eq!((status, &problem["code"]), (422, &json!("bad_value")));
+        let message = problem["message"].as_str().unwrap();
+        assert!(message.contains(shown) && message.contains("a time to come"), "{message}");
+    }
+    let at = ends(3);
+    let wanted = json!({ "role": "viewer", "name": "for a moment", "expires_at": at });
+    let (status, made) = hall.post(&hall.admin, "/v1/tokens", &wanted).await;
+    assert_eq!(status, 201, "{made}");
+    let token = made["token"].as_str().unwrap();
+    let mut live = Stream::open(hall.gateway.address(), token, "/v1/live", "").await;
+    assert_eq!(live.next().await.unwrap().kind, "snapshot");
+    let begun = Instant::now();
+    while hall.call(token, "GET", "/v1/robots", None).await.0 == 200 {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert!(begun.elapsed() > Duration::from_secs(1), "not before its time");
+    let (status, problem) = hall.call(token, "GET", "/v1/robots", None).await;
+    assert_eq!((status, &problem["code"]), (401, &json!("no_token")));
+    while live.next().await.is_some() {
+        assert!(begun.elapsed() < PATIENCE);
+    }
+    // An admin still sees that it has ended.
+    let listed = hall.get(&hall.admin, "/v1/tokens").await;
+    let last = listed["tokens"].as_array().unwrap().last().unwrap().clone();
+    assert_eq!(
+        (&last["name"], &last["expires_at"]),
+        (&json!("for a moment"), &json!(at.replace('Z', ".000000Z")))
+    );
 }

@@ -241,7 +241,8 @@ async fn every_caller_sees_and_answers_the_alarms_of_its_robots() {
     assert!(since[0] >= since[1], "the latest first: {told:#}");
     let limited = hall.get(&hall.viewer, "/v1/alarms?limit=1").await;
     assert_eq!((&limited["alarms"][0], &limited["left_out"]), (&told["alarms"][0], &json!(1)));
-    let only = r6_gateway::make_token(hall.data.path(), Role::Engineer, Some(name("saw")), String::new());
+    let only =
+        r6_gateway::make_token(hall.data.path(), Role::Engineer, Some(name("saw").into()), String::new());
     let only = only.unwrap().1;
     let seen = hall.get(&only, "/v1/alarms").await;
     assert_eq!(seen["alarms"].as_array().unwrap().len(), 1);

@@ -161,7 +161,8 @@ async fn a_grant_that_is_revoked_is_over_at_once_and_so_is_that_of_a_revoked_tok
 #[tokio::test]
 async fn a_grant_is_for_a_valid_token_of_this_robot() {
     let hall = Hall::start().await;
-    let of_saw = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw")), String::new());
+    let of_saw =
+        r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw").into()), String::new());
     let (number, text) = of_saw.unwrap();
     for (token, wanted) in [(number, is(422, "bad_value")), (99, is(404, "no_such_token"))] {
         let answer = hall.post(&hall.admin, GRANTS, &json!({ "token": token })).await;

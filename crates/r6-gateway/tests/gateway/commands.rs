@@ -108,7 +108,7 @@ async fn what_happened_is_counted_for_prometheus() {
     let other = r6_gateway::make_token(
         hall.data.path(),
         r6_api::gateway::Role::Viewer,
-        Some(crate::support::name("saw")),
+        Some(crate::support::name("saw").into()),
         String::new(),
     );
     let (_, text) = hall.call(&other.unwrap().1, "GET", "/metrics", None).await;

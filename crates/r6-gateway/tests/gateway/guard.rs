@@ -42,15 +42,20 @@ async fn hall(guard: Guard) -> Hall {
     hall
 }
 
-/// A run of these steps with a lease of its own.
+/// A run of these steps of `press` with a lease of its own.
 async fn run(hall: &Hall, key: &str, steps: &str) -> Reply {
-    let lease = hall.lease(&hall.operator, "press").await;
+    run_of(hall, "press", key, steps).await
+}
+
+async fn run_of(hall: &Hall, robot: &str, key: &str, steps: &str) -> Reply {
+    let lease = hall.lease(&hall.operator, robot).await;
     let body = json!({ "program": steps, "lease": lease });
     let line = format!("Idempotency-Key: {key}\r\n");
-    let path = "/v1/robots/press/programs/run";
-    let reply = call_with(hall.gateway.address(), &hall.operator, "POST", path, &line, Some(&body)).await;
+    let path = format!("/v1/robots/{robot}/programs/run");
+    let reply = call_with(hall.gateway.address(), &hall.operator, "POST", &path, &line, Some(&body)).await;
     if reply.status != 202 {
-        hall.call(&hall.operator, "DELETE", "/v1/robots/press/lease", Some(&json!({ "lease": lease }))).await;
+        let path = format!("/v1/robots/{robot}/lease");
+        hall.call(&hall.operator, "DELETE", &path, Some(&json!({ "lease": lease }))).await;
     }
     reply
 }
@@ -113,4 +118,44 @@ async fn the_api_tells_the_limits_of_a_robot() {
         "workspace": [{ "of": "z", "unit": "mm", "lowest": 700.0, "highest": 900.0 }],
     });
     assert_eq!(state["guard"], expected);
+}
+
+#[tokio::test]
+async fn a_robot_of_the_api_has_its_limits_after_a_new_start_and_until_it_is_put_without_them() {
+    let saw = VirtualController::start().await.unwrap();
+    let mut hall = Hall::at(tempfile::tempdir().unwrap(), Vec::new(), vec![saw]).await;
+    let address = hall.robots[0].address().to_string();
+    let limits = json!({ "axes": [{ "of": "J1", "unit": "deg", "lowest": -10.0, "highest": 10.0 }] });
+    let put = |body: Value| {
+        let hall = &hall;
+        async move { hall.call(&hall.admin, "PUT", "/v1/robots/saw", Some(&body)).await }
+    };
+    let wrong = json!({ "address": address, "guard": { "max_speed": 0.0 } });
+    let (status, problem) = put(wrong).await;
+    assert_eq!((status, &problem["code"]), (422, &json!("bad_value")));
+    assert!(
+        problem["message"].as_str().unwrap().contains("`guard`: `max_speed`: 0 is not allowed"),
+        "{problem}"
+    );
+    let (status, problem) = put(json!({ "address": address, "parts": "axis-0" })).await;
+    assert_eq!((status, &problem["code"]), (422, &json!("bad_value")));
+    assert!(problem["message"].as_str().unwrap().contains("`parts` is a counter"), "{problem}");
+    let wanted = json!({ "address": address, "period_ms": 20, "parts": "counter-3", "guard": limits });
+    assert_eq!(put(wanted).await.0, 201);
+    hall.until_up("saw").await;
+    let robots = std::mem::take(&mut hall.robots);
+    let hall = hall.again(Vec::new(), robots).await;
+    let state = hall.until_up("saw").await;
+    assert_eq!((&state["guard"]["axes"], &state["parts"]), (&limits["axes"], &json!("counter-3")));
+    let reply = run_of(&hall, "saw", "beyond", &turn_j1(20.0, 20)).await;
+    assert_eq!((reply.status, &reply.body["code"]), (422, &json!("beyond_limits")), "{}", reply.body);
+    let configured = hall.until_audited(|entry| entry["what"] == "robot_configured").await;
+    assert_eq!((&configured["guard"], &configured["parts"]), (&limits, &json!("counter-3")));
+
+    let bare = json!({ "address": address, "period_ms": 20 });
+    let (status, _) = hall.call(&hall.admin, "PUT", "/v1/robots/saw", Some(&bare)).await;
+    assert_eq!(status, 204);
+    let state = hall.until("saw", |state| state["link"] == "up" && state["guard"].is_null()).await;
+    assert_eq!(state["parts"], Value::Null);
+    assert_eq!(run_of(&hall, "saw", "free", &turn_j1(20.0, 20)).await.status, 202);
 }

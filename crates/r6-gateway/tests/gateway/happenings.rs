@@ -201,7 +201,8 @@ async fn every_mistake_of_a_query_is_told_and_other_robots_are_not() {
         assert_eq!((status, &problem["code"]), (422, &json!("bad_value")), "{query}: {problem}");
         assert!(problem["message"].as_str().unwrap().contains(part), "{query}: {problem}");
     }
-    let only = r6_gateway::make_token(hall.data.path(), Role::Viewer, Some(name("press")), String::new());
+    let only =
+        r6_gateway::make_token(hall.data.path(), Role::Viewer, Some(name("press").into()), String::new());
     let only = only.unwrap().1;
     assert_eq!(hall.call(&only, "GET", EVENTS, None).await.0, 200);
     for path in ["/v1/robots/saw/history/events", "/v1/robots/saw/production"] {

@@ -112,6 +112,7 @@ async fn an_unknown_outcome_stays_and_what_is_under_way_is_told() {
         hall.until_audited(|entry| entry["what"] == "command_intent").await;
         let reply = hall.once(&hall.operator, "a", &body).await;
         assert_eq!((reply.status, &reply.body["code"]), (409, &json!("in_progress")), "{}", reply.body);
+        assert!(reply.body["command_id"].is_u64(), "{}", reply.body);
         let other = hall.once(&hall.operator, "a", &write(800, 6, &lease)).await;
         assert_eq!(other.body["code"], json!("key_taken"));
         // What the disk has now is what a gateway that is killed leaves.
@@ -123,6 +124,9 @@ async fn an_unknown_outcome_stays_and_what_is_under_way_is_told() {
     };
     let (first, killed) = tokio::join!(first, meanwhile);
     assert_eq!((first.status, &first.body["code"]), (504, &json!("outcome_unknown")));
+    // The caller finds what is known of it in the audit log.
+    let intent = hall.until_audited(|entry| entry["number"] == first.body["command_id"]).await;
+    assert_eq!((&intent["what"], intent["number"].is_u64()), (&json!("command_intent"), true), "{intent}");
     let again = hall.once(&hall.operator, "a", &body).await;
     assert_eq!((again.status, &again.body), (504, &first.body));
     assert_eq!(commands(&mut log), ["rewriteData"]);
@@ -132,6 +136,7 @@ async fn an_unknown_outcome_stays_and_what_is_under_way_is_told() {
     let next = Hall::at(killed, configs, Vec::new()).await;
     let again = next.once(&operator, "a", &body).await;
     assert_eq!((again.status, &again.body["code"]), (504, &json!("outcome_unknown")), "{}", again.body);
+    assert_eq!(again.body["command_id"], first.body["command_id"]);
     assert!(commands(&mut log).is_empty());
 }
 

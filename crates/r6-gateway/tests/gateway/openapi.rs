@@ -1,5 +1,7 @@
 //! The description of the API.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 
 use crate::support::Hall;
@@ -63,6 +65,21 @@ fn every_route_but_the_open_ones_names_its_problems_and_needs_a_token() {
     assert_eq!(api["security"], json!([{ "token": [] }, { "session": [] }]));
     let cookie = &api["components"]["securitySchemes"]["session"];
     assert_eq!((&cookie["in"], &cookie["name"]), (&json!("cookie"), &json!("r6_session_9780")));
+}
+
+#[test]
+fn no_two_routes_have_one_operation_id() {
+    let api: Value = serde_json::from_str(&r6_gateway::openapi()).unwrap();
+    let routes = api["paths"].as_object().unwrap().iter().flat_map(|(path, methods)| {
+        methods.as_object().unwrap().iter().map(move |(method, route)| (format!("{method} {path}"), route))
+    });
+    let mut seen = BTreeMap::new();
+    for (route, described) in routes {
+        let id = described["operationId"].as_str().unwrap_or_else(|| panic!("{route} has none"));
+        let other = seen.insert(id, route.clone());
+        assert_eq!(other, None, "{route} is `{id}` too");
+    }
+    assert!(seen.len() > 50, "{seen:?}");
 }
 
 #[tokio::test]

@@ -132,7 +132,8 @@ async fn who_may_change_programs_may_change_points() {
     let hall = Hall::with(vec![VirtualController::start().await.unwrap(), saw]).await;
     let wanted = json!({ "axes": [1, 2, 3, 4, 5, 6] });
     put(&hall, BELT, &wanted, "").await;
-    let of_saw = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw")), String::new());
+    let of_saw =
+        r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw").into()), String::new());
     let of_saw = of_saw.unwrap().1;
     for token in [&hall.viewer, &hall.operator, &of_saw] {
         assert_eq!(hall.get(token, BELT).await["version"], 1);

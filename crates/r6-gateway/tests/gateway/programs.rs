@@ -180,7 +180,8 @@ async fn a_plan_for_a_robot_begins_where_it_stands() {
     let (_, planned) = plan(&hall, json!({ "program": SQUARE, "robot": "press", "from": [5] })).await;
     assert_eq!(planned["samples"][0]["axes"], json!([5.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
 
-    let of_another = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw")), String::new());
+    let of_another =
+        r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw").into()), String::new());
     let body = json!({ "program": SQUARE, "robot": "press" });
     let (status, problem) = hall.post(&of_another.unwrap().1, "/v1/programs/plan", &body).await;
     assert_eq!((status, &problem["code"]), (403, &json!("not_allowed")));
@@ -305,7 +306,8 @@ async fn of_many_who_change_one_version_one_wins() {
 async fn a_token_for_one_robot_reads_programs_and_changes_none() {
     let hall = Hall::start().await;
     put(&hall, PICK, SQUARE, "").await;
-    let only = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("press")), String::new());
+    let only =
+        r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("press").into()), String::new());
     let only = only.unwrap().1;
     assert_eq!(hall.get(&only, PICK).await["version"], 1);
     for method in ["PUT", "DELETE"] {

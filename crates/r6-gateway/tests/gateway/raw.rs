@@ -5,6 +5,7 @@ mod commands;
 mod hostile;
 pub mod lists;
 mod queries;
+mod switch;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::{Arc, Mutex};
@@ -16,6 +17,7 @@ use r6_sim::VirtualController;
 use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
+use tokio::sync::watch;
 use tokio::task::JoinSet;
 
 use crate::support::{Hall, PATIENCE};
@@ -72,6 +74,8 @@ struct Seen {
     lost: Option<&'static str>,
     /// This part of frames is passed on as that.
     changed: Option<(&'static str, &'static str)>,
+    /// A frame with this in it is passed on once the gate is open, and so is what comes behind it.
+    held: Option<(&'static str, watch::Receiver<bool>)>,
 }
 
 impl Tap {
@@ -109,6 +113,13 @@ impl Tap {
         self.seen.lock().unwrap().changed = Some((part, to));
     }
 
+    /// Holds frames that have this in them, and what comes behind them, until `true` is sent.
+    pub fn hold(&self, part: &'static str) -> watch::Sender<bool> {
+        let (gate, opens) = watch::channel(false);
+        self.seen.lock().unwrap().held = Some((part, opens));
+        gate
+    }
+
     /// The frames to the controller that have this in them.
     pub fn frames(&self, part: &str) -> Vec<String> {
         let seen = self.seen.lock().unwrap();
@@ -126,11 +137,15 @@ async fn pass(mut near: TcpStream, mut far: TcpStream, seen: Arc<Mutex<Seen>>) {
                 assert_eq!(frames.push(&up[..count]), count);
                 while let Some(frame) = frames.next() {
                     let frame = String::from_utf8(frame.unwrap().bytes.to_vec()).unwrap();
-                    let (is_lost, changed) = {
+                    let (is_lost, changed, held) = {
                         let mut seen = seen.lock().unwrap();
                         seen.frames.push(frame.clone());
-                        (seen.lost.is_some_and(|part| frame.contains(part)), seen.changed)
+                        let held = seen.held.clone().filter(|(part, _)| frame.contains(part));
+                        (seen.lost.is_some_and(|part| frame.contains(part)), seen.changed, held)
                     };
+                    if let Some((_, mut opens)) = held {
+                        opens.wait_for(|is_open| *is_open).await.unwrap();
+                    }
                     let frame = match changed {
                         Some((part, to)) => frame.replace(part, to),
                         None => frame,

@@ -202,7 +202,7 @@ async fn a_configuration_that_is_read_again_touches_only_what_changed() {
 async fn an_admin_of_one_robot_cannot_point_it_at_another_arm() {
     let hall = Hall::start().await;
     let saw = VirtualController::start().await.unwrap();
-    let own = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw")), String::new());
+    let own = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("saw").into()), String::new());
     let own = own.unwrap().1;
     let at = |address: String| json!({ "address": address });
     let press = hall.robots[0].address();

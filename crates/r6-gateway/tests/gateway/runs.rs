@@ -501,7 +501,8 @@ async fn an_arm_that_is_owed_a_stop_is_not_lost_by_another_address() {
         assert_eq!((status, &problem["code"]), (409, &json!("not_ready")), "{problem}");
     }
     // Only an admin of all robots can say that the arm is gone. The stop holds until somebody clears it.
-    let own = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("press")), String::new());
+    let own =
+        r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("press").into()), String::new());
     assert_eq!(forget(&own.unwrap().1).await.0, 403);
     assert_eq!(forget(&hall.admin).await.0, 204);
     assert_eq!(forget(&hall.admin).await.0, 409, "nothing is owed any more");

@@ -71,7 +71,8 @@ async fn settings_are_changed_by_version_audited_and_kept() {
     let late = hall.put_settings(&hall.admin, Some(&etag), &berlin()).await;
     assert_eq!((late.status, &late.body["code"]), (412, &json!("not_this_version")));
 
-    let only = r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("press")), String::new());
+    let only =
+        r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("press").into()), String::new());
     let refused = hall.put_settings(&only.unwrap().1, Some(&new), &berlin()).await;
     assert_eq!((refused.status, &refused.body["code"]), (403, &json!("not_allowed")), "of one robot");
 

@@ -318,7 +318,7 @@ async fn events_come_over_the_same_socket_and_are_resumed() {
 async fn a_subscription_is_changed_and_a_wrong_one_changes_nothing() {
     let robots = [VirtualController::start().await, VirtualController::start().await];
     let hall = Hall::with(robots.map(Result::unwrap).into()).await;
-    let only = Some(name("press"));
+    let only = Some(name("press").into());
     let made = r6_gateway::make_token(hall.data.path(), Role::Viewer, only, String::new()).unwrap().1;
     let mut socket = Socket::open(&hall, &made, "?signal=curMode").await;
     assert_eq!(socket.next().await["name"], "press");

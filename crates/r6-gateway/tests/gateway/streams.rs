@@ -92,7 +92,7 @@ async fn events_are_told_in_order_and_resumed() {
 #[tokio::test]
 async fn a_stream_ends_when_its_token_is_revoked() {
     let hall = Hall::start().await;
-    let only = Some(name("press"));
+    let only = Some(name("press").into());
     let made = r6_gateway::make_token(hall.data.path(), Role::Viewer, only, String::new()).unwrap();
     let address = hall.gateway.address();
     let mut live = Stream::open(address, &made.1, "/v1/live?robot=press", "").await;

@@ -53,9 +53,9 @@ impl Hall {
         Self::with(vec![VirtualController::start().await.unwrap()]).await
     }
 
-    /// A gateway with these robots: `press`, then `saw`. When this returns, all are up.
+    /// A gateway with these robots: `press`, `saw`, `lathe`. When this returns, all are up.
     pub async fn with(robots: Vec<VirtualController>) -> Self {
-        let names = ["press", "saw"].into_iter().zip(&robots);
+        let names = ["press", "saw", "lathe"].into_iter().zip(&robots);
         let configs: Vec<_> = names
             .map(|(called, robot)| RobotConfig {
                 period: Duration::from_millis(20),
@@ -101,6 +101,20 @@ impl Hall {
             GatewaySettings { raw: vec![port], raw_policy: policy, ..settings(data.path(), vec![press]) };
         let gateway = Gateway::start(settings).await.unwrap();
         let hall = Self::of(gateway, data, vec![robot]);
+        hall.until_up("press").await;
+        hall
+    }
+
+    /// Ends the gateway and starts it again with one robot, `press`, at this address, and its raw port.
+    pub async fn again_with_raw(self, address: SocketAddr, policy: RawPolicy) -> Self {
+        let Self { gateway: first, data, robots, viewer, operator, engineer, admin } = self;
+        first.shutdown().await.unwrap();
+        let press = RobotConfig::new(name("press"), address.to_string());
+        let port = RawPort { robot: name("press"), listen: SocketAddr::from(([127, 0, 0, 1], 0)) };
+        let settings =
+            GatewaySettings { raw: vec![port], raw_policy: policy, ..settings(data.path(), vec![press]) };
+        let gateway = Gateway::start(settings).await.unwrap();
+        let hall = Self { gateway, robots, data, viewer, operator, engineer, admin };
         hall.until_up("press").await;
         hall
     }

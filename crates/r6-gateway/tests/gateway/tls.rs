@@ -169,7 +169,7 @@ async fn tokens_of_all_robots_see_when_the_certificate_ends() {
     let of_all = metrics(&made.token).await;
     let end: i64 = of_all.lines().find_map(|line| line.strip_prefix(name)).unwrap().parse().unwrap();
     assert_eq!(end, made.gateway.certificate().unwrap().expires());
-    let press = Some(crate::support::name("press"));
+    let press = Some(crate::support::name("press").into());
     let of_one = r6_gateway::make_token(made.data.path(), Role::Viewer, press, String::new()).unwrap().1;
     let of_one = metrics(&of_one).await;
     assert!(of_one.contains("r6_gateway_robot_up") && !of_one.contains(name), "{of_one}");

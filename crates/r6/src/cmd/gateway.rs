@@ -68,6 +68,8 @@ In hall.toml, for each robot:
   period_ms = 10000
   read = [\"Addr-801\"]
   keep = false                         not in the history; or deadband = 0.5
+  [robot.guard]                        limits of its lists, as in a file of `r6 run --guard`
+  max_speed = 50                       percent, before the global speed
 
 A robot that is set to client mode at its pendant connects to the gateway, at this port of this machine:
   address = \"listen:192.168.1.2:9770,from:192.168.1.31\"
@@ -100,6 +102,11 @@ read and stop over raw ports, and others nothing. In hall.toml, for each source;
   [[raw_rule]]
   source = \"192.168.1.20\"              an address, or a network such as 192.168.1.0/24
   allow = \"command\"                    read, command or deny; stops are part of read
+  commands = [\"AddRCC\"]               of the commands only these; a command of any other kind is refused
+  programs = [\"press\"]                of the taught programs, it starts only these
+  max_global_speed = 30                percent; a rule that has it lets nothing faster through
+  max_speed = 50                       percent, of each move of a list
+  max_path_speed = 250                 mm/s, of each move of a list
   cameras = [0]                        cameras whose photos it answers and whose points it sends
 
 Then, in a second shell:
@@ -385,6 +392,12 @@ fn tell_certificate(certificate: &Certificate) {
 fn tell_raw(gateway: &Gateway, rules: bool) {
     for RawPort { robot, listen } in gateway.raw_ports() {
         output::line(format_args!("raw port of {robot} on {listen}"));
+    }
+    if let Some(closed) = gateway.raw_ports_closed().filter(|_| !gateway.raw_ports().is_empty()) {
+        output::note(format_args!(
+            "r6: the raw ports are closed since {}, by {}: an admin opens them with PUT /v1/raw-ports",
+            closed.at, closed.by
+        ));
     }
     if !gateway.raw_ports().is_empty() && !rules {
         output::note(

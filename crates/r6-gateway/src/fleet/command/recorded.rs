@@ -112,9 +112,7 @@ impl Station {
         });
         let kept = match &answer {
             Ok(done) => Answer::Accepted(done.clone()),
-            Err(Problem { code, message, .. }) => {
-                Answer::Failed(ApiProblem { code: *code, message: message.clone() })
-            }
+            Err(Problem { code, message, .. }) => Answer::Failed(ApiProblem::new(*code, message)),
         };
         let written = self.end_once(command_id, &kept, self.record(by, deed.clone()));
         let answer = match traces::part("write the outcome", written).await {
@@ -139,7 +137,7 @@ impl Station {
             "the robot accepted command {command_id}, and the database did not confirm in time that it has this: \
              the audit log may call the outcome unknown. Look at the robot"
         );
-        Err(Problem::new(Code::OutcomeUnknown, message))
+        Err(of_command(command_id, Problem::new(Code::OutcomeUnknown, message)))
     }
 
     fn intent(&self, by: &By, command: &str, lease: u64) -> AuditRecord {
@@ -165,7 +163,7 @@ impl Station {
         traces::note_outcome(Some(command_id), outcome.word(), outcome != CommandOutcome::Accepted);
         self.publish(Happened::CommandEnded { command_id, outcome });
         let deed = Deed::CommandOutcome { intent: command_id, outcome, detail };
-        (answer.map_err(|(_, problem)| problem), deed)
+        (answer.map_err(|(_, problem)| of_command(command_id, problem)), deed)
     }
 
     /// Writes key and intent, behind the records that wait.
@@ -193,14 +191,22 @@ fn again(known: KeptCommand, hash: [u8; 32]) -> Result<CommandDone, Problem> {
     }
     match answer.as_deref().map(serde_json::from_str::<Answer>) {
         Some(Ok(Answer::Accepted(done))) => Ok(done),
-        Some(Ok(Answer::Failed(ApiProblem { code, message }))) => Err(Problem::new(code, message)),
+        Some(Ok(Answer::Failed(ApiProblem { code, message, .. }))) => {
+            Err(of_command(intent, Problem::new(code, message)))
+        }
         None if !ended => {
-            Err(Problem::new(Code::InProgress, format!("command {intent} of this request is under way")))
+            let message = format!("command {intent} of this request is under way");
+            Err(of_command(intent, Problem::new(Code::InProgress, message)))
         }
         None | Some(Err(_)) => {
             let message =
                 format!("what became of command {intent} of this request is not known: look at the robot");
-            Err(Problem::new(Code::OutcomeUnknown, message))
+            Err(of_command(intent, Problem::new(Code::OutcomeUnknown, message)))
         }
     }
+}
+
+/// The problem of the command with this number.
+fn of_command(command_id: u64, problem: Problem) -> Problem {
+    Problem { command_id: Some(command_id), ..problem }
 }

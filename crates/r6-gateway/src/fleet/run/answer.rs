@@ -46,7 +46,7 @@ pub(super) async fn keep_answer(
     let (run_id, answer) = match answer {
         Ok(run) => (run.run_id, Answer::Began(Box::new(run.clone()))),
         Err((run_id, Problem { code, message, .. })) => {
-            (*run_id, Answer::Refused(ApiProblem { code: *code, message: message.clone() }))
+            (*run_id, Answer::Refused(ApiProblem::new(*code, message)))
         }
     };
     let text = serde_json::to_string(&answer).map_err(|error| StoreError::Unreadable(error.to_string()))?;
@@ -62,7 +62,7 @@ pub(super) fn again(known: KeptRun, hash: [u8; 32]) -> Result<Run, Problem> {
     }
     match known.answer.as_deref().map(serde_json::from_str::<Answer>) {
         Some(Ok(Answer::Began(run))) => Ok(*run),
-        Some(Ok(Answer::Refused(ApiProblem { code, message }))) => Err(Problem::new(code, message)),
+        Some(Ok(Answer::Refused(ApiProblem { code, message, .. }))) => Err(Problem::new(code, message)),
         None if !known.ended => {
             Err(Problem::new(Code::InProgress, format!("run {run_id} of this request is just beginning")))
         }

@@ -16,7 +16,9 @@ use crate::live::far::Shown;
 impl Station {
     /// The robot without its values.
     pub fn summary(&self) -> RobotSummary {
-        let RobotConfig { address, managed_by, model, guard, twin_of, twin, panel, .. } = self.config();
+        let config = self.config();
+        let parts = config.parts().map(|address| address.to_string());
+        let RobotConfig { address, managed_by, model, guard, twin_of, twin, panel, .. } = config;
         let owner = self.shared.owners.url();
         self.seat(|seat, now| {
             let (stopped, stops_under_way) = seat.stops();
@@ -37,7 +39,8 @@ impl Station {
                 address,
                 managed_by,
                 model,
-                guard: guard.map(|guard| guard.told().clone()),
+                guard: guard.map(|guard| guard.told()),
+                parts,
                 owner,
                 link: if seat.is_up() { RobotLink::Up } else { RobotLink::Down },
                 // What another machine of this name was says nothing about what is at this address.

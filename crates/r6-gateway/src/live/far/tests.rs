@@ -209,9 +209,9 @@ fn what_waits_here_is_behind_its_owner() {
 
 #[test]
 fn a_value_of_an_owner_that_says_nothing_is_not_told_as_fresh_for_long() {
-    let now = clock::now();
     let teller = Arc::new(Teller::new(3));
     let copied = Copied::new(Some(Arc::clone(&teller)), state("three", 5), SUSPECT_AFTER);
+    let now = clock::now();
     let at = |after: Duration| {
         let signal = copied.signal(0, now + after).unwrap();
         (signal.quality, Duration::from_millis(signal.age_ms.unwrap()))

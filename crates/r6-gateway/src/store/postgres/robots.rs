@@ -93,10 +93,10 @@ pub async fn put_settings(client: &Client, settings: &StoredSettings) -> Result<
     Ok(())
 }
 
-/// A database that is only read can be older than groups.
-const SELECT: &str =
-    "SELECT name, address, period_ms, read, model, COALESCE(to_jsonb(robot) ->> 'poll_groups', '[]')
-                      FROM robot ORDER BY name";
+/// A database that is only read can be older than the last two columns.
+const SELECT: &str = "SELECT name, address, period_ms, read, model,
+    COALESCE(to_jsonb(robot) ->> 'poll_groups', '[]'), COALESCE(to_jsonb(robot) ->> 'more', '{}')
+    FROM robot ORDER BY name";
 
 /// The robots that were put.
 pub async fn all(client: &Client) -> Result<Vec<StoredRobot>, StoreError> {
@@ -112,6 +112,7 @@ pub async fn all(client: &Client) -> Result<Vec<StoredRobot>, StoreError> {
                 read: serde_json::from_str(row.try_get(3)?).map_err(|_| unreadable())?,
                 model: row.try_get(4)?,
                 groups: serde_json::from_str(row.try_get(5)?).map_err(|_| unreadable())?,
+                more: serde_json::from_str(row.try_get(6)?).map_err(|_| unreadable())?,
             })
         })
         .collect()
@@ -128,10 +129,11 @@ pub async fn put(client: &Client, robot: &StoredRobot) -> Result<(), StoreError>
     let model = robot.model.as_deref().map(plain);
     client
         .execute(
-            "INSERT INTO robot (name, address, period_ms, read, model, poll_groups)
-             VALUES ($1, $2, $3, $4, $5, $6)
+            "INSERT INTO robot (name, address, period_ms, read, model, poll_groups, more)
+             VALUES ($1, $2, $3, $4, $5, $6, $7)
              ON CONFLICT (name) DO UPDATE SET address = excluded.address, period_ms = excluded.period_ms,
-             read = excluded.read, model = excluded.model, poll_groups = excluded.poll_groups",
+             read = excluded.read, model = excluded.model, poll_groups = excluded.poll_groups,
+             more = excluded.more",
             &[
                 &robot.name.as_str(),
                 &plain(&robot.address),
@@ -139,6 +141,7 @@ pub async fn put(client: &Client, robot: &StoredRobot) -> Result<(), StoreError>
                 &json(&robot.read)?,
                 &model,
                 &json(&robot.groups)?,
+                &json(&robot.more)?,
             ],
         )
         .await?;

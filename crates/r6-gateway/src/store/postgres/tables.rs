@@ -15,7 +15,7 @@ CREATE TABLE IF NOT EXISTS r6_gateway.version (
 ";
 
 /// What makes the tables of each version out of those before, from version 1 on.
-pub const TABLES: [&str; 7] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES, POINTS, GROUPS];
+pub const TABLES: [&str; 8] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES, POINTS, GROUPS, MORE];
 
 /// - `audit`: `what`, `robot` and `intent` are read from the text when it is written.
 /// - `seat`: the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -251,4 +251,10 @@ CREATE TABLE point (
 /// What is read of a robot with other periods.
 const GROUPS: &str = "
 ALTER TABLE robot ADD COLUMN poll_groups text NOT NULL DEFAULT '[]';
+";
+
+/// What came later to what is kept of a robot, as one text, and when tokens end, in seconds since 1970.
+const MORE: &str = "
+ALTER TABLE robot ADD COLUMN more text NOT NULL DEFAULT '{}';
+ALTER TABLE token ADD COLUMN expires bigint;
 ";

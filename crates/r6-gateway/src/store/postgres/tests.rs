@@ -15,7 +15,7 @@ use crate::core::chain::Verifier;
 use crate::core::owner::{Life, Owned, SeenOwner};
 use crate::core::role::Grant;
 use crate::peers::Door;
-use crate::store::Keeper;
+use crate::store::{Keeper, MoreOfRobot};
 
 fn started() -> AuditRecord {
     let (time, actor) = ("2026-01-01T00:00:00.000000Z".to_owned(), "gateway".to_owned());
@@ -28,7 +28,7 @@ fn author() -> Author {
 
 fn token(byte: u8) -> NewToken {
     let grant = Grant { role: r6_api::gateway::Role::Viewer, only: None };
-    NewToken { hash: [byte; 32], grant, name: "a\0b".to_owned() }
+    NewToken { hash: [byte; 32], grant, name: "a\0b".to_owned(), expires: None }
 }
 
 /// A database with the tables, on the server of all tests.
@@ -191,6 +191,7 @@ fn two_gateways_give_no_two_robots_one_address() {
         read: Vec::new(),
         groups: Vec::new(),
         model: None,
+        more: MoreOfRobot::default(),
     };
     assert_eq!(store.put_robot(&robot("saw", "10.0.0.1"), &started()), Ok(()));
     let taken = Err(StoreError::AddressTaken(name("saw")));
@@ -257,6 +258,7 @@ async fn gateways_hear_at_once_that_something_is_free_or_a_robot_came() {
         read: Vec::new(),
         groups: Vec::new(),
         model: None,
+        more: MoreOfRobot::default(),
     };
     let record = AuditRecord { deed: Deed::RobotRemoved {}, ..started() };
     let put = tokio::task::spawn_blocking(move || {
@@ -429,7 +431,7 @@ fn the_gateway_of_an_older_version_has_let_go_before_its_robots_can_be_taken() {
     // As version 2 made it, with an owner that lives.
     server.sql(
         &url,
-        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE camera; DROP TABLE point; DROP TABLE gateway; ALTER TABLE robot DROP COLUMN poll_groups;
+        "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE camera; DROP TABLE point; DROP TABLE gateway; ALTER TABLE robot DROP COLUMN poll_groups; ALTER TABLE robot DROP COLUMN more; ALTER TABLE token DROP COLUMN expires;
          DROP TABLE owner;
          CREATE TABLE owner (one integer, fence bigint, beat bigint, gateway text, beat_at timestamptz);
          INSERT INTO owner VALUES (1, 7, 9, 'old', now())",

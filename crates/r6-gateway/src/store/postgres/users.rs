@@ -5,17 +5,15 @@ use tokio_postgres::Client;
 use super::audit::append;
 use super::{plain, signed, unsigned};
 use crate::core::account::{Account, Decided, PasswordHash, UserName};
-use crate::core::name::RobotName;
-use crate::core::role::Grant;
+use crate::core::role::{Grant, Only};
 use crate::store::{
     Author, Link, MAX_TOKENS, NewToken, StoreError, StoredUser, Token, UserChange, check_link, decide,
     link_made, role, token_made, token_revoked, user_changed,
 };
 
 fn grant(word: &str, only: Option<&str>) -> Result<Grant, StoreError> {
-    let only = only.map(|only| {
-        RobotName::new(only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`")))
-    });
+    let only = only
+        .map(|only| Only::read(only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`"))));
     Ok(Grant { role: role(word)?, only: only.transpose()? })
 }
 
@@ -30,11 +28,19 @@ pub async fn add_token(client: &Client, token: &NewToken, author: &Author) -> Re
     if usize::try_from(known).unwrap_or(usize::MAX) >= MAX_TOKENS {
         return Err(StoreError::TooManyTokens);
     }
-    let only = token.grant.only.as_ref().map(RobotName::as_str);
+    let only = token.grant.only.as_ref().map(Only::to_string);
     let number = client
         .query_one(
-            "INSERT INTO token (hash, role, robot, name, made) VALUES ($1, $2, $3, $4, $5) RETURNING number",
-            &[&token.hash.as_slice(), &token.grant.role.word(), &only, &plain(&token.name), &author.time],
+            "INSERT INTO token (hash, role, robot, name, made, expires) VALUES ($1, $2, $3, $4, $5, $6)
+             RETURNING number",
+            &[
+                &token.hash.as_slice(),
+                &token.grant.role.word(),
+                &only,
+                &plain(&token.name),
+                &author.time,
+                &token.expires.map(signed),
+            ],
         )
         .await?
         .try_get(0)?;
@@ -57,16 +63,22 @@ pub async fn revoke_token(client: &Client, number: i64, author: &Author) -> Resu
     Ok(revoked > 0)
 }
 
-/// The tokens that are valid.
+/// The tokens that are not revoked. A database that is only read can be older than their ends.
 pub async fn tokens(client: &Client) -> Result<Vec<Token>, StoreError> {
     let rows = client
-        .query("SELECT number, hash, role, robot, name FROM token WHERE revoked IS NULL ORDER BY number", &[])
+        .query(
+            "SELECT number, hash, role, robot, name, (to_jsonb(token) ->> 'expires')::bigint FROM token
+             WHERE revoked IS NULL ORDER BY number",
+            &[],
+        )
         .await?;
     rows.iter()
         .map(|row| {
             let number = row.try_get(0)?;
             let hash = hash(row.try_get(1)?, || format!("token {number}"))?;
-            Ok(Token { number, hash, grant: grant(row.try_get(2)?, row.try_get(3)?)?, name: row.try_get(4)? })
+            let grant = grant(row.try_get(2)?, row.try_get(3)?)?;
+            let expires = row.try_get::<_, Option<i64>>(5)?.map(unsigned);
+            Ok(Token { number, hash, grant, name: row.try_get(4)?, expires })
         })
         .collect()
 }
@@ -124,7 +136,7 @@ pub async fn change(
     match &decided {
         Decided::Made(account) | Decided::Changed(account) => {
             let Account { grant, disabled, password, .. } = account;
-            let only = grant.only.as_ref().map(RobotName::as_str);
+            let only = grant.only.as_ref().map(Only::to_string);
             let password = password.as_ref().map(|hash| hash.0.as_str());
             client
                 .execute(

@@ -2,8 +2,8 @@
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-pub const TABLES: [&str; 11] =
-    [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS, POINTS, GROUPS];
+pub const TABLES: [&str; 12] =
+    [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS, POINTS, GROUPS, MORE];
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
 /// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -176,6 +176,22 @@ const GROUPS: &str = "
 CREATE TABLE IF NOT EXISTS poll_groups (
     robot  TEXT PRIMARY KEY,
     groups TEXT NOT NULL
+) STRICT;
+";
+
+/// The first version with [`MORE`].
+pub const SINCE_MORE: usize = 12;
+
+/// What came later to what is kept of a robot, as one text, and when tokens end, in seconds since 1970. The
+/// tables may be there, as that of [`CAMERAS`].
+const MORE: &str = "
+CREATE TABLE IF NOT EXISTS robot_more (
+    robot TEXT PRIMARY KEY,
+    more  TEXT NOT NULL
+) STRICT;
+CREATE TABLE IF NOT EXISTS token_end (
+    token   INTEGER PRIMARY KEY,
+    expires INTEGER NOT NULL
 ) STRICT;
 ";
 

@@ -169,6 +169,24 @@ async fn what_waits_for_the_disk_when_its_rule_goes_does_not_leave() {
 }
 
 #[tokio::test]
+async fn what_waits_for_the_disk_when_all_raw_ports_are_closed_does_not_leave() {
+    let raw = Raw::with(VirtualController::start().await.unwrap(), policy()).await;
+    let mut camera = raw.script().await;
+    assert_eq!(camera.query("curMode").await.len(), 1);
+    let hall = &raw.hall;
+    let closing = with_slow_store(hall, async {
+        camera.send(&points(0, &[1.0])).await;
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        let close = json!({ "open": false });
+        let closed = hall.call(&hall.engineer, "PUT", "/v1/raw-ports", Some(&close));
+        tokio::time::timeout(PATIENCE, closed).await.unwrap().0
+    });
+    assert_eq!(closing.await, 200);
+    hall.until_audited(|entry| entry["outcome"] == "not_sent").await;
+    assert_eq!((hall.taken(), raw.tap.frames("AddPoints").len()), (0, 0));
+}
+
+#[tokio::test]
 async fn answers_that_no_photo_was_asked_for_take_no_request_from_the_other_cameras() {
     let raw = Raw::with(VirtualController::start().await.unwrap(), policy()).await;
     let (mut camera, mut other) = (raw.script().await, Script::from(2, raw.address()).await);

@@ -1,11 +1,12 @@
 //! `r6 gateway token`: makes, lists and revokes tokens, whether the gateway runs or not.
 
 use std::path::PathBuf;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use r6_api::gateway::Role;
-use r6_gateway::{At, Camera, RobotName};
+use r6_gateway::{At, Camera, Grant, Only, RobotName};
 
 use super::place::{self, StoreUrl};
 use super::{DEFAULT_DATA, tell_new_folder};
@@ -34,7 +35,8 @@ lease, until it is revoked. A gateway that runs knows the grant at once.
 
 Examples:
   r6 gateway token --role viewer --name screen-in-hall-2
-  r6 gateway token --role operator --robot press-4
+  r6 gateway token --role operator --robot press-4,saw
+  r6 gateway token --role viewer --days 30
   r6 gateway token --role viewer --robot press-4 --camera press-4:0
   r6 gateway token --list
   r6 gateway token --revoke 3")]
@@ -48,13 +50,16 @@ pub struct TokenArgs {
     /// What the token allows
     #[arg(long, value_parser = role(), required_unless_present_any = ["list", "revoke"])]
     role: Option<Role>,
-    /// The only robot that it is for
+    /// The only robots that it is for, with commas between them
     // The id is that of the global option, so that this one stands in its place.
     #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME")]
     only: Option<String>,
     /// What people call it
     #[arg(long, value_name = "TEXT", default_value = "")]
     name: String,
+    /// Let it end after so many days; without this, it holds until it is revoked
+    #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..=36_500), conflicts_with_all = ["list", "revoke"])]
+    days: Option<u32>,
     /// Let it feed this camera of a robot (`camID`); may be given several times
     #[arg(long = "camera", value_name = "ROBOT:ID", value_parser = camera, conflicts_with_all = ["list", "revoke"])]
     cameras: Vec<(RobotName, Camera)>,
@@ -104,7 +109,7 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         let wanted = format!("--name has at most {MAX_NAME} characters, and no control characters");
         return Err(Failure::usage(wanted));
     }
-    let is_for = |robot: &RobotName| only.as_ref().is_none_or(|only| only == robot);
+    let is_for = |robot: &RobotName| only.as_ref().is_none_or(|only| only.covers(robot.as_str()));
     if let Some((robot, camera)) = args.cameras.iter().find(|(robot, _)| !is_for(robot)) {
         let only = only.as_ref().map(ToString::to_string).unwrap_or_default();
         let wanted = format!(
@@ -112,17 +117,19 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         );
         return Err(Failure::usage(wanted));
     }
-    let (what, of_robot) = (what(role, only.as_ref()), only.clone());
+    let (what, of_robots) = (what(role, only.as_ref()), only.clone());
     if args.store.is_none() {
         tell_new_folder(&args.data);
     }
     let at = args.at()?;
-    let (number, token) =
-        r6_gateway::make_token(at.clone(), role, only, args.name).map_err(Failure::usage)?;
+    let expires = args.days.map(after_days);
+    let made = r6_gateway::make_token_until(at.clone(), Grant { role, only }, args.name, expires);
+    let (number, token) = made.map_err(Failure::usage)?;
     output::line(token);
-    output::note(format_args!("token {number}: {what}. It is shown this once"));
-    if let Some(robot) = of_robot {
-        tell_if_unknown(at.clone(), &robot);
+    let ends = expires.map(until).unwrap_or_default();
+    output::note(format_args!("token {number}: {what}{ends}. It is shown this once"));
+    for robot in of_robots.iter().flat_map(Only::names) {
+        tell_if_unknown(at.clone(), robot);
     }
     for (robot, camera) in args.cameras {
         let told = format!("token {number} feeds camera {camera} of {robot}");
@@ -153,6 +160,7 @@ fn list(at: At) -> Result<Exit, Failure> {
     let mut table = Table::with_right_columns(&[0]);
     for token in &tokens {
         let mut what = what(token.grant.role, token.grant.only.as_ref());
+        what += &token.expires.map(until).unwrap_or_default();
         for (robot, grant) in cameras.iter().filter(|(_, grant)| grant.token == token.number) {
             what += &format!(", camera {} of {robot}", grant.camera);
         }
@@ -162,17 +170,31 @@ fn list(at: At) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// The robot of `--robot`.
-pub(super) fn only(robot: Option<&str>) -> Result<Option<RobotName>, Failure> {
-    let read = |name| {
-        RobotName::new(name)
-            .ok_or_else(|| Failure::usage(format!("--robot {name}: it has to be {}", RobotName::WANTED)))
+/// So many days from now, in seconds since 1970.
+fn after_days(days: u32) -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    now.as_secs() + u64::from(days) * 24 * 60 * 60
+}
+
+/// When a token ends, for people.
+fn until(expires: u64) -> String {
+    // RFC 3339 has no time after the year 9999.
+    let at = UNIX_EPOCH + Duration::from_secs(expires.min(253_402_300_799));
+    let word = if at <= SystemTime::now() { "ended" } else { "until" };
+    format!(", {word} {}", humantime::format_rfc3339_seconds(at))
+}
+
+/// The robots of `--robot`.
+pub(super) fn only(robots: Option<&str>) -> Result<Option<Only>, Failure> {
+    let read = |names| {
+        Only::read(names)
+            .ok_or_else(|| Failure::usage(format!("--robot {names}: it has to be {}", Only::WANTED)))
     };
-    robot.map(read).transpose()
+    robots.map(read).transpose()
 }
 
 /// What a token or a user may do, for people.
-pub(super) fn what(role: Role, only: Option<&RobotName>) -> String {
+pub(super) fn what(role: Role, only: Option<&Only>) -> String {
     match only {
         Some(only) => format!("{} of {only}", role.word()),
         None => format!("{} of all robots", role.word()),

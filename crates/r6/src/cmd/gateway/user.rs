@@ -47,7 +47,7 @@ pub struct UserArgs {
     /// What the user may do
     #[arg(long, value_parser = token::role(), requires = "add")]
     role: Option<Role>,
-    /// The only robot that the user is for
+    /// The only robots that the user is for, with commas between them
     // The id is that of the global option, so that this one stands in its place.
     #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME")]
     only: Option<String>,

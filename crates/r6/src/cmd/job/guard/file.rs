@@ -21,6 +21,9 @@ const AXES: [&str; 8] = ["J1", "J2", "J3", "J4", "J5", "J6", "J7", "J8"];
 /// The keys of `[workspace]`.
 const PLACES: [&str; 3] = ["x", "y", "z"];
 
+/// An axis with its lowest and its highest value.
+type AxisLimits = (AxisIndex, AxisCoordinate, AxisCoordinate);
+
 /// The limits of a list.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Limits {
@@ -30,7 +33,7 @@ pub struct Limits {
     pub max_axis_step: Option<Degrees>,
     max_path_speed: Option<MillimetresPerSecond>,
     max_distance: Option<Millimetres>,
-    axes: Vec<(AxisIndex, AxisCoordinate, AxisCoordinate)>,
+    axes: Vec<AxisLimits>,
     workspace: Option<[Option<(f64, f64)>; 3]>,
 }
 
@@ -99,11 +102,7 @@ fn read_fields(fields: &Fields<'_>, found: &mut Found<'_>) -> Limits {
         }),
         max_axis_step: above_zero("max_axis_step").map(Degrees),
         max_distance: above_zero("max_distance").map(Millimetres),
-        axes: [
-            axes(fields, "axes", found, |angle| Degrees(angle).into()),
-            axes(fields, "axes_mm", found, |length| Millimetres(length).into()),
-        ]
-        .concat(),
+        axes: all_axes(fields, found),
         workspace: workspace(fields, found),
     }
 }
@@ -126,12 +125,26 @@ fn ranges(
     inner.finish(Ok(ranges), found)
 }
 
+/// The limits of axes that turn and of axes that slide.
+fn all_axes(fields: &Fields<'_>, found: &mut Found<'_>) -> Vec<AxisLimits> {
+    let turning = axes(fields, "axes", found, |angle| Degrees(angle).into());
+    let sliding = axes(fields, "axes_mm", found, |length| Millimetres(length).into());
+    // The client keeps one range of each axis.
+    if let Some((twice, ..)) =
+        sliding.iter().find(|(axis, ..)| turning.iter().any(|(other, ..)| other == axis))
+    {
+        let wrong = format!("J{} has a range in [axes] too: an axis turns or slides", twice.index() + 1);
+        let _noted = fields.wrong("axes_mm", wrong);
+    }
+    [turning, sliding].concat()
+}
+
 fn axes(
     fields: &Fields<'_>,
     name: &'static str,
     found: &mut Found<'_>,
     coordinate: impl Fn(f64) -> AxisCoordinate,
-) -> Vec<(AxisIndex, AxisCoordinate, AxisCoordinate)> {
+) -> Vec<AxisLimits> {
     let ranges = ranges(fields, name, &AXES, found).unwrap_or_default();
     let limits = AxisIndex::ALL.into_iter().zip(ranges);
     limits
@@ -194,6 +207,10 @@ mod tests {
                     &format!("4:6: `J1` is a list, {range}"),
                     &format!("5:6: `J2` is a list, {range}"),
                 ],
+            ),
+            (
+                "[axes]\nJ7 = [0, 9]\n[axes_mm]\nJ7 = [0, 9]",
+                &["3:1: J7 has a range in [axes] too: an axis turns or slides"],
             ),
             ("workspace = 5", &["1:13: `workspace` is 5, but has to be a table [workspace]"]),
         ] {
