@@ -9,6 +9,7 @@ export function viewLike(name: string, part: Partial<View> = {}, summary: Partia
     managed_by: "file",
     model: null,
     guard: null,
+    parts: null,
     link: "up",
     identity: null,
     identity_changed: null,

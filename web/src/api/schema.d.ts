@@ -103,7 +103,7 @@ export interface paths {
             cookie?: never;
         };
         /** The dashboard: one robot. The same page as `/`. */
-        get: operations["robot"];
+        get: operations["page_of_robot"];
         put?: never;
         post?: never;
         delete?: never;
@@ -158,7 +158,7 @@ export interface paths {
          *     to no server when it opens the page, and the page takes it out of the address. A link in a mail may open
          *     it.
          */
-        get: operations["page"];
+        get: operations["page_of_setup"];
         put?: never;
         post?: never;
         delete?: never;
@@ -175,7 +175,7 @@ export interface paths {
             cookie?: never;
         };
         /** The script of the page. */
-        get: operations["script"];
+        get: operations["script_of_setup"];
         put?: never;
         post?: never;
         delete?: never;
@@ -211,8 +211,8 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** A page of the audit log, oldest first. A token for one robot sees the entries of that robot. */
-        get: operations["page"];
+        /** A page of the audit log, oldest first. A token for some robots sees the entries of these. */
+        get: operations["audit"];
         put?: never;
         post?: never;
         delete?: never;
@@ -232,7 +232,7 @@ export interface paths {
          * The present end of the audit log, signed. Keep the note on another machine: `r6 gateway verify --head`
          *     finds with it whether the log was cut off or rewritten since.
          */
-        get: operations["head"];
+        get: operations["audit_head"];
         put?: never;
         post?: never;
         delete?: never;
@@ -390,7 +390,7 @@ export interface paths {
             cookie?: never;
         };
         /** The programs that the gateway keeps, each in its latest version. */
-        get: operations["list"];
+        get: operations["programs"];
         put?: never;
         post?: never;
         delete?: never;
@@ -412,7 +412,7 @@ export interface paths {
          * Checks the text of a program. Nothing is stored, and no robot is asked. Mistakes are told
          *     together, the first 20 of them and how many more, and where each step can run.
          */
-        post: operations["check"];
+        post: operations["check_program"];
         delete?: never;
         options?: never;
         head?: never;
@@ -432,7 +432,7 @@ export interface paths {
          * Plans a program: what an arm of a model would do, as `r6 plot` draws it. No robot moves. With the name of
          *     a robot, the plan begins where that robot stands.
          */
-        post: operations["plan"];
+        post: operations["plan_program"];
         delete?: never;
         options?: never;
         head?: never;
@@ -450,15 +450,15 @@ export interface paths {
          * A program that the gateway keeps. The header `ETag` is what `If-Match` takes to change it, if this is its
          *     latest version. That of an earlier one is refused there.
          */
-        get: operations["show"];
+        get: operations["program"];
         /**
          * Stores a version of a program, with mistakes too. A program that is there is changed with `If-Match` and
          *     the `ETag` of the version that the change began from. `If-None-Match: *` stores a new program only.
          */
-        put: operations["put"];
+        put: operations["put_program"];
         post?: never;
         /** Removes a program with all of its versions. */
-        delete: operations["remove"];
+        delete: operations["remove_program"];
         options?: never;
         head?: never;
         patch?: never;
@@ -472,8 +472,29 @@ export interface paths {
             cookie?: never;
         };
         /** The versions of a program that the gateway keeps. */
-        get: operations["versions"];
+        get: operations["program_versions"];
         put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/raw-ports": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** The raw ports of the robots that the caller may see, and whether they are open. */
+        get: operations["raw_ports"];
+        /**
+         * Closes all raw ports, or opens them again for the clients that the rules let in. Closing needs the role
+         *     engineer, opening the role admin. Lists that the arms have go on; stop the robots if they shall not.
+         */
+        put: operations["switch_raw_ports"];
         post?: never;
         delete?: never;
         options?: never;
@@ -489,7 +510,7 @@ export interface paths {
             cookie?: never;
         };
         /** The robots that the token may see. */
-        get: operations["list"];
+        get: operations["robots"];
         put?: never;
         post?: never;
         delete?: never;
@@ -506,15 +527,15 @@ export interface paths {
             cookie?: never;
         };
         /** One robot with its values. */
-        get: operations["show"];
+        get: operations["robot"];
         /**
          * Adds a robot, or changes a robot that was added over this API. It is there again after a restart of the
          *     gateway. A change makes a new connection to the robot and ends its lease; other robots go on.
          */
-        put: operations["put"];
+        put: operations["put_robot"];
         post?: never;
         /** Removes a robot that was added over this API. Its lease ends, and the arm goes on with what it does. */
-        delete: operations["remove"];
+        delete: operations["remove_robot"];
         options?: never;
         head?: never;
         patch?: never;
@@ -769,7 +790,7 @@ export interface paths {
          *     `Accept: application/vnd.apache.parquet` a file with the same columns; the header `r6-next-cursor` says
          *     where they go on.
          */
-        get: operations["show"];
+        get: operations["history"];
         put?: never;
         post?: never;
         delete?: never;
@@ -811,12 +832,12 @@ export interface paths {
          * Acquires, renews or takes the lease. Only its holder can send commands that change or move. It ends unless
          *     it is renewed in time.
          */
-        post: operations["acquire"];
+        post: operations["acquire_lease"];
         /**
          * Gives the lease back. A program that runs with it is stopped first: then the answer comes once the arm
          *     stands.
          */
-        delete: operations["release"];
+        delete: operations["release_lease"];
         options?: never;
         head?: never;
         patch?: never;
@@ -833,7 +854,7 @@ export interface paths {
          * What a person sees at the machine. Only virtual robots of the gateway's own process have a panel: twins,
          *     and the robot of `r6 up`.
          */
-        get: operations["show"];
+        get: operations["panel"];
         put?: never;
         /**
          * Does what a person does at the machine. The buttons stop and pause and the emergency stop need no lease,
@@ -842,7 +863,7 @@ export interface paths {
          *     holds. The audit log has the intent before, and the outcome after. A move whose button is held
          *     (`hold_jog`) ends 200 ms after the last `keep_jog`; `keep_jog` and `end_jog` are not in the audit log.
          */
-        post: operations["act"];
+        post: operations["act_at_panel"];
         delete?: never;
         options?: never;
         head?: never;
@@ -860,7 +881,7 @@ export interface paths {
          * The faults that the robot can be given at its panel: those of the scenarios of virtual controllers. Those
          *     that are in force are in the state of the panel.
          */
-        get: operations["faults"];
+        get: operations["panel_faults"];
         put?: never;
         post?: never;
         delete?: never;
@@ -904,7 +925,7 @@ export interface paths {
          *     `GET /v1/robots/{name}/runs/{run}` tells the rest. A request with the same `Idempotency-Key` that asks
          *     for the same gets the same answer within 24 h, and runs nothing again.
          */
-        post: operations["run"];
+        post: operations["run_program"];
         delete?: never;
         options?: never;
         head?: never;
@@ -922,7 +943,7 @@ export interface paths {
          * Asks the robot for values, whether they are read again and again or not. It shares the one connection with
          *     everything else. An address that the robot does not have is in `problems`, with the reason.
          */
-        get: operations["show"];
+        get: operations["query"];
         put?: never;
         post?: never;
         delete?: never;
@@ -939,7 +960,7 @@ export interface paths {
             cookie?: never;
         };
         /** A run of a program: how it stands, how far it is, and why it ended. Runs are kept for 24 h. */
-        get: operations["show"];
+        get: operations["run"];
         put?: never;
         post?: never;
         delete?: never;
@@ -977,7 +998,7 @@ export interface paths {
             cookie?: never;
         };
         /** Who calls, and until when the session is open. This counts as a request of the session. */
-        get: operations["show"];
+        get: operations["session"];
         put?: never;
         /**
          * Signs a user in: sets the cookie `r6_session_PORT`, with the port that the gateway listens on; with TLS
@@ -1101,10 +1122,10 @@ export interface paths {
             cookie?: never;
         };
         /** The tokens that are not revoked, without their secrets. */
-        get: operations["list"];
+        get: operations["tokens"];
         put?: never;
         /** Makes a token. It is shown this once. */
-        post: operations["make"];
+        post: operations["make_token"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1122,7 +1143,7 @@ export interface paths {
         put?: never;
         post?: never;
         /** Revokes a token. It is refused from now on, and its streams end within a second. */
-        delete: operations["revoke"];
+        delete: operations["revoke_token"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1136,7 +1157,7 @@ export interface paths {
             cookie?: never;
         };
         /** All users, without their passwords. */
-        get: operations["list"];
+        get: operations["users"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1158,10 +1179,10 @@ export interface paths {
          *     stay until they end by themselves. Without `password` the old password stays; a new user cannot sign in
          *     until a password is set.
          */
-        put: operations["put"];
+        put: operations["put_user"];
         post?: never;
         /** Removes a user. All sessions of the user end. Leases stay until they end by themselves. */
-        delete: operations["remove"];
+        delete: operations["remove_user"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1825,6 +1846,8 @@ export interface components {
             /** @enum {string} */
             what: "audit_key";
         } | {
+            /** @description When it ends; absent if it holds until it is revoked. */
+            expires_at?: string | null;
             /** @description Its name. */
             name: string;
             /** @description The robot that it is for; `null` for all. Not to be confused with the robot of the entry. */
@@ -2035,8 +2058,11 @@ export interface components {
             address: string;
             /** @description The values that are read with a period of their own. */
             groups?: components["schemas"]["PollGroup"][];
+            guard?: components["schemas"]["GuardWanted"] | null;
             /** @description The model of its arm; absent if none is configured. */
             model?: string | null;
+            /** @description The counter of parts; absent if none is configured. */
+            parts?: string | null;
             /**
              * Format: int64
              * @description How often its values are read.
@@ -2091,6 +2117,11 @@ export interface components {
             rules: components["schemas"]["RawPortRule"][];
             /** @enum {string} */
             what: "raw_rules";
+        } | {
+            /** @description Whether they are open from now on. */
+            open: boolean;
+            /** @enum {string} */
+            what: "raw_ports";
         } | {
             /** @description The shifts. */
             shifts: components["schemas"]["Shift"][];
@@ -2280,6 +2311,40 @@ export interface components {
              * @example mm
              */
             unit: string;
+        };
+        /**
+         * @description Limits of lists to set. They compare numbers with numbers, and protect no people. A limit that is missing
+         *     is not checked.
+         */
+        GuardWanted: {
+            /** @description The ranges of axes, `J1` to `J8`, for axis moves: each axis once, in degrees or in mm. */
+            axes?: components["schemas"]["GuardRange"][];
+            /**
+             * Format: double
+             * @description How far an axis move turns an axis at most, in degrees: above 0.
+             * @example 120
+             */
+            max_axis_step?: number | null;
+            /**
+             * Format: double
+             * @description How far a move of the tool goes at most, in mm: above 0.
+             * @example 400
+             */
+            max_distance?: number | null;
+            /**
+             * Format: double
+             * @description The highest path speed: a whole number of mm/s, 1 to 10 000.
+             * @example 500
+             */
+            max_path_speed?: number | null;
+            /**
+             * Format: double
+             * @description The highest speed of a move in percent, before the global speed: 0.1 to 100 in steps of 0.1.
+             * @example 50
+             */
+            max_speed?: number | null;
+            /** @description The ranges of `x`, `y` and `z` in mm for linear and curve moves, in the work frame in use: each once. */
+            workspace?: components["schemas"]["GuardRange"][];
         };
         /** @description The time zone and the shifts of a hall. */
         HallSettings: {
@@ -3239,8 +3304,19 @@ export interface components {
         Problem: {
             /** @description A word that does not change: for programs. */
             code: components["schemas"]["Code"];
+            /**
+             * Format: int64
+             * @description The number of the command in the audit log of the gateway: its intent was written, and its outcome
+             *     stands there too, as far as it is known. Missing for everything else.
+             */
+            command_id?: number | null;
             /** @description What is wrong and what to do, in a sentence: for people. */
             message: string;
+            /**
+             * Format: int64
+             * @description When it can be tried again. Missing if that is not known.
+             */
+            retry_after_ms?: number | null;
         };
         /**
          * @description What a robot did in a range of time. Time that the gateway did not see is counted as unseen, never as
@@ -3493,6 +3569,38 @@ export interface components {
             /** @description The address or the network that it is for. */
             source: string;
         };
+        /** @description The raw port of a robot. */
+        RawPortState: {
+            /**
+             * Format: int64
+             * @description How many clients are connected now.
+             */
+            clients: number;
+            /**
+             * @description Where it listens.
+             * @example 192.168.1.2:9760
+             */
+            listen: string;
+            /**
+             * @description The robot.
+             * @example press-4
+             */
+            robot: string;
+        };
+        /** @description The raw ports of a gateway. */
+        RawPorts: {
+            closed: components["schemas"]["ActedBy"] | null;
+            /** @description Those of the robots that the caller may see. */
+            ports: components["schemas"]["RawPortState"][];
+        };
+        /** @description What all raw ports shall be. */
+        RawPortsWanted: {
+            /**
+             * @description `false` closes them: all clients are closed, none is let in, and their commands that have not left do
+             *     not leave. `true` lets clients in as the rules say.
+             */
+            open: boolean;
+        };
         /** @description Whether the gateway is ready. */
         Ready: {
             /** @description Whether the values of robots are kept. Commands and stops do not depend on it. */
@@ -3677,6 +3785,11 @@ export interface components {
              */
             panel: boolean;
             /**
+             * @description The counter of parts, as configured, else the first counter that is read; `null` if none is.
+             * @example counter-0
+             */
+            parts: string | null;
+            /**
              * Format: int64
              * @description The number of its last stop that was told (`stop_began`), also if it was cleared: send it with
              *     `clear-stopped`, so that a stop that you have not seen is not cleared. Numbers only grow, and none
@@ -3719,11 +3832,17 @@ export interface components {
             address: string;
             /** @description Values that are read with a period of their own: axes, the pose, and others. */
             groups?: components["schemas"]["PollGroup"][];
+            guard?: components["schemas"]["GuardWanted"] | null;
             /**
              * @description The model of its arm, one of `r6 plot --help`: plans for this robot need it.
              * @example BRTIRUS0707A
              */
             model?: string | null;
+            /**
+             * @description The counter of parts, `counter-n`; the first counter that is read if it is missing.
+             * @example counter-0
+             */
+            parts?: string | null;
             /**
              * Format: int64
              * @description How often its values are read: 20 to 3 600 000 ms; 100 if it is missing.
@@ -3852,7 +3971,7 @@ export interface components {
              * @description When the session ends if no other request comes; `null` for a token without one.
              */
             idle_ends_in_ms: number | null;
-            /** @description The only robot; `null` for all. */
+            /** @description The only robots, with commas between their names; `null` for all. */
             robot: string | null;
             /** @description What the caller may do. */
             role: components["schemas"]["Role"];
@@ -4205,6 +4324,8 @@ export interface components {
         };
         /** @description A token without its secret. */
         Token: {
+            /** @description When it ends or has ended; `null` if it holds until it is revoked. */
+            expires_at: string | null;
             /** @description What people call it. */
             name: string;
             /**
@@ -4212,7 +4333,7 @@ export interface components {
              * @description Its number.
              */
             number: number;
-            /** @description The only robot; `null` for all. */
+            /** @description The only robots, with commas between their names; `null` for all. */
             robot: string | null;
             /** @description What it allows. */
             role: components["schemas"]["Role"];
@@ -4240,9 +4361,14 @@ export interface components {
         };
         /** @description A token to make. */
         TokenWanted: {
+            /**
+             * @description When it ends: RFC 3339 in UTC, in the future; it holds until it is revoked if this is missing.
+             * @example 2027-01-31T00:00:00Z
+             */
+            expires_at?: string | null;
             /** @description What people call it: at most 64 characters. */
             name?: string;
-            /** @description The only robot; all robots if it is missing. */
+            /** @description The only robots, 1 to 100 names with commas between them; all robots if it is missing. */
             robot?: string | null;
             /** @description What it allows. */
             role: components["schemas"]["Role"];
@@ -4272,7 +4398,7 @@ export interface components {
             has_password: boolean;
             /** @description The name. */
             name: string;
-            /** @description The only robot; `null` for all. */
+            /** @description The only robots, with commas between their names; `null` for all. */
             robot: string | null;
             /** @description What the user may do. */
             role: components["schemas"]["Role"];
@@ -4286,7 +4412,10 @@ export interface components {
              * @description A new password, 12 to 128 characters. If it is missing, the password stays.
              */
             password?: string | null;
-            /** @description The only robot; `null` for all robots. If it is missing, it stays; a new user is for all robots. */
+            /**
+             * @description The only robots, 1 to 100 names with commas between them; `null` for all. If it is missing, it stays;
+             *     a new user is for all robots.
+             */
             robot?: string | null;
             /** @description What the user may do. */
             role: components["schemas"]["Role"];
@@ -4536,7 +4665,7 @@ export interface operations {
             };
         };
     };
-    robot: {
+    page_of_robot: {
         parameters: {
             query?: never;
             header?: never;
@@ -4661,7 +4790,7 @@ export interface operations {
             };
         };
     };
-    page: {
+    page_of_setup: {
         parameters: {
             query?: never;
             header?: never;
@@ -4690,7 +4819,7 @@ export interface operations {
             };
         };
     };
-    script: {
+    script_of_setup: {
         parameters: {
             query?: never;
             header?: never;
@@ -4789,7 +4918,7 @@ export interface operations {
             };
         };
     };
-    page: {
+    audit: {
         parameters: {
             query?: {
                 /** @description Only entries after this number. */
@@ -4859,7 +4988,7 @@ export interface operations {
             };
         };
     };
-    head: {
+    audit_head: {
         parameters: {
             query?: never;
             header?: never;
@@ -5695,7 +5824,7 @@ export interface operations {
             };
         };
     };
-    list: {
+    programs: {
         parameters: {
             query?: never;
             header?: never;
@@ -5751,7 +5880,7 @@ export interface operations {
             };
         };
     };
-    check: {
+    check_program: {
         parameters: {
             query?: never;
             header?: never;
@@ -5865,7 +5994,7 @@ export interface operations {
             };
         };
     };
-    plan: {
+    plan_program: {
         parameters: {
             query?: never;
             header?: never;
@@ -5988,7 +6117,7 @@ export interface operations {
             };
         };
     };
-    show: {
+    program: {
         parameters: {
             query?: {
                 /** @description The number of the version; the latest if it is missing. */
@@ -6070,7 +6199,7 @@ export interface operations {
             };
         };
     };
-    put: {
+    put_program: {
         parameters: {
             query?: never;
             header?: {
@@ -6232,7 +6361,7 @@ export interface operations {
             };
         };
     };
-    remove: {
+    remove_program: {
         parameters: {
             query?: never;
             header?: {
@@ -6337,7 +6466,7 @@ export interface operations {
             };
         };
     };
-    versions: {
+    program_versions: {
         parameters: {
             query?: never;
             header?: never;
@@ -6405,7 +6534,186 @@ export interface operations {
             };
         };
     };
-    list: {
+    raw_ports: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The ports */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RawPorts"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    switch_raw_ports: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["RawPortsWanted"];
+            };
+        };
+        responses: {
+            /** @description They are so */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RawPorts"];
+                };
+            };
+            /** @description `bad_json`, `bad_body` */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `bad_csrf`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_slow` */
+            408: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_ready`: this gateway can have no raw ports */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_long` */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_json` */
+            415: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value` */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`: they are closed all the same, and would be open after a restart; or they are not opened; `no_owner` */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `outcome_unknown`: the gateway ends */
+            504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    robots: {
         parameters: {
             query?: never;
             header?: never;
@@ -6461,7 +6769,7 @@ export interface operations {
             };
         };
     };
-    show: {
+    robot: {
         parameters: {
             query?: never;
             header?: never;
@@ -6529,7 +6837,7 @@ export interface operations {
             };
         };
     };
-    put: {
+    put_robot: {
         parameters: {
             query?: never;
             header?: never;
@@ -6660,7 +6968,7 @@ export interface operations {
             };
         };
     };
-    remove: {
+    remove_robot: {
         parameters: {
             query?: never;
             header?: never;
@@ -8279,7 +8587,7 @@ export interface operations {
             };
         };
     };
-    show: {
+    history: {
         parameters: {
             query: {
                 /**
@@ -8481,7 +8789,7 @@ export interface operations {
             };
         };
     };
-    acquire: {
+    acquire_lease: {
         parameters: {
             query?: never;
             header?: never;
@@ -8616,7 +8924,7 @@ export interface operations {
             };
         };
     };
-    release: {
+    release_lease: {
         parameters: {
             query?: never;
             header?: never;
@@ -8749,7 +9057,7 @@ export interface operations {
             };
         };
     };
-    show: {
+    panel: {
         parameters: {
             query?: never;
             header?: never;
@@ -8826,7 +9134,7 @@ export interface operations {
             };
         };
     };
-    act: {
+    act_at_panel: {
         parameters: {
             query?: never;
             header?: {
@@ -8964,7 +9272,7 @@ export interface operations {
             };
         };
     };
-    faults: {
+    panel_faults: {
         parameters: {
             query?: never;
             header?: never;
@@ -9146,7 +9454,7 @@ export interface operations {
             };
         };
     };
-    run: {
+    run_program: {
         parameters: {
             query?: never;
             header: {
@@ -9288,7 +9596,7 @@ export interface operations {
             };
         };
     };
-    show: {
+    query: {
         parameters: {
             query: {
                 /**
@@ -9389,7 +9697,7 @@ export interface operations {
             };
         };
     };
-    show: {
+    run: {
         parameters: {
             query?: never;
             header?: never;
@@ -9527,7 +9835,7 @@ export interface operations {
             };
         };
     };
-    show: {
+    session: {
         parameters: {
             query?: never;
             header?: never;
@@ -10398,7 +10706,7 @@ export interface operations {
             };
         };
     };
-    list: {
+    tokens: {
         parameters: {
             query?: never;
             header?: never;
@@ -10454,7 +10762,7 @@ export interface operations {
             };
         };
     };
-    make: {
+    make_token: {
         parameters: {
             query?: never;
             header?: never;
@@ -10577,7 +10885,7 @@ export interface operations {
             };
         };
     };
-    revoke: {
+    revoke_token: {
         parameters: {
             query?: never;
             header?: never;
@@ -10652,7 +10960,7 @@ export interface operations {
             };
         };
     };
-    list: {
+    users: {
         parameters: {
             query?: never;
             header?: never;
@@ -10708,7 +11016,7 @@ export interface operations {
             };
         };
     };
-    put: {
+    put_user: {
         parameters: {
             query?: never;
             header?: never;
@@ -10839,7 +11147,7 @@ export interface operations {
             };
         };
     };
-    remove: {
+    remove_user: {
         parameters: {
             query?: never;
             header?: never;

@@ -16,6 +16,7 @@ function snapshot(name: string, signals: Signal[], part: object = {}): LiveSent 
     managed_by: "file",
     model: null,
     guard: null,
+    parts: null,
     link: "up",
     identity: null,
     identity_changed: null,

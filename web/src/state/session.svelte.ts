@@ -3,6 +3,7 @@ import { call, whenSignedOut } from "../api/client.ts";
 import { type OneTimeLink, type Secret, oneTimeLinkOf, secretOf } from "../api/secret.ts";
 import type { Role, Session } from "../api/types.ts";
 import { mayBeOpen, opened } from "./known.ts";
+import { covers } from "./rights.ts";
 
 /** How often a page that somebody uses tells the gateway so: a session ends 15 minutes after its last request. */
 const TELL = 60_000;
@@ -50,14 +51,19 @@ class SessionState {
   may(robot: string): boolean {
     const { session } = this;
     if (session === null || session.role === "viewer") return false;
-    return session.robot === null || session.robot === robot;
+    return covers(session.robot, robot);
   }
 
   /** Whether the role is this one or a higher one, for this robot; `null` is all robots. */
   has(role: Role, robot: string | null): boolean {
     const { session } = this;
-    if (session === null || ROLES.indexOf(session.role) < ROLES.indexOf(role)) return false;
-    return session.robot === null || session.robot === robot;
+    return session !== null && this.hasSomewhere(role) && covers(session.robot, robot);
+  }
+
+  /** Whether the role is this one or a higher one, for one robot at least. */
+  hasSomewhere(role: Role): boolean {
+    const { session } = this;
+    return session !== null && ROLES.indexOf(session.role) >= ROLES.indexOf(role);
   }
 
   /** Takes the secret out of the address, signs in with it, or finds the session that is open. */

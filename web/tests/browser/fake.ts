@@ -160,6 +160,7 @@ class FakeRobot {
       panel: false,
       twin: null,
       guard: null,
+      parts: null,
       twin_of: null,
       owner: null,
       lease: this.behind === "" ? null : { number: 1, holder: `op-1${this.behind}`, expires_in_ms: 60_000 },

@@ -160,6 +160,8 @@ export const audit = {
         return `Took alarm ${entry.code} from the shelf.`;
       case "raw_rules":
         return `${count(entry.rules.length + entry.more, "rule holds", "rules hold")} for raw ports from now on.`;
+      case "raw_ports":
+        return entry.open ? "Opened the raw ports." : "Closed all raw ports.";
       case "settings_changed":
         return `Changed the settings of the hall: ${entry.time_zone}, ${count(entry.shifts.length, "shift", "shifts")}.`;
       case "program_stored":

@@ -153,6 +153,8 @@ export const audit: typeof english = {
         return `取消搁置报警 ${entry.code}。`;
       case "raw_rules":
         return `此后原始端口有 ${entry.rules.length + entry.more} 条规则。`;
+      case "raw_ports":
+        return entry.open ? "开放原始端口。" : "关闭所有原始端口。";
       case "settings_changed":
         return `更改车间设置：${entry.time_zone}，${entry.shifts.length} 个班次。`;
       case "program_stored":

@@ -25,7 +25,7 @@ export const KINDS = {
   people: ["user_made", "user_changed", "user_removed", "link_made", "token_made", "token_revoked", "camera_granted", "camera_revoked"],
   robot: ["robot_configured", "robot_removed", "identity_changed", "identity_accepted"],
   program: ["program_stored", "program_removed", "point_stored", "point_removed"],
-  settings: ["settings_changed", "raw_rules"],
+  settings: ["settings_changed", "raw_rules", "raw_ports"],
   gateway: ["gateway_started", "gateway_ended", "restored", "audit_key"],
 } as const satisfies Record<string, readonly What[]>;
 

@@ -3,7 +3,7 @@ import { faultOf, lossesIn, sinceOf } from "./link.ts";
 import { countsOf, ofGateway, samplesIn } from "./metrics.ts";
 import type { HistoryEvent } from "./types.ts";
 import { extra } from "../../robots/extra.ts";
-import { isPeriod, isRobotName, wantedOf } from "./wanted.ts";
+import { changeOf, isPeriod, isRobotName, wantedOf } from "./wanted.ts";
 
 const TEXT = `# HELP r6_gateway_robot_up Whether the robot answers.
 # TYPE r6_gateway_robot_up gauge
@@ -60,6 +60,19 @@ test("what is read besides the usual values is kept when a robot is changed", ()
     period_ms: 100,
     read: ["Addr-800", "counter-0"],
   });
+  // A change takes away what it leaves out: so the limits are sent along.
+  const guard = { max_speed: 50, max_path_speed: null, max_axis_step: null, max_distance: null, axes: [], workspace: [] };
+  const groups = [{ period_ms: 1000, read: ["axis-7"], keep: true }];
+  const typed = { address: "10.0.0.4", period: "100", read: "", model: "" };
+  expect(changeOf(typed, { parts: "counter-2", guard }, groups)).toEqual({
+    address: "10.0.0.4",
+    period_ms: 100,
+    read: [],
+    groups,
+    parts: "counter-2",
+    guard,
+  });
+  expect(changeOf(typed, { parts: null, guard: null }, [])).toEqual({ address: "10.0.0.4", period_ms: 100, read: [], groups: [] });
   expect(["19", "20", "3600000", "3600001", "1e3", "", "-20"].map(isPeriod)).toEqual([false, true, true, false, false, false, false]);
   expect(["press-4", "Press", "", "a".repeat(33)].map(isRobotName)).toEqual([true, false, false, false]);
 });

@@ -65,13 +65,17 @@ test("torques are percent of the rated one, and axes that the controller does no
 test("a model is added to what the robot is configured with", () => {
   const read = ["curMode", "axis-0", "axis-5", "world-3", "lastCycle", "axis-6", "counter-2", "Addr-800"];
   const groups = [{ period_ms: 1000, read: ["counter-2", "curMode"], keep: false }];
-  expect(withModel({ address: "10.0.0.4:9760", period: 200, read, groups }, "BRTIRUS0707A")).toEqual({
+  const robot = { address: "10.0.0.4:9760", period: 200, read, groups, parts: null, guard: null };
+  expect(withModel(robot, "BRTIRUS0707A")).toEqual({
     address: "10.0.0.4:9760",
     period_ms: 200,
     read: ["axis-6", "Addr-800"],
     groups,
     model: "BRTIRUS0707A",
   });
+  const guard = { max_speed: 50, max_path_speed: null, max_axis_step: null, max_distance: 400, axes: [], workspace: [] };
+  const limited = withModel({ ...robot, parts: "counter-0", guard }, "BRTIRUS0707A");
+  expect([limited.parts, limited.guard]).toEqual(["counter-0", guard]);
 });
 
 test("a number that is typed has three decimals at most and lies within its ends", () => {
