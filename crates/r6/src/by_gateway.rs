@@ -386,7 +386,7 @@ impl Gateway {
         let (authority, source) = (self.authority(), &self.source);
         let what = format!("the gateway at {authority} does not know the token of {source}");
         Failure::usage(what).with_code(Code::NoToken).advise(
-            "it was revoked, or it is of another gateway or store: `r6 gateway token --data DIR --list` shows those of a \
+            "it was revoked, it has ended, or it is of another gateway or store: `r6 gateway token --data DIR --list` shows those of a \
              folder (with --store URL those of a database), and `r6 gateway token --data DIR --role operator` makes one",
         )
     }
@@ -422,6 +422,8 @@ fn failure(status: StatusCode, problem: Problem, lost: Exit) -> Failure {
         (Code::Stopped, _) => {
             Failure::refused(message).advise(format!("`{}` clears the stop", hint::r6("stop --clear")))
         }
+        // A guard refused it, as in a run without a gateway: the file is not wrong.
+        (Code::BeyondLimits, _) => Failure::refused(message),
         // What the caller may not do, and what cannot be done now: nothing was sent.
         (_, 403 | 409 | 412 | 423 | 429 | 503) => Failure::refused(message),
         (_, 500..) => Failure::unknown(message).with_exit(lost),
@@ -475,6 +477,8 @@ mod tests {
             failure(status, Problem::new(code, "no"), Exit::Unknown).exit()
         };
         assert_eq!(exit(504, Code::OutcomeUnknown), Exit::Unknown);
+        assert_eq!(exit(422, Code::BeyondLimits), Exit::Refused);
+        assert_eq!(exit(422, Code::BadProgram), Exit::Usage);
         assert_eq!(exit(504, Code::NotStopped), Exit::Unknown);
         assert_eq!(exit(504, Code::NoReply), Exit::NoReply);
         assert_eq!(exit(503, Code::Unreachable), Exit::NoReply);

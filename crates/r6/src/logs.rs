@@ -8,6 +8,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer};
 
+use crate::exit::Failure;
 use crate::output;
 use crate::output::queue::LineQueue;
 
@@ -17,6 +18,36 @@ pub struct LogArgs {
     /// Log to stderr: -v what happens, -vv more, -vvv every frame
     #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
     verbose: u8,
+}
+
+/// The variable of the environment that says how the log is written.
+const FORMAT: &str = "R6_LOG_FORMAT";
+
+/// How the log is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// For people.
+    Text,
+    /// An object of JSON a line, for programs that collect logs.
+    Json,
+}
+
+impl Format {
+    /// The format that the environment asks for.
+    ///
+    /// # Errors
+    /// It asks for one that is not there.
+    pub fn of_environment() -> Result<Self, Failure> {
+        let asked = std::env::var_os(FORMAT).unwrap_or_default();
+        match asked.to_str() {
+            Some("" | "text") => Ok(Self::Text),
+            Some("json") => Ok(Self::Json),
+            _ => Err(Failure::usage(format!(
+                "{FORMAT} is `{}`, but has to be text or json",
+                printable(&asked.to_string_lossy())
+            ))),
+        }
+    }
 }
 
 /// What a program logs that was not asked for more.
@@ -36,6 +67,7 @@ pub enum Usual {
 pub fn begin(
     args: &LogArgs,
     usual: Usual,
+    format: Format,
     #[cfg(feature = "otel")] traces: Option<&r6_traces::Traces>,
 ) -> std::io::Result<LineQueue> {
     let level = match args.verbose {
@@ -50,10 +82,14 @@ pub fn begin(
     let filter = if usual == Usual::Nothing { EnvFilter::new("off") } else { filter };
     // A log line that cannot be written does not end the program.
     let queue = LineQueue::start(|bytes| std::io::stderr().write_all(bytes))?;
-    let colours = output::has_colours(&std::io::stderr());
-    let records = Records { queue: queue.clone(), colours };
+    let colours = format == Format::Text && output::has_colours(&std::io::stderr());
+    let records = Records { queue: queue.clone(), format, colours };
     let lines = tracing_subscriber::fmt::layer().with_ansi(colours).with_writer(move || records.clone());
-    let subscriber = tracing_subscriber::registry().with(lines.with_filter(filter));
+    let lines = match format {
+        Format::Text => lines.with_filter(filter).boxed(),
+        Format::Json => lines.json().flatten_event(true).with_filter(filter).boxed(),
+    };
+    let subscriber = tracing_subscriber::registry().with(lines);
     #[cfg(feature = "otel")]
     let subscriber = subscriber.with(traces.map(|traces| traces.layer(r6_gateway::traces::TARGET)));
     subscriber.init();
@@ -65,13 +101,18 @@ pub fn begin(
 #[derive(Clone, Debug)]
 struct Records {
     queue: LineQueue,
+    format: Format,
     /// Whether the subscriber writes colours.
     colours: bool,
 }
 
 impl Write for Records {
     fn write(&mut self, record: &[u8]) -> std::io::Result<usize> {
-        self.queue.write_all(&one_line(record, self.colours))?;
+        let line = match self.format {
+            Format::Text => one_line(record, self.colours),
+            Format::Json => ascii(record),
+        };
+        self.queue.write_all(&line)?;
         Ok(record.len())
     }
 
@@ -95,6 +136,22 @@ fn one_line(record: &[u8], colours: bool) -> Vec<u8> {
     line.into_bytes()
 }
 
+/// Writes what is not ASCII in a line of JSON, and the character DEL, as the escapes of JSON: so no text of a
+/// peer can turn the writing on a terminal around. The escapes of JSON itself keep a record on one line.
+fn ascii(record: &[u8]) -> Vec<u8> {
+    let mut line = Vec::with_capacity(record.len());
+    for character in String::from_utf8_lossy(record).chars() {
+        if character.is_ascii() && character != '\u{7f}' {
+            line.push(character as u8);
+            continue;
+        }
+        for unit in character.encode_utf16(&mut [0; 2]) {
+            line.extend(format!("\\u{unit:04x}").bytes());
+        }
+    }
+    line
+}
+
 /// Whether the text, after an escape character, is a colour sequence: `[`, digits and semicolons, `m`.
 fn switches_colour(text: &str) -> bool {
     let numbers =
@@ -105,6 +162,17 @@ fn switches_colour(text: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_record_as_json_is_the_same_in_ascii() {
+        let text = "no\r\nREADY \u{202e}\u{7f}\u{9b}2J é 机 😀 \\u00e9 \"";
+        let record = format!("{}\n", serde_json::json!({ "message": text, "机": 1 }));
+        let line = ascii(record.as_bytes());
+        assert!(line.iter().all(|byte| (b' '..=b'~').contains(byte) || *byte == b'\n'), "{line:?}");
+        assert_eq!(line.iter().filter(|byte| **byte == b'\n').count(), 1);
+        let read: serde_json::Value = serde_json::from_slice(&line).unwrap();
+        assert_eq!((&read["message"], &read["机"]), (&text.into(), &1.into()));
+    }
 
     #[test]
     fn a_record_is_one_line() {

@@ -130,6 +130,7 @@ fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
     let logs = logs::begin(
         &cli.logs,
         usual,
+        logs::Format::of_environment()?,
         #[cfg(feature = "otel")]
         traces.as_ref(),
     );

@@ -23,6 +23,7 @@ fn inspect(traffic: &str) -> (Option<i32>, String) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_r6"))
         .args(["inspect", "-"])
         .env_remove("RUST_LOG")
+        .env_remove("R6_LOG_FORMAT")
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()

@@ -256,9 +256,9 @@ impl Caller {
         let token = known.ok_or_else(|| {
             let message = match token {
                 Some(_) if state.shared.owners.is_alone() => {
-                    "this token is not valid: it was revoked, or it is of another gateway"
+                    "this token is not valid: it was revoked, it has ended, or it is of another gateway"
                 }
-                Some(_) => "this token is not valid: it was revoked, or it is of another store",
+                Some(_) => "this token is not valid: it was revoked, it has ended, or it is of another store",
                 None => "send `Authorization: Bearer TOKEN`; `r6 gateway token` makes one",
             };
             Refusal::new(StatusCode::UNAUTHORIZED, Code::NoToken, message)

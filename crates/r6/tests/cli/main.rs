@@ -15,6 +15,7 @@ mod hall;
 mod help;
 mod inspect;
 mod limits;
+mod logs;
 mod motion;
 mod offline;
 mod panel;

@@ -39,6 +39,7 @@ fn command(args: &[&str]) -> Command {
         .env_remove("R6_PANEL")
         .env_remove("R6_TOKEN")
         .env_remove("RUST_LOG")
+        .env_remove("R6_LOG_FORMAT")
         .env("COLUMNS", "110")
         // Few threads, as on a small machine, so that a blocked thread is noticed.
         .env("TOKIO_WORKER_THREADS", "2")
@@ -120,7 +121,11 @@ impl Running {
     pub fn start_with_few_files(files: u32, args: &[&str]) -> Self {
         let mut shell = Command::new("sh");
         shell.args(["-c", &format!("ulimit -n {files}; exec \"$R6\" \"$@\""), "sh"]).args(args);
-        shell.env("R6", env!("CARGO_BIN_EXE_r6")).env("TOKIO_WORKER_THREADS", "2").env_remove("RUST_LOG");
+        shell
+            .env("R6", env!("CARGO_BIN_EXE_r6"))
+            .env("TOKIO_WORKER_THREADS", "2")
+            .env_remove("RUST_LOG")
+            .env_remove("R6_LOG_FORMAT");
         Self::of(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).current_dir(root()))
     }
 
@@ -133,6 +138,11 @@ impl Running {
     /// Starts r6 with a stdin that the test can write to, and a stderr that the test need not read.
     pub fn start_with_pipes(args: &[&str]) -> Self {
         Self::of(command(args).stdin(Stdio::piped()))
+    }
+
+    /// The same with this variable in its environment.
+    pub fn start_with_variable(name: &str, value: &str, args: &[&str]) -> Self {
+        Self::of(command(args).stdin(Stdio::piped()).env(name, value))
     }
 
     /// Closes the reading end of its stdout. From now on it cannot write there.

@@ -205,7 +205,7 @@ impl RawRule {
                 Some(format!("this address may run only the programs {}, not `{loaded}`", list(programs)))
             }
             None => Some(format!(
-                "this address may run only the programs {}, and the controller does not say which one is loaded",
+                "this address may run only the programs {}, and the controller does not say which one is loaded (it has no curMold)",
                 list(programs)
             )),
         }

@@ -127,14 +127,21 @@ fn raw_rule(fields: &Fields<'_>) -> Result<RawRule, Wrong> {
     let allow = fields.due_word("allow", &words);
     let robot = fields.optional("robot", "the name of a robot", |value| RobotName::new(value.text()?));
     let words = raw_words();
-    let known = words.join(", ");
-    let wanted = format!("a list of commands, each once: {known}");
-    let commands = fields.optional("commands", &wanted, |value| {
-        let of = |node: &Node| words.iter().copied().find(|word| node.text() == Some(word));
-        let named = value.list()?.iter().map(of).collect::<Option<Vec<_>>>()?;
-        let once: BTreeSet<_> = named.iter().collect();
+    let commands = fields.optional("commands", "a list of commands in brackets, each once", |value| {
+        let named: Vec<_> = value.list()?.iter().map(Node::text).collect::<Option<_>>()?;
+        let once: BTreeSet<_> = named.iter().copied().collect();
         (once.len() == named.len()).then_some(named)
     });
+    let unknown = commands.iter().flatten().find(|named| !words.contains(named));
+    if let Some(unknown) = unknown {
+        let near = r6_proto::nearest(unknown, words.iter().copied());
+        let near = near.map(|near| format!("; nearest: `{near}`")).unwrap_or_default();
+        let known = words.join(", ");
+        let wrong = format!("`{unknown}` is no command that needs the lease{near}. These are: {known}");
+        let _noted = fields.wrong("commands", wrong);
+    }
+    let known = |named: &str| words.iter().copied().find(|word| *word == named);
+    let commands: Option<Vec<_>> = commands.map(|named| named.into_iter().filter_map(known).collect());
     let wanted = format!("at most {MAX_PROGRAMS} names of programs in brackets, such as [\"press\"]");
     let programs = fields.optional("programs", &wanted, |value| {
         let named = value.list()?.iter().map(|name| name.text().map(str::to_owned));
@@ -444,7 +451,8 @@ mod tests {
                     [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n\
                     [[raw]]\nrobot = \"b\"\nlisten = \"127.0.0.1:0\"\n\
                     [[raw_rule]]\nsource = \"10.0.0.1\"\nallow = \"read\"\ncameras = [0, 1000]\n\
-                    [[raw_rule]]\nsource = \"10.0.0.1\"\nallow = \"deny\"\ncameras = [0]\n";
+                    [[raw_rule]]\nsource = \"10.0.0.1\"\nallow = \"deny\"\ncameras = [0]\n\
+                    [[raw_rule]]\nsource = \"10.0.0.1\"\nallow = \"command\"\ncommands = [\"startbutton\"]\n";
         assert_told(
             text,
             &[
@@ -458,6 +466,7 @@ mod tests {
                 ("hall.toml:17:", "two raw ports"),
                 ("hall.toml:22:", "`cameras`"),
                 ("hall.toml:26:", "is no camera"),
+                ("hall.toml:30:", "`startbutton` is no command that needs the lease; nearest: `startButton`"),
             ],
         );
     }

@@ -26,9 +26,10 @@ Roles, each with the rights of those before it:
   viewer     reads values, states and events; checks and plans programs
   operator   stops; holds the lease, and with it sends commands and runs programs;
              acknowledges alarms
-  engineer   accepts an exchanged robot; reads the audit log; stores programs; shelves alarms
+  engineer   accepts an exchanged robot; reads the audit log; stores programs; shelves alarms;
+             for all robots: closes the raw ports
   admin      takes the lease from its holder; changes robots; gives grants of cameras;
-             for all robots: users, tokens, settings
+             for all robots: users, tokens, settings; opens the raw ports
 
 With --camera the token may also send points and answers to photos as this camera of this robot, without the \
 lease, until it is revoked. A gateway that runs knows the grant at once.
@@ -57,13 +58,13 @@ pub struct TokenArgs {
     /// What people call it
     #[arg(long, value_name = "TEXT", default_value = "")]
     name: String,
-    /// Let it end after so many days; without this, it holds until it is revoked
+    /// Let it end after so many days, 1 at least; without this, it holds until it is revoked
     #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..=36_500), conflicts_with_all = ["list", "revoke"])]
     days: Option<u32>,
     /// Let it feed this camera of a robot (`camID`); may be given several times
     #[arg(long = "camera", value_name = "ROBOT:ID", value_parser = camera, conflicts_with_all = ["list", "revoke"])]
     cameras: Vec<(RobotName, Camera)>,
-    /// Print the tokens that are valid, without their secrets
+    /// Print the tokens that are not revoked, without their secrets
     #[arg(long, conflicts_with_all = ["role", "revoke"])]
     list: bool,
     /// Revoke the token with this number
