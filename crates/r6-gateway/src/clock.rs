@@ -49,6 +49,12 @@ pub fn time_of_day() -> String {
     humantime::format_rfc3339_micros(today()).to_string()
 }
 
+/// A time of the system as text: RFC 3339, UTC, microseconds.
+pub fn text_of(time: SystemTime) -> String {
+    let since = time.duration_since(UNIX_EPOCH).unwrap_or_default();
+    text_of_seconds(since.as_secs())
+}
+
 /// The time of day of the system.
 pub fn system() -> Micros {
     let time = today().duration_since(UNIX_EPOCH).unwrap_or_default();

@@ -206,8 +206,7 @@ impl Gateway {
         let mut store = Sqlite::open(&settings.data)?;
         let lock = folder::lock(&settings.data)?;
         let raw_rules = settings.raw_policy.deed();
-        let switch = Switch::read(&settings.data, settings.raw_policy).map_err(GatewayError::System)?;
-        let switch = Arc::new(switch);
+        let switch = Arc::new(Switch::read(&settings.data, settings.raw_policy));
         let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
         raw_ports::check(&settings.raw, &robots)?;
         let listen = settings.listen;
@@ -223,7 +222,8 @@ impl Gateway {
         auditor::begin(&mut store, &audit.0)?;
         let begun = begin(&mut store, robots)?;
         if !settings.raw.is_empty() {
-            store.append(&[record(None, raw_rules)])?;
+            let open = Deed::RawPorts { open: switch.policy.closed().is_none() };
+            store.append(&[record(None, raw_rules), record(None, open)])?;
         }
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
         let history = settings.history;

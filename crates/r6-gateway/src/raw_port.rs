@@ -77,12 +77,28 @@ impl SharedPolicy {
         self.0.borrow().policy.clone()
     }
 
-    /// Closes all raw ports, or opens them.
-    pub fn set_closed(&self, closed: Option<ActedBy>) {
+    /// Closes all raw ports. Returns who has closed them, this caller or one before.
+    pub fn close(&self, by: ActedBy) -> (ActedBy, bool) {
+        let mut closed = (by.clone(), true);
         self.0.send_modify(|held| {
-            held.closings += u64::from(closed.is_some());
-            held.closed = closed;
+            held.closings += 1;
+            closed = match &held.closed {
+                Some(before) => (before.clone(), false),
+                None => (held.closed.insert(by).clone(), true),
+            };
         });
+        closed
+    }
+
+    /// Opens all raw ports, unless they were closed since there were so many closings. Whether they are open.
+    pub fn open(&self, closings: u64) -> bool {
+        self.0.send_if_modified(|held| {
+            let is_good = held.closings == closings;
+            if is_good {
+                held.closed = None;
+            }
+            is_good
+        })
     }
 
     /// Who has closed all raw ports, and when.
@@ -93,7 +109,7 @@ impl SharedPolicy {
 
     /// How often all raw ports were closed.
     #[must_use]
-    fn closings(&self) -> u64 {
+    pub fn closings(&self) -> u64 {
         self.0.borrow().closings
     }
 

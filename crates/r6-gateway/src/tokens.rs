@@ -56,6 +56,12 @@ pub struct Known {
 }
 
 impl Known {
+    /// How long it holds at most; `None` if it has no end.
+    pub fn left(&self) -> Option<Duration> {
+        let left = |expires: u64| Duration::from_secs(expires.saturating_sub(clock::seconds()));
+        self.expires.map(left)
+    }
+
     /// Whether it has not ended.
     fn holds(&self) -> bool {
         self.expires.is_none_or(|expires| clock::seconds() < expires)

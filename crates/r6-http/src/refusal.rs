@@ -62,6 +62,14 @@ impl Refusal {
 /// 400 if it is not JSON at all; 422 with `other` if it is the wrong JSON. The message says where the mistake
 /// is, such as `points[1].color`, and for an unknown word which known one is the nearest.
 pub fn read_json<T: DeserializeOwned>(body: &[u8], other: Code) -> Result<T, Refusal> {
+    // Types that are read take a list in the order of their fields, too, and a list names nothing.
+    if body.trim_ascii_start().first() == Some(&b'[') {
+        return Err(Refusal::new(
+            StatusCode::UNPROCESSABLE_ENTITY,
+            other,
+            "the body is a list: it has to be an object",
+        ));
+    }
     let mut reader = serde_json::Deserializer::from_slice(body);
     let read = serde_path_to_error::deserialize(&mut reader);
     let read = read.map_err(|error| of_json(&error.path().to_string(), error.inner(), other))?;

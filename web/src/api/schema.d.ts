@@ -3590,6 +3590,11 @@ export interface components {
         /** @description The raw ports of a gateway. */
         RawPorts: {
             closed: components["schemas"]["ActedBy"] | null;
+            /**
+             * @description Whether a restart of the gateway leaves them so. `false` while they are closed and the disk does not
+             *     take that: it is tried again every second.
+             */
+            kept: boolean;
             /** @description Those of the robots that the caller may see. */
             ports: components["schemas"]["RawPortState"][];
         };
@@ -6648,7 +6653,7 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description `not_ready`: this gateway can have no raw ports */
+            /** @description `not_ready`: this gateway can have no raw ports, or they were closed again meanwhile */
             409: {
                 headers: {
                     [name: string]: unknown;

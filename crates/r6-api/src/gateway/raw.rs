@@ -11,6 +11,9 @@ pub struct RawPorts {
     /// Who closed all raw ports, and when; `null` while they are open. It holds over a restart.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub closed: Option<ActedBy>,
+    /// Whether a restart of the gateway leaves them so. `false` while they are closed and the disk does not
+    /// take that: it is tried again every second.
+    pub kept: bool,
     /// Those of the robots that the caller may see.
     pub ports: Vec<RawPortState>,
 }

@@ -1,5 +1,9 @@
 //! Robots, their values and their leases, as everybody may see them.
 
+use std::fmt;
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use crate::AddressValue;
@@ -166,8 +170,37 @@ pub struct RobotWanted {
     pub parts: Option<String>,
     /// The limits that each list over the gateway is checked against before it is sent; no limits if it is
     /// missing, also if the robot had some before.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "object")]
     pub guard: Option<GuardWanted>,
+}
+
+/// Limits that are named. Without this, a list of numbers would be taken in the order of the fields, and an
+/// empty one would be no limits.
+fn object<'de, D: serde::Deserializer<'de>>(field: D) -> Result<Option<GuardWanted>, D::Error> {
+    field.deserialize_option(Named)
+}
+
+/// Reads an object with limits, or nothing.
+struct Named;
+
+impl<'de> Visitor<'de> for Named {
+    type Value = Option<GuardWanted>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an object with the names of the limits")
+    }
+
+    fn visit_none<E>(self) -> Result<Self::Value, E> {
+        Ok(None)
+    }
+
+    fn visit_some<D: serde::Deserializer<'de>>(self, there: D) -> Result<Self::Value, D::Error> {
+        there.deserialize_map(self)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, limits: A) -> Result<Self::Value, A::Error> {
+        GuardWanted::deserialize(MapAccessDeserializer::new(limits)).map(Some)
+    }
 }
 
 /// Values of a robot that are read with a period of their own.

@@ -129,6 +129,18 @@ impl Ledger {
         noted
     }
 
+    /// Writes something behind what waits. If it is not written, it is not told later either.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn write_at_once(&self, by: &By, deed: Deed) -> Result<(), StoreError> {
+        self.write().await?;
+        let _turn = self.writing.lock().await;
+        let By { actor, source } = by.clone();
+        let record = AuditRecord { time: clock::time_of_day(), actor, source, robot: None, deed };
+        self.keeper.append(vec![record]).await.map(drop)
+    }
+
     /// Writes records as they come, for as long as it is polled.
     pub async fn keep(&self) {
         let mut store_failed = false;

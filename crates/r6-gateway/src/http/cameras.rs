@@ -47,19 +47,21 @@ pub struct Named {
     )
 )]
 pub async fn list(robot: Robot<Read>, Of(state): Of<State>) -> Result<axum::Json<CameraGrants>, Refusal> {
-    let mut grants = Vec::new();
-    for grant in robot.station.camera_grants().await.map_err(refusal::of)? {
+    let grants = robot.station.camera_grants().await.map_err(refusal::of)?;
+    // Those of tokens that have ended, too: they take the room of others until they are revoked.
+    let tokens = state.shared.keeper.tokens().await.map_err(|error| refusal::of(error.into()))?;
+    let told = grants.into_iter().filter_map(|grant| {
         // A token that was revoked a moment ago has no grants any more.
-        let Some(token) = state.tokens.find_number(grant.token).await else { continue };
-        grants.push(CameraGrant {
+        let token = tokens.iter().find(|token| token.number == grant.token)?;
+        Some(CameraGrant {
             camera: grant.camera.number(),
             token: grant.token,
             token_name: token.name.clone(),
             by: grant.by,
             at: grant.at,
-        });
-    }
-    Ok(axum::Json(CameraGrants { grants }))
+        })
+    });
+    Ok(axum::Json(CameraGrants { grants: told.collect() }))
 }
 
 /// Gives a token the grant to feed a camera: it may send points and answers to photos as this camera of this

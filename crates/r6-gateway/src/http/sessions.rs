@@ -231,6 +231,8 @@ fn of_user(signed_in: &SignedIn) -> Session {
 
 fn of_token(token: &Known, page: Option<&Page>) -> Session {
     let Known { number, name, grant, .. } = token;
+    // The session ends with its token.
+    let of_token = token.left().map_or(u64::MAX, millis);
     Session {
         user: None,
         token: Some(*number),
@@ -238,8 +240,8 @@ fn of_token(token: &Known, page: Option<&Page>) -> Session {
         role: grant.role,
         robot: grant.only.as_ref().map(ToString::to_string),
         csrf: page.map(|page| page.csrf.clone()),
-        idle_ends_in_ms: page.map(|page| left(page.ends.0)),
-        ends_in_ms: page.map(|page| left(page.ends.1)),
+        idle_ends_in_ms: page.map(|page| left(page.ends.0).min(of_token)),
+        ends_in_ms: page.map(|page| left(page.ends.1).min(of_token)),
     }
 }
 

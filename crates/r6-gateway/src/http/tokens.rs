@@ -125,6 +125,6 @@ fn end(text: &str) -> Result<u64, Refusal> {
     let seconds = instant(text).and_then(|at| u64::try_from(at.0 / 1_000_000).ok());
     seconds.filter(|end| *end > clock::seconds()).ok_or_else(|| {
         let shown = shown(text);
-        bad_value(format!("expires_at: `{shown}` is not a time to come such as 2027-01-31T00:00:00Z"))
+        bad_value(format!("expires_at: `{shown}` is not a time to come in UTC, such as 2027-01-31T00:00:00Z"))
     })
 }

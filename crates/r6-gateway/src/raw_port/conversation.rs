@@ -1,6 +1,7 @@
 //! Moves the bytes of one client.
 
 use std::future::Future;
+use std::io::Read as _;
 use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
@@ -11,6 +12,7 @@ use futures_util::stream::FuturesUnordered;
 use r6_api::Code;
 use r6_proto::dialect::Dialect;
 use r6_proto::time::Instant;
+use socket2::SockRef;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
@@ -18,12 +20,16 @@ use super::port::Door;
 use super::serve;
 use crate::clock;
 use crate::core::raw::asked::Asked;
-use crate::core::raw::policy::RawAllow;
+use crate::core::raw::policy::{RawAllow, RawRule};
 use crate::core::raw::session::{Answer, Cause, HALF_FRAME, Session, Ticket};
 use crate::fleet::station::Station;
 
 /// How many bytes one read of the socket takes.
 const READ_BYTES: usize = 4096;
+
+/// How many times the socket of a client is read that may do nothing any more: a stop may be in what it has
+/// sent, and it could send without an end.
+const READS_AT_THE_END: usize = 16;
 
 /// How long a client may take no byte of a reply that waits.
 const WRITE_WITHIN: Duration = Duration::from_secs(10);
@@ -50,6 +56,9 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
     // One may have come since the client was let in.
     changes.mark_changed();
     let closings = door.policy.closings();
+    let Some(mut rule) = door.policy.rule_since(closings, source, &door.robot) else {
+        return End::Closed(Cause::Denied);
+    };
     let mut work: FuturesUnordered<Work> = FuturesUnordered::new();
     let mut input = vec![0; READ_BYTES];
     // The client may close its half and still read, as `nc -N` does.
@@ -57,7 +66,7 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
     let mut stuck_since: Option<Instant> = None;
     loop {
         while let Some((ticket, asked)) = session.poll_request() {
-            work.push(begin(door, station, (source, closings), ticket, asked));
+            work.push(begin(door, station, (source, closings), &rule, ticket, asked));
         }
         if let Some(cause) = session.closed() {
             return End::Closed(cause);
@@ -82,9 +91,10 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                 let now = clock::now();
                 let frames = session.handle_input(now, input.get(..count).unwrap_or_default());
                 if frames > 0 {
-                    let Some(rule) = door.policy.rule_since(closings, source, &door.robot) else {
-                        return End::Closed(Cause::Denied);
-                    };
+                    match door.policy.rule_since(closings, source, &door.robot) {
+                        Some(now_rule) => rule = now_rule,
+                        None => session.close(Cause::Denied),
+                    }
                     if rule.allow == RawAllow::Command {
                         door.lease().frame(now, &serve::holder(&rule, source));
                     }
@@ -109,8 +119,18 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                 granted.for_each(|camera| session.push_photo(camera));
             }
             _ = changes.changed() => {
-                if door.policy.rule_since(closings, source, &door.robot).is_none() {
-                    return End::Closed(Cause::Denied);
+                match door.policy.rule_since(closings, source, &door.robot) {
+                    Some(now_rule) => rule = now_rule,
+                    None => {
+                        // A stop that has come before is sent all the same. The system is asked: the runtime
+                        // may not have heard yet that something is there.
+                        let socket = SockRef::from(from.as_ref());
+                        for _ in 0..READS_AT_THE_END {
+                            let Ok(count @ 1..) = (&*socket).read(&mut input) else { break };
+                            session.handle_input(clock::now(), input.get(..count).unwrap_or_default());
+                        }
+                        session.close(Cause::Denied);
+                    }
                 }
             }
             changed = link.wait_for(|now| *now != Some(connection)) => {
@@ -131,11 +151,13 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
 
 /// Begins a request. Stops and commands run to their end even if the client leaves.
 ///
-/// `closings`: how often the raw ports had been closed when the client came.
+/// `closings`: how often the raw ports had been closed when the client came. `rule`: that of a moment ago,
+/// when it sent this.
 fn begin(
     door: &Arc<Door>,
     station: &Arc<Station>,
     (source, closings): (SocketAddr, u64),
+    rule: &RawRule,
     ticket: Ticket,
     asked: Asked,
 ) -> Work {
@@ -153,7 +175,9 @@ fn begin(
             (ticket, answer)
         }),
         Asked::Stop(command) => {
-            let work = tokio::spawn(async move { serve::stop(&door, &station, source, command).await });
+            let rule = rule.clone();
+            let work =
+                tokio::spawn(async move { serve::stop(&door, &station, (source, &rule), command).await });
             Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
         }
         Asked::Order(order) => {

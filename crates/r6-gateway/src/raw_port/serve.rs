@@ -58,13 +58,18 @@ fn fresh(station: &Station, robot: &Robot, addresses: &[Address]) -> Option<Vec<
     all.then(|| values.into_iter().map(|value| value.text).collect())
 }
 
-/// Stops or pauses the robot at once, for every source that is not denied. The stop holds.
-pub async fn stop(door: &Door, station: &Station, source: SocketAddr, command: Command<'static>) -> Answer {
-    let Some(rule) = door.policy.rule(source, &door.robot) else { return Answer::Silence };
+/// Stops or pauses the robot at once, for every source that was not denied when the stop came. The stop
+/// holds.
+pub async fn stop(
+    door: &Door,
+    station: &Station,
+    (source, rule): (SocketAddr, &RawRule),
+    command: Command<'static>,
+) -> Answer {
     // A script that stops a stopped robot again and again must not fill the disk.
     let holds = station.seat(|seat, _| seat.stops().0);
     let written = door.refusals().is_written(clock::now(), source.ip(), command.name().word()) || !holds;
-    let done = station.stop_command(&by(&rule, source), command, written).await;
+    let done = station.stop_command(&by(rule, source), command, written).await;
     door_answer(station, done.map(drop))
 }
 
@@ -78,8 +83,10 @@ pub async fn order(
     order: Order,
 ) -> Answer {
     match order {
-        Order::Points { camera, points } => self::points(door, station, source, camera, points).await,
-        Order::Photo { camera, taken } => photo(door, station, source, camera, taken).await,
+        Order::Points { camera, points } => {
+            self::points(door, station, (source, closings), camera, points).await
+        }
+        Order::Photo { camera, taken } => photo(door, station, (source, closings), camera, taken).await,
         order @ (Order::Command(_) | Order::List { .. }) => {
             leased(door, station, (source, closings), order).await
         }
@@ -164,11 +171,11 @@ async fn loaded(station: &Station) -> Option<String> {
 async fn points(
     door: &Door,
     station: &Station,
-    source: SocketAddr,
+    (source, closings): (SocketAddr, u64),
     camera: Camera,
     points: Vec<Point>,
 ) -> Answer {
-    let Some((rule, granted)) = granted(door, station, source, camera) else {
+    let Some((rule, granted)) = granted(door, station, (source, closings), camera) else {
         return not_granted(door, station, source, "AddPoints", camera);
     };
     match station.add_points(&by(&rule, source), granted, points).await {
@@ -179,8 +186,14 @@ async fn points(
 
 /// Sends the answer of a camera to a request for a photo. As from the controller, no reply comes, also if it
 /// was not sent: the audit log says so.
-async fn photo(door: &Door, station: &Station, source: SocketAddr, camera: Camera, taken: bool) -> Answer {
-    match granted(door, station, source, camera) {
+async fn photo(
+    door: &Door,
+    station: &Station,
+    (source, closings): (SocketAddr, u64),
+    camera: Camera,
+    taken: bool,
+) -> Answer {
+    match granted(door, station, (source, closings), camera) {
         None => drop(not_granted(door, station, source, "photo", camera)),
         Some((rule, granted)) => match station.answer_photo(&by(&rule, source), granted, taken).await {
             Ok(()) => {}
@@ -202,10 +215,15 @@ async fn photo(door: &Door, station: &Station, source: SocketAddr, camera: Camer
 }
 
 /// The rule of this source with its grant for this camera, if it has one.
-fn granted(door: &Door, station: &Station, source: SocketAddr, camera: Camera) -> Option<(RawRule, Granted)> {
+fn granted(
+    door: &Door,
+    station: &Station,
+    (source, closings): (SocketAddr, u64),
+    camera: Camera,
+) -> Option<(RawRule, Granted)> {
     let mut found = None;
     let granted = station.granted_by_rule(camera, || {
-        found = door.policy.rule(source, &door.robot);
+        found = door.policy.rule_since(closings, source, &door.robot);
         found.as_ref().map(|rule| rule.cameras.clone()).unwrap_or_default()
     });
     found.zip(granted)

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
-use crate::support::{Hall, PATIENCE, Stream, call, cookie_name, name, request};
+use crate::support::{Browser, Hall, PATIENCE, Stream, call, cookie_name, name, request};
 
 /// Who may use a route.
 #[derive(Clone, Copy)]
@@ -573,6 +573,9 @@ async fn a_token_with_an_end_is_refused_from_then_on_and_its_streams_end() {
     let (status, made) = hall.post(&hall.admin, "/v1/tokens", &wanted).await;
     assert_eq!(status, 201, "{made}");
     let token = made["token"].as_str().unwrap();
+    let page = Browser::with_token(hall.gateway.address(), token).await;
+    let session = page.call("GET", "/v1/session", None).await.1;
+    assert!(session["idle_ends_in_ms"].as_u64().unwrap() <= 3_000, "it ends with its token: {session}");
     let mut live = Stream::open(hall.gateway.address(), token, "/v1/live", "").await;
     assert_eq!(live.next().await.unwrap().kind, "snapshot");
     let begun = Instant::now();

@@ -137,6 +137,14 @@ async fn a_robot_of_the_api_has_its_limits_after_a_new_start_and_until_it_is_put
         problem["message"].as_str().unwrap().contains("`guard`: `max_speed`: 0 is not allowed"),
         "{problem}"
     );
+    // A list would be taken in the order of the fields, and an empty one would be no limits.
+    for list in [json!([]), json!([10.0])] {
+        let (status, problem) = put(json!({ "address": address, "guard": list })).await;
+        assert_eq!((status, &problem["code"]), (422, &json!("bad_value")));
+        assert!(problem["message"].as_str().unwrap().contains("an object with the names"), "{problem}");
+    }
+    let (status, problem) = put(json!([address])).await;
+    assert_eq!((status, &problem["message"]), (422, &json!("the body is a list: it has to be an object")));
     let (status, problem) = put(json!({ "address": address, "parts": "axis-0" })).await;
     assert_eq!((status, &problem["code"]), (422, &json!("bad_value")));
     assert!(problem["message"].as_str().unwrap().contains("`parts` is a counter"), "{problem}");

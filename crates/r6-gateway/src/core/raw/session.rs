@@ -258,6 +258,11 @@ impl Session {
         }
     }
 
+    /// The client may do nothing any more. What it has sent is not carried out, except for stops.
+    pub fn close(&mut self, cause: Cause) {
+        self.closed.get_or_insert(cause);
+    }
+
     /// Tells the client that the controller asks for a photo of this camera, as the controller does.
     pub fn push_photo(&mut self, camera: Camera) {
         let mut frame = Vec::new();

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use tokio::io::AsyncReadExt;
 
 use super::{Raw, Script, command, query};
+use crate::stops::with_slow_store;
 use crate::support::{Hall, PATIENCE, name};
 
 const RULES: &[(&str, RawAllow)] = &[("127.0.0.1", RawAllow::Command)];
@@ -30,7 +31,7 @@ async fn an_engineer_closes_all_raw_ports_at_once_and_only_an_admin_opens_them()
     assert_eq!(script.query("curMode").await, ["7"]);
     let told = hall.get(&hall.viewer, "/v1/raw-ports").await;
     let port = json!({ "robot": "press", "listen": raw.address().to_string(), "clients": 1 });
-    assert_eq!(told, json!({ "closed": null, "ports": [port] }));
+    assert_eq!(told, json!({ "closed": null, "kept": true, "ports": [port] }));
     let of_press =
         r6_gateway::make_token(hall.data.path(), Role::Admin, Some(name("press").into()), "one".to_owned());
     let of_press = of_press.unwrap().1;
@@ -58,9 +59,12 @@ async fn an_engineer_closes_all_raw_ports_at_once_and_only_an_admin_opens_them()
     let (status, told) = turn(hall, &hall.admin, true).await;
     assert_eq!((status, &told["closed"]), (200, &Value::Null));
     assert_eq!(raw.script().await.query("curMode").await, ["7"]);
-    let turned = |open: bool| move |entry: &Value| entry["what"] == "raw_ports" && entry["open"] == open;
-    assert_eq!(hall.until_audited(turned(false)).await["actor"], "token 3 (engineer)");
-    assert_eq!(hall.until_audited(turned(true)).await["actor"], "token 4 (admin)");
+    let audit = hall.audit().await;
+    let turned = audit.iter().filter(|entry| entry["what"] == "raw_ports");
+    let turned: Vec<_> = turned.map(|entry| (entry["actor"].as_str().unwrap(), &entry["open"])).collect();
+    // The gateway writes at each start how they are.
+    let (open, closed) = (&json!(true), &json!(false));
+    assert_eq!(turned, [("gateway", open), ("token 3 (engineer)", closed), ("token 4 (admin)", open)]);
 }
 
 #[tokio::test]
@@ -70,6 +74,9 @@ async fn closed_raw_ports_are_closed_after_a_restart() {
     let Raw { hall, tap } = raw;
     let hall = hall.again_with_raw(tap.address, super::policy(RULES)).await;
     assert_eq!(hall.get(&hall.viewer, "/v1/raw-ports").await["closed"]["by"], "token 3 (engineer)");
+    let told: Vec<_> = hall.audit().await.into_iter().filter(|entry| entry["what"] == "raw_ports").collect();
+    // At the first start, when they were closed, and at the second start.
+    assert_eq!(told.iter().map(|entry| &entry["open"]).collect::<Vec<_>>(), [true, false, false]);
     assert!(is_closed(&mut Script::at(hall.raw()).await).await);
     assert_eq!(turn(&hall, &hall.admin, true).await.0, 200);
     assert_eq!(Script::at(hall.raw()).await.query("curMode").await, ["7"]);
@@ -113,4 +120,73 @@ async fn a_command_that_waits_behind_another_one_does_not_leave_once_the_ports_a
     let raw = Raw::start(one_at_a_time().await, RULES).await;
     assert_eq!(waits_meanwhile(&raw, async {}).await["outcome"], "accepted");
     assert_eq!(raw.tap.frames("rewriteData").len(), 1);
+}
+
+#[tokio::test]
+async fn a_stop_that_came_right_before_is_sent_when_its_client_may_do_nothing_any_more() {
+    for by_rule in [true, false] {
+        let raw = Raw::start(VirtualController::start().await.unwrap(), RULES).await;
+        let mut script = raw.script().await;
+        assert_eq!(script.query("curMode").await, ["7"]);
+        script.send(&(query(&["axis-0"]) + &command(&["actionStop"]))).await;
+        if by_rule {
+            raw.hall.gateway.set_raw_policy(super::policy(&[("127.0.0.1", RawAllow::Deny)]));
+        } else {
+            assert_eq!(turn(&raw.hall, &raw.hall.engineer, false).await.0, 200);
+        }
+        let state = raw.hall.until("press", |state| state["stopped"] == true).await;
+        assert_eq!(state["stopped_by"]["by"], "raw 127.0.0.1 (rule 127.0.0.1)");
+        raw.hall.until_audited(|entry| entry["what"] == "stop" && entry["request"] == "actionStop").await;
+        assert_eq!(raw.tap.frames("actionStop").len(), 1);
+    }
+}
+
+#[tokio::test]
+async fn a_disk_that_does_not_take_it_is_tried_again_and_that_is_told() {
+    let raw = Raw::start(VirtualController::start().await.unwrap(), RULES).await;
+    let hall = &raw.hall;
+    let marker = hall.data.path().join("raw-ports-closed.json");
+    std::fs::create_dir(&marker).unwrap();
+    let (status, problem) = turn(hall, &hall.engineer, false).await;
+    assert_eq!((status, &problem["code"]), (503, &json!("store_unavailable")), "{problem}");
+    assert!(is_closed(&mut raw.script().await).await, "they are closed all the same");
+    let told = hall.get(&hall.viewer, "/v1/raw-ports").await;
+    assert_eq!((&told["closed"]["by"], &told["kept"]), (&json!("token 3 (engineer)"), &json!(false)));
+    // They cannot be opened either: after a restart they would be as the disk says.
+    let (status, problem) = turn(hall, &hall.admin, true).await;
+    assert_eq!((status, &problem["code"]), (503, &json!("store_unavailable")), "{problem}");
+    std::fs::remove_dir(&marker).unwrap();
+    let begun = std::time::Instant::now();
+    while hall.get(&hall.viewer, "/v1/raw-ports").await["kept"] != true {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(std::time::Duration::from_millis(20)).await;
+    }
+    let Raw { hall, tap } = raw;
+    let hall = hall.again_with_raw(tap.address, super::policy(RULES)).await;
+    assert!(is_closed(&mut Script::at(hall.raw()).await).await);
+}
+
+#[tokio::test]
+async fn closing_does_not_wait_for_an_opening_and_wins() {
+    let raw = Raw::start(VirtualController::start().await.unwrap(), RULES).await;
+    let hall = &raw.hall;
+    assert_eq!(turn(hall, &hall.engineer, false).await.0, 200);
+    let opening = turn(hall, &hall.admin, true);
+    let meanwhile = with_slow_store(hall, async {
+        let mut opening = std::pin::pin!(opening);
+        // Its record waits for the disk.
+        let wait = std::time::Duration::from_millis(300);
+        assert!(tokio::time::timeout(wait, &mut opening).await.is_err());
+        let _ = tokio::time::timeout(wait, turn(hall, &hall.engineer, false)).await;
+        assert!(is_closed(&mut raw.script().await).await);
+    });
+    meanwhile.await;
+    // The caller of the opening has gone: it has come to its end all the same.
+    let by_admin = |entry: &Value| entry["what"] == "raw_ports" && entry["actor"] == "token 4 (admin)";
+    let opened = hall.until_audited(|entry| by_admin(entry) && entry["open"] == true).await;
+    let taken_back = |entry: &Value| by_admin(entry) && entry["open"] == false;
+    assert!(hall.until_audited(taken_back).await["number"].as_u64() > opened["number"].as_u64());
+    assert_eq!(hall.get(&hall.viewer, "/v1/raw-ports").await["closed"]["by"], "token 3 (engineer)");
+    assert!(is_closed(&mut raw.script().await).await);
+    assert!(hall.data.path().join("raw-ports-closed.json").is_file());
 }

@@ -134,7 +134,9 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     }
     for (robot, camera) in args.cameras {
         let told = format!("token {number} feeds camera {camera} of {robot}");
-        tell_if_unknown(at.clone(), &robot);
+        if !of_robots.iter().any(|only| only.covers(robot.as_str())) {
+            tell_if_unknown(at.clone(), &robot);
+        }
         r6_gateway::grant_camera(at.clone(), number, robot, camera).map_err(|error| {
             Failure::usage(format!("the token was made, and has not this grant: {error}"))
                 .advise(format!("`r6 gateway token --revoke {number}` revokes it"))
