@@ -77,17 +77,15 @@ impl SharedPolicy {
         self.0.borrow().policy.clone()
     }
 
-    /// Closes all raw ports. Returns who has closed them, this caller or one before.
-    pub fn close(&self, by: ActedBy) -> (ActedBy, bool) {
-        let mut closed = (by.clone(), true);
+    /// Closes all raw ports. Whether they were open.
+    pub fn close(&self, by: ActedBy) -> bool {
+        let mut was_open = false;
         self.0.send_modify(|held| {
             held.closings += 1;
-            closed = match &held.closed {
-                Some(before) => (before.clone(), false),
-                None => (held.closed.insert(by).clone(), true),
-            };
+            was_open = held.closed.is_none();
+            held.closed.get_or_insert(by);
         });
-        closed
+        was_open
     }
 
     /// Opens all raw ports, unless they were closed since there were so many closings. Whether they are open.

@@ -7,7 +7,7 @@ use axum::http::StatusCode;
 use axum::http::header::RETRY_AFTER;
 use axum::response::{IntoResponse, Response};
 use r6_api::{Code, Problem};
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 
 /// A problem and its HTTP status.
 #[derive(Debug)]
@@ -63,12 +63,10 @@ impl Refusal {
 /// is, such as `points[1].color`, and for an unknown word which known one is the nearest.
 pub fn read_json<T: DeserializeOwned>(body: &[u8], other: Code) -> Result<T, Refusal> {
     // Types that are read take a list in the order of their fields, too, and a list names nothing.
-    if body.trim_ascii_start().first() == Some(&b'[') {
-        return Err(Refusal::new(
-            StatusCode::UNPROCESSABLE_ENTITY,
-            other,
-            "the body is a list: it has to be an object",
-        ));
+    let is_list = body.trim_ascii_start().first() == Some(&b'[');
+    if is_list && serde_json::from_slice::<IgnoredAny>(body).is_ok() {
+        let message = "the body is a list: it has to be an object";
+        return Err(Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, other, message));
     }
     let mut reader = serde_json::Deserializer::from_slice(body);
     let read = serde_path_to_error::deserialize(&mut reader);

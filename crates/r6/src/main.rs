@@ -125,12 +125,20 @@ fn start(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
         Subcommands::Up(_) => Usual::Warnings,
         _ => Usual::Full,
     };
+    let format = match (logs::Format::of_environment(), &cli.subcommand) {
+        (Ok(format), _) => format,
+        (Err(wrong), Subcommands::Gateway(_) | Subcommands::Sim(_) | Subcommands::Up(_)) => {
+            return Err(wrong);
+        }
+        // A stop must not fail for this.
+        (Err(_), _) => logs::Format::Text,
+    };
     #[cfg(feature = "otel")]
     let traces = traces(&cli.subcommand)?;
     let logs = logs::begin(
         &cli.logs,
         usual,
-        logs::Format::of_environment()?,
+        format,
         #[cfg(feature = "otel")]
         traces.as_ref(),
     );

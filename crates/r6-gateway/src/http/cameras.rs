@@ -1,5 +1,6 @@
 //! Cameras: their standing grants, and what they send.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use axum::extract::rejection::PathRejection;
@@ -48,15 +49,23 @@ pub struct Named {
 )]
 pub async fn list(robot: Robot<Read>, Of(state): Of<State>) -> Result<axum::Json<CameraGrants>, Refusal> {
     let grants = robot.station.camera_grants().await.map_err(refusal::of)?;
-    // Those of tokens that have ended, too: they take the room of others until they are revoked.
-    let tokens = state.shared.keeper.tokens().await.map_err(|error| refusal::of(error.into()))?;
+    let mut names = BTreeMap::new();
+    for grant in &grants {
+        let token = state.tokens.find_number(grant.token).await;
+        names.extend(token.map(|token| (grant.token, token.name.clone())));
+    }
+    if grants.iter().any(|grant| !names.contains_key(&grant.token)) {
+        // Those of tokens that have ended, too: they take the room of others until they are revoked.
+        let tokens = state.shared.keeper.tokens().await.map_err(|error| refusal::of(error.into()))?;
+        names.extend(tokens.into_iter().map(|token| (token.number, token.name)));
+    }
     let told = grants.into_iter().filter_map(|grant| {
         // A token that was revoked a moment ago has no grants any more.
-        let token = tokens.iter().find(|token| token.number == grant.token)?;
+        let token_name = names.get(&grant.token)?.clone();
         Some(CameraGrant {
             camera: grant.camera.number(),
             token: grant.token,
-            token_name: token.name.clone(),
+            token_name,
             by: grant.by,
             at: grant.at,
         })

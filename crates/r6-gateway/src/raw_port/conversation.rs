@@ -92,11 +92,13 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                 let frames = session.handle_input(now, input.get(..count).unwrap_or_default());
                 if frames > 0 {
                     match door.policy.rule_since(closings, source, &door.robot) {
-                        Some(now_rule) => rule = now_rule,
-                        None => session.close(Cause::Denied),
-                    }
-                    if rule.allow == RawAllow::Command {
-                        door.lease().frame(now, &serve::holder(&rule, source));
+                        Some(now_rule) => {
+                            rule = now_rule;
+                            if rule.allow == RawAllow::Command {
+                                door.lease().frame(now, &serve::holder(&rule, source));
+                            }
+                        }
+                        None => deny(&mut session, from.as_ref(), &mut input),
                     }
                 }
             }
@@ -121,16 +123,7 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
             _ = changes.changed() => {
                 match door.policy.rule_since(closings, source, &door.robot) {
                     Some(now_rule) => rule = now_rule,
-                    None => {
-                        // A stop that has come before is sent all the same. The system is asked: the runtime
-                        // may not have heard yet that something is there.
-                        let socket = SockRef::from(from.as_ref());
-                        for _ in 0..READS_AT_THE_END {
-                            let Ok(count @ 1..) = (&*socket).read(&mut input) else { break };
-                            session.handle_input(clock::now(), input.get(..count).unwrap_or_default());
-                        }
-                        session.close(Cause::Denied);
-                    }
+                    None => deny(&mut session, from.as_ref(), &mut input),
                 }
             }
             changed = link.wait_for(|now| *now != Some(connection)) => {
@@ -147,6 +140,17 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
             }
         }
     }
+}
+
+/// Closes a client that may do nothing any more. A stop that has come before is handed out all the same. The
+/// system is asked for it: the runtime may not have heard yet that something is there.
+fn deny(session: &mut Session, stream: &TcpStream, input: &mut [u8]) {
+    let socket = SockRef::from(stream);
+    for _ in 0..READS_AT_THE_END {
+        let Ok(count @ 1..) = (&*socket).read(input) else { break };
+        session.handle_input(clock::now(), input.get(..count).unwrap_or_default());
+    }
+    session.close(Cause::Denied);
 }
 
 /// Begins a request. Stops and commands run to their end even if the client leaves.

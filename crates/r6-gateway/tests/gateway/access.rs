@@ -568,14 +568,14 @@ async fn a_token_with_an_end_is_refused_from_then_on_and_its_streams_end() {
         let message = problem["message"].as_str().unwrap();
         assert!(message.contains(shown) && message.contains("a time to come"), "{message}");
     }
-    let at = ends(3);
+    let at = ends(6);
     let wanted = json!({ "role": "viewer", "name": "for a moment", "expires_at": at });
     let (status, made) = hall.post(&hall.admin, "/v1/tokens", &wanted).await;
     assert_eq!(status, 201, "{made}");
     let token = made["token"].as_str().unwrap();
     let page = Browser::with_token(hall.gateway.address(), token).await;
     let session = page.call("GET", "/v1/session", None).await.1;
-    assert!(session["idle_ends_in_ms"].as_u64().unwrap() <= 3_000, "it ends with its token: {session}");
+    assert!(session["idle_ends_in_ms"].as_u64().unwrap() <= 6_000, "it ends with its token: {session}");
     let mut live = Stream::open(hall.gateway.address(), token, "/v1/live", "").await;
     assert_eq!(live.next().await.unwrap().kind, "snapshot");
     let begun = Instant::now();
@@ -583,7 +583,7 @@ async fn a_token_with_an_end_is_refused_from_then_on_and_its_streams_end() {
         assert!(begun.elapsed() < PATIENCE);
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
-    assert!(begun.elapsed() > Duration::from_secs(1), "not before its time");
+    assert!(std::time::SystemTime::now() >= humantime::parse_rfc3339(&at).unwrap(), "not before its time");
     let (status, problem) = hall.call(token, "GET", "/v1/robots", None).await;
     assert_eq!((status, &problem["code"]), (401, &json!("no_token")));
     while live.next().await.is_some() {

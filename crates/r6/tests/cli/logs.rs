@@ -4,7 +4,7 @@ use std::io::BufRead;
 
 use serde_json::{Value, json};
 
-use crate::support::{Running, shell};
+use crate::support::{Robot, Running, shell};
 
 /// A gateway whose robot cannot be reached, which it logs at once.
 const UNREACHED: [&str; 6] = ["gateway", "--listen", "127.0.0.1:0", "--robot", "press=127.0.0.1:1", "--data"];
@@ -33,4 +33,8 @@ fn a_format_of_the_log_that_is_not_there_is_refused() {
     let outcome = shell("R6_LOG_FORMAT=xml \"$R6\" gateway --listen 127.0.0.1:0 --data /nonexistent/r6", &[]);
     assert_eq!(outcome.code, 2, "{outcome:?}");
     assert!(outcome.err.contains("R6_LOG_FORMAT is `xml`, but has to be text or json"), "{outcome:?}");
+    // A stop is sent all the same.
+    let robot = Robot::start(&[]);
+    let outcome = shell("R6_LOG_FORMAT=xml \"$R6\" -r \"$1\" stop", &[robot.address()]);
+    assert_eq!(outcome.code, 0, "{outcome:?}");
 }

@@ -63,6 +63,6 @@ async fn one<T: DeserializeOwned>(
     };
     let answer = timeout(ANSWER_WITHIN, asked).await;
     let answer = answer.unwrap_or_else(|_| Err(format!("no answer within {ANSWER_WITHIN:?}")));
-    let told = answer.inspect_err(|why| tracing::debug!(gateway = number, why, target, "no answer"));
+    let told = answer.inspect_err(|why| tracing::debug!(gateway = number, why, path = target, "no answer"));
     told.ok().map(|answer| (number, answer))
 }

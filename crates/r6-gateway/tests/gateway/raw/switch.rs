@@ -167,26 +167,64 @@ async fn a_disk_that_does_not_take_it_is_tried_again_and_that_is_told() {
 }
 
 #[tokio::test]
-async fn closing_does_not_wait_for_an_opening_and_wins() {
+async fn closing_does_not_wait_for_openings_and_wins() {
     let raw = Raw::start(VirtualController::start().await.unwrap(), RULES).await;
     let hall = &raw.hall;
     assert_eq!(turn(hall, &hall.engineer, false).await.0, 200);
-    let opening = turn(hall, &hall.admin, true);
-    let meanwhile = with_slow_store(hall, async {
-        let mut opening = std::pin::pin!(opening);
-        // Its record waits for the disk.
-        let wait = std::time::Duration::from_millis(300);
-        assert!(tokio::time::timeout(wait, &mut opening).await.is_err());
-        let _ = tokio::time::timeout(wait, turn(hall, &hall.engineer, false)).await;
+    let number = |audit: &[Value]| audit.iter().filter(|entry| entry["what"] == "raw_ports").count();
+    let before = number(&hall.audit().await);
+    // Two openings wait, the first one for the disk with its record, the second one for the first one. None
+    // of them is answered before the closing has come.
+    let (address, admin, engineer) = (hall.gateway.address(), hall.admin.clone(), hall.engineer.clone());
+    let turn = |token: String, open: bool| {
+        tokio::spawn(async move {
+            crate::support::call(address, &token, "PUT", "/v1/raw-ports", Some(&json!({ "open": open })))
+                .await
+        })
+    };
+    let (first, second, closing) = with_slow_store(hall, async {
+        let first = turn(admin.clone(), true);
+        tokio::time::sleep(std::time::Duration::from_millis(500)).await;
+        let second = turn(admin, true);
+        tokio::time::sleep(std::time::Duration::from_millis(500)).await;
+        let closing = turn(engineer, false);
+        tokio::time::sleep(std::time::Duration::from_millis(500)).await;
+        assert!(!first.is_finished() && !second.is_finished());
         assert!(is_closed(&mut raw.script().await).await);
-    });
-    meanwhile.await;
-    // The caller of the opening has gone: it has come to its end all the same.
-    let by_admin = |entry: &Value| entry["what"] == "raw_ports" && entry["actor"] == "token 4 (admin)";
-    let opened = hall.until_audited(|entry| by_admin(entry) && entry["open"] == true).await;
-    let taken_back = |entry: &Value| by_admin(entry) && entry["open"] == false;
-    assert!(hall.until_audited(taken_back).await["number"].as_u64() > opened["number"].as_u64());
-    assert_eq!(hall.get(&hall.viewer, "/v1/raw-ports").await["closed"]["by"], "token 3 (engineer)");
+        (first, second, closing)
+    })
+    .await;
+    let [first, second, closing] = [first.await.unwrap(), second.await.unwrap(), closing.await.unwrap()];
+    let told = [&first, &second].map(|(status, problem)| (*status, problem["code"].clone()));
+    assert_eq!(told, [(409, json!("not_ready")), (409, json!("not_ready"))], "{first:?} {second:?}");
+    assert_eq!((closing.0, &closing.1["closed"]["by"]), (200, &json!("token 3 (engineer)")), "{closing:?}");
+    assert_eq!(closing.1["kept"], true);
     assert!(is_closed(&mut raw.script().await).await);
     assert!(hall.data.path().join("raw-ports-closed.json").is_file());
+    // The opening of the admin was taken back, in the name of the one who closed them.
+    let begun = std::time::Instant::now();
+    while number(&hall.audit().await) < before + 3 {
+        assert!(begun.elapsed() < PATIENCE, "{:?}", hall.audit().await);
+        tokio::time::sleep(std::time::Duration::from_millis(20)).await;
+    }
+    let audit = hall.audit().await;
+    let told = audit.iter().filter(|entry| entry["what"] == "raw_ports").skip(before);
+    let told: Vec<_> = told.map(|entry| (entry["actor"].as_str().unwrap(), entry["open"] == true)).collect();
+    assert!(told.contains(&("token 4 (admin)", true)), "{told:?}");
+    assert_eq!(told.iter().filter(|told| **told == ("token 3 (engineer)", false)).count(), 2, "{told:?}");
+}
+
+#[tokio::test]
+async fn a_stop_behind_much_else_is_sent_too_when_its_client_may_do_nothing_any_more() {
+    let raw = Raw::start(VirtualController::start().await.unwrap(), RULES).await;
+    let mut script = raw.script().await;
+    assert_eq!(script.query("curMode").await, ["7"]);
+    // More than one read of the socket takes.
+    let many: Vec<_> = (0..128).map(|number| format!("counter-{}", number % 64)).collect();
+    let many: Vec<_> = many.iter().map(String::as_str).collect();
+    let long = query(&many).repeat(5);
+    assert!(long.len() > 4_096, "{}", long.len());
+    script.send(&(long + &command(&["actionStop"]))).await;
+    raw.hall.gateway.set_raw_policy(super::policy(&[("127.0.0.1", RawAllow::Deny)]));
+    raw.hall.until("press", |state| state["stopped"] == true).await;
 }
