@@ -148,13 +148,15 @@ mod tests {
             (r#"{"a":[[1,1.5,3]]}"#, "a[0][1]: ", "expected a whole number at"),
             (r#"{"a":[[1,2,-3]]}"#, "a[0][2]: ", "expected a whole number from 0 to 4294967295"),
             (r#"{"a":[[1,2,5000000000]]}"#, "a[0][2]: ", "expected a whole number from 0 to 4294967295"),
-            ("[]", "invalid type", "expected a map"),
+            ("3", "invalid type", "expected a map"),
+            ("[]", "the body is a list", "it has to be an object"),
+            (" [1]", "the body is a list", "it has to be an object"),
         ] {
             let (code, told) = read(body);
             assert!(told.starts_with(at) && told.contains(wanted), "{told}");
             assert_eq!(code, Code::BadValue);
         }
-        for body in ["{} {}", r#"{"a":"#, ""] {
+        for body in ["{} {}", r#"{"a":"#, "", "[", "[1,"] {
             assert_eq!(read(body).0, Code::BadJson, "{body}");
         }
     }
