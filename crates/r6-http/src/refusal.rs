@@ -63,10 +63,11 @@ impl Refusal {
 /// is, such as `points[1].color`, and for an unknown word which known one is the nearest.
 pub fn read_json<T: DeserializeOwned>(body: &[u8], other: Code) -> Result<T, Refusal> {
     // Types that are read take a list in the order of their fields, too, and a list names nothing.
-    let is_list = body.trim_ascii_start().first() == Some(&b'[');
-    if is_list && serde_json::from_slice::<IgnoredAny>(body).is_ok() {
+    if body.trim_ascii_start().first() == Some(&b'[') {
         let message = "the body is a list: it has to be an object";
-        return Err(Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, other, message));
+        let list = || Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, other, message);
+        let read = serde_json::from_slice::<IgnoredAny>(body);
+        return Err(read.map_or_else(|error| of_json(WHOLE, &error, other), |_| list()));
     }
     let mut reader = serde_json::Deserializer::from_slice(body);
     let read = serde_path_to_error::deserialize(&mut reader);
