@@ -221,7 +221,7 @@ async fn stop_and_start(robot: &Robot) {
     robot.command(r6_client::Command::StartButton).await.unwrap();
 }
 
-/// Runs a motion to 1 degree in a task of its own. It waits for one that has the turn.
+/// Runs a motion to 1 degree in a task of its own. Another motion has the turn, so it waits.
 async fn waiting_run(robot: &Robot) -> JoinHandle<Result<MotionHandle, MotionError>> {
     let robot = robot.clone();
     let run = tokio::spawn(async move { robot.run(&to_one_degree(), RunOptions::default()).await });

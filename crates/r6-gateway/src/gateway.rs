@@ -178,7 +178,6 @@ pub struct Gateway {
     /// The loop of a gateway that shares its store.
     sharing: Option<Running>,
     switch: Arc<Switch>,
-    raw_ports: Vec<RawPort>,
     certificate: Option<Certificate>,
     server: JoinSet<()>,
     /// Where callers are served.
@@ -258,9 +257,11 @@ impl Gateway {
             raw_ports.push(port);
             server.spawn_on(raw_port::attend(door, listener), front.handle());
         }
-        switch.opened(&raw_ports);
+        switch.opened(raw_ports);
+        let keeping = Arc::clone(&switch);
+        server.spawn(async move { keeping.keep().await });
         let (sharing, _front, _lock) = (None, front, lock);
-        Ok(Self { address, state, sharing, switch, raw_ports, certificate, server, _front, _lock })
+        Ok(Self { address, state, sharing, switch, certificate, server, _front, _lock })
     }
 
     /// Starts a gateway whose store others share.
@@ -306,9 +307,8 @@ impl Gateway {
         server.spawn_on(serve, front.handle());
         server.spawn(follow(certificate.clone()));
         keep_fresh(&state, &mut server);
-        let raw_ports = Vec::new();
         let (sharing, _front, _lock) = (Some(running), front, lock);
-        Ok(Self { address, state, sharing, switch, raw_ports, certificate, server, _front, _lock })
+        Ok(Self { address, state, sharing, switch, certificate, server, _front, _lock })
     }
 
     /// How many robots this gateway owns; `None` if no other gateway shares its store.
@@ -332,7 +332,7 @@ impl Gateway {
     /// The raw ports, with the addresses that they listen on.
     #[must_use]
     pub fn raw_ports(&self) -> &[RawPort] {
-        &self.raw_ports
+        self.switch.ports()
     }
 
     /// Who has closed all raw ports, and when.

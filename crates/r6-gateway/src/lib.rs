@@ -54,6 +54,7 @@ mod backup;
 mod certificate;
 mod clock;
 mod core;
+mod expiry;
 mod files;
 mod fleet;
 mod folder;
@@ -93,6 +94,7 @@ pub use crate::core::raw::policy::{
 };
 pub use crate::core::retention::LEAST_ENTRIES;
 pub use crate::core::role::{Grant, Only};
+pub use crate::expiry::Expiry;
 pub use crate::fleet::address::RobotAddress;
 pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};
 pub use crate::fleet::group::{MAX_GROUPS, MAX_OF_GROUP, PollGroup};

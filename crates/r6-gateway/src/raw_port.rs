@@ -40,6 +40,16 @@ pub struct RawPort {
     pub listen: SocketAddr,
 }
 
+/// A client of a raw port.
+#[derive(Clone, Copy, Debug)]
+pub struct Client {
+    /// Where it comes from.
+    pub source: SocketAddr,
+    /// How often all raw ports had been closed when it came: what it asks for does not leave after another
+    /// closing, also if they are open again.
+    closings: u64,
+}
+
 /// The policy that all raw ports share, and whether they are open. Clients hear of each change.
 #[derive(Clone, Debug)]
 pub struct SharedPolicy(Arc<watch::Sender<Held>>);
@@ -49,8 +59,9 @@ struct Held {
     policy: RawPolicy,
     /// Who closed all raw ports, and when.
     closed: Option<ActedBy>,
-    /// How often they were closed. What was asked for before does not leave after, also if they are open
-    /// again.
+    /// Whether the disk has it: a restart leaves the ports so.
+    is_kept: bool,
+    /// How often they were closed.
     closings: u64,
 }
 
@@ -58,7 +69,7 @@ impl SharedPolicy {
     /// A policy, and who has closed all raw ports.
     #[must_use]
     pub fn new(policy: RawPolicy, closed: Option<ActedBy>) -> Self {
-        Self(Arc::new(watch::Sender::new(Held { policy, closed, closings: 0 })))
+        Self(Arc::new(watch::Sender::new(Held { policy, closed, is_kept: true, closings: 0 })))
     }
 
     /// Exchanges it. Returns the new one if it differs.
@@ -77,26 +88,45 @@ impl SharedPolicy {
         self.0.borrow().policy.clone()
     }
 
-    /// Closes all raw ports. Whether they were open.
-    pub fn close(&self, by: ActedBy) -> bool {
+    /// Closes all raw ports, which the disk does not know yet. Returns whether they were open.
+    fn close(&self, by: ActedBy) -> bool {
         let mut was_open = false;
         self.0.send_modify(|held| {
             held.closings += 1;
+            held.is_kept = false;
             was_open = held.closed.is_none();
             held.closed.get_or_insert(by);
         });
         was_open
     }
 
-    /// Opens all raw ports, unless they were closed since there were so many closings. Whether they are open.
-    pub fn open(&self, closings: u64) -> bool {
+    /// Opens all raw ports, as the disk has it, unless they were closed once more than `closings` times.
+    /// Returns whether they are open.
+    fn open(&self, closings: u64) -> bool {
         self.0.send_if_modified(|held| {
-            let is_good = held.closings == closings;
-            if is_good {
-                held.closed = None;
+            let is_last = held.closings == closings;
+            if is_last {
+                (held.closed, held.is_kept) = (None, true);
             }
-            is_good
+            is_last
         })
+    }
+
+    /// The disk has how the ports were after so many closings.
+    fn kept(&self, closings: u64) {
+        // No client has to hear of it.
+        self.0.send_if_modified(|held| {
+            held.is_kept |= held.closings == closings;
+            false
+        });
+    }
+
+    /// It is not known what the disk has.
+    fn doubt(&self) {
+        self.0.send_if_modified(|held| {
+            held.is_kept = false;
+            false
+        });
     }
 
     /// Who has closed all raw ports, and when.
@@ -106,17 +136,14 @@ impl SharedPolicy {
     }
 
     /// How often all raw ports were closed.
-    #[must_use]
-    pub fn closings(&self) -> u64 {
+    fn closings(&self) -> u64 {
         self.0.borrow().closings
     }
 
-    /// The rule for this source and robot, unless the raw ports were closed since there were so many
-    /// closings.
-    fn rule_since(&self, closings: u64, source: SocketAddr, robot: &str) -> Option<RawRule> {
-        let held = self.0.borrow();
-        let is_open = held.closed.is_none() && held.closings == closings;
-        is_open.then(|| held.policy.rule(source.ip(), robot).cloned()).flatten()
+    /// Whether a restart leaves the ports as they are.
+    #[must_use]
+    pub fn is_kept(&self) -> bool {
+        self.0.borrow().is_kept
     }
 
     /// Changes of the policy.
@@ -124,10 +151,15 @@ impl SharedPolicy {
         self.0.subscribe()
     }
 
-    /// The rule for this source and robot; `None` if the source may do nothing.
-    fn rule(&self, source: SocketAddr, robot: &str) -> Option<RawRule> {
+    /// A client that comes from there now.
+    fn client(&self, source: SocketAddr) -> Client {
+        Client { source, closings: self.closings() }
+    }
+
+    /// The rule for this client and robot; `None` if the client may do nothing.
+    fn rule(&self, client: Client, robot: &str) -> Option<RawRule> {
         let held = self.0.borrow();
-        let is_open = held.closed.is_none();
-        is_open.then(|| held.policy.rule(source.ip(), robot).cloned()).flatten()
+        let is_open = held.closed.is_none() && held.closings == client.closings;
+        is_open.then(|| held.policy.rule(client.source.ip(), robot).cloned()).flatten()
     }
 }

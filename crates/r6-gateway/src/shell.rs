@@ -12,6 +12,7 @@ use crate::core::camera::{Camera, CameraGrant};
 use crate::core::name::RobotName;
 use crate::core::role::{Grant, Only};
 use crate::core::seat::Saved;
+use crate::expiry::Expiry;
 use crate::store::postgres::session::Hand;
 use crate::store::postgres::{Database, Postgres};
 use crate::store::{Author, NewGrant, NewToken, Sqlite, Store, StoreError, Token, UserChange};
@@ -78,8 +79,8 @@ pub fn make_token(
     make_token_until(at, Grant { role, only }, name, None)
 }
 
-/// Makes a token that ends then, in seconds since 1970; `None`: it holds until it is revoked. Returns its
-/// number and its text, which is nowhere else.
+/// Makes a token that ends then; `None`: it holds until it is revoked. Returns its number and its text, which
+/// is nowhere else.
 ///
 /// # Errors
 /// [`StoreError`].
@@ -87,7 +88,7 @@ pub fn make_token_until(
     at: impl Into<At>,
     grant: Grant,
     name: String,
-    expires: Option<u64>,
+    expires: Option<Expiry>,
 ) -> Result<(i64, String), StoreError> {
     let mut store = at.into().open()?;
     let drawn = tokens::draw();

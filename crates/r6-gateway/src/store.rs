@@ -20,14 +20,13 @@ mod link;
 mod memory;
 mod points;
 pub mod postgres;
+mod robots;
 pub mod runs;
 mod sqlite;
 mod versions;
 
 use r6_api::gateway::{AuditRecord, Deed, GuardWanted, PollGroup, Role, Run};
-use serde::{Deserialize, Serialize};
 
-use crate::clock;
 use crate::core::account::{Account, Decided, UserName, Wish};
 use crate::core::alarms;
 use crate::core::camera::CameraGrant;
@@ -38,6 +37,7 @@ use crate::core::owner::Claim;
 use crate::core::point::PointName;
 use crate::core::role::Grant;
 use crate::core::seat::Saved;
+use crate::expiry::Expiry;
 
 use accounts::{check_link, decide, link_made, user_changed};
 pub use cameras::NewGrant;
@@ -459,19 +459,9 @@ pub struct StoredRobot {
     pub groups: Vec<PollGroup>,
     /// The model of its arm.
     pub model: Option<String>,
-    /// What came later, in one text.
-    pub more: MoreOfRobot,
-}
-
-/// What came later to what is stored of a robot: a part that is missing is not configured.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MoreOfRobot {
-    /// The counter of parts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The counter of parts; `None`: the first counter that is read.
     pub parts: Option<String>,
     /// The limits of its lists.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub guard: Option<Box<GuardWanted>>,
 }
 
@@ -544,8 +534,8 @@ pub struct NewToken {
     pub grant: Grant,
     /// What people call it.
     pub name: String,
-    /// When it ends, in seconds since 1970; `None`: it holds until it is revoked.
-    pub expires: Option<u64>,
+    /// When it ends; `None`: it holds until it is revoked.
+    pub expires: Option<Expiry>,
 }
 
 /// A token that is not revoked.
@@ -559,8 +549,8 @@ pub struct Token {
     pub grant: Grant,
     /// What people call it.
     pub name: String,
-    /// When it ends or has ended, in seconds since 1970; `None`: it holds until it is revoked.
-    pub expires: Option<u64>,
+    /// When it ends or has ended; `None`: it holds until it is revoked.
+    pub expires: Option<Expiry>,
 }
 
 /// The text of a record in the audit log.
@@ -578,7 +568,7 @@ fn token_made(number: i64, token: &NewToken, author: &Author) -> AuditRecord {
         role: token.grant.role,
         only: token.grant.only.as_ref().map(ToString::to_string),
         name: token.name.clone(),
-        expires_at: token.expires.map(clock::text_of_seconds),
+        expires_at: token.expires.as_ref().map(ToString::to_string),
     })
 }
 

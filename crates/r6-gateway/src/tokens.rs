@@ -7,6 +7,7 @@
 //! proof and the ends of a session of a user.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::sync::{Arc, Mutex as SyncMutex, MutexGuard, PoisonError, RwLock};
 use std::time::Duration;
 
@@ -19,6 +20,7 @@ use crate::clock;
 use crate::core::rate::Rate;
 use crate::core::role::Grant;
 use crate::core::session::{SessionId, Sessions};
+use crate::expiry::Expiry;
 use crate::secret;
 use crate::store::{Keeper, StoreError, Token};
 
@@ -51,20 +53,13 @@ pub struct Known {
     pub label: String,
     /// What it allows.
     pub grant: Grant,
-    /// When it ends, in seconds since 1970 by the clock of the system.
-    expires: Option<u64>,
+    /// When it ends; `None`: it holds until it is revoked.
+    pub expires: Option<Expiry>,
 }
 
 impl Known {
-    /// How long it holds at most; `None` if it has no end.
-    pub fn left(&self) -> Option<Duration> {
-        let left = |expires: u64| Duration::from_secs(expires.saturating_sub(clock::seconds()));
-        self.expires.map(left)
-    }
-
-    /// Whether it has not ended.
     fn holds(&self) -> bool {
-        self.expires.is_none_or(|expires| clock::seconds() < expires)
+        self.expires.is_none_or(|expires| !expires.is_over())
     }
 }
 
@@ -84,8 +79,8 @@ pub struct Page {
     pub ends: (Instant, Instant),
 }
 
-impl std::fmt::Debug for Page {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Debug for Page {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Page").finish_non_exhaustive()
     }
 }

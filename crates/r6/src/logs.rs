@@ -33,10 +33,10 @@ pub enum Format {
 }
 
 impl Format {
-    /// The format that the environment asks for.
+    /// The format that the environment names.
     ///
     /// # Errors
-    /// It asks for one that is not there.
+    /// The name is not that of a format.
     pub fn of_environment() -> Result<Self, Failure> {
         let asked = std::env::var_os(FORMAT).unwrap_or_default();
         match asked.to_str() {

@@ -118,8 +118,7 @@ impl Ledger {
 
     /// Notes something, to be written soon. Returns how many records were noted until now.
     pub fn note(&self, by: &By, deed: Deed) -> u64 {
-        let By { actor, source } = by.clone();
-        let record = AuditRecord { time: clock::time_of_day(), actor, source, robot: None, deed };
+        let record = record(by, deed);
         let mut waiting = lock(&self.waiting);
         waiting.push(record);
         waiting.noted += 1;
@@ -136,9 +135,7 @@ impl Ledger {
     pub async fn write_at_once(&self, by: &By, deed: Deed) -> Result<(), StoreError> {
         self.write().await?;
         let _turn = self.writing.lock().await;
-        let By { actor, source } = by.clone();
-        let record = AuditRecord { time: clock::time_of_day(), actor, source, robot: None, deed };
-        self.keeper.append(vec![record]).await.map(drop)
+        self.keeper.append(vec![record(by, deed)]).await.map(drop)
     }
 
     /// Writes records as they come, for as long as it is polled.
@@ -204,6 +201,11 @@ impl Ledger {
         self.done.send_replace(noted);
         Ok(())
     }
+}
+
+fn record(by: &By, deed: Deed) -> AuditRecord {
+    let By { actor, source } = by.clone();
+    AuditRecord { time: clock::time_of_day(), actor, source, robot: None, deed }
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {

@@ -20,7 +20,7 @@ use tracing::Instrument;
 pub use self::recorded::Once;
 pub(super) use self::recorded::Told;
 use super::link::to_client;
-use super::send::{RULES_CHANGED, Still};
+use super::send::Still;
 use super::station::{By, MAX_COMMANDS, MAX_STOPS, Station, millis};
 use crate::clock;
 use crate::core::order::Order;
@@ -153,7 +153,7 @@ impl Station {
 
     /// Sends a command or a list that changes or moves. Its intent is on the disk before it leaves, its
     /// outcome after. With `once`, a request that came before gets the answer of then, and nothing is sent.
-    /// With `still`, it does not leave once that is false.
+    /// With `still`, it does not leave once that does not hold any more.
     ///
     /// # Errors
     /// `no_lease`, `stopped`, `not_ready`, `identity_changed`, `leftover_list`, `refused`, `overloaded`,
@@ -209,13 +209,13 @@ impl Station {
             let permit = permit.map_err(|denied| (CommandOutcome::NotSent, denied.into()))?;
             let _sending = self.sending();
             let answer = self.send(&robot, permit, still.clone()).await;
-            let is_over = still.as_ref().is_some_and(|still| !still());
             answer.map_err(|error| {
-                let problem = match &error {
-                    RequestError::NotSent(NotSent::Withdrawn) if is_over => {
-                        Problem::new(Code::NotAllowed, RULES_CHANGED)
+                let ended = still.filter(|still| !still.holds());
+                let problem = match (&error, ended) {
+                    (RequestError::NotSent(NotSent::Withdrawn), Some(still)) => {
+                        Problem::new(Code::NotAllowed, still.otherwise)
                     }
-                    error => self.problem_of(error, key, effect),
+                    (error, _) => self.problem_of(error, key, effect),
                 };
                 (outcome(&error), problem)
             })

@@ -21,7 +21,7 @@ use crate::clock;
 use crate::core::name::RobotName;
 use crate::fleet::group::PollGroup;
 use crate::problem::Problem;
-use crate::store::{Keeper, MoreOfRobot, Store, StoreError, StoredRobot};
+use crate::store::{Keeper, Store, StoreError, StoredRobot};
 
 /// The most robots of one gateway: each has a task, a connection and some hundred kilobytes.
 pub const MAX_ROBOTS: usize = 1_000;
@@ -495,8 +495,7 @@ impl Station {
 }
 
 fn configured(robot: &RobotConfig) -> Deed {
-    let StoredRobot { name: _, address, period_ms, read, groups, model, more } = stored(robot);
-    let MoreOfRobot { parts, guard } = more;
+    let StoredRobot { name: _, address, period_ms, read, groups, model, parts, guard } = stored(robot);
     Deed::RobotConfigured { address, period_ms, read, groups, model, parts, guard }
 }
 
@@ -508,10 +507,8 @@ fn stored(robot: &RobotConfig) -> StoredRobot {
         read: robot.addresses.iter().map(Address::to_string).collect(),
         groups: robot.groups.iter().map(PollGroup::told).collect(),
         model: robot.model.clone(),
-        more: MoreOfRobot {
-            parts: robot.parts.map(|address| address.to_string()),
-            guard: robot.guard.as_deref().map(|guard| Box::new(guard.wanted().clone())),
-        },
+        parts: robot.parts.map(|address| address.to_string()),
+        guard: robot.guard.as_deref().map(|guard| Box::new(guard.wanted().clone())),
     }
 }
 
@@ -522,10 +519,9 @@ fn stored(robot: &RobotConfig) -> StoredRobot {
 pub fn of_store(robot: &StoredRobot, settings: RobotSettings) -> Result<RobotConfig, StoreError> {
     let addresses = robot.read.iter().map(|address| Address::parse(address)).collect::<Result<_, _>>();
     let groups = robot.groups.iter().map(PollGroup::read).collect::<Result<_, _>>();
-    let MoreOfRobot { parts, guard } = &robot.more;
-    let parts = parts.as_deref().map(config::counter).transpose();
+    let parts = robot.parts.as_deref().map(config::counter).transpose();
     // Without its limits it would be sent more than it may be.
-    let guard = guard.as_deref().map(Guard::read).transpose();
+    let guard = robot.guard.as_deref().map(Guard::read).transpose();
     let unreadable = || StoreError::Unreadable(format!("the robot `{}`", robot.name));
     Ok(RobotConfig {
         period: Duration::from_millis(robot.period_ms),

@@ -11,12 +11,25 @@ use crate::clock;
 use crate::core::order::Order;
 use crate::core::seat::{Permit, Ticket};
 
-/// Whether what was asked for may still leave. The client asks in the call that writes the first byte, so it
-/// has to return at once.
-pub type Still = Arc<dyn Fn() -> bool + Send + Sync>;
+/// A condition beside the permit, which has to hold until the first byte is written.
+#[derive(Clone)]
+pub struct Still {
+    holds: Arc<dyn Fn() -> bool + Send + Sync>,
+    /// What a caller is told if it does not hold any more.
+    pub otherwise: &'static str,
+}
 
-/// What a client is told if that is not so any more.
-pub const RULES_CHANGED: &str = "the rules of the raw ports have changed, or the ports were closed";
+impl Still {
+    /// `holds` is asked in the call that writes the first byte, so it has to return at once.
+    pub fn new(holds: impl Fn() -> bool + Send + Sync + 'static, otherwise: &'static str) -> Self {
+        Self { holds: Arc::new(holds), otherwise }
+    }
+
+    /// Whether it holds.
+    pub fn holds(&self) -> bool {
+        (self.holds)()
+    }
+}
 
 impl Station {
     /// Sends the command or the list of a permit. The client looks again, in the call that writes the first
@@ -83,7 +96,7 @@ impl Station {
             // The client's clock stands while the machine sleeps. The clock of the lease goes on, and so does
             // that of the ownership: a process that was frozen sends nothing when it goes on.
             permission: Some(permission.only_while(move || {
-                let may = still.as_ref().is_none_or(|still| still());
+                let may = still.as_ref().is_none_or(Still::holds);
                 may && clock::now() < latest && ownership.may_move()
             })),
         })

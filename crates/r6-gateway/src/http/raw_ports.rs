@@ -31,8 +31,12 @@ pub async fn show(caller: Caller, Of(state): Of<State>) -> Json<RawPorts> {
     request_body = RawPortsWanted,
     responses(
         (status = 200, description = "They are so", body = RawPorts),
+        (
+            status = 409,
+            description = "`not_ready`: this gateway can have no raw ports, or they were closed again meanwhile",
+            body = Problem
+        ),
         (status = 422, description = "`bad_value`", body = Problem),
-        (status = 409, description = "`not_ready`: this gateway can have no raw ports, or they were closed again meanwhile", body = Problem),
         (
             status = 503,
             description = "`store_unavailable`: they are closed all the same, and would be open after a restart; or they are not opened",
@@ -73,11 +77,11 @@ fn told(caller: &Caller, state: &State) -> RawPorts {
     let Some(switch) = &state.raw_ports else {
         return RawPorts { closed: None, kept: true, ports: Vec::new() };
     };
-    let ports = switch.ports().into_iter().filter(|port| caller.grant().covers(port.robot.as_str()));
+    let ports = switch.ports().iter().filter(|port| caller.grant().covers(port.robot.as_str()));
     let told = ports.map(|port| {
         let station = state.fleet.station(port.robot.as_str());
         let clients = station.map_or(0, |station| station.counts.raw.now().0);
         RawPortState { robot: port.robot.to_string(), listen: port.listen.to_string(), clients }
     });
-    RawPorts { closed: switch.policy.closed(), kept: switch.is_kept(), ports: told.collect() }
+    RawPorts { closed: switch.policy.closed(), kept: switch.policy.is_kept(), ports: told.collect() }
 }

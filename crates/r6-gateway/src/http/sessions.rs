@@ -232,7 +232,7 @@ fn of_user(signed_in: &SignedIn) -> Session {
 fn of_token(token: &Known, page: Option<&Page>) -> Session {
     let Known { number, name, grant, .. } = token;
     // The session ends with its token.
-    let of_token = token.left().map_or(u64::MAX, millis);
+    let of_token = token.expires.map_or(u64::MAX, |expires| millis(expires.left()));
     Session {
         user: None,
         token: Some(*number),

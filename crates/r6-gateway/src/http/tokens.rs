@@ -16,8 +16,8 @@ use super::range::{instant, shown};
 use super::refusal::bad_value;
 use super::users::only;
 use super::{State, refusal};
-use crate::clock;
 use crate::core::role::Grant;
+use crate::expiry::Expiry;
 use crate::problem;
 use crate::store::NewToken;
 use crate::tokens;
@@ -38,7 +38,7 @@ pub async fn list(_manager: Manager<ManageUsers>, Of(state): Of<State>) -> Resul
         role: token.grant.role,
         robot: token.grant.only.map(|only| only.to_string()),
         name: token.name,
-        expires_at: token.expires.map(clock::text_of_seconds),
+        expires_at: token.expires.as_ref().map(ToString::to_string),
     };
     Ok(Json(Tokens { tokens: tokens.into_iter().map(told).collect() }))
 }
@@ -120,10 +120,10 @@ pub async fn revoke(manager: Manager<ManageUsers>, Of(state): Of<State>) -> Resu
     }
 }
 
-/// When a token ends, in seconds since 1970.
-fn end(text: &str) -> Result<u64, Refusal> {
+/// When a token shall end: a time to come.
+fn end(text: &str) -> Result<Expiry, Refusal> {
     let seconds = instant(text).and_then(|at| u64::try_from(at.0 / 1_000_000).ok());
-    seconds.filter(|end| *end > clock::seconds()).ok_or_else(|| {
+    seconds.map(Expiry).filter(|end| !end.is_over()).ok_or_else(|| {
         let shown = shown(text);
         bad_value(format!("expires_at: `{shown}` is not a time to come in UTC, such as 2027-01-31T00:00:00Z"))
     })

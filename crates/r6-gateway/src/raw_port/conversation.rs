@@ -2,7 +2,6 @@
 
 use std::future::Future;
 use std::io::Read as _;
-use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,7 +16,7 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
 use super::port::Door;
-use super::serve;
+use super::{Client, serve};
 use crate::clock;
 use crate::core::raw::asked::Asked;
 use crate::core::raw::policy::{RawAllow, RawRule};
@@ -46,17 +45,14 @@ pub enum End {
 type Work = Pin<Box<dyn Future<Output = (Ticket, Answer)> + Send>>;
 
 /// Serves a client until it ends.
-pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream, source: SocketAddr) -> End {
+pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream, client: Client) -> End {
     let mut link = station.link.subscribe();
     let Some(connection) = *link.borrow_and_update() else { return End::Closed(Cause::RobotDown) };
     let (mut from, mut to) = stream.split();
     let mut session = Session::new();
     let mut photos = station.photos();
     let mut changes = door.policy.changes();
-    // One may have come since the client was let in.
-    changes.mark_changed();
-    let closings = door.policy.closings();
-    let Some(mut rule) = door.policy.rule_since(closings, source, &door.robot) else {
+    let Some(mut rule) = door.policy.rule(client, &door.robot) else {
         return End::Closed(Cause::Denied);
     };
     let mut work: FuturesUnordered<Work> = FuturesUnordered::new();
@@ -66,7 +62,7 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
     let mut stuck_since: Option<Instant> = None;
     loop {
         while let Some((ticket, asked)) = session.poll_request() {
-            work.push(begin(door, station, (source, closings), &rule, ticket, asked));
+            work.push(begin(door, station, client, &rule, ticket, asked));
         }
         if let Some(cause) = session.closed() {
             return End::Closed(cause);
@@ -91,11 +87,11 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                 let now = clock::now();
                 let frames = session.handle_input(now, input.get(..count).unwrap_or_default());
                 if frames > 0 {
-                    match door.policy.rule_since(closings, source, &door.robot) {
+                    match door.policy.rule(client, &door.robot) {
                         Some(now_rule) => {
                             rule = now_rule;
                             if rule.allow == RawAllow::Command {
-                                door.lease().frame(now, &serve::holder(&rule, source));
+                                door.lease().frame(now, &serve::holder(&rule, client.source));
                             }
                         }
                         None => deny(&mut session, from.as_ref(), &mut input),
@@ -116,12 +112,12 @@ pub async fn run(door: &Arc<Door>, station: &Arc<Station>, mut stream: TcpStream
                     Ok(camera) => vec![camera],
                     Err(_missed) => station.open_photos(),
                 };
-                let cameras = door.policy.rule(source, &door.robot).map(|rule| rule.cameras).unwrap_or_default();
+                let cameras = door.policy.rule(client, &door.robot).map(|rule| rule.cameras).unwrap_or_default();
                 let granted = asked.into_iter().filter(|camera| cameras.contains(camera));
                 granted.for_each(|camera| session.push_photo(camera));
             }
             _ = changes.changed() => {
-                match door.policy.rule_since(closings, source, &door.robot) {
+                match door.policy.rule(client, &door.robot) {
                     Some(now_rule) => rule = now_rule,
                     None => deny(&mut session, from.as_ref(), &mut input),
                 }
@@ -155,12 +151,11 @@ fn deny(session: &mut Session, stream: &TcpStream, input: &mut [u8]) {
 
 /// Begins a request. Stops and commands run to their end even if the client leaves.
 ///
-/// `closings`: how often the raw ports had been closed when the client came. `rule`: that of a moment ago,
-/// when it sent this.
+/// `rule`: that of a moment ago, when the client sent this.
 fn begin(
     door: &Arc<Door>,
     station: &Arc<Station>,
-    (source, closings): (SocketAddr, u64),
+    client: Client,
     rule: &RawRule,
     ticket: Ticket,
     asked: Asked,
@@ -174,20 +169,19 @@ fn begin(
             (ticket, answer)
         }),
         Asked::Refused { request, reason } => Box::pin(async move {
-            let answer = serve::refuse(&door, &station, source, &request, (Code::BadCommand, reason));
+            let answer = serve::refuse(&door, &station, client, &request, (Code::BadCommand, reason));
             tokio::time::sleep_until(begun + door.pace()).await;
             (ticket, answer)
         }),
         Asked::Stop(command) => {
             let rule = rule.clone();
             let work =
-                tokio::spawn(async move { serve::stop(&door, &station, (source, &rule), command).await });
+                tokio::spawn(async move { serve::stop(&door, &station, (client, &rule), command).await });
             Box::pin(async move { (ticket, work.await.unwrap_or(Answer::Silence)) })
         }
         Asked::Order(order) => {
             let pace = door.pace();
-            let work =
-                tokio::spawn(async move { serve::order(&door, &station, (source, closings), order).await });
+            let work = tokio::spawn(async move { serve::order(&door, &station, client, order).await });
             Box::pin(async move {
                 let answer = work.await.unwrap_or(Answer::Silence);
                 tokio::time::sleep_until(begun + pace).await;

@@ -9,7 +9,7 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::task::JoinSet;
 
 use super::conversation::{self, End};
-use super::{RawPort, SharedPolicy};
+use super::{Client, RawPort, SharedPolicy};
 use crate::clock;
 use crate::core::rate::Rate;
 use crate::core::raw::lease::{Due, ImplicitLease, Rest};
@@ -166,12 +166,12 @@ pub async fn attend(door: Door, listener: TcpListener) {
                 Ok((stream, source)) => {
                     // With `join_next` above, ended clients may still be counted: take them out first.
                     while clients.try_join_next().is_some() {}
-                    let source = canonical(source);
-                    let of_address = present.of(source.ip());
-                    if let Some(station) = admit(&door, source, (clients.len(), of_address)) {
-                        let (door, place) = (Arc::clone(&door), present.enter(source.ip()));
+                    let client = door.policy.client(canonical(source));
+                    let address = client.source.ip();
+                    if let Some(station) = admit(&door, client, (clients.len(), present.of(address))) {
+                        let (door, place) = (Arc::clone(&door), present.enter(address));
                         clients.spawn(async move {
-                            converse(door, station, stream, source).await;
+                            converse(door, station, stream, client).await;
                             drop(place);
                         });
                     }
@@ -228,9 +228,10 @@ impl Drop for Place {
 }
 
 /// The robot, if the client may come in beside this number of clients, and this number of its own address.
-fn admit(door: &Door, source: SocketAddr, (clients, of_address): (usize, usize)) -> Option<Arc<Station>> {
+fn admit(door: &Door, client: Client, (clients, of_address): (usize, usize)) -> Option<Arc<Station>> {
+    let Client { source, .. } = client;
     let station = door.fleet.station(&door.robot)?;
-    let cause = if door.policy.rule(source, &door.robot).is_none() {
+    let cause = if door.policy.rule(client, &door.robot).is_none() {
         Cause::Denied
     } else if clients >= MAX_CLIENTS || of_address >= MAX_OF_ONE_ADDRESS {
         Cause::TooManyClients
@@ -247,7 +248,8 @@ fn admit(door: &Door, source: SocketAddr, (clients, of_address): (usize, usize))
     None
 }
 
-async fn converse(door: Arc<Door>, station: Arc<Station>, stream: TcpStream, source: SocketAddr) {
+async fn converse(door: Arc<Door>, station: Arc<Station>, stream: TcpStream, client: Client) {
+    let Client { source, .. } = client;
     let keepalive = TcpKeepalive::new().with_time(KEEPALIVE).with_interval(KEEPALIVE);
     // Frames leave at once and separately: old clients read with one call.
     let ready = stream.set_nodelay(true);
@@ -256,7 +258,7 @@ async fn converse(door: Arc<Door>, station: Arc<Station>, stream: TcpStream, sou
     }
     let _present = station.counts.raw.client();
     tracing::debug!(robot = door.robot, %source, "a raw client came");
-    match conversation::run(&door, &station, stream, source).await {
+    match conversation::run(&door, &station, stream, client).await {
         End::Left => tracing::debug!(robot = door.robot, %source, "a raw client left"),
         End::Closed(cause) => {
             tracing::info!(robot = door.robot, %source, %cause, "a raw client was closed");

@@ -1,13 +1,13 @@
 //! Carries out one request of a raw client.
 
 use std::net::SocketAddr;
-use std::sync::Arc;
 
 use r6_api::Code;
 use r6_client::units::{MillimetresPerSecond, Percent};
 use r6_client::{Address, Envelope, Motion, Point, Robot};
 use r6_proto::Command;
 
+use super::Client;
 use super::port::Door;
 use crate::clock;
 use crate::core::camera::Camera;
@@ -17,7 +17,7 @@ use crate::core::raw::policy::{RawAllow, RawRule};
 use crate::core::raw::session::Answer;
 use crate::core::seat::{Denied, Key, USUAL_LEASE};
 use crate::fleet::camera::Granted;
-use crate::fleet::send::{RULES_CHANGED, Still};
+use crate::fleet::send::Still;
 use crate::fleet::station::{By, Station};
 use crate::problem::Problem;
 
@@ -63,59 +63,44 @@ fn fresh(station: &Station, robot: &Robot, addresses: &[Address]) -> Option<Vec<
 pub async fn stop(
     door: &Door,
     station: &Station,
-    (source, rule): (SocketAddr, &RawRule),
+    (client, rule): (Client, &RawRule),
     command: Command<'static>,
 ) -> Answer {
     // A script that stops a stopped robot again and again must not fill the disk.
     let holds = station.seat(|seat, _| seat.stops().0);
-    let written = door.refusals().is_written(clock::now(), source.ip(), command.name().word()) || !holds;
-    let done = station.stop_command(&by(rule, source), command, written).await;
+    let written =
+        door.refusals().is_written(clock::now(), client.source.ip(), command.name().word()) || !holds;
+    let done = station.stop_command(&by(rule, client.source), command, written).await;
     door_answer(station, done.map(drop))
 }
 
 /// Sends a command, a list, or what a camera sends.
-///
-/// `closings`: how often the raw ports had been closed when the client came.
-pub async fn order(
-    door: &Door,
-    station: &Station,
-    (source, closings): (SocketAddr, u64),
-    order: Order,
-) -> Answer {
+pub async fn order(door: &Door, station: &Station, client: Client, order: Order) -> Answer {
     match order {
-        Order::Points { camera, points } => {
-            self::points(door, station, (source, closings), camera, points).await
-        }
-        Order::Photo { camera, taken } => photo(door, station, (source, closings), camera, taken).await,
-        order @ (Order::Command(_) | Order::List { .. }) => {
-            leased(door, station, (source, closings), order).await
-        }
+        Order::Points { camera, points } => self::points(door, station, client, camera, points).await,
+        Order::Photo { camera, taken } => photo(door, station, client, camera, taken).await,
+        order @ (Order::Command(_) | Order::List { .. }) => leased(door, station, client, order).await,
     }
 }
 
 /// Sends a command or a list that changes or moves, with the implicit lease of the source.
-async fn leased(
-    door: &Door,
-    station: &Station,
-    (source, closings): (SocketAddr, u64),
-    order: Order,
-) -> Answer {
-    let Some(rule) = door.policy.rule_since(closings, source, &door.robot) else { return Answer::Silence };
+async fn leased(door: &Door, station: &Station, client: Client, order: Order) -> Answer {
+    let Some(rule) = door.policy.rule(client, &door.robot) else { return Answer::Silence };
     let word = order.word();
     if rule.allow < RawAllow::Command {
         let reason = "this address may only read and stop".to_owned();
-        return refuse(door, station, source, word, (Code::NotAllowed, reason));
+        return refuse(door, station, client, word, (Code::NotAllowed, reason));
     }
     if let Some(reason) = rule.forbids(&order).or_else(|| beyond(&rule, &order)) {
-        return refuse(door, station, source, word, (Code::NotAllowed, reason));
+        return refuse(door, station, client, word, (Code::NotAllowed, reason));
     }
     if rule.asks_for_program(&order)
         && let Some(reason) = rule.forbids_start(loaded(station).await.as_deref())
     {
-        return refuse(door, station, source, word, (Code::NotAllowed, reason));
+        return refuse(door, station, client, word, (Code::NotAllowed, reason));
     }
     let effect = order.effect();
-    let holder = holder(&rule, source);
+    let holder = holder(&rule, client.source);
     // What is refused anyway does not take the lease from those who could use it.
     // While a stop holds, the lease is for the person who clears the stop.
     let fit = station.seat(|seat, now| match seat.stops() {
@@ -123,14 +108,14 @@ async fn leased(
         (false, _) => seat.check_before_lease(now, effect),
     });
     let held = match fit {
-        Ok(()) => acquire(door, station, &holder, source).await,
+        Ok(()) => acquire(door, station, &holder, client.source).await,
         Err(denied) => Err(denied.into()),
     };
     let (key, has_list) = match held {
         Ok(held) => held,
         Err(problem) => {
-            if door.refusals().is_written(clock::now(), source.ip(), word) {
-                station.note_refused(&by(&rule, source), &order.to_string(), problem.code);
+            if door.refusals().is_written(clock::now(), client.source.ip(), word) {
+                station.note_refused(&by(&rule, client.source), &order.to_string(), problem.code);
             }
             return door_answer(station, Err(problem));
         }
@@ -139,19 +124,19 @@ async fn leased(
     // Only the holder counts: others cannot use up what it may send.
     if let Err(wait) = door.rate().request(clock::now()) {
         let reason = format!("too many commands: wait {} ms", wait.as_millis());
-        return refuse(door, station, source, word, (Code::TooManyRequests, reason));
+        return refuse(door, station, client, word, (Code::TooManyRequests, reason));
     }
     let is_list = matches!(order, Order::List { .. });
     // Waiting for the lease took its time. It is asked again when the first byte is written: the command may
     // wait for the disk or behind another one.
     let (policy, robot, of_rule) = (door.policy.clone(), door.robot.clone(), rule.clone());
-    let still: Still =
-        Arc::new(move || policy.rule_since(closings, source, &robot).is_some_and(|now| now == of_rule));
-    if !still() {
-        return refuse(door, station, source, word, (Code::NotAllowed, RULES_CHANGED.to_owned()));
+    let holds = move || policy.rule(client, &robot).is_some_and(|now| now == of_rule);
+    let still = Still::new(holds, "the rules of the raw ports have changed, or the ports were closed");
+    if !still.holds() {
+        return refuse(door, station, client, word, (Code::NotAllowed, still.otherwise.to_owned()));
     }
     let leftover = is_list && has_list;
-    let done = station.command(&by(&rule, source), key, order, leftover, None, Some(still)).await;
+    let done = station.command(&by(&rule, client.source), key, order, leftover, None, Some(still)).await;
     if is_list && done.is_ok() {
         door.lease().has_list(key);
     }
@@ -171,14 +156,14 @@ async fn loaded(station: &Station) -> Option<String> {
 async fn points(
     door: &Door,
     station: &Station,
-    (source, closings): (SocketAddr, u64),
+    client: Client,
     camera: Camera,
     points: Vec<Point>,
 ) -> Answer {
-    let Some((rule, granted)) = granted(door, station, (source, closings), camera) else {
-        return not_granted(door, station, source, "AddPoints", camera);
+    let Some((rule, granted)) = granted(door, station, client, camera) else {
+        return not_granted(door, station, client, "AddPoints", camera);
     };
-    match station.add_points(&by(&rule, source), granted, points).await {
+    match station.add_points(&by(&rule, client.source), granted, points).await {
         Ok(done) => Answer::Taken(done.taken.and_then(|taken| usize::try_from(taken).ok())),
         Err(problem) => door_answer(station, Err(problem)),
     }
@@ -186,53 +171,44 @@ async fn points(
 
 /// Sends the answer of a camera to a request for a photo. As from the controller, no reply comes, also if it
 /// was not sent: the audit log says so.
-async fn photo(
-    door: &Door,
-    station: &Station,
-    (source, closings): (SocketAddr, u64),
-    camera: Camera,
-    taken: bool,
-) -> Answer {
-    match granted(door, station, (source, closings), camera) {
-        None => drop(not_granted(door, station, source, "photo", camera)),
-        Some((rule, granted)) => match station.answer_photo(&by(&rule, source), granted, taken).await {
-            Ok(()) => {}
-            Err(Problem { code: Code::OutcomeUnknown, message, .. }) => {
-                tracing::warn!(robot = door.robot, %source, %camera, message,
+async fn photo(door: &Door, station: &Station, client: Client, camera: Camera, taken: bool) -> Answer {
+    match granted(door, station, client, camera) {
+        None => drop(not_granted(door, station, client, "photo", camera)),
+        Some((rule, granted)) => {
+            match station.answer_photo(&by(&rule, client.source), granted, taken).await {
+                Ok(()) => {}
+                Err(Problem { code: Code::OutcomeUnknown, message, .. }) => {
+                    tracing::warn!(robot = door.robot, source = %client.source, %camera, problem = message,
                     "it is not known whether an answer to a photo left");
-            }
-            Err(problem) => {
-                station.counts.raw.refused();
-                if door.is_logged(source, "photo") {
-                    let problem = problem.message;
-                    tracing::info!(robot = door.robot, %source, %camera, problem,
+                }
+                Err(problem) => {
+                    station.counts.raw.refused();
+                    if door.is_logged(client.source, "photo") {
+                        let problem = problem.message;
+                        tracing::info!(robot = door.robot, source = %client.source, %camera, problem,
                         "an answer to a photo was not sent");
+                    }
                 }
             }
-        },
+        }
     }
     Answer::Silence
 }
 
 /// The rule of this source with its grant for this camera, if it has one.
-fn granted(
-    door: &Door,
-    station: &Station,
-    (source, closings): (SocketAddr, u64),
-    camera: Camera,
-) -> Option<(RawRule, Granted)> {
+fn granted(door: &Door, station: &Station, client: Client, camera: Camera) -> Option<(RawRule, Granted)> {
     let mut found = None;
     let granted = station.granted_by_rule(camera, || {
-        found = door.policy.rule_since(closings, source, &door.robot);
+        found = door.policy.rule(client, &door.robot);
         found.as_ref().map(|rule| rule.cameras.clone()).unwrap_or_default()
     });
     found.zip(granted)
 }
 
-fn not_granted(door: &Door, station: &Station, source: SocketAddr, word: &str, camera: Camera) -> Answer {
+fn not_granted(door: &Door, station: &Station, client: Client, word: &str, camera: Camera) -> Answer {
     let request = format!("{word} camera {camera}");
     let reason = format!("this address is not camera {camera}: a [[raw_rule]] names it in `cameras`");
-    refuse(door, station, source, &request, (Code::NotAllowed, reason))
+    refuse(door, station, client, &request, (Code::NotAllowed, reason))
 }
 
 /// Why a list goes beyond the limits of the rule.
@@ -298,15 +274,15 @@ impl Drop for Used<'_> {
 pub fn refuse(
     door: &Door,
     station: &Station,
-    source: SocketAddr,
+    client: Client,
     request: &str,
     (code, reason): (Code, String),
 ) -> Answer {
     station.counts.raw.refused();
-    if let Some(rule) = door.policy.rule(source, &door.robot)
-        && door.refusals().is_written(clock::now(), source.ip(), request)
+    if let Some(rule) = door.policy.rule(client, &door.robot)
+        && door.refusals().is_written(clock::now(), client.source.ip(), request)
     {
-        station.note_refused(&by(&rule, source), request, code);
+        station.note_refused(&by(&rule, client.source), request, code);
     }
     Answer::Refused(Some(reason))
 }

@@ -3,13 +3,12 @@
 use std::fs::Metadata;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use r6_api::Code;
 use r6_api::gateway::{ActedBy, Deed};
-use tokio::sync::Mutex as AsyncMutex;
+use tokio::sync::Mutex;
 
 use super::{RawPort, SharedPolicy};
 use crate::accounts::Accounts;
@@ -38,13 +37,9 @@ pub struct Switch {
     /// Who may do what.
     pub policy: SharedPolicy,
     marker: PathBuf,
-    ports: Mutex<Vec<RawPort>>,
-    /// The ports are closed, and the marker is not written yet.
-    unwritten: AtomicBool,
-    /// A task tries to write it again and again.
-    retrying: AtomicBool,
-    /// Locked while it is turned, so that the file says what holds.
-    turning: AsyncMutex<()>,
+    ports: OnceLock<Vec<RawPort>>,
+    /// Locked while the marker is written or removed, so that it says what holds.
+    turning: Mutex<()>,
 }
 
 impl Switch {
@@ -73,9 +68,7 @@ impl Switch {
 
     fn new(policy: RawPolicy, marker: PathBuf, closed: Option<ActedBy>) -> Self {
         let policy = SharedPolicy::new(policy, closed);
-        let (unwritten, retrying) = (AtomicBool::new(false), AtomicBool::new(false));
-        let (ports, turning) = (Mutex::default(), AsyncMutex::default());
-        Self { policy, marker, ports, unwritten, retrying, turning }
+        Self { policy, marker, ports: OnceLock::new(), turning: Mutex::default() }
     }
 
     /// The switch of a gateway that can have no raw ports. It is never turned.
@@ -83,27 +76,23 @@ impl Switch {
         Self::new(policy, PathBuf::new(), None)
     }
 
-    /// Notes which raw ports there are.
-    pub fn opened(&self, ports: &[RawPort]) {
-        ports.clone_into(&mut self.held());
+    /// Notes which raw ports there are, once.
+    pub fn opened(&self, ports: Vec<RawPort>) {
+        self.ports.get_or_init(|| ports);
     }
 
     /// The raw ports.
-    pub fn ports(&self) -> Vec<RawPort> {
-        self.held().clone()
-    }
-
-    fn held(&self) -> std::sync::MutexGuard<'_, Vec<RawPort>> {
-        self.ports.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    pub fn ports(&self) -> &[RawPort] {
+        self.ports.get().map_or(&[], Vec::as_slice)
     }
 
     /// Closes all raw ports: all clients are closed, none is let in, and their commands that have not left do
     /// not leave. It holds at once; the disk is told after, until it takes it.
     ///
     /// # Errors
-    /// `store_unavailable`: they are closed, and would be open after a restart until [`Self::is_kept`].
+    /// `store_unavailable`: they are closed, and would be open after a restart as long as the policy is not
+    /// kept.
     pub async fn close(self: &Arc<Self>, by: &By, fleet: &Fleet, accounts: &Accounts) -> Result<(), Problem> {
-        self.unwritten.store(true, Ordering::SeqCst);
         let acted = ActedBy { by: by.actor.clone(), at: clock::time_of_day() };
         let is_new = self.policy.close(acted);
         // What a camera has asked for under a rule does not leave.
@@ -117,18 +106,12 @@ impl Switch {
         let (written, ()) = tokio::join!(self.write_in_time(), accounts.ledger.tell(by, deed));
         written.map_err(|error| {
             tracing::error!(%error, "the disk does not take that the raw ports are closed: it is tried again");
-            self.write_later();
             let message = format!(
                 "all raw ports are closed, but the disk does not take it ({error}): they would be open after a restart. \
                  It is tried again until it does, which GET /v1/raw-ports tells as `kept`"
             );
             Problem::new(Code::StoreUnavailable, message)
         })
-    }
-
-    /// Whether a restart leaves the ports as they are.
-    pub fn is_kept(&self) -> bool {
-        !self.unwritten.load(Ordering::SeqCst)
     }
 
     /// Writes the marker, and waits for it no longer than a caller can.
@@ -141,32 +124,26 @@ impl Switch {
         }
     }
 
-    /// Writes the marker, if the ports are still closed.
+    /// Writes the marker, unless the disk has how the ports are.
     async fn write(&self) -> io::Result<()> {
         let _turn = self.turning.lock().await;
-        if let Some(closed) = self.policy.closed() {
+        let closings = self.policy.closings();
+        if let Some(closed) = self.policy.closed().filter(|_| !self.policy.is_kept()) {
             let (marker, text) = (self.marker.clone(), serde_json::to_vec(&closed).unwrap_or_default());
             self.on_disk(move || files::write(&marker, &text)).await?;
+            self.policy.kept(closings);
         }
-        self.unwritten.store(false, Ordering::SeqCst);
         Ok(())
     }
 
-    /// Writes the marker as soon as the disk takes it, unless the ports are opened.
-    fn write_later(self: &Arc<Self>) {
-        if self.retrying.swap(true, Ordering::SeqCst) {
-            return;
-        }
-        let switch = Arc::clone(self);
-        tokio::spawn(async move {
-            while !switch.is_kept() {
-                tokio::time::sleep(TRY_AGAIN).await;
-                if !switch.is_kept() && switch.write().await.is_ok() {
-                    tracing::info!("the disk has it now how the raw ports are");
-                }
+    /// Writes the marker as soon as a disk takes it that did not before, for as long as this is polled.
+    pub async fn keep(&self) {
+        loop {
+            tokio::time::sleep(TRY_AGAIN).await;
+            if !self.policy.is_kept() && self.write().await.is_ok() {
+                tracing::info!("the disk has it now that the raw ports are closed");
             }
-            switch.retrying.store(false, Ordering::SeqCst);
-        });
+        }
     }
 
     /// Opens all raw ports for the clients that the rules let in. The audit log has it before.
@@ -174,34 +151,35 @@ impl Switch {
     /// # Errors
     /// `store_unavailable`: they are closed as before; `not_ready`: they were closed again meanwhile.
     pub async fn open(&self, by: &By, accounts: &Accounts) -> Result<(), Problem> {
-        // Before it is the turn of this one: who closes them meanwhile wins.
+        // Counted before it is the turn of this one: a closing meanwhile wins.
         let closings = self.policy.closings();
         let _turn = self.turning.lock().await;
         let Some(before) = self.policy.closed() else { return Ok(()) };
-        let failed = |error: &dyn std::fmt::Display| {
-            let message =
-                format!("the raw ports are closed as before: the disk does not take the change ({error})");
-            Problem::new(Code::StoreUnavailable, message)
-        };
         let again = || Problem::new(Code::NotReady, "the raw ports were closed again meanwhile");
         if self.policy.closings() != closings {
             return Err(again());
         }
+        let failed = |error: String| {
+            let message =
+                format!("the raw ports are closed as before: the disk does not take the change ({error})");
+            Problem::new(Code::StoreUnavailable, message)
+        };
         let written = accounts.ledger.write_at_once(by, Deed::RawPorts { open: true }).await;
-        written.map_err(|error| failed(&error))?;
+        written.map_err(|error| failed(error.to_string()))?;
         let marker = self.marker.clone();
         if let Err(error) = self.on_disk(move || files::remove(&marker)).await {
             accounts.ledger.note(by, Deed::RawPorts { open: false });
-            return Err(failed(&format!("{}: {error}", self.marker.display())));
+            // The marker may be gone all the same: it is written again.
+            self.policy.doubt();
+            return Err(failed(format!("{}: {error}", self.marker.display())));
         }
         if !self.policy.open(closings) {
-            // The one who has closed them waits to write the marker, and is told in the audit log.
+            // The closing waits to write the marker again. Its record may stand before that of this opening.
             let closed = self.policy.closed().unwrap_or(before);
             let closer = By { actor: closed.by, source: None };
             accounts.ledger.note(&closer, Deed::RawPorts { open: false });
             return Err(again());
         }
-        self.unwritten.store(false, Ordering::SeqCst);
         tracing::warn!(by = by.actor, "the raw ports are open");
         Ok(())
     }
@@ -213,7 +191,77 @@ impl Switch {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests")]
+
+    use futures_util::FutureExt as _;
+
     use super::*;
+    use crate::core::raw::policy::{RawAllow, RawRule, RawSource};
+    use crate::fleet::roads::Roads;
+    use crate::fleet::station::Shared;
+    use crate::store::{FILE, Keeper, Sqlite, Store as _};
+
+    fn by(actor: &str) -> By {
+        By { actor: actor.to_owned(), source: None }
+    }
+
+    #[tokio::test]
+    async fn a_closing_does_not_wait_for_openings_and_wins() {
+        let folder = tempfile::tempdir().unwrap();
+        let keeper = Keeper::start(Sqlite::open(folder.path()).unwrap()).unwrap();
+        let accounts = Accounts::read(keeper.clone()).await.unwrap();
+        let shared = Arc::new(Shared::new(keeper, Roads::Tcp, None, 0));
+        let fleet = Fleet::start(Vec::new(), &Default::default(), shared);
+        let rule = RawRule::new(RawSource::parse("127.0.0.1").unwrap(), RawAllow::Command);
+        let switch = Arc::new(Switch::read(folder.path(), RawPolicy::new(vec![rule])));
+        let (anna, ben) = (by("anna"), by("ben"));
+        switch.close(&anna, &fleet, &accounts).await.unwrap();
+        assert!(switch.policy.is_kept());
+
+        // While the store takes nothing, one opening waits for it and another one for the first.
+        let other = rusqlite::Connection::open(folder.path().join(FILE)).unwrap();
+        other.execute_batch("BEGIN IMMEDIATE").unwrap();
+        let [mut first, mut second] = [(); 2].map(|()| Box::pin(switch.open(&ben, &accounts)));
+        assert!((&mut first).now_or_never().is_none() && (&mut second).now_or_never().is_none());
+        let mut closing = Box::pin(switch.close(&anna, &fleet, &accounts));
+        assert!((&mut closing).now_or_never().is_none());
+        assert!(!switch.policy.is_kept(), "the disk does not have the last closing");
+        other.execute_batch("COMMIT").unwrap();
+        let (first, second, closing) = tokio::join!(first, second, closing);
+        let codes = [first, second].map(|refused| refused.unwrap_err().code);
+        assert_eq!(codes, [Code::NotReady, Code::NotReady]);
+        closing.unwrap();
+        assert_eq!(switch.policy.closed().unwrap().by, "anna");
+        assert!(switch.policy.is_kept() && folder.path().join(MARKER).is_file());
+
+        // The last record says how they are, in the name of who closed them.
+        accounts.ledger.end().await.unwrap();
+        let mut store = Sqlite::open_existing(folder.path()).unwrap();
+        let told = store.entries(0, 100).unwrap();
+        let told: Vec<serde_json::Value> =
+            told.iter().map(|entry| serde_json::from_str(&entry.body).unwrap()).collect();
+        let told: Vec<_> = told.iter().filter(|entry| entry["what"] == "raw_ports").collect();
+        let opened = told.iter().position(|entry| entry["open"] == true).unwrap();
+        assert_eq!((&told[opened]["actor"], opened < told.len() - 1), (&"ben".into(), true), "{told:?}");
+        let last = told.last().unwrap();
+        assert_eq!((&last["open"], &last["actor"]), (&false.into(), &"anna".into()), "{told:?}");
+    }
+
+    #[tokio::test]
+    async fn a_client_of_before_a_closing_may_do_nothing_after_it() {
+        let rule = RawRule::new(RawSource::parse("127.0.0.1").unwrap(), RawAllow::Command);
+        let policy = SharedPolicy::new(RawPolicy::new(vec![rule]), None);
+        let source = "127.0.0.1:5000".parse().unwrap();
+        let before = policy.client(source);
+        assert!(policy.rule(before, "press").is_some());
+        assert!(policy.close(ActedBy { by: "anna".to_owned(), at: "then".to_owned() }));
+        assert!(
+            policy.rule(before, "press").is_none() && policy.rule(policy.client(source), "press").is_none()
+        );
+        assert!(policy.open(policy.closings()));
+        assert!(policy.rule(before, "press").is_none(), "also if they are open again");
+        assert!(policy.rule(policy.client(source), "press").is_some());
+    }
 
     #[test]
     fn a_marker_that_cannot_be_read_keeps_the_ports_closed() {

@@ -5,6 +5,7 @@ use r6_api::gateway::{AuditRecord, Deed};
 use super::{Author, StoreError, Token};
 use crate::core::camera::{Camera, CameraGrant, MAX_GRANTS};
 use crate::core::name::RobotName;
+use crate::expiry::Expiry;
 
 /// A grant to give or to revoke.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,10 +19,11 @@ pub struct NewGrant {
 }
 
 impl NewGrant {
-    /// Whether it can be given: `false` if it is there. `tokens`: those that are valid. `known`: the grants
-    /// of the robot.
+    /// Whether it can be given: `false` if it is there. `tokens`: those that are not revoked. `known`: the
+    /// grants of the robot.
     pub(super) fn is_new(&self, tokens: &[Token], known: &[CameraGrant]) -> Result<bool, StoreError> {
-        let token = tokens.iter().find(|token| token.number == self.token);
+        let mut valid = tokens.iter().filter(|token| !token.expires.is_some_and(Expiry::is_over));
+        let token = valid.find(|token| token.number == self.token);
         let token = token.ok_or(StoreError::NoSuchToken(self.token))?;
         if !token.grant.covers(self.robot.as_str()) {
             return Err(StoreError::TokenOfAnother(self.token));

@@ -17,8 +17,8 @@ use super::postgres::session::Hand;
 use super::postgres::{Database, Postgres};
 use super::runs::{Begun, KEPT, KeptRun, MAX_RUNS_OF_ONE, NewRun};
 use super::{
-    Author, Keeper, Kept, LibraryError, Link, Memory, MoreOfRobot, NewToken, NewVersion, Sqlite, Store,
-    StoreError, StoredRobot, StoredSettings, UserChange,
+    Author, Keeper, Kept, LibraryError, Link, Memory, NewToken, NewVersion, Sqlite, Store, StoreError,
+    StoredRobot, StoredSettings, UserChange,
 };
 use crate::core::account::{Decided, Denied, PasswordHash, UserName, Wish};
 use crate::core::alarms;
@@ -28,6 +28,7 @@ use crate::core::library::{Condition, MAX_PROGRAMS, MAX_VERSIONS, ProgramName, T
 use crate::core::name::RobotName;
 use crate::core::role::{Grant, Only};
 use crate::core::seat::Saved;
+use crate::expiry::Expiry;
 
 /// Runs a test on a new store of each kind.
 fn on_each(test: impl Fn(&mut dyn Store)) {
@@ -62,7 +63,7 @@ fn outcome(intent: u64) -> AuditRecord {
 
 fn token(byte: u8, only: Option<&str>) -> NewToken {
     let only = only.map(|names| Only::read(names).unwrap());
-    let expires = (byte == 2).then_some(1_900_000_000);
+    let expires = (byte == 2).then_some(Expiry(1_900_000_000));
     NewToken {
         hash: [byte; 32],
         grant: Grant { role: Role::Engineer, only },
@@ -138,7 +139,7 @@ fn tokens_are_added_revoked_and_audited() {
         let known = store.tokens().unwrap();
         assert_eq!((known[0].number, known[0].hash, known[0].name.as_str()), (1, [1; 32], "token 1"));
         assert_eq!(known[1].grant, token(2, Some("press")).grant);
-        assert_eq!((known[0].expires, known[1].expires), (None, Some(1_900_000_000)));
+        assert_eq!((known[0].expires, known[1].expires), (None, Some(Expiry(1_900_000_000))));
         assert_eq!(store.revoke_token(2, author), Ok(true));
         assert_eq!(store.revoke_token(2, author), Ok(false));
         assert_eq!(store.revoke_token(9, author), Ok(false));
@@ -362,9 +363,8 @@ fn group() -> PollGroup {
     PollGroup { period_ms: 20, read: vec!["Addr-801".to_owned()], keep: false, deadband: Some(0.5) }
 }
 
-fn more() -> MoreOfRobot {
-    let guard = GuardWanted { max_speed: Some(12.5), ..GuardWanted::default() };
-    MoreOfRobot { parts: Some("counter-3".to_owned()), guard: Some(Box::new(guard)) }
+fn guard() -> Option<Box<GuardWanted>> {
+    Some(Box::new(GuardWanted { max_speed: Some(12.5), ..GuardWanted::default() }))
 }
 
 #[test]
@@ -377,7 +377,8 @@ fn robots_are_put_replaced_removed_and_audited() {
             read: vec!["Addr-800".to_owned()],
             groups: (name == "press").then(group).into_iter().collect(),
             model: (name == "saw").then(|| "BRTIRUS0707A".to_owned()),
-            more: if name == "saw" { more() } else { MoreOfRobot::default() },
+            parts: (name == "saw").then(|| "counter-3".to_owned()),
+            guard: (name == "saw").then(guard).flatten(),
         };
         let (saw, press) = (robot("saw", "10.0.0.1"), robot("press", "10.0.0.2"));
         store.put_robot(&saw, &record(Deed::RobotRemoved {})).unwrap();
@@ -459,7 +460,8 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
         read: Vec::new(),
         groups: Vec::new(),
         model: model.map(str::to_owned),
-        more: model.map(|_| more()).unwrap_or_default(),
+        parts: None,
+        guard: model.and_then(|_| guard()),
     };
     let mut store = Sqlite::open(folder.path()).unwrap();
     store.put_robot(&robot(None), &record(Deed::RobotRemoved {})).unwrap();

@@ -20,6 +20,7 @@ pub use self::file::{FILE, HALF_RESTORED, HISTORY, copy};
 use self::settle::Unsettled;
 use self::tables::{SINCE_GROUPS, SINCE_MORE, TABLES};
 use super::commands::{KeptCommand, NewCommand, Noted};
+use super::robots::More;
 use super::runs::{Begun, KeptRun, NewRun};
 use super::versions::Named;
 use super::{
@@ -36,6 +37,7 @@ use crate::core::name::RobotName;
 use crate::core::point::PointName;
 use crate::core::role::{Grant, Only};
 use crate::core::seat::Saved;
+use crate::expiry::Expiry;
 
 /// The version from which on there are users.
 const USERS_SINCE: usize = 3;
@@ -146,8 +148,8 @@ fn tokens(connection: &Connection, version: usize) -> Result<Vec<Token>, StoreEr
         Ok((row.get(0)?, row.get(1)?, row.get::<_, String>(2)?, only, row.get(4)?, row.get(5)?))
     })?;
     rows.map(|row| {
-        let (number, hash, word, only, name, expires) = row?;
-        Ok(Token { number, hash, grant: grant(&word, only)?, name, expires })
+        let (number, hash, word, only, name, expires): (_, _, String, _, _, Option<u64>) = row?;
+        Ok(Token { number, hash, grant: grant(&word, only)?, name, expires: expires.map(Expiry) })
     })
     .collect()
 }
@@ -252,7 +254,7 @@ impl Store for Sqlite {
         if let Some(expires) = token.expires {
             transaction.execute(
                 "INSERT INTO token_end (token, expires) VALUES (?1, ?2)",
-                params![number, expires],
+                params![number, expires.0],
             )?;
         }
         append_in(&transaction, &[token_made(number, token, author)])?;
@@ -426,15 +428,15 @@ impl Store for Sqlite {
             let unreadable = || StoreError::Unreadable(format!("the robot `{name}`"));
             let read = serde_json::from_str(&read).map_err(|_| unreadable())?;
             let groups = serde_json::from_str(&groups).map_err(|_| unreadable())?;
-            let more = serde_json::from_str(&more).map_err(|_| unreadable())?;
+            let More { parts, guard } = serde_json::from_str(&more).map_err(|_| unreadable())?;
             let name = RobotName::new(&name).ok_or_else(unreadable)?;
-            Ok(StoredRobot { name, address, period_ms, read, groups, model, more })
+            Ok(StoredRobot { name, address, period_ms, read, groups, model, parts, guard })
         })
         .collect()
     }
 
     fn put_robot(&mut self, robot: &StoredRobot, record: &AuditRecord) -> Result<(), StoreError> {
-        let (read, groups, more) = (to_json(&robot.read)?, to_json(&robot.groups)?, to_json(&robot.more)?);
+        let (read, groups, more) = (to_json(&robot.read)?, to_json(&robot.groups)?, More::of(robot)?);
         let transaction = self.write()?;
         transaction.execute(
             "INSERT INTO robot (name, address, period_ms, read, model) VALUES (?1, ?2, ?3, ?4, ?5)

@@ -102,8 +102,8 @@ read and stop over raw ports, and others nothing. In hall.toml, for each source;
   [[raw_rule]]
   source = \"192.168.1.20\"              an address, or a network such as 192.168.1.0/24
   allow = \"command\"                    read, command or deny; stops are part of read
-  commands = [\"AddRCC\"]               of the commands only these; a command of any other kind is refused
-  programs = [\"press\"]                of the taught programs, it starts only these
+  commands = [\"AddRCC\"]                of the commands that need the lease, only these
+  programs = [\"press\"]                 of the taught programs, only these
   max_global_speed = 30                percent; a rule that has it lets nothing faster through
   max_speed = 50                       percent, of each move of a list
   max_path_speed = 250                 mm/s, of each move of a list

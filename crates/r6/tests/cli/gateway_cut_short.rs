@@ -6,19 +6,40 @@ use r6_testkit::hostile::{Character, Delays};
 use serde_json::Value;
 
 use crate::gateway_calls::{call, call_with, gateway, get, token, until};
-use crate::support::{Robot, hostile, r6};
+use crate::support::{Robot, Running, hostile, r6};
+
+/// A gateway with the robot `press`, which is up.
+struct Hall {
+    _folder: tempfile::TempDir,
+    data: String,
+    gateway: Running,
+    url: String,
+    admin: String,
+}
+
+impl Hall {
+    /// `robot`: its name and its address, as for `--robot`.
+    fn start(robot: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("data").display().to_string();
+        let (gateway, url) = gateway(&data, &["--robot", robot]);
+        let admin = token(&data, "admin");
+        until_up(&url, &admin);
+        Self { _folder: folder, data, gateway, url, admin }
+    }
+}
+
+fn until_up(url: &str, admin: &str) {
+    until(|| (get(url, admin, "/v1/robots/press").1["link"] == "up").then_some(()));
+}
 
 #[test]
 fn a_command_that_a_kill_cuts_short_is_unknown_at_the_next_start_and_never_sent_again() {
     // Each command is answered after a minute, so the gateway is killed before.
     let delays = Delays { command: Duration::from_secs(60), ..Delays::default() };
     let (robot, controller) = hostile(Character { arms_itself: true, delays, ..Character::default() });
-    let folder = tempfile::tempdir().unwrap();
-    let data = folder.path().join("data").display().to_string();
     let robot = format!("press={robot}");
-    let (first, url) = gateway(&data, &["--robot", &robot]);
-    let admin = token(&data, "admin");
-    until(|| (get(&url, &admin, "/v1/robots/press").1["link"] == "up").then_some(()));
+    let Hall { _folder, data, gateway: first, url, admin } = Hall::start(&robot);
     let (status, lease) = call(&url, &admin, "POST", "/v1/robots/press/lease", "{}");
     assert_eq!(status, 200, "{lease}");
     let body = format!(r#"{{"command":"clearAlarm","lease":{}}}"#, lease["lease"]);
@@ -39,7 +60,7 @@ fn a_command_that_a_kill_cuts_short_is_unknown_at_the_next_start_and_never_sent_
     assert_eq!(outcomes.len(), 1, "{outcomes:?}");
     assert_eq!((&outcomes[0]["intent"], &outcomes[0]["outcome"]), (&intent["number"], &"unknown".into()));
     assert_eq!(get(&url, &admin, "/v1/robots/press").1["lease"], Value::Null);
-    until(|| (get(&url, &admin, "/v1/robots/press").1["link"] == "up").then_some(()));
+    until_up(&url, &admin);
     assert_eq!(r6(&["gateway", "verify", "--data", &data, "--json"]).json()["whole"], true);
     drop(controller);
 }
@@ -47,13 +68,8 @@ fn a_command_that_a_kill_cuts_short_is_unknown_at_the_next_start_and_never_sent_
 #[test]
 fn a_run_that_a_kill_cuts_short_is_stopped_first_at_the_next_start_and_never_run_again() {
     let robot = Robot::start(&[]);
-    let folder = tempfile::tempdir().unwrap();
-    let data = folder.path().join("data").display().to_string();
     let named = format!("press={}", robot.address());
-    let (first, url) = gateway(&data, &["--robot", &named]);
-    let admin = token(&data, "admin");
-    let is_up = |url: &str| until(|| (get(url, &admin, "/v1/robots/press").1["link"] == "up").then_some(()));
-    is_up(&url);
+    let Hall { _folder, data, gateway: first, url, admin } = Hall::start(&named);
     let acquire = |url: &str| {
         let (status, lease) = call(url, &admin, "POST", "/v1/robots/press/lease", "{\"duration_ms\":60000}");
         assert_eq!(status, 200, "{lease}");
@@ -86,7 +102,7 @@ fn a_run_that_a_kill_cuts_short_is_stopped_first_at_the_next_start_and_never_run
         (&"unknown".into(), &"gateway_killed".into()),
         "{ended}"
     );
-    is_up(&url);
+    until_up(&url, &admin);
     until(|| (values(&url) == (false.into(), 0.into())).then_some(()));
     // The same request gets the same answer, and nothing moves.
     let again = run(&url, "one", &body);
@@ -119,12 +135,8 @@ fn a_request_for_a_run_that_a_kill_leaves_without_answer_is_unknown_and_not_sent
     // Each list is answered after a minute, so the gateway is killed before.
     let delays = Delays { list: Duration::from_secs(60), ..Delays::default() };
     let (robot, controller) = hostile(Character { arms_itself: true, delays, ..Character::default() });
-    let folder = tempfile::tempdir().unwrap();
-    let data = folder.path().join("data").display().to_string();
     let robot = format!("press={robot}");
-    let (first, url) = gateway(&data, &["--robot", &robot]);
-    let admin = token(&data, "admin");
-    until(|| (get(&url, &admin, "/v1/robots/press").1["link"] == "up").then_some(()));
+    let Hall { _folder, data, gateway: first, url, admin } = Hall::start(&robot);
     let (status, lease) = call(&url, &admin, "POST", "/v1/robots/press/lease", "{}");
     assert_eq!(status, 200, "{lease}");
     let text = "[[instruction]]\ndo = \"wait\"\nseconds = 1\n";

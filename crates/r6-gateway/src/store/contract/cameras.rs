@@ -3,6 +3,8 @@
 use super::{author, on_each, token};
 use crate::core::camera::{Camera, CameraGrant, MAX_GRANTS};
 use crate::core::name::RobotName;
+use crate::expiry::Expiry;
+use crate::store::NewToken;
 use crate::store::{NewGrant, Store, StoreError};
 use r6_api::gateway::{AuditRecord, Deed};
 
@@ -27,6 +29,9 @@ fn a_grant_of_a_camera_is_given_once_revoked_once_and_audited() {
         let by = &author();
         assert_eq!(store.add_token(&token(1, None), by), Ok(1));
         assert_eq!(store.add_token(&token(2, Some("press")), by), Ok(2));
+        // One that has ended.
+        let ended = NewToken { expires: Some(Expiry(1)), ..token(3, None) };
+        assert_eq!(store.add_token(&ended, by), Ok(3));
         assert_eq!(store.grant_camera(&grant("saw", 999, 1), by), Ok(true));
         assert_eq!(store.grant_camera(&grant("press", 1, 1), by), Ok(true));
         assert_eq!(store.grant_camera(&grant("press", 0, 2), by), Ok(true));
@@ -41,6 +46,7 @@ fn a_grant_of_a_camera_is_given_once_revoked_once_and_audited() {
 
         for (wrong, error) in [
             (grant("press", 0, 3), StoreError::NoSuchToken(3)),
+            (grant("press", 0, 4), StoreError::NoSuchToken(4)),
             (grant("saw", 0, 2), StoreError::TokenOfAnother(2)),
         ] {
             assert_eq!(store.grant_camera(&wrong, by), Err(error));
@@ -50,7 +56,7 @@ fn a_grant_of_a_camera_is_given_once_revoked_once_and_audited() {
         assert_eq!(store.revoke_camera(&grant("press", 1, 2), by), Ok(false));
         assert_eq!(told(store, Some("press")), [of("press", 0, 2)]);
 
-        let told_of: Vec<_> = records(store).into_iter().skip(2).collect();
+        let told_of: Vec<_> = records(store).into_iter().skip(3).collect();
         let deeds: Vec<_> = told_of.iter().map(|record| (record.robot.as_deref(), &record.deed)).collect();
         let given = |camera, token| Deed::CameraGranted { camera, token };
         assert_eq!(

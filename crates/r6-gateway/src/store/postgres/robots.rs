@@ -7,6 +7,7 @@ use super::{plain, signed, unsigned};
 use crate::core::alarms;
 use crate::core::name::RobotName;
 use crate::core::seat::Saved;
+use crate::store::robots::More;
 use crate::store::{StoreError, StoredRobot, StoredSettings};
 
 fn json(value: &impl serde::Serialize) -> Result<String, StoreError> {
@@ -105,6 +106,7 @@ pub async fn all(client: &Client) -> Result<Vec<StoredRobot>, StoreError> {
         .map(|row| {
             let name: &str = row.try_get(0)?;
             let unreadable = || StoreError::Unreadable(format!("the robot `{name}`"));
+            let More { parts, guard } = serde_json::from_str(row.try_get(6)?).map_err(|_| unreadable())?;
             Ok(StoredRobot {
                 name: RobotName::new(name).ok_or_else(unreadable)?,
                 address: row.try_get(1)?,
@@ -112,7 +114,8 @@ pub async fn all(client: &Client) -> Result<Vec<StoredRobot>, StoreError> {
                 read: serde_json::from_str(row.try_get(3)?).map_err(|_| unreadable())?,
                 model: row.try_get(4)?,
                 groups: serde_json::from_str(row.try_get(5)?).map_err(|_| unreadable())?,
-                more: serde_json::from_str(row.try_get(6)?).map_err(|_| unreadable())?,
+                parts,
+                guard,
             })
         })
         .collect()
@@ -141,7 +144,7 @@ pub async fn put(client: &Client, robot: &StoredRobot) -> Result<(), StoreError>
                 &json(&robot.read)?,
                 &model,
                 &json(&robot.groups)?,
-                &json(&robot.more)?,
+                &More::of(robot)?,
             ],
         )
         .await?;

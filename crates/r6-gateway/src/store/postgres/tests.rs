@@ -15,7 +15,7 @@ use crate::core::chain::Verifier;
 use crate::core::owner::{Life, Owned, SeenOwner};
 use crate::core::role::Grant;
 use crate::peers::Door;
-use crate::store::{Keeper, MoreOfRobot};
+use crate::store::Keeper;
 
 fn started() -> AuditRecord {
     let (time, actor) = ("2026-01-01T00:00:00.000000Z".to_owned(), "gateway".to_owned());
@@ -191,7 +191,8 @@ fn two_gateways_give_no_two_robots_one_address() {
         read: Vec::new(),
         groups: Vec::new(),
         model: None,
-        more: MoreOfRobot::default(),
+        parts: None,
+        guard: None,
     };
     assert_eq!(store.put_robot(&robot("saw", "10.0.0.1"), &started()), Ok(()));
     let taken = Err(StoreError::AddressTaken(name("saw")));
@@ -258,7 +259,8 @@ async fn gateways_hear_at_once_that_something_is_free_or_a_robot_came() {
         read: Vec::new(),
         groups: Vec::new(),
         model: None,
-        more: MoreOfRobot::default(),
+        parts: None,
+        guard: None,
     };
     let record = AuditRecord { deed: Deed::RobotRemoved {}, ..started() };
     let put = tokio::task::spawn_blocking(move || {

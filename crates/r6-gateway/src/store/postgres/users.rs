@@ -6,6 +6,7 @@ use super::audit::append;
 use super::{plain, signed, unsigned};
 use crate::core::account::{Account, Decided, PasswordHash, UserName};
 use crate::core::role::{Grant, Only};
+use crate::expiry::Expiry;
 use crate::store::{
     Author, Link, MAX_TOKENS, NewToken, StoreError, StoredUser, Token, UserChange, check_link, decide,
     link_made, role, token_made, token_revoked, user_changed,
@@ -39,7 +40,7 @@ pub async fn add_token(client: &Client, token: &NewToken, author: &Author) -> Re
                 &only,
                 &plain(&token.name),
                 &author.time,
-                &token.expires.map(signed),
+                &token.expires.map(|expires| signed(expires.0)),
             ],
         )
         .await?
@@ -77,7 +78,7 @@ pub async fn tokens(client: &Client) -> Result<Vec<Token>, StoreError> {
             let number = row.try_get(0)?;
             let hash = hash(row.try_get(1)?, || format!("token {number}"))?;
             let grant = grant(row.try_get(2)?, row.try_get(3)?)?;
-            let expires = row.try_get::<_, Option<i64>>(5)?.map(unsigned);
+            let expires = row.try_get::<_, Option<i64>>(5)?.map(|expires| Expiry(unsigned(expires)));
             Ok(Token { number, hash, grant, name: row.try_get(4)?, expires })
         })
         .collect()

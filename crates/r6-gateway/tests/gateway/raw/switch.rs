@@ -8,7 +8,6 @@ use serde_json::{Value, json};
 use tokio::io::AsyncReadExt;
 
 use super::{Raw, Script, command, query};
-use crate::stops::with_slow_store;
 use crate::support::{Hall, PATIENCE, name};
 
 const RULES: &[(&str, RawAllow)] = &[("127.0.0.1", RawAllow::Command)];
@@ -164,54 +163,6 @@ async fn a_disk_that_does_not_take_it_is_tried_again_and_that_is_told() {
     let Raw { hall, tap } = raw;
     let hall = hall.again_with_raw(tap.address, super::policy(RULES)).await;
     assert!(is_closed(&mut Script::at(hall.raw()).await).await);
-}
-
-#[tokio::test]
-async fn closing_does_not_wait_for_openings_and_wins() {
-    let raw = Raw::start(VirtualController::start().await.unwrap(), RULES).await;
-    let hall = &raw.hall;
-    assert_eq!(turn(hall, &hall.engineer, false).await.0, 200);
-    let number = |audit: &[Value]| audit.iter().filter(|entry| entry["what"] == "raw_ports").count();
-    let before = number(&hall.audit().await);
-    // Two openings wait, the first one for the disk with its record, the second one for the first one. None
-    // of them is answered before the closing has come.
-    let (address, admin, engineer) = (hall.gateway.address(), hall.admin.clone(), hall.engineer.clone());
-    let turn = |token: String, open: bool| {
-        tokio::spawn(async move {
-            crate::support::call(address, &token, "PUT", "/v1/raw-ports", Some(&json!({ "open": open })))
-                .await
-        })
-    };
-    let (first, second, closing) = with_slow_store(hall, async {
-        let first = turn(admin.clone(), true);
-        tokio::time::sleep(std::time::Duration::from_millis(500)).await;
-        let second = turn(admin, true);
-        tokio::time::sleep(std::time::Duration::from_millis(500)).await;
-        let closing = turn(engineer, false);
-        tokio::time::sleep(std::time::Duration::from_millis(500)).await;
-        assert!(!first.is_finished() && !second.is_finished());
-        assert!(is_closed(&mut raw.script().await).await);
-        (first, second, closing)
-    })
-    .await;
-    let [first, second, closing] = [first.await.unwrap(), second.await.unwrap(), closing.await.unwrap()];
-    let told = [&first, &second].map(|(status, problem)| (*status, problem["code"].clone()));
-    assert_eq!(told, [(409, json!("not_ready")), (409, json!("not_ready"))], "{first:?} {second:?}");
-    assert_eq!((closing.0, &closing.1["closed"]["by"]), (200, &json!("token 3 (engineer)")), "{closing:?}");
-    assert_eq!(closing.1["kept"], true);
-    assert!(is_closed(&mut raw.script().await).await);
-    assert!(hall.data.path().join("raw-ports-closed.json").is_file());
-    // The opening of the admin was taken back, in the name of the one who closed them.
-    let begun = std::time::Instant::now();
-    while number(&hall.audit().await) < before + 3 {
-        assert!(begun.elapsed() < PATIENCE, "{:?}", hall.audit().await);
-        tokio::time::sleep(std::time::Duration::from_millis(20)).await;
-    }
-    let audit = hall.audit().await;
-    let told = audit.iter().filter(|entry| entry["what"] == "raw_ports").skip(before);
-    let told: Vec<_> = told.map(|entry| (entry["actor"].as_str().unwrap(), entry["open"] == true)).collect();
-    assert!(told.contains(&("token 4 (admin)", true)), "{told:?}");
-    assert_eq!(told.iter().filter(|told| **told == ("token 3 (engineer)", false)).count(), 2, "{told:?}");
 }
 
 #[tokio::test]

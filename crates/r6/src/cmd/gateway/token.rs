@@ -1,12 +1,12 @@
 //! `r6 gateway token`: makes, lists and revokes tokens, whether the gateway runs or not.
 
 use std::path::PathBuf;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use r6_api::gateway::Role;
-use r6_gateway::{At, Camera, Grant, Only, RobotName};
+use r6_gateway::{At, Camera, Expiry, Grant, Only, RobotName};
 
 use super::place::{self, StoreUrl};
 use super::{DEFAULT_DATA, tell_new_folder};
@@ -15,6 +15,8 @@ use crate::output::{self, table::Table};
 
 /// The longest name of a token, in characters.
 const MAX_NAME: usize = 64;
+
+const DAY: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// Make a token and print it; list or revoke tokens
 #[derive(Debug, Args)]
@@ -58,7 +60,7 @@ pub struct TokenArgs {
     /// What people call it
     #[arg(long, value_name = "TEXT", default_value = "")]
     name: String,
-    /// Let it end after so many days, 1 at least; without this, it holds until it is revoked
+    /// How many days it is valid, from 1 on; without this, until it is revoked
     #[arg(long, value_name = "DAYS", value_parser = clap::value_parser!(u32).range(1..=36_500), conflicts_with_all = ["list", "revoke"])]
     days: Option<u32>,
     /// Let it feed this camera of a robot (`camID`); may be given several times
@@ -123,7 +125,7 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
         tell_new_folder(&args.data);
     }
     let at = args.at()?;
-    let expires = args.days.map(after_days);
+    let expires = args.days.map(|days| Expiry::after(DAY * days));
     let made = r6_gateway::make_token_until(at.clone(), Grant { role, only }, args.name, expires);
     let (number, token) = made.map_err(Failure::usage)?;
     output::line(token);
@@ -173,18 +175,10 @@ fn list(at: At) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// So many days from now, in seconds since 1970.
-fn after_days(days: u32) -> u64 {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    now.as_secs() + u64::from(days) * 24 * 60 * 60
-}
-
 /// When a token ends, for people.
-fn until(expires: u64) -> String {
-    // RFC 3339 has no time after the year 9999.
-    let at = UNIX_EPOCH + Duration::from_secs(expires.min(253_402_300_799));
-    let word = if at <= SystemTime::now() { "ended" } else { "until" };
-    format!(", {word} {}", humantime::format_rfc3339_seconds(at))
+fn until(expires: Expiry) -> String {
+    let word = if expires.is_over() { "ended" } else { "until" };
+    format!(", {word} {expires}")
 }
 
 /// The robots of `--robot`.
