@@ -99,6 +99,8 @@ async fn watch(station: &Station, robot: &Robot, mut values: Vec<Subscription>) 
     // A robot may take long to answer. Meanwhile its values grow old, and that has to be seen.
     let (mut introduction, mut asked_on): (Option<Introduction<'_>>, _) = (None, None);
     let mut next_introduction = tokio::time::Instant::now();
+    // A timer of its own for each reading would cost more than the look.
+    let mut look = clock::every(LOOK);
     // When all values were looked at last.
     let mut looked_at = next_introduction;
     loop {
@@ -123,7 +125,7 @@ async fn watch(station: &Station, robot: &Robot, mut values: Vec<Subscription>) 
                 (true, None)
             }
             read = next_of(&mut values) => (read.is_some(), read),
-            () = tokio::time::sleep(LOOK) => (true, None),
+            _ = look.tick() => (true, None),
         };
         if !is_open {
             return;

@@ -48,6 +48,7 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
         recorder.clone().map(|recorder| Feed::new(recorder, config, Arc::clone(&station.counts.history)));
     let time = |at| recorder.as_ref().map_or_else(|| time_of_system(at), |recorder| recorder.time(at));
     let (mut lost, mut held) = (0, VecDeque::new());
+    let mut look = clock::every(LOOK);
     loop {
         let values = tokio::select! {
             biased;
@@ -55,7 +56,8 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
                 Some(values) => Some(values),
                 None => return,
             },
-            () = tokio::time::sleep(if held.is_empty() { LOOK } else { LOOK_AT_HELD }) => None,
+            _ = look.tick() => None,
+            () = tokio::time::sleep(LOOK_AT_HELD), if !held.is_empty() => None,
         };
         let now = clock::now();
         let is_poll = values.is_some();
@@ -103,10 +105,10 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
         if !is_poll {
             // Only now: while polls wait, what they bring is not overdue.
             let event = observer.look(now, time);
-            feed.iter_mut().for_each(|feed| feed.note(event.iter().cloned().collect()));
-        }
-        if let Some(feed) = &mut feed {
-            feed.look(now);
+            if let Some(feed) = &mut feed {
+                feed.note(event.into_iter().collect());
+                feed.look(now);
+            }
         }
     }
 }
