@@ -75,6 +75,20 @@ pub fn read(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// How much the user of the gateway may still write on the disk of this folder; `None`: the system does not
+/// tell.
+#[cfg(target_os = "linux")]
+pub fn free_bytes(folder: &Path) -> Option<u64> {
+    let disk = rustix::fs::statvfs(folder).ok()?;
+    Some(disk.f_bavail.saturating_mul(disk.f_frsize))
+}
+
+/// The same.
+#[cfg(not(target_os = "linux"))]
+pub fn free_bytes(_: &Path) -> Option<u64> {
+    None
+}
+
 /// Only its owner may read and write a file that this makes.
 fn private(options: &mut OpenOptions) -> &mut OpenOptions {
     #[cfg(unix)]

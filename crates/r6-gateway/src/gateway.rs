@@ -8,7 +8,7 @@ use std::fmt;
 use std::fs::File;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, UNIX_EPOCH};
 
@@ -42,6 +42,7 @@ use crate::outage::Outage;
 use crate::problem::Problem;
 use crate::programs::bench::Bench;
 use crate::raw_port::{self, RawPort, Switch};
+use crate::reserve;
 use crate::settings::Settings;
 use crate::sharing::{self, Configured, Running, Sharing};
 use crate::store::history::Place;
@@ -202,8 +203,7 @@ impl Gateway {
         if folder::is_of_database(&settings.data) {
             return Err(GatewayError::OfDatabase(settings.data));
         }
-        let mut store = Sqlite::open(&settings.data)?;
-        let lock = folder::lock(&settings.data)?;
+        let (mut store, lock) = open_store(&settings.data)?;
         let raw_rules = settings.raw_policy.deed();
         let switch = Arc::new(Switch::read(&settings.data, settings.raw_policy));
         let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
@@ -258,6 +258,7 @@ impl Gateway {
             server.spawn_on(raw_port::attend(door, listener), front.handle());
         }
         switch.opened(raw_ports);
+        server.spawn(reserve::keep(settings.data));
         let keeping = Arc::clone(&switch);
         server.spawn(async move { keeping.keep().await });
         let (sharing, _front, _lock) = (None, front, lock);
@@ -561,6 +562,16 @@ pub(crate) fn keep_fresh(state: &State, server: &mut JoinSet<()>) {
         let settings = Arc::clone(&state.settings);
         server.spawn(async move { settings.keep_fresh().await });
     }
+}
+
+/// Opens the store of a folder under its lock. On a full disk, that is done in the room that was held for it.
+fn open_store(data: &Path) -> Result<(Sqlite, File), GatewayError> {
+    if !folder::has_store(data) {
+        return Ok((Sqlite::open(data)?, folder::lock(data)?));
+    }
+    let lock = folder::lock(data)?;
+    reserve::give_way(data).map_err(GatewayError::System)?;
+    Ok((Sqlite::open(data)?, lock))
 }
 
 /// The robots of the configuration, and those that were added through the API. A robot of the configuration

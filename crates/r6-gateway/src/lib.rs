@@ -68,6 +68,7 @@ mod peers;
 mod problem;
 mod programs;
 mod raw_port;
+mod reserve;
 mod secret;
 mod settings;
 mod sharing;

@@ -6,6 +6,7 @@ mod cameras;
 mod crowded;
 mod ends;
 mod forged;
+mod full_disk;
 mod gateway;
 mod gateway_calls;
 mod gateway_cut_short;

@@ -129,6 +129,15 @@ impl Running {
         Self::of(shell.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).current_dir(root()))
     }
 
+    /// Starts a script in this shell. It finds r6 as `$R6`, and the arguments as its own.
+    pub fn start_script(shell: &str, script: &str, args: &[&str]) -> Self {
+        let mut words = shell.split(' ');
+        let mut shell = Command::new(words.next().unwrap());
+        shell.args(words).args([script, "sh"]).args(args);
+        shell.env("R6", env!("CARGO_BIN_EXE_r6")).env("TOKIO_WORKER_THREADS", "2").env_remove("RUST_LOG");
+        Self::of(shell.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()))
+    }
+
     fn of(command: &mut Command) -> Self {
         let mut child = command.spawn().unwrap();
         let out = child.stdout.take().map(BufReader::new);

@@ -15,7 +15,7 @@ use super::{Ask, AskEvents, Entry, HistoryStore, KeptEvent, Part, Tail};
 use crate::core::history::block::Write;
 use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
-use crate::files::{make_file, make_folder};
+use crate::files::{free_bytes, make_file, make_folder};
 use crate::store::StoreError;
 
 /// The files that are open at once: today, and a day to which something comes late.
@@ -221,15 +221,8 @@ impl HistoryStore for Days {
         Ok(parts.collect())
     }
 
-    #[cfg(target_os = "linux")]
     fn free_bytes(&mut self) -> Option<u64> {
-        let disk = rustix::fs::statvfs(&self.folder).ok()?;
-        Some(disk.f_bavail.saturating_mul(disk.f_frsize))
-    }
-
-    #[cfg(not(target_os = "linux"))]
-    fn free_bytes(&mut self) -> Option<u64> {
-        None
+        free_bytes(&self.folder)
     }
 
     fn remove(&mut self, part: Part) -> Result<(), StoreError> {
