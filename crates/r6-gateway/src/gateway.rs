@@ -542,6 +542,7 @@ pub(crate) async fn look_after(
         settings,
         bench,
         raw_ports: None,
+        refused: Arc::default(),
     })
 }
 

@@ -32,6 +32,7 @@ mod query;
 mod range;
 mod raw_ports;
 mod refusal;
+mod refused;
 mod robots;
 mod runs;
 mod sessions;
@@ -66,6 +67,7 @@ use crate::fleet::station::Shared;
 use crate::http::caller::Caller;
 pub use crate::http::cookie::Cookie;
 use crate::http::described::OfToken;
+use crate::http::refused::Refused;
 use crate::problem::Problem;
 use crate::programs::bench::Bench;
 use crate::raw_port::Switch;
@@ -100,6 +102,8 @@ pub struct State {
     pub bench: Bench,
     /// The switch of the raw ports; `None` for a gateway that can have none.
     pub raw_ports: Option<Arc<Switch>>,
+    /// The requests that were refused.
+    pub refused: Arc<Refused>,
 }
 
 impl State {
@@ -228,6 +232,7 @@ pub fn router(state: State, site: Site) -> Router {
         .layer(middleware::from_fn_with_state(state.clone(), forward::pass_on))
         .layer(middleware::from_fn(traces::of_request))
         .layer(middleware::from_fn_with_state(site, guard))
+        .layer(middleware::from_fn_with_state(Arc::clone(&state.refused), refused::count))
         .with_state(state)
 }
 

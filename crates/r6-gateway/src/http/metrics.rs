@@ -13,6 +13,7 @@ use r6_client::LinkQuality;
 use super::State;
 use super::caller::Caller;
 use super::described::OfToken;
+use super::refused::Refused;
 use crate::fleet::station::Station;
 use crate::history::HistoryCounts;
 
@@ -99,6 +100,9 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
             files(&mut text, recorder.counts(), recorder.is_paused());
         }
     }
+    if caller.grant().only.is_none() {
+        refused(&mut text, &state.refused);
+    }
     if let Some(certificate) = state.certificate.as_ref().filter(|_| caller.grant().only.is_none()) {
         let name = "r6_gateway_certificate_expires_timestamp_seconds";
         family(&mut text, name, "gauge", "When the certificate of the gateway ends.");
@@ -106,6 +110,18 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
         let _ = writeln!(text, "{name} {}", certificate.expires());
     }
     ([(CONTENT_TYPE, FORMAT)], text)
+}
+
+/// The requests that were refused.
+fn refused(text: &mut String, refused: &Refused) {
+    let name = "r6_gateway_http_refused_total";
+    let told = "Requests that were refused, by status: 401 no valid token, 403 no role or a page from elsewhere, 413 too \
+                long, 429 too many.";
+    family(text, name, "counter", told);
+    for (status, count) in refused.counts() {
+        // To write to a text cannot fail.
+        let _ = writeln!(text, "{name}{{status=\"{status}\"}} {count}");
+    }
 }
 
 /// The connections to the robots. A robot without one has no rows.

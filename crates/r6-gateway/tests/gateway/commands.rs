@@ -86,6 +86,9 @@ async fn what_happened_is_counted_for_prometheus() {
     }
     hall.command(&hall.operator, "press", &Value::Null, "modifyGSPD 5").await;
     hall.stop(&hall.operator, "press").await;
+    for (token, status) in [("wrong", 401), ("", 401), (&hall.viewer, 403)] {
+        assert_eq!(hall.call(token, "POST", "/v1/robots/press/stop", None).await.0, status);
+    }
     let (status, text) = hall.call(&hall.viewer, "GET", "/metrics", None).await;
     let text = text.as_str().unwrap();
     assert_eq!(status, 200, "{text}");
@@ -99,10 +102,12 @@ async fn what_happened_is_counted_for_prometheus() {
         "r6_gateway_commands_total{robot=\"press\",outcome=\"unknown\"} 0",
         "r6_gateway_stops_total{robot=\"press\",confirmed=\"true\"} 1",
         "r6_gateway_stops_total{robot=\"press\",confirmed=\"false\"} 0",
+        "r6_gateway_http_refused_total{status=\"401\"} 2",
+        "r6_gateway_http_refused_total{status=\"403\"} 1",
     ] {
         assert!(text.lines().any(|told| told == line), "{line}: {text}");
     }
-    // Each line but comments is a name, a robot and a number.
+    // Each line but comments is a name with what it is of, and a number.
     let samples = text.lines().filter(|line| !line.starts_with('#'));
     assert!(samples.clone().all(|line| line.rsplit_once(' ').unwrap().1.parse::<u64>().is_ok()), "{text}");
     let other = r6_gateway::make_token(
@@ -112,7 +117,8 @@ async fn what_happened_is_counted_for_prometheus() {
         String::new(),
     );
     let (_, text) = hall.call(&other.unwrap().1, "GET", "/metrics", None).await;
-    assert!(!text.as_str().unwrap().contains("press"), "{text}");
+    let text = text.as_str().unwrap();
+    assert!(!text.contains("press") && !text.contains("http_refused"), "{text}");
 }
 
 #[tokio::test]
