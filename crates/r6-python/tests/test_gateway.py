@@ -219,6 +219,22 @@ def test_what_happened_and_the_figures_are_read_later(operator: r6.Gateway, cont
         list(arm.history_events(kinds=["part"]))
 
 
+def test_values_that_were_read_are_there_later(operator: r6.Gateway, controller: r6.Simulator) -> None:
+    arm = operator.robot("arm")
+    assert arm.state().fresh("curMode") is not None
+    end = monotonic() + 30
+    while not (modes := list(arm.history("curMode"))):
+        assert monotonic() < end
+        sleep(0.05)
+    assert {"time", "value"} <= set(modes[-1])
+    # A minute is a bucket, of the hour that is asked for.
+    buckets = list(arm.history("curMode", bucket="1m"))
+    assert 1 <= len(buckets) <= 61 and buckets[-1]["samples"] >= 1 and buckets[-1]["good_ms"] > 0
+    assert list(arm.history("curMode", start="2001-01-01T00:00:00Z", end="2001-01-01T01:00:00Z")) == []
+    with pytest.raises(r6.InvalidRequest, match="`curMod` is no query address; nearest: `curMold`"):
+        list(arm.history("curMod"))
+
+
 def test_a_camera_with_a_grant_answers_photos_and_sends_points(
     hall: Hall, operator: r6.Gateway, controller: r6.Simulator
 ) -> None:

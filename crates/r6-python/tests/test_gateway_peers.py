@@ -8,6 +8,7 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
+from typing import Any
 
 import pytest
 
@@ -120,6 +121,29 @@ def test_pages_of_events_are_read_to_the_end() -> None:
     # The range of the first page stays.
     assert b"history/events? " in peer.requests[0]
     assert b"history/events?from=a&to=b&cursor=e1-1-1 " in peer.requests[1]
+    peer.close()
+
+
+def test_pages_of_the_history_are_read_to_the_end_and_what_is_missing_is_said() -> None:
+    page = {"signal": "axis-0", "samples": [{"time": "c", "value": 1.5}], "from": "a", "to": "b", "next_cursor": "t7"}
+    peer = Peer(answer("200 OK", json.dumps(page | {"unreadable_chunks": 0}).encode()))
+    samples = r6.Gateway(peer.url, token="x").robot("arm").history("axis-0", bucket="1m")
+    assert [next(samples), next(samples)] == [{"time": "c", "value": 1.5}] * 2
+    assert b"history?signal=axis-0&bucket=1m&limit=10000 " in peer.requests[0]
+    assert b"history?signal=axis-0&from=a&to=b&bucket=1m&limit=10000&cursor=t7 " in peer.requests[1]
+    peer.close()
+    broken = Peer(answer("200 OK", json.dumps(page | {"unreadable_chunks": 2}).encode()))
+    with pytest.warns(RuntimeWarning, match="2 chunks of axis-0"):
+        next(r6.Gateway(broken.url, token="x").robot("arm").history("axis-0"))
+    broken.close()
+
+
+@pytest.mark.parametrize("page", [{}, {"samples": []}, {"samples": [1], "unreadable_chunks": 0, "next_cursor": None}])
+def test_a_history_of_another_shape_is_unclear(page: dict[str, Any]) -> None:
+    peer = Peer(answer("200 OK", json.dumps(page).encode()))
+    with pytest.raises(r6.OutcomeUnknown) as unknown:
+        next(r6.Gateway(peer.url, token="x").robot("arm").history("axis-0"))
+    assert (unknown.value.reason, unknown.value.may_send_again) == ("unclear", True)
     peer.close()
 
 

@@ -19,6 +19,7 @@ from ._gateway_values import (
     read_after,
     read_alarm,
     read_alarms,
+    read_history,
     read_nothing,
     read_page,
     read_signals,
@@ -64,14 +65,25 @@ class GatewayRobot:
 
         Each page of 1000 events is one request, made when the loop comes to it.
         """
-        asked = {"from": start, "to": end, "kind": None if kinds is None else ",".join(kinds)}
-        while True:
-            query = urlencode({name: value for name, value in asked.items() if value is not None})
-            events, more = self._ask("GET", f"/history/events?{query}", read_page)
-            yield from events
-            if more is None:
-                return
-            asked |= more
+        kind = None if kinds is None else ",".join(kinds)
+        return self._pages("/history/events", {"from": start, "to": end, "kind": kind}, read_page)
+
+    def history(
+        self, address: str, *, start: str | None = None, end: str | None = None, bucket: str | None = None
+    ) -> Iterator[dict[str, Any]]:
+        """The values of an address that the gateway kept, oldest first, such as ``{"time": "2026-11-25T06:00:00.031250Z",
+        "value": 12.5}``: a value counts until the next sample. Without a value, ``["value"]`` is ``None`` and ``["gap"]``
+        says why. ``start`` and ``end`` are RFC 3339 in UTC; without them, the last hour. The first sample is the last
+        one before ``start``, if it counts there.
+
+        With ``bucket``, such as ``"10s"`` or ``"1m"``, each has ``["mean"]`` (weighted by time), ``["min"]``, ``["max"]``,
+        ``["last"]``, ``["good_ms"]`` and the number of ``["samples"]`` of a span of this width.
+
+        Each page of 10000 is one request, made when the loop comes to it. A ``RuntimeWarning`` says if samples are
+        missing because the disk of the gateway cannot be read. ``InvalidRequest`` if the address is wrong.
+        """
+        asked = {"signal": address, "from": start, "to": end, "bucket": bucket, "limit": "10000"}
+        return self._pages("/history", asked, read_history)
 
     def production(
         self,
@@ -192,6 +204,21 @@ class GatewayRobot:
         headers: Mapping[str, str] | None = None,
     ) -> T:
         return self._http.ask(method, self._path(path), read, body, effect, headers)
+
+    def _pages(
+        self,
+        path: str,
+        asked: dict[str, str | None],
+        read: Callable[[Any], tuple[list[dict[str, Any]], dict[str, str] | None]],
+    ) -> Iterator[dict[str, Any]]:
+        """What all pages have. Each is asked for when the loop comes to it."""
+        while True:
+            query = urlencode({name: value for name, value in asked.items() if value is not None})
+            rows, more = self._ask("GET", f"{path}?{query}", read)
+            yield from rows
+            if more is None:
+                return
+            asked |= more
 
     def _path(self, path: str) -> str:
         return f"/v1/robots/{quote(self.name, safe='')}{path}"

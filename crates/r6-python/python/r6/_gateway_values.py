@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -121,11 +122,26 @@ def read_after(answer: Any) -> float:
 
 
 def read_page(answer: Any) -> tuple[list[dict[str, Any]], dict[str, str] | None]:
-    """The events of a page, and how to ask for the next one: the range of the first page stays."""
-    events, cursor = [dict(event) for event in answer["events"]], answer["next_cursor"]
+    """The events of a page, and how to ask for the next one."""
+    return [dict(event) for event in answer["events"]], _next_page(answer)
+
+
+def read_history(answer: Any) -> tuple[list[dict[str, Any]], dict[str, str] | None]:
+    """The samples or buckets of a page, and how to ask for the next one."""
+    chunks = int(answer["unreadable_chunks"])
+    if chunks > 0:
+        what = f"{chunks} chunks of {answer['signal']} cannot be read at the gateway: their samples are missing"
+        warnings.warn(what, RuntimeWarning, stacklevel=2)
+    rows = answer["buckets"] if "buckets" in answer else answer["samples"]
+    return [dict(row) for row in rows], _next_page(answer)
+
+
+def _next_page(answer: Any) -> dict[str, str] | None:
+    """How to ask for the next page: the range of the first one stays."""
+    cursor = answer["next_cursor"]
     if cursor is None:
-        return events, None
-    return events, {"from": str(answer["from"]), "to": str(answer["to"]), "cursor": str(cursor)}
+        return None
+    return {"from": str(answer["from"]), "to": str(answer["to"]), "cursor": str(cursor)}
 
 
 def read_alarm(answer: Any) -> dict[str, Any]:
