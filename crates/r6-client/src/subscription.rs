@@ -176,7 +176,7 @@ impl Subscription {
 
     /// Waits as [`Self::next`], without taking the values; `false` once the handle is closed.
     pub async fn changed(&mut self) -> bool {
-        // The poller is an errand, so the keeper drives anyway: a second driver would only look twice.
+        // The hand drives the poller, which is an errand: to drive here, too, would only be a second look.
         self.news.changed().await.is_ok()
     }
 }

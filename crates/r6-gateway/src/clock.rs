@@ -15,7 +15,7 @@ pub fn now() -> Instant {
     since_boot()
 }
 
-/// Ticks at this period, for the first time after one. A late tick moves those behind it.
+/// Ticks at this period. The first tick comes after one period, and a late tick moves those behind it.
 pub fn every(period: Duration) -> tokio::time::Interval {
     let mut ticks = tokio::time::interval_at(tokio::time::Instant::now() + period, period);
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);

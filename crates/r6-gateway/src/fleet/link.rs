@@ -104,6 +104,7 @@ async fn watch(station: &Station, robot: &Robot, mut values: Vec<Subscription>) 
     // When all values were looked at last.
     let mut looked_at = next_introduction;
     loop {
+        let waits = introduction.is_none() && known_on != Some(robot.connection());
         let introduced = async {
             match &mut introduction {
                 Some(introduction) => introduction.as_mut().await,
@@ -125,6 +126,7 @@ async fn watch(station: &Station, robot: &Robot, mut values: Vec<Subscription>) 
                 (true, None)
             }
             read = next_of(&mut values) => (read.is_some(), read),
+            () = tokio::time::sleep_until(next_introduction), if waits => (true, None),
             _ = look.tick() => (true, None),
         };
         if !is_open {
