@@ -115,8 +115,8 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
 /// The requests that were refused.
 fn refused(text: &mut String, refused: &Refused) {
     let name = "r6_gateway_http_refused_total";
-    let told = "Requests that were refused, by status: 401 no valid token, 403 no role or a page from elsewhere, 413 too \
-                long, 429 too many.";
+    let told = "Requests that were refused, by status: 401 no valid token, session or password, 403 role too low, page from \
+                elsewhere or wrong host, 413 body too long, 429 too many.";
     family(text, name, "counter", told);
     for (status, count) in refused.counts() {
         // To write to a text cannot fail.

@@ -1,6 +1,7 @@
-//! Requests that were refused before a route looked at them: they are counted, and not written down one by
-//! one, so that strangers cannot fill the disk.
+//! Requests that were refused: they are counted, and those of strangers are not written down one by one, so
+//! that they cannot fill the disk.
 
+use std::net::IpAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -10,11 +11,10 @@ use axum::http::StatusCode;
 use axum::middleware::Next;
 use axum::response::Response;
 use r6_http::Peer;
-use r6_proto::time::Instant;
 
 use crate::clock;
 
-/// What is counted: no or a wrong token, no role, a body that is too long, and too many requests.
+/// What is counted: [`Refused::counts`].
 const COUNTED: [StatusCode; 4] = [
     StatusCode::UNAUTHORIZED,
     StatusCode::FORBIDDEN,
@@ -29,27 +29,59 @@ const LOG_EVERY: Duration = Duration::from_secs(60);
 #[derive(Debug, Default)]
 pub struct Refused {
     counts: [AtomicU64; COUNTED.len()],
-    /// When the log had a line, and how many were counted since.
-    logged: Mutex<(Option<Instant>, u64)>,
+    /// What the log has no line of yet.
+    untold: Mutex<Option<Untold>>,
+}
+
+/// What the log has no line of yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Untold {
+    requests: u64,
+    /// The status of the last one.
+    last: StatusCode,
+    /// Where it came from.
+    from: Option<IpAddr>,
 }
 
 impl Refused {
-    /// How many requests got which status.
+    /// How many requests got which status: 401 for no valid token, session or password, 403 for a role that is
+    /// too low, a page from elsewhere or a wrong host, 413 for a body that is too long, and 429 for too many
+    /// requests.
     pub fn counts(&self) -> impl Iterator<Item = (u16, u64)> {
         let now = self.counts.iter().map(|count| count.load(Ordering::Relaxed));
         COUNTED.map(|status| status.as_u16()).into_iter().zip(now)
     }
 
-    /// Counts an answer, if it refuses. Returns how many there were since the last line of the log, if it is
-    /// time for another.
-    fn count(&self, status: StatusCode, now: Instant) -> Option<u64> {
-        let place = COUNTED.iter().position(|counted| *counted == status)?;
-        self.counts[place].fetch_add(1, Ordering::Relaxed);
-        let mut logged = self.logged.lock().unwrap_or_else(PoisonError::into_inner);
-        let (at, since) = *logged;
-        let is_due = at.is_none_or(|at| now.since(at) >= LOG_EVERY);
-        *logged = if is_due { (Some(now), 0) } else { (at, since + 1) };
-        is_due.then_some(since + 1)
+    /// Counts an answer, if it refuses.
+    fn count(&self, last: StatusCode, from: Option<IpAddr>) {
+        let mut counts = COUNTED.iter().zip(&self.counts);
+        let Some((_, count)) = counts.find(|(counted, _)| **counted == last) else { return };
+        count.fetch_add(1, Ordering::Relaxed);
+        let mut untold = self.untold.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = untold.map_or(0, |untold| untold.requests);
+        *untold = Some(Untold { requests: before + 1, last, from });
+    }
+
+    /// What the log has no line of yet, once.
+    fn take_untold(&self) -> Option<Untold> {
+        self.untold.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Writes a line a minute into the log, if requests were refused, for as long as this is polled.
+    pub async fn keep_log(&self) {
+        let mut lines = clock::every(LOG_EVERY);
+        loop {
+            lines.tick().await;
+            if let Some(Untold { requests, last, from }) = self.take_untold() {
+                let (last, from) = (last.as_u16(), from.map(tracing::field::display));
+                tracing::info!(
+                    requests,
+                    last,
+                    from,
+                    "requests were refused in the last minute; /metrics counts them"
+                );
+            }
+        }
     }
 }
 
@@ -57,16 +89,7 @@ impl Refused {
 pub async fn count(Of(refused): Of<Arc<Refused>>, request: Request, next: Next) -> Response {
     let peer = request.extensions().get::<Peer>().map(|Peer(peer)| peer.ip());
     let answer = next.run(request).await;
-    let status = answer.status();
-    if let Some(requests) = refused.count(status, clock::now()) {
-        let (last, from) = (status.as_u16(), peer.map(tracing::field::display));
-        tracing::info!(
-            requests,
-            last,
-            from,
-            "requests were refused since the last line; /metrics has the counts"
-        );
-    }
+    refused.count(answer.status(), peer);
     answer
 }
 
@@ -75,15 +98,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_is_counted_and_the_log_has_a_line_a_minute() {
-        let (refused, begun) = (Refused::default(), Instant::ORIGIN);
-        let mut lines = Vec::new();
-        for second in 0..150_u64 {
-            let status = if second % 2 == 0 { StatusCode::UNAUTHORIZED } else { StatusCode::FORBIDDEN };
-            lines.extend(refused.count(status, begun + Duration::from_secs(second)));
+    fn each_is_counted_and_the_next_line_of_the_log_has_all() {
+        let (refused, from) = (Refused::default(), Some(IpAddr::from([10, 0, 0, 9])));
+        for number in 0..150 {
+            let status = if number % 3 == 0 { StatusCode::UNAUTHORIZED } else { StatusCode::FORBIDDEN };
+            refused.count(status, from);
+            refused.count(StatusCode::OK, from);
         }
-        assert_eq!(lines, [1, 60, 60]);
-        assert_eq!(refused.count(StatusCode::OK, begun), None);
-        assert_eq!(refused.counts().collect::<Vec<_>>(), [(401, 75), (403, 75), (413, 0), (429, 0)]);
+        let untold = Untold { requests: 150, last: StatusCode::FORBIDDEN, from };
+        assert_eq!((refused.take_untold(), refused.take_untold()), (Some(untold), None));
+        refused.count(StatusCode::TOO_MANY_REQUESTS, None);
+        assert_eq!(refused.take_untold().map(|untold| untold.requests), Some(1));
+        assert_eq!(refused.counts().collect::<Vec<_>>(), [(401, 50), (403, 100), (413, 0), (429, 1)]);
     }
 }
