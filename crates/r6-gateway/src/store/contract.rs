@@ -460,7 +460,7 @@ fn a_file_of_the_first_version_gets_all_new_tables() {
         read: Vec::new(),
         groups: Vec::new(),
         model: model.map(str::to_owned),
-        parts: None,
+        parts: model.map(|_| "counter-3".to_owned()),
         guard: model.and_then(|_| guard()),
     };
     let mut store = Sqlite::open(folder.path()).unwrap();

@@ -7,7 +7,7 @@ use super::{StoreError, StoredRobot};
 
 /// The text. What it lacks is not configured. A name that it should not have is not passed over: it could be
 /// a limit of a later version.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct More {
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -19,7 +19,7 @@ pub(super) struct More {
 impl More {
     /// The text of a robot.
     pub fn of(robot: &StoredRobot) -> Result<String, StoreError> {
-        let StoredRobot { parts, guard, .. } = robot.clone();
+        let (parts, guard) = (robot.parts.clone(), robot.guard.clone());
         serde_json::to_string(&Self { parts, guard })
             .map_err(|error| StoreError::Unreadable(error.to_string()))
     }
