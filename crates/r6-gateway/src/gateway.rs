@@ -226,6 +226,7 @@ impl Gateway {
         }
         let keeper = Keeper::start(store).map_err(GatewayError::System)?;
         let history = settings.history;
+        let min_free = history.min_free;
         let history = history
             .on
             .then(|| Recorder::start(Place::Folder(settings.data.join(HISTORY)), history))
@@ -258,9 +259,11 @@ impl Gateway {
             server.spawn_on(raw_port::attend(door, listener), front.handle());
         }
         switch.opened(raw_ports);
-        server.spawn(reserve::keep(settings.data));
-        let keeping = Arc::clone(&switch);
-        server.spawn(async move { keeping.keep().await });
+        server.spawn(reserve::keep(settings.data, min_free));
+        if !switch.ports().is_empty() {
+            let keeping = Arc::clone(&switch);
+            server.spawn(async move { keeping.keep().await });
+        }
         let (sharing, _front, _lock) = (None, front, lock);
         Ok(Self { address, state, sharing, switch, certificate, server, _front, _lock })
     }
@@ -559,6 +562,8 @@ pub(crate) fn keep_fresh(state: &State, server: &mut JoinSet<()>) {
     server.spawn(async move { accounts.keep_fresh().await });
     let accounts = Arc::clone(&state.accounts);
     server.spawn(async move { accounts.ledger.keep().await });
+    let refused = Arc::clone(&state.refused);
+    server.spawn(async move { refused.keep_log().await });
     if !state.shared.owners.is_alone() {
         let settings = Arc::clone(&state.settings);
         server.spawn(async move { settings.keep_fresh().await });
@@ -571,7 +576,7 @@ fn open_store(data: &Path) -> Result<(Sqlite, File), GatewayError> {
         return Ok((Sqlite::open(data)?, folder::lock(data)?));
     }
     let lock = folder::lock(data)?;
-    reserve::give_way(data).map_err(GatewayError::System)?;
+    reserve::give_way(data);
     Ok((Sqlite::open(data)?, lock))
 }
 

@@ -21,9 +21,6 @@ pub use recorder::{Batch, NotKept, Recorder};
 /// The least that all files of the history may take: parts of an eighth of it are still large enough.
 pub const LEAST_MAX_BYTES: u64 = 64 * 1024 * 1024;
 
-/// How much room has to be left on the disk, in bytes, unless it is set.
-pub(crate) const MIN_FREE: u64 = 256 * 1024 * 1024;
-
 /// What is kept of the values of all robots, and for how long.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HistorySettings {
@@ -50,7 +47,7 @@ impl Default for HistorySettings {
             max_bytes: 10 * 1024 * 1024 * 1024,
             deadbands: BTreeMap::new(),
             memory: 64 * 1024 * 1024,
-            min_free: MIN_FREE,
+            min_free: 256 * 1024 * 1024,
         }
     }
 }

@@ -181,6 +181,7 @@ fn the_core_of_the_gateway_knows_no_clocks_sockets_and_threads() {
         "problem",
         "programs",
         "raw_port",
+        "reserve",
         "secret",
         "settings",
         "sharing",

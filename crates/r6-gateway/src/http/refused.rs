@@ -44,9 +44,9 @@ struct Untold {
 }
 
 impl Refused {
-    /// How many requests got which status: 401 for no valid token, session or password, 403 for a role that is
-    /// too low, a page from elsewhere or a wrong host, 413 for a body that is too long, and 429 for too many
-    /// requests.
+    /// How many requests got which status: 401 for no valid token, session or password, 403 for a role that
+    /// is too low, a page from elsewhere or a wrong host, 413 for a body that is too long, and 429 for too
+    /// many requests.
     pub fn counts(&self) -> impl Iterator<Item = (u16, u64)> {
         let now = self.counts.iter().map(|count| count.load(Ordering::Relaxed));
         COUNTED.map(|status| status.as_u16()).into_iter().zip(now)
