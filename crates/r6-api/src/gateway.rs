@@ -63,7 +63,7 @@ pub use robot::{
     RobotGuard, RobotIdentity, RobotLink, RobotState, RobotSummary, RobotWanted, Robots, Signal,
     SignalQuality,
 };
-pub use run::{Run, RunEnd, RunProof, RunRequest, RunState};
+pub use run::{Run, RunEnd, RunProof, RunRequest, RunState, Runs};
 pub use settings::{HallSettings, Settings, Shift, ShiftSpan, Weekday};
 
 /// What a token or a user may do. Each role allows everything that the roles before it allow.

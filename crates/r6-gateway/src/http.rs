@@ -170,6 +170,7 @@ fn routes() -> OpenApiRouter<State> {
         .routes(routes!(programs::versions))
         .routes(routes!(models::list))
         .routes(routes!(query::show))
+        .routes(routes!(runs::list))
         .routes(routes!(runs::show))
         .routes(routes!(raw_ports::show, raw_ports::put))
         .routes(routes!(robots::list))

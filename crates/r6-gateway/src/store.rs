@@ -363,6 +363,12 @@ pub trait Store: Send {
     /// [`StoreError`].
     fn run(&mut self, robot: &RobotName, id: u64) -> Result<Option<KeptRun>, StoreError>;
 
+    /// The runs of this robot with smaller numbers than `before`, the newest first, `most` at most.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn runs(&mut self, robot: &RobotName, before: u64, most: usize) -> Result<Vec<Run>, StoreError>;
+
     /// The runs that have not ended, in the order of their numbers.
     ///
     /// # Errors

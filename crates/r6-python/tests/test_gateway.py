@@ -477,6 +477,8 @@ def test_a_program_runs_once_and_its_end_is_proved(operator: r6.Gateway) -> None
         assert arm.query("axis-0")["axis-0"].value == pytest.approx(8)
         again = lease.run(text, repeat=2, key="once")
         assert again.number == run.number and arm.run(run.number).is_done
+        newest = next(arm.runs())
+        assert (newest.number, newest.state, newest.done) == (run.number, "done", 4)
         with pytest.raises(r6.InvalidRequest) as other:
             lease.run(text, key="once")
         assert other.value.reason == "key_taken"

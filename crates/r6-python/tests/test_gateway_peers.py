@@ -138,6 +138,20 @@ def test_pages_of_the_history_are_read_to_the_end_and_what_is_missing_is_said() 
     broken.close()
 
 
+def test_pages_of_runs_are_read_to_the_end() -> None:
+    run = {"run_id": 7, "state": "done", "steps": 1, "done": 1, "because": "finished", "detail": ""}
+    peer = Peer(answer("200 OK", json.dumps({"runs": [run], "next_before": 7}).encode()))
+    runs = r6.Gateway(peer.url, token="x").robot("arm").runs()
+    assert [next(runs).number, next(runs).number] == [7, 7]
+    assert b"/v1/robots/arm/runs " in peer.requests[0] and b"/runs?before=7 " in peer.requests[1]
+    peer.close()
+    broken = Peer(answer("200 OK", json.dumps({"runs": [{"run_id": 7}], "next_before": None}).encode()))
+    with pytest.raises(r6.OutcomeUnknown) as unknown:
+        next(r6.Gateway(broken.url, token="x").robot("arm").runs())
+    assert unknown.value.reason == "unclear"
+    broken.close()
+
+
 @pytest.mark.parametrize("page", [{}, {"samples": []}, {"samples": [1], "unreadable_chunks": 0, "next_cursor": None}])
 def test_a_history_of_another_shape_is_unclear(page: dict[str, Any]) -> None:
     peer = Peer(answer("200 OK", json.dumps(page).encode()))

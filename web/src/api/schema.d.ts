@@ -952,6 +952,23 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/robots/{name}/runs": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** The runs of a robot, the newest first. Runs are kept for 24 h. */
+        get: operations["runs"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/robots/{name}/runs/{run}": {
         parameters: {
             query?: never;
@@ -3959,6 +3976,16 @@ export interface components {
          * @enum {string}
          */
         RunState: "running" | "done" | "stopped" | "refused" | "failed" | "unknown";
+        /** @description Runs of a robot, the newest first. */
+        Runs: {
+            /**
+             * Format: int64
+             * @description Ask with this `before` to read on; `null` at the end.
+             */
+            next_before: number | null;
+            /** @description The runs. */
+            runs: components["schemas"]["Run"][];
+        };
         /** @description Who calls: a user with a session, or a token. */
         Session: {
             /**
@@ -9693,6 +9720,88 @@ export interface operations {
             };
             /** @description `no_reply` */
             504: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    runs: {
+        parameters: {
+            query?: {
+                /** @description Only runs with smaller numbers: `next_before` of the last answer, to read on. */
+                before?: number;
+                /** @description The largest number of runs, 1 to 1000. */
+                limit?: number;
+            };
+            header?: never;
+            path: {
+                /** @description The name of the robot */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The runs as they stand */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Runs"];
+                };
+            };
+            /** @description `no_token`, `no_session` */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `not_allowed`, `foreign_host`, `foreign_origin` */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `no_such_robot` */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `bad_value`: a parameter is wrong */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `too_many_requests` */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description `store_unavailable`; `no_owner` */
+            503: {
                 headers: {
                     [name: string]: unknown;
                 };

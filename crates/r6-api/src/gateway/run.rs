@@ -118,6 +118,17 @@ pub enum RunProof {
     AtRest,
 }
 
+/// Runs of a robot, the newest first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Runs {
+    /// The runs.
+    pub runs: Vec<Run>,
+    /// Ask with this `before` to read on; `null` at the end.
+    #[cfg_attr(feature = "openapi", schema(required = true))]
+    pub next_before: Option<u64>,
+}
+
 /// A run of a program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]

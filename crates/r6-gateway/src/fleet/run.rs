@@ -453,6 +453,19 @@ impl Station {
         Ok(kept.map(|kept| kept.run))
     }
 
+    /// The runs before this number, the newest first, with a run under way as it stands now.
+    ///
+    /// # Errors
+    /// `store_unavailable`.
+    pub async fn runs_before(&self, before: u64, most: usize) -> Result<Vec<Run>, Problem> {
+        let robot = self.robot_name().clone();
+        let kept = self.term.keeper.work(move |store| store.runs(&robot, before, most)).await?;
+        // Looked at after the store, which can tell no later end than this.
+        let now = self.runs.borrow().clone();
+        let newest = |run: Run| now.clone().filter(|now| now.run_id == run.run_id).unwrap_or(run);
+        Ok(kept.into_iter().map(newest).collect())
+    }
+
     /// Gives the lease back, and waits until a run of it is stopped.
     ///
     /// # Errors

@@ -1,24 +1,28 @@
 //! Runs of programs.
 
 use axum::Json;
-use axum::extract::rejection::PathRejection;
-use axum::extract::{Path, State as Of};
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::extract::{Path, Query, State as Of};
 use axum::http::header::LOCATION;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use r6_api::gateway::{Run, RunRequest};
+use r6_api::gateway::{Run, RunRequest, Runs};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
+use serde::Deserialize;
 use sha2::{Digest, Sha256};
+use utoipa::IntoParams;
 
 use super::body::{WithProgram, key};
 use super::caller::{Command, Read, Robot};
 use super::described::{OfChange, OfRight};
+use super::range::check_limit;
 use super::{State, deadline, idempotency, refusal};
 use crate::core::library::ProgramName;
 use crate::fleet::run::Wish;
 use crate::programs::check::check_length;
 use crate::programs::run::{MAX_REPEAT, steps};
+use crate::store::MAX_PAGE;
 use crate::{problem, traces};
 
 /// What a caller has to know whose text is another one.
@@ -125,6 +129,48 @@ pub async fn run(
     };
     let location = format!("/v1/robots/{}/runs/{}", run.robot, run.run_id);
     Ok((StatusCode::ACCEPTED, [(LOCATION, location)], Json(run)).into_response())
+}
+
+/// Which runs.
+#[derive(Debug, Deserialize, IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct Page {
+    /// Only runs with smaller numbers: `next_before` of the last answer, to read on.
+    before: Option<u64>,
+    /// The largest number of runs, 1 to 1000.
+    #[serde(default = "usual_limit")]
+    #[param(minimum = 1, maximum = 1000, default = 100)]
+    limit: usize,
+}
+
+fn usual_limit() -> usize {
+    100
+}
+
+/// The runs of a robot, the newest first. Runs are kept for 24 h.
+#[utoipa::path(
+    get,
+    path = "/v1/robots/{name}/runs",
+    operation_id = "runs",
+    params(("name" = String, Path, description = "The name of the robot"), Page),
+    responses(
+        (status = 200, description = "The runs as they stand", body = Runs),
+        (status = 404, description = "`no_such_robot`", body = Problem),
+        (status = 422, description = "`bad_value`: a parameter is wrong", body = Problem),
+        (status = 503, description = "`store_unavailable`", body = Problem),
+        OfRight,
+    )
+)]
+pub async fn list(
+    robot: Robot<Read>,
+    page: Result<Query<Page>, QueryRejection>,
+) -> Result<Json<Runs>, Refusal> {
+    let Query(Page { before, limit }) = page.map_err(refusal::of_query)?;
+    check_limit(limit, MAX_PAGE)?;
+    let runs = robot.station.runs_before(before.unwrap_or(u64::MAX), limit).await.map_err(refusal::of)?;
+    let next_before = runs.last().filter(|_| runs.len() == limit).map(|run| run.run_id);
+    Ok(Json(Runs { runs, next_before }))
 }
 
 /// A run of a program: how it stands, how far it is, and why it ended. Runs are kept for 24 h.

@@ -385,6 +385,10 @@ impl Store for Mounted {
         self.read(|store| store.run(robot, id))
     }
 
+    fn runs(&mut self, robot: &RobotName, before: u64, most: usize) -> Result<Vec<Run>, StoreError> {
+        self.read(|store| store.runs(robot, before, most))
+    }
+
     fn open_runs(&mut self) -> Result<Vec<Run>, StoreError> {
         self.read(|store| store.open_runs())
     }

@@ -408,6 +408,12 @@ impl Store for Memory {
         Ok(self.runs.get(&id).filter(|run| run.robot == *robot).map(|run| run.kept.clone()))
     }
 
+    fn runs(&mut self, robot: &RobotName, before: u64, most: usize) -> Result<Vec<Run>, StoreError> {
+        let earlier = self.runs.range(..before).rev().map(|(_, run)| run);
+        let own = earlier.filter(|run| run.robot == *robot);
+        Ok(own.take(most).map(|run| run.kept.run.clone()).collect())
+    }
+
     fn open_runs(&mut self) -> Result<Vec<Run>, StoreError> {
         Ok(self.runs.values().filter(|run| !run.kept.ended).map(|run| run.kept.run.clone()).collect())
     }

@@ -453,6 +453,10 @@ impl Store for Postgres {
         self.session.read(async |client| runs::one(client, robot, id).await)
     }
 
+    fn runs(&mut self, robot: &RobotName, before: u64, most: usize) -> Result<Vec<Run>, StoreError> {
+        self.session.read(async |client| runs::of_robot(client, robot, before, most).await)
+    }
+
     fn open_runs(&mut self) -> Result<Vec<Run>, StoreError> {
         self.session.read(runs::open)
     }

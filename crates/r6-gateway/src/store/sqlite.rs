@@ -529,6 +529,10 @@ impl Store for Sqlite {
         runs::one(&self.connection, robot, id)
     }
 
+    fn runs(&mut self, robot: &RobotName, before: u64, most: usize) -> Result<Vec<Run>, StoreError> {
+        runs::of_robot(&self.connection, robot, before, most)
+    }
+
     fn open_runs(&mut self) -> Result<Vec<Run>, StoreError> {
         runs::open(&self.connection)
     }

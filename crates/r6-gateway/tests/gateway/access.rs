@@ -26,7 +26,7 @@ enum Needs {
 }
 
 /// What each route needs. A route that is not here fails the test.
-const ROUTES: [(&str, &str, Needs); 76] = [
+const ROUTES: [(&str, &str, Needs); 77] = [
     ("GET", "/healthz", Needs::Nothing),
     ("GET", "/metrics", Needs::Role(Role::Viewer)),
     ("GET", "/readyz", Needs::Role(Role::Viewer)),
@@ -90,6 +90,7 @@ const ROUTES: [(&str, &str, Needs); 76] = [
     ("DELETE", "/v1/programs/{program}", Needs::Role(Role::Engineer)),
     ("GET", "/v1/programs/{program}/versions", Needs::Role(Role::Viewer)),
     ("POST", "/v1/robots/{name}/programs/run", Needs::Role(Role::Operator)),
+    ("GET", "/v1/robots/{name}/runs", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/runs/{run}", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/query", Needs::Role(Role::Viewer)),
     ("GET", "/v1/robots/{name}/history/events", Needs::Role(Role::Viewer)),

@@ -22,6 +22,7 @@ from ._gateway_values import (
     read_history,
     read_nothing,
     read_page,
+    read_runs,
     read_signals,
     read_taken,
     read_took,
@@ -145,6 +146,17 @@ class GatewayRobot:
     def run(self, number: int) -> GatewayRun:
         """A run of a program, from its number. The gateway keeps it for 24 h. To begin one: ``GatewayLease.run``."""
         return self._ask("GET", f"/runs/{number}", lambda data: GatewayRun(self, None, data))
+
+    def runs(self) -> Iterator[GatewayRun]:
+        """The runs of programs of the last 24 h, the newest first: to find one whose answer was lost, for example. Each
+        page of 100 is one request, made when the loop comes to it."""
+        before: str = ""
+        while True:
+            runs, more = self._ask("GET", f"/runs{before}", read_runs)
+            yield from (GatewayRun(self, None, run) for run in runs)
+            if more is None:
+                return
+            before = f"?{urlencode({'before': more})}"
 
     def stop(self) -> float:
         """Stops the robot, and returns the seconds until it was proved that the arm stands. It needs no lease.

@@ -125,6 +125,29 @@ fn runs_go_after_a_day_but_not_while_they_are_open_or_a_stop_is_owed() {
 }
 
 #[test]
+fn the_runs_of_a_robot_are_listed_newest_first_in_pages() {
+    on_each(|store| {
+        let (press, saw) = (RobotName::new("press").unwrap(), RobotName::new("saw").unwrap());
+        let mut numbers = Vec::new();
+        for key in ["a", "b", "c", "d"] {
+            numbers.push(begin(store, &new_run("token 1", key, 1_000)));
+            let other = NewRun { robot: saw.clone(), ..new_run("token 1", &format!("saw {key}"), 1_000) };
+            begin(store, &other);
+        }
+        let (run, record) = ended(store.run(&press, numbers[1]).unwrap().unwrap().run);
+        store.end_run(&run, false, &[record]).unwrap();
+        let mut page = |before, most| store.runs(&press, before, most).unwrap();
+        let of = |runs: &[Run]| runs.iter().map(|run| (run.run_id, run.state)).collect::<Vec<_>>();
+        let listed = |place: usize, state| (numbers[place], state);
+        let (done, running) = (RunState::Done, RunState::Running);
+        assert_eq!(of(&page(u64::MAX, 2)), [listed(3, running), listed(2, running)]);
+        assert_eq!(of(&page(numbers[2], 2)), [listed(1, done), listed(0, running)]);
+        assert_eq!(of(&page(numbers[0], 2)), []);
+        assert_eq!(page(u64::MAX, 1000).len(), 4);
+    });
+}
+
+#[test]
 fn one_robot_leaves_room_for_the_runs_of_the_others() {
     let folder = tempfile::tempdir().unwrap();
     let mut store = Sqlite::open(folder.path()).unwrap();

@@ -74,6 +74,19 @@ pub async fn one(client: &Client, robot: &RobotName, id: u64) -> Result<Option<K
     found.as_ref().map(kept).transpose()
 }
 
+/// The runs of a robot before this number, the newest first.
+pub async fn of_robot(
+    client: &Client,
+    robot: &RobotName,
+    before: u64,
+    most: usize,
+) -> Result<Vec<Run>, StoreError> {
+    let text = format!("SELECT {COLUMNS} FROM run WHERE robot = $1 AND id < $2 ORDER BY id DESC LIMIT $3");
+    let most = i64::try_from(most).unwrap_or(i64::MAX);
+    let rows = client.query(&text, &[&robot.as_str(), &signed(before), &most]).await?;
+    rows.iter().map(|row| Ok(kept(row)?.run)).collect()
+}
+
 /// The runs that have not ended.
 pub async fn open(client: &Client) -> Result<Vec<Run>, StoreError> {
     let text = format!("SELECT {COLUMNS} FROM run WHERE NOT ended ORDER BY id");

@@ -15,7 +15,7 @@ CREATE TABLE IF NOT EXISTS r6_gateway.version (
 ";
 
 /// What makes the tables of each version out of those before, from version 1 on.
-pub const TABLES: [&str; 8] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES, POINTS, GROUPS, MORE];
+pub const TABLES: [&str; 9] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES, POINTS, GROUPS, MORE, LISTS];
 
 /// - `audit`: `what`, `robot` and `intent` are read from the text when it is written.
 /// - `seat`: the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -257,4 +257,9 @@ ALTER TABLE robot ADD COLUMN poll_groups text NOT NULL DEFAULT '[]';
 const MORE: &str = "
 ALTER TABLE robot ADD COLUMN more text NOT NULL DEFAULT '{}';
 ALTER TABLE token ADD COLUMN expires bigint;
+";
+
+/// For lists of the runs of a robot.
+const LISTS: &str = "
+CREATE INDEX run_robot ON run (robot, id);
 ";

@@ -434,6 +434,7 @@ fn the_gateway_of_an_older_version_has_let_go_before_its_robots_can_be_taken() {
     server.sql(
         &url,
         "SET search_path = r6_gateway; UPDATE version SET tables = 2; DROP TABLE camera; DROP TABLE point; DROP TABLE gateway; ALTER TABLE robot DROP COLUMN poll_groups; ALTER TABLE robot DROP COLUMN more; ALTER TABLE token DROP COLUMN expires;
+         DROP INDEX run_robot;
          DROP TABLE owner;
          CREATE TABLE owner (one integer, fence bigint, beat bigint, gateway text, beat_at timestamptz);
          INSERT INTO owner VALUES (1, 7, 9, 'old', now())",

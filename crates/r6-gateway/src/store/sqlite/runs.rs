@@ -77,6 +77,21 @@ pub fn one(connection: &Connection, robot: &RobotName, id: u64) -> Result<Option
     select.query_row(params![id, robot.as_str()], raw).optional()?.map(kept).transpose()
 }
 
+/// The runs of a robot before this number, the newest first.
+pub fn of_robot(
+    connection: &Connection,
+    robot: &RobotName,
+    before: u64,
+    most: usize,
+) -> Result<Vec<Run>, StoreError> {
+    let before = i64::try_from(before).unwrap_or(i64::MAX);
+    let mut select = connection.prepare_cached(&format!(
+        "SELECT {COLUMNS} FROM run WHERE robot = ?1 AND id < ?2 ORDER BY id DESC LIMIT ?3"
+    ))?;
+    let rows = select.query_map(params![robot.as_str(), before, most], raw)?;
+    rows.map(|row| Ok(kept(row?)?.run)).collect()
+}
+
 /// The runs that have not ended.
 pub fn open(connection: &Connection) -> Result<Vec<Run>, StoreError> {
     let mut select =

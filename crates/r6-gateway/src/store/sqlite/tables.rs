@@ -2,8 +2,9 @@
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-pub const TABLES: [&str; 12] =
-    [CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS, POINTS, GROUPS, MORE];
+pub const TABLES: [&str; 13] = [
+    CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS, POINTS, GROUPS, MORE, LISTS,
+];
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
 /// with the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -193,6 +194,11 @@ CREATE TABLE IF NOT EXISTS token_end (
     token   INTEGER PRIMARY KEY,
     expires INTEGER NOT NULL
 ) STRICT;
+";
+
+/// For lists of the runs of a robot. The index may be there, as the table of [`CAMERAS`].
+const LISTS: &str = "
+CREATE INDEX IF NOT EXISTS run_robot ON run (robot);
 ";
 
 #[cfg(test)]
