@@ -483,6 +483,7 @@ impl Gateway {
     /// # Errors
     /// The last record could not be written.
     pub async fn shutdown(mut self) -> Result<(), StoreError> {
+        tracing::info!("the gateway ends");
         self.server.shutdown().await;
         match self.sharing.take() {
             Some(sharing) => sharing.end().await,

@@ -6,6 +6,7 @@ import json
 import socket
 import threading
 from contextlib import suppress
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -127,10 +128,17 @@ def test_pages_of_events_are_read_to_the_end() -> None:
 def test_pages_of_the_history_are_read_to_the_end_and_what_is_missing_is_said() -> None:
     page = {"signal": "axis-0", "samples": [{"time": "c", "value": 1.5}], "from": "a", "to": "b", "next_cursor": "t7"}
     peer = Peer(answer("200 OK", json.dumps(page | {"unreadable_chunks": 0}).encode()))
-    samples = r6.Gateway(peer.url, token="x").robot("arm").history("axis-0", bucket="1m")
+    arm = r6.Gateway(peer.url, token="x").robot("arm")
+    samples = arm.history("axis-0", bucket="1m")
     assert [next(samples), next(samples)] == [{"time": "c", "value": 1.5}] * 2
     assert b"history?signal=axis-0&bucket=1m&limit=10000 " in peer.requests[0]
     assert b"history?signal=axis-0&from=a&to=b&bucket=1m&limit=10000&cursor=t7 " in peer.requests[1]
+    # A time has its zone, or it could be another one.
+    east = datetime(2026, 11, 25, 7, 30, tzinfo=timezone(timedelta(hours=1)))
+    next(arm.history("axis-0", start=east, end="2026-11-25T07:00:00Z"))
+    assert b"from=2026-11-25T06%3A30%3A00Z&to=2026-11-25T07%3A00%3A00Z" in peer.requests[2]
+    with pytest.raises(ValueError, match="no time zone"):
+        arm.history("axis-0", start=datetime(2026, 11, 25))
     peer.close()
     broken = Peer(answer("200 OK", json.dumps(page | {"unreadable_chunks": 2}).encode()))
     with pytest.warns(RuntimeWarning, match="2 chunks of axis-0"):

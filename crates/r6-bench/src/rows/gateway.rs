@@ -56,8 +56,10 @@ const COMMANDS: usize = 300;
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// Why a command takes longer through the gateway.
-const SYNCHRONISED: &str = "its intent is on the disk before it leaves, which is one synchronised write; the rest is changes \
-                            between threads, on processors that the polls keep busy";
+const SYNCHRONISED: &str = "with one robot and no load it takes about as long (`perf`, switches and system calls): a quarter is the \
+                            synchronised write of its intent, a third is computed before and behind it with cold caches, a \
+                            quarter are the two transactions of the store, the rest is changes between threads. The slowest \
+                            wait for a processor, behind polls and the history";
 
 /// A program that moves all axes back and forth without an end.
 const WORK: &str = "[[step]]\ndo = \"axis-move\"\nto = [60, -10, 20, 30, 40, 50]\nspeed = 20\n\
@@ -209,9 +211,10 @@ pub fn rows() -> Vec<Row> {
             against: "bare write and read of the same query to the same robots",
             goal: Some(Goal::AtMost(2.0)),
             figure: Figure::Ratio(ratio),
-            in_the_way: "no single place: the thread of the history, which packs and writes, takes a fifth of the time, the \
-                         system calls a quarter, asking for memory a tenth, and the rest is spread over the client and \
-                         the runtime, which wait for the memory of a thousand robots; no function takes more than 8 %",
+            in_the_way: "no single place (`perf`): system calls take a quarter, the thread of the history, which packs and \
+                         writes, a seventh, asking for memory a tenth; the rest is spread over the client, the runtime and \
+                         the tasks of the robots, of which no function takes more than 5 %: they wait for the memory of a \
+                         thousand robots",
         },
         amount(
             "resident memory",

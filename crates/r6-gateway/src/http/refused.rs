@@ -1,6 +1,7 @@
 //! Requests that were refused: they are counted, and those of strangers are not written down one by one, so
 //! that they cannot fill the disk.
 
+use std::fmt;
 use std::net::IpAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,13 +35,23 @@ pub struct Refused {
 }
 
 /// What the log has no line of yet.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Untold {
-    requests: u64,
-    /// The status of the last one.
-    last: StatusCode,
-    /// Where it came from.
-    from: Option<IpAddr>,
+    /// How many requests got which status, in the order of [`COUNTED`].
+    counts: [u64; COUNTED.len()],
+    /// Where the last one came from.
+    last: Option<IpAddr>,
+}
+
+/// `6 x 401, 1 x 403`.
+impl fmt::Display for Untold {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let counts = COUNTED.iter().zip(self.counts).filter(|(_, count)| *count > 0);
+        for (place, (status, count)) in counts.enumerate() {
+            write!(f, "{}{count} x {}", if place == 0 { "" } else { ", " }, status.as_u16())?;
+        }
+        Ok(())
+    }
 }
 
 impl Refused {
@@ -53,13 +64,17 @@ impl Refused {
     }
 
     /// Counts an answer, if it refuses.
-    fn count(&self, last: StatusCode, from: Option<IpAddr>) {
-        let mut counts = COUNTED.iter().zip(&self.counts);
-        let Some((_, count)) = counts.find(|(counted, _)| **counted == last) else { return };
-        count.fetch_add(1, Ordering::Relaxed);
+    fn count(&self, status: StatusCode, from: Option<IpAddr>) {
         let mut untold = self.untold.lock().unwrap_or_else(PoisonError::into_inner);
-        let before = untold.map_or(0, |untold| untold.requests);
-        *untold = Some(Untold { requests: before + 1, last, from });
+        let Untold { mut counts, .. } = untold.unwrap_or_default();
+        for ((counted, all), of_minute) in COUNTED.iter().zip(&self.counts).zip(&mut counts) {
+            if *counted == status {
+                all.fetch_add(1, Ordering::Relaxed);
+                *of_minute += 1;
+                *untold = Some(Untold { counts, last: from });
+                return;
+            }
+        }
     }
 
     /// What the log has no line of yet, once.
@@ -72,12 +87,11 @@ impl Refused {
         let mut lines = clock::every(LOG_EVERY);
         loop {
             lines.tick().await;
-            if let Some(Untold { requests, last, from }) = self.take_untold() {
-                let (last, from) = (last.as_u16(), from.map(tracing::field::display));
+            if let Some(untold) = self.take_untold() {
+                let last = untold.last.map(tracing::field::display);
                 tracing::info!(
-                    requests,
+                    requests = %untold,
                     last,
-                    from,
                     "requests were refused in the last minute; /metrics counts them"
                 );
             }
@@ -105,10 +119,11 @@ mod tests {
             refused.count(status, from);
             refused.count(StatusCode::OK, from);
         }
-        let untold = Untold { requests: 150, last: StatusCode::FORBIDDEN, from };
+        let untold = Untold { counts: [50, 100, 0, 0], last: from };
         assert_eq!((refused.take_untold(), refused.take_untold()), (Some(untold), None));
+        assert_eq!(untold.to_string(), "50 x 401, 100 x 403");
         refused.count(StatusCode::TOO_MANY_REQUESTS, None);
-        assert_eq!(refused.take_untold().map(|untold| untold.requests), Some(1));
+        assert_eq!(refused.take_untold().unwrap().to_string(), "1 x 429");
         assert_eq!(refused.counts().collect::<Vec<_>>(), [(401, 50), (403, 100), (413, 0), (429, 1)]);
     }
 }

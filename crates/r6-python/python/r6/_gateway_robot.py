@@ -16,10 +16,12 @@ from ._gateway_http import Effect, HttpClient, T, header
 from ._gateway_values import (
     GatewaySignal,
     GatewayState,
+    Moment,
     read_after,
     read_alarm,
     read_alarms,
     read_history,
+    read_moment,
     read_nothing,
     read_page,
     read_runs,
@@ -58,24 +60,25 @@ class GatewayRobot:
         return self._ask("GET", f"/query?{urlencode({'address': ','.join(addresses)})}", read_signals)
 
     def history_events(
-        self, *, kinds: list[str] | None = None, start: str | None = None, end: str | None = None
+        self, *, kinds: list[str] | None = None, start: Moment | None = None, end: Moment | None = None
     ) -> Iterator[dict[str, Any]]:
         """What happened, oldest first: alarms, modes, programs, cycles, parts, lost links, and when the gateway
-        did not see the robot. ``start`` and ``end`` are RFC 3339 in UTC; without them, the last hour. ``kinds``:
+        did not see the robot. ``start`` and ``end``: a ``datetime`` with its time zone, or RFC 3339 in UTC; without them,
+        the last hour. ``kinds``:
         only these, such as ``["alarm_began", "cycle_done"]``.
 
         Each page of 1000 events is one request, made when the loop comes to it.
         """
         kind = None if kinds is None else ",".join(kinds)
-        return self._pages("/history/events", {"from": start, "to": end, "kind": kind}, read_page)
+        return self._pages("/history/events", {"from": read_moment(start), "to": read_moment(end), "kind": kind}, read_page)
 
     def history(
-        self, address: str, *, start: str | None = None, end: str | None = None, bucket: str | None = None
+        self, address: str, *, start: Moment | None = None, end: Moment | None = None, bucket: str | None = None
     ) -> Iterator[dict[str, Any]]:
         """The values of an address that the gateway kept, oldest first, such as ``{"time": "2026-11-25T06:00:00.031250Z",
         "value": 12.5}``: a value counts until the next sample. Without a value, ``["value"]`` is ``None`` and ``["gap"]``
-        says why. ``start`` and ``end`` are RFC 3339 in UTC; without them, the last hour. The first sample is the last
-        one before ``start``, if it counts there.
+        says why. ``start`` and ``end``: a ``datetime`` with its time zone, or RFC 3339 in UTC; without them, the last
+        hour. The first sample is the last one before ``start``, if it counts there.
 
         With ``bucket``, such as ``"10s"`` or ``"1m"``, each has ``["mean"]`` (weighted by time), ``["min"]``, ``["max"]``,
         ``["last"]``, ``["good_ms"]`` and the number of ``["samples"]`` of a span of this width.
@@ -83,25 +86,26 @@ class GatewayRobot:
         Each page of 10000 is one request, made when the loop comes to it. A ``RuntimeWarning`` says if samples are
         missing because the disk of the gateway cannot be read. ``InvalidRequest`` if the address is wrong.
         """
-        asked = {"signal": address, "from": start, "to": end, "bucket": bucket, "limit": "10000"}
+        of_time = {"from": read_moment(start), "to": read_moment(end)}
+        asked = {"signal": address, **of_time, "bucket": bucket, "limit": "10000"}
         return self._pages("/history", asked, read_history)
 
     def production(
         self,
         *,
-        start: str | None = None,
-        end: str | None = None,
+        start: Moment | None = None,
+        end: Moment | None = None,
         shift: str | None = None,
         date: str | None = None,
         by_shift: bool = False,
     ) -> dict[str, Any]:
-        """The figures of production from ``start`` to ``end``, RFC 3339 in UTC, at most 31 days; without them, the
-        last day. Times are in milliseconds. What was not seen is ``unseen_ms``, and in no state.
+        """The figures of production from ``start`` to ``end``, each a ``datetime`` with its time zone or RFC 3339 in UTC,
+        at most 31 days; without them, the last day. Times are in milliseconds. What was not seen is ``unseen_ms``, and in no state.
 
         With ``shift`` and ``date``, such as ``"night"`` and ``"2026-11-25"``, those of this shift. With
         ``by_shift``, ``["shifts"]`` has those of each shift that begins in the range.
         """
-        asked = {"from": start, "to": end, "shift": shift, "date": date, "by": "shift" if by_shift else None}
+        asked = {"from": read_moment(start), "to": read_moment(end), "shift": shift, "date": date, "by": "shift" if by_shift else None}
         query = urlencode({name: value for name, value in asked.items() if value is not None})
         return self._ask("GET", f"/production?{query}", dict)
 

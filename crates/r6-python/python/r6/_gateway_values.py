@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
 from typing import Any
 
 from ._errors import NoReading
@@ -97,6 +98,19 @@ class GatewayEvent:
 
 Changes = Generator[GatewayChange, None, None]
 Events = Generator[GatewayEvent, None, None]
+
+
+Moment = str | datetime
+"""A time: a ``datetime`` with its time zone, or RFC 3339 in UTC."""
+
+
+def read_moment(moment: Moment | None) -> str | None:
+    """The moment as a gateway reads it: RFC 3339 in UTC."""
+    if not isinstance(moment, datetime):
+        return moment
+    if moment.utcoffset() is None:
+        raise ValueError(f"{moment!r} has no time zone: use datetime.now(timezone.utc), or name a tzinfo")
+    return moment.astimezone(timezone.utc).isoformat().replace("+00:00", "Z")
 
 
 def read_signals(data: Mapping[str, Any]) -> dict[str, GatewaySignal]:
