@@ -48,7 +48,7 @@ _WAITS = (0.25, 2.0)
 """Seconds before a request is asked again: the first wait, doubled each time, and the longest one. A gateway
 starts again within seconds."""
 
-UNREADABLE = (KeyError, TypeError, ValueError, AttributeError)
+UNREADABLE = (KeyError, TypeError, ValueError, AttributeError, OverflowError)
 """What reading an answer raises if it has another shape than a gateway's."""
 
 Effect = Literal["reads", "changes", "moves", "stops"]

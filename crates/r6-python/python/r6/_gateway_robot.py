@@ -6,6 +6,7 @@ import json
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from time import monotonic, sleep
 from types import TracebackType
 from typing import Any, Literal
@@ -24,7 +25,6 @@ from ._gateway_values import (
     read_moment,
     read_nothing,
     read_page,
-    read_runs,
     read_signals,
     read_taken,
     read_took,
@@ -152,15 +152,23 @@ class GatewayRobot:
         return self._ask("GET", f"/runs/{number}", lambda data: GatewayRun(self, None, data))
 
     def runs(self) -> Iterator[GatewayRun]:
-        """The runs of programs of the last 24 h, the newest first: to find one whose answer was lost, for example. Each
-        page of 100 is one request, made when the loop comes to it."""
-        before: str = ""
+        """The runs of programs, the newest first: to find one whose answer was lost, for example. They are kept for 24 h,
+        and go when the next one begins. Each page of 100 is one request, made when the loop comes to it."""
+        before: int | None = None
         while True:
-            runs, more = self._ask("GET", f"/runs{before}", read_runs)
-            yield from (GatewayRun(self, None, run) for run in runs)
-            if more is None:
+            query = "" if before is None else f"?{urlencode({'before': before})}"
+            runs, before = self._ask("GET", f"/runs{query}", partial(self._read_runs, before))
+            yield from runs
+            if before is None:
                 return
-            before = f"?{urlencode({'before': more})}"
+
+    def _read_runs(self, before: int | None, answer: Any) -> tuple[list[GatewayRun], int | None]:
+        """The runs of a page, and before which number the next one begins."""
+        runs, more = [GatewayRun(self, None, dict(run)) for run in answer["runs"]], answer["next_before"]
+        more = None if more is None else int(more)
+        if before is not None and more is not None and more >= before:
+            raise ValueError("a page that leads back")
+        return runs, more
 
     def stop(self) -> float:
         """Stops the robot, and returns the seconds until it was proved that the arm stands. It needs no lease.
@@ -231,6 +239,8 @@ class GatewayRobot:
         while True:
             query = urlencode({name: value for name, value in asked.items() if value is not None})
             rows, more = self._ask("GET", f"{path}?{query}", read)
+            if more is not None and more["cursor"] == asked.get("cursor"):
+                raise self._http.unclear("GET", self._path(path), "reads", "a page that leads back to itself")
             yield from rows
             if more is None:
                 return

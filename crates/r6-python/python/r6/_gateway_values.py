@@ -158,14 +158,6 @@ def _next_page(answer: Any) -> dict[str, str] | None:
     return {"from": str(answer["from"]), "to": str(answer["to"]), "cursor": str(cursor)}
 
 
-def read_runs(answer: Any) -> tuple[list[dict[str, Any]], int | None]:
-    """The runs of a page, and before which number the next one begins."""
-    runs, before = [dict(run) for run in answer["runs"]], answer["next_before"]
-    if not all({"run_id", "state", "steps", "done", "because", "detail"} <= set(run) for run in runs):
-        raise ValueError("a run without its state")
-    return runs, None if before is None else int(before)
-
-
 def read_alarm(answer: Any) -> dict[str, Any]:
     """An alarm. What the caller decides by has to be there."""
     if not {"id", "code", "state", "acknowledged", "shelved"} <= set(answer):
