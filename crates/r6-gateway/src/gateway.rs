@@ -8,7 +8,7 @@ use std::fmt;
 use std::fs::File;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, UNIX_EPOCH};
 
@@ -18,7 +18,8 @@ use r6_http::access::Site;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 
-pub(crate) use self::begin::{Begun, begin, close_open, record, started, take_over};
+pub(crate) use self::begin::{Begun, all_robots, begin, close_open, record, started, take_over};
+use self::begin::{hold_stops, open_store};
 use self::front::Front;
 use crate::accounts::Accounts;
 use crate::auditor::{self, AuditSettings, Auditor, open_key};
@@ -47,7 +48,7 @@ use crate::settings::Settings;
 use crate::sharing::{self, Configured, Running, Sharing};
 use crate::store::history::Place;
 use crate::store::postgres::Database;
-use crate::store::{FILE, HISTORY, Keeper, Sqlite, Store, StoreError};
+use crate::store::{FILE, HISTORY, Keeper, Store, StoreError};
 use crate::tokens::{REFRESH, Tokens};
 
 /// How long the last samples may take at the end.
@@ -203,7 +204,7 @@ impl Gateway {
         if folder::is_of_database(&settings.data) {
             return Err(GatewayError::OfDatabase(settings.data));
         }
-        let (mut store, lock) = open_store(&settings.data)?;
+        let (mut store, lock, start) = open_store(&settings.data)?;
         let raw_rules = settings.raw_policy.deed();
         let switch = Arc::new(Switch::read(&settings.data, settings.raw_policy));
         let robots = all_robots(&mut store, settings.robots, &settings.robot_settings)?;
@@ -219,7 +220,10 @@ impl Gateway {
 
         let audit = (open_key(&settings.data)?, settings.audit);
         auditor::begin(&mut store, &audit.0)?;
-        let begun = begin(&mut store, robots)?;
+        let mut begun = begin(&mut store, robots)?;
+        if start.was_full {
+            hold_stops(&mut store, &mut begun)?;
+        }
         if !settings.raw.is_empty() {
             let open = Deed::RawPorts { open: switch.policy.closed().is_none() };
             store.append(&[record(None, raw_rules), record(None, open)])?;
@@ -264,6 +268,7 @@ impl Gateway {
             let keeping = Arc::clone(&switch);
             server.spawn(async move { keeping.keep().await });
         }
+        start.succeeded();
         let (sharing, _front, _lock) = (None, front, lock);
         Ok(Self { address, state, sharing, switch, certificate, server, _front, _lock })
     }
@@ -569,39 +574,6 @@ pub(crate) fn keep_fresh(state: &State, server: &mut JoinSet<()>) {
         let settings = Arc::clone(&state.settings);
         server.spawn(async move { settings.keep_fresh().await });
     }
-}
-
-/// Opens the store of a folder under its lock. On a full disk, that is done in the room that was held for it.
-fn open_store(data: &Path) -> Result<(Sqlite, File), GatewayError> {
-    if !folder::has_store(data) {
-        return Ok((Sqlite::open(data)?, folder::lock(data)?));
-    }
-    let lock = folder::lock(data)?;
-    reserve::give_way(data);
-    Ok((Sqlite::open(data)?, lock))
-}
-
-/// The robots of the configuration, and those that were added through the API. A robot of the configuration
-/// takes the place of one with the same name.
-pub(crate) fn all_robots(
-    store: &mut dyn Store,
-    configured: Vec<RobotConfig>,
-    settings: &RobotSettings,
-) -> Result<Vec<RobotConfig>, GatewayError> {
-    let mut robots = configured;
-    let added = store.robots()?;
-    roster::check_names_of_twins(&robots, added.iter().map(|robot| &robot.name))
-        .map_err(GatewayError::Robots)?;
-    for stored in added {
-        if robots.iter().any(|robot| robot.name == stored.name) {
-            tracing::warn!(robot = %stored.name, "it was added through the API: from now on it is as configured");
-            store.remove_robot(&stored.name, &[])?;
-        } else {
-            robots.push(roster::of_store(&stored, settings.clone())?);
-        }
-    }
-    roster::check(&robots).map_err(GatewayError::Robots)?;
-    Ok(robots)
 }
 
 /// Uses another certificate when its files change.

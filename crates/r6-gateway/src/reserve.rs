@@ -1,8 +1,8 @@
-//! Room on the disk that a gateway holds, so that it starts again when the disk is full: without a gateway,
-//! no stop passes through it.
+//! Room on the disk that a gateway holds, for what must not be lost when the disk is full: that a stop holds,
+//! and the start of a gateway, without which no stop passes through it.
 //!
-//! The room is a file. A start for which the disk has too little room removes it, and the gateway makes it
-//! again when there is room.
+//! The room is a file. It is removed for a stop that the disk does not take, and for a start for which the
+//! disk has too little room. The gateway makes it again when there is room.
 
 use std::fs::{File, Metadata};
 use std::io;
@@ -15,31 +15,86 @@ use crate::files;
 const FILE: &str = "reserve";
 
 /// What a start and the stops after it need: the log of the store goes into its file, some 4 MiB in general,
-/// and a stop with its entries takes some ten kilobytes.
+/// and a stop with its entries takes some ten kilobytes. With less, the disk counts as full.
 const BYTES: u64 = 16 * 1024 * 1024;
 
 /// How often to look whether there is room again.
 const LOOK: Duration = Duration::from_secs(60);
 
-/// Gives the room free, if the disk has less for this start. To be called under the lock of the folder. If
-/// that fails, the start goes on: it may have enough.
-pub fn give_way(folder: &Path) {
+/// A start of a gateway, and whether the disk had room for it.
+#[derive(Debug)]
+pub struct Start {
+    folder: PathBuf,
+    /// Whether the disk was full. A stop of the gateway before may be lost then.
+    pub was_full: bool,
+    /// Whether this start has the room, and gives it back unless it goes well.
+    has_room: bool,
+}
+
+impl Start {
+    /// Gives the room free for a start, if the disk is full. To be called under the lock of the folder.
+    pub fn begin(folder: &Path) -> Self {
+        let was_full = is_full(folder);
+        let has_room = was_full && give_way(folder, "this start");
+        Self { folder: folder.to_owned(), was_full, has_room }
+    }
+
+    /// The first start in a folder: it has no stop to lose.
+    pub fn first(folder: &Path) -> Self {
+        Self { folder: folder.to_owned(), was_full: false, has_room: false }
+    }
+
+    /// The gateway runs: the room is not given back.
+    pub fn succeeded(mut self) {
+        self.has_room = false;
+    }
+}
+
+impl Drop for Start {
+    /// A start that failed for another reason leaves the room to the next one.
+    fn drop(&mut self) {
+        if self.has_room
+            && let Err(error) = hold(&self.folder, 0)
+        {
+            tracing::warn!(folder = %self.folder.display(), %error, "the room for a start was lost");
+        }
+    }
+}
+
+/// Whether the disk is full.
+fn is_full(folder: &Path) -> bool {
+    files::free_bytes(folder).is_some_and(|free| free < BYTES)
+}
+
+/// Gives the room free, if the disk is full and the room is held. Returns whether there is more room now.
+/// `what`: what needs it.
+pub fn give_way(folder: &Path, what: &str) -> bool {
     let path = folder.join(FILE);
-    let held = path.metadata().is_ok_and(|file| has_room(&file));
-    if !held || files::free_bytes(folder).is_none_or(|free| free >= BYTES) {
-        return;
+    if !is_full(folder) || !is_held(&path) {
+        return false;
     }
     match files::remove(&path) {
-        Ok(()) => tracing::warn!(
-            folder = %folder.display(),
-            "the disk is full: the gateway starts in the room that it held for that. Stops go on; the history pauses, \
-             and commands are refused once this room is used up. Make room on the disk"
-        ),
-        Err(error) => tracing::warn!(
-            path = %path.display(), %error,
-            "the disk is full, and the room that was held for this start could not be given free in order"
-        ),
+        Ok(()) => {
+            tracing::warn!(
+                folder = %folder.display(),
+                "the disk is full: {what} uses the room that the gateway held for that. Stops go on; the history pauses, \
+                 and commands are refused once this room is used up. Make room on the disk"
+            );
+            true
+        }
+        Err(error) => {
+            tracing::warn!(
+                path = %path.display(), %error,
+                "the disk is full, and the room that was held could not be given free in order"
+            );
+            false
+        }
     }
+}
+
+/// Whether there is the file with all its blocks, and under no other name, by which they would stay.
+fn is_held(path: &Path) -> bool {
+    path.symlink_metadata().is_ok_and(|file| file.is_file() && has_room(&file))
 }
 
 /// Takes the room again whenever the disk has so much, and `min_free` besides: from less than this on, the
@@ -62,27 +117,26 @@ pub async fn keep(folder: PathBuf, min_free: u64) {
 /// Takes the room, if it is not held, and if the disk has enough.
 fn hold(folder: &Path, min_free: u64) -> io::Result<()> {
     let path = folder.join(FILE);
-    // A kill, or a copy of the folder, can have left a file without its room.
-    if path.metadata().is_ok_and(|file| has_room(&file)) {
+    if is_held(&path) || files::free_bytes(folder).is_none_or(|free| free < min_free.saturating_add(BYTES)) {
         return Ok(());
     }
-    if files::free_bytes(folder).is_none_or(|free| free < min_free.saturating_add(BYTES)) {
-        return Ok(());
-    }
-    files::make_file(&path)?;
-    let held = File::options().write(true).open(&path).and_then(|file| allocate(&file));
+    // A kill, or a copy of the folder, can have left a file without its room, or a link.
+    files::remove(&path)?;
+    let held = File::options().write(true).create_new(true).open(&path).and_then(|file| allocate(&file));
     held.inspect_err(|_| {
         // An empty file would look like room.
         let _ = files::remove(&path);
     })
 }
 
-/// Whether the file has all its blocks.
+/// Whether the file has all its blocks, and one name.
 #[cfg(unix)]
 fn has_room(file: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+
     /// The unit of `st_blocks`, whatever the file system has.
     const BLOCK: u64 = 512;
-    std::os::unix::fs::MetadataExt::blocks(file).saturating_mul(BLOCK) >= BYTES
+    file.blocks().saturating_mul(BLOCK) >= BYTES && file.nlink() == 1
 }
 
 /// This system does not tell how much is free, so no room is taken.
@@ -112,20 +166,36 @@ mod tests {
     fn the_room_has_all_its_blocks_and_is_taken_once() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(FILE);
-        let room = || path.metadata().is_ok_and(|file| has_room(&file));
         hold(folder.path(), 0).unwrap();
-        assert!(room());
+        assert!(is_held(&path));
         hold(folder.path(), 0).unwrap();
         // The disk of this test is not full.
-        give_way(folder.path());
-        assert!(room());
+        assert!(!give_way(folder.path(), "a test"));
+        assert!(is_held(&path));
         // What a kill leaves, and what a copy leaves that makes holes.
         for length in [0, BYTES] {
             File::create(&path).unwrap().set_len(length).unwrap();
-            assert!(!room());
+            assert!(!is_held(&path));
             hold(folder.path(), 0).unwrap();
-            assert!(room(), "{length}");
+            assert!(is_held(&path), "{length}");
         }
+    }
+
+    #[test]
+    fn the_room_has_no_other_name_and_no_link_leads_elsewhere() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, other) = (folder.path().join(FILE), folder.path().join("other"));
+        hold(folder.path(), 0).unwrap();
+        std::fs::hard_link(&path, &other).unwrap();
+        assert!(!is_held(&path), "to remove it would give nothing free");
+        hold(folder.path(), 0).unwrap();
+        assert!(is_held(&path));
+        std::fs::write(&other, b"precious").unwrap();
+        std::fs::remove_file(&path).unwrap();
+        std::os::unix::fs::symlink(&other, &path).unwrap();
+        hold(folder.path(), 0).unwrap();
+        assert!(is_held(&path));
+        assert_eq!(std::fs::read(&other).unwrap(), b"precious");
     }
 
     #[test]

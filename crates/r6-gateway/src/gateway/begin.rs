@@ -1,18 +1,56 @@
-//! What a gateway writes down when it begins with robots: what the last one left undone.
+//! The begin of a gateway: its store, its robots, and what it writes down of what the last one left undone.
 
 use std::collections::BTreeSet;
+use std::fs::File;
+use std::path::Path;
 
-use r6_api::gateway::{AuditRecord, CommandOutcome, Deed};
+use r6_api::gateway::{ActedBy, AuditRecord, CommandOutcome, Deed};
+use r6_client::RobotSettings;
 
-use crate::clock;
+use super::GatewayError;
 use crate::core::name::RobotName;
 use crate::fleet::config::RobotConfig;
-use crate::fleet::run;
-use crate::fleet::station::Kept;
-use crate::store::{Store, StoreError};
+use crate::fleet::station::{Kept, by_itself};
+use crate::fleet::{roster, run};
+use crate::reserve::Start;
+use crate::store::{Sqlite, Store, StoreError};
+use crate::{clock, folder};
 
 /// The robots, each as it was saved, and those that are owed a stop: a list of a run may still be there.
 pub(crate) type Begun = (Vec<(Kept, RobotConfig)>, BTreeSet<RobotName>);
+
+/// Opens the store of a folder under its lock. On a full disk, that is done in the room that was held for it.
+pub(crate) fn open_store(data: &Path) -> Result<(Sqlite, File, Start), GatewayError> {
+    if !folder::has_store(data) {
+        return Ok((Sqlite::open(data)?, folder::lock(data)?, Start::first(data)));
+    }
+    let lock = folder::lock(data)?;
+    let start = Start::begin(data);
+    Ok((Sqlite::open(data)?, lock, start))
+}
+
+/// The robots of the configuration, and those that were added through the API. A robot of the configuration
+/// takes the place of one with the same name.
+pub(crate) fn all_robots(
+    store: &mut dyn Store,
+    configured: Vec<RobotConfig>,
+    settings: &RobotSettings,
+) -> Result<Vec<RobotConfig>, GatewayError> {
+    let mut robots = configured;
+    let added = store.robots()?;
+    roster::check_names_of_twins(&robots, added.iter().map(|robot| &robot.name))
+        .map_err(GatewayError::Robots)?;
+    for stored in added {
+        if robots.iter().any(|robot| robot.name == stored.name) {
+            tracing::warn!(robot = %stored.name, "it was added through the API: from now on it is as configured");
+            store.remove_robot(&stored.name, &[])?;
+        } else {
+            robots.push(roster::of_store(&stored, settings.clone())?);
+        }
+    }
+    roster::check(&robots).map_err(GatewayError::Robots)?;
+    Ok(robots)
+}
 
 /// Writes down that the gateway starts, and what the last one left undone.
 pub(crate) fn begin(store: &mut dyn Store, robots: Vec<RobotConfig>) -> Result<Begun, StoreError> {
@@ -22,6 +60,27 @@ pub(crate) fn begin(store: &mut dyn Store, robots: Vec<RobotConfig>) -> Result<B
     store.remove_setup_link()?;
     close_open(store, &|_| true)?;
     kept(store, robots)
+}
+
+/// Lets a stop hold for each robot, as after a restore: the disk was full, so a stop of the gateway before
+/// may be lost.
+pub(crate) fn hold_stops(store: &mut Sqlite, (robots, _): &mut Begun) -> Result<(), StoreError> {
+    let by = ActedBy { by: by_itself().actor, at: clock::time_of_day() };
+    let detail = "the disk was full at the start, so that a stop of before may be lost: nothing moves until somebody has \
+                  looked at the robot and clears this stop";
+    let mut records = Vec::new();
+    for (kept, config) in robots.iter_mut().filter(|(kept, _)| !kept.seat.stopped) {
+        (kept.seat.stopped, kept.seat.stopped_by) = (true, Some(by.clone()));
+        store.save_seat(&config.name, &kept.seat)?;
+        let (request, detail) = ("start on a full disk".to_owned(), detail.to_owned());
+        let deed = Deed::Stop { request, confirmed: false, detail };
+        records.push(record(Some(config.name.to_string()), deed));
+    }
+    // Those that are not configured now, too.
+    store.stop_seats(&by)?;
+    store.append(&records)?;
+    tracing::warn!("the disk was full at the start: a stop holds for each robot");
+    Ok(())
 }
 
 /// Begins with robots that another gateway had before: what it left undone at them is written down.

@@ -8,6 +8,7 @@ mod heads;
 mod points;
 mod programs;
 mod runs;
+mod seats;
 mod settle;
 mod tables;
 mod users;
@@ -89,6 +90,14 @@ impl Sqlite {
         append_in(&transaction, std::slice::from_ref(record))?;
         transaction.commit()?;
         Ok(())
+    }
+
+    /// Lets a stop hold for each robot that has a seat.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn stop_seats(&mut self, by: &ActedBy) -> Result<(), StoreError> {
+        seats::stop_all(self, by)
     }
 
     /// How many entries the audit log has.
@@ -345,18 +354,7 @@ impl Store for Sqlite {
     }
 
     fn save_seat(&mut self, robot: &RobotName, saved: &Saved) -> Result<(), StoreError> {
-        let identity = saved.identity.as_ref().map(to_json).transpose()?;
-        let by = saved.stopped_by.as_ref().map(to_json).transpose()?;
-        let transaction = self.write()?;
-        // A number that was given out once is never given out again.
-        transaction.execute(
-            "INSERT INTO seat (robot, lease_number, stopped, identity, stopped_by) VALUES (?1, ?2, ?3, ?4, ?5)
-             ON CONFLICT (robot) DO UPDATE SET lease_number = max(lease_number, excluded.lease_number),
-             stopped = excluded.stopped, identity = excluded.identity, stopped_by = excluded.stopped_by",
-            params![robot.as_str(), saved.number, saved.stopped, identity, by],
-        )?;
-        transaction.commit()?;
-        Ok(())
+        seats::save(self, robot, saved)
     }
 
     fn alarms(&mut self, robot: &RobotName) -> Result<alarms::Saved, StoreError> {

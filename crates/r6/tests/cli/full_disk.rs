@@ -1,12 +1,15 @@
-//! A gateway that is killed on a full disk starts again, and stops pass through it.
+//! A gateway on a full disk: it starts, stops pass through it, and none is forgotten.
+#![cfg(target_os = "linux")]
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
 
 use crate::gateway_calls::{call, get, until};
 use crate::support::{Robot, Running};
 
-/// Runs a gateway on a disk of its own, kills it, fills the disk, and runs it again. Each step waits for a
-/// line from the test. Its arguments: the folder of the disk, and the robot.
+/// Runs a gateway on a disk of its own, kills it when the test says so, and runs it again. Its arguments: the
+/// folder of the disk, and the robot.
 const SCRIPT: &str = r#"
 disk=$1 robot=$2
 trap 'kill -9 $first 2>/dev/null' EXIT
@@ -19,57 +22,114 @@ read -r killed
 kill -9 $first
 wait $first
 trap - EXIT
-cat /dev/zero >"$disk/fill"
 start
 "#;
 
-/// Whether a process may have a disk of its own here: it needs to be root, or a system that lets users have
-/// mounts of their own.
-fn can_mount() -> bool {
-    let mount = "mount -t tmpfs none /tmp";
-    let tried = std::process::Command::new("unshare").args(["-r", "-m", "sh", "-c", mount]).output();
-    tried.is_ok_and(|tried| tried.status.success())
+/// A gateway on a disk of its own.
+struct Cell {
+    _folder: tempfile::TempDir,
+    _robot: Robot,
+    gateway: Running,
+    token: String,
+    url: String,
+    /// The disk, as the test sees it.
+    disk: PathBuf,
+}
+
+impl Cell {
+    /// `None`: no process may have a disk of its own here. It needs a system that lets users have mounts.
+    fn start() -> Option<Self> {
+        let mount = "mount -t tmpfs none /tmp";
+        let tried = std::process::Command::new("unshare").args(["-r", "-m", "sh", "-c", mount]).output();
+        if !tried.is_ok_and(|tried| tried.status.success()) {
+            eprintln!("not tried: no process may mount a disk of its own here");
+            return None;
+        }
+        let robot = Robot::start(&[]);
+        let folder = tempfile::tempdir().unwrap();
+        let disk = folder.path().display().to_string();
+        let arguments = [disk.as_str(), &format!("press={}", robot.address())];
+        let mut gateway = Running::start_script("unshare -r -m sh -c", SCRIPT, &arguments);
+        let token = gateway.line();
+        let url = url(&mut gateway);
+        let disk = Path::new("/proc").join(gateway.pid().to_string()).join("root").join(&disk[1..]);
+        let cell = Self { _folder: folder, _robot: robot, gateway, token, url, disk };
+        cell.until_up();
+        until(|| cell.reserve().metadata().is_ok_and(|file| file.len() >= 16 << 20).then_some(()));
+        Some(cell)
+    }
+
+    fn reserve(&self) -> PathBuf {
+        self.disk.join("data/reserve")
+    }
+
+    fn get(&self, path: &str) -> Value {
+        get(&self.url, &self.token, path).1
+    }
+
+    fn until_up(&self) {
+        until(|| (self.get("/v1/robots/press")["link"] == "up").then_some(()));
+    }
+
+    /// Writes until nothing more fits on the disk.
+    fn fill(&self) {
+        let file = std::fs::File::options().create(true).append(true).open(self.disk.join("fill")).unwrap();
+        let mut zeros = std::io::repeat(0);
+        assert!(std::io::copy(&mut zeros, &mut &file).is_err());
+    }
+
+    /// Kills the gateway, and starts it again.
+    fn kill(&mut self) {
+        self.gateway.say("");
+        self.url = url(&mut self.gateway);
+        self.until_up();
+    }
+
+    fn stop(&self) {
+        let (status, stopped) = call(&self.url, &self.token, "POST", "/v1/robots/press/stop", "");
+        assert_eq!((status, &stopped["confirmed"]), (200, &true.into()), "{stopped}");
+    }
+
+    /// The stops of the audit log: what was asked for, and whether it was confirmed.
+    fn stops(&self) -> Vec<(Value, Value)> {
+        let audit = self.get("/v1/audit");
+        let entries = audit["entries"].as_array().unwrap_or_else(|| panic!("{audit}"));
+        let stops = entries.iter().filter(|entry| entry["what"] == "stop");
+        stops.map(|stop| (stop["request"].clone(), stop["confirmed"].clone())).collect()
+    }
+}
+
+/// The URL of a gateway that starts. Beside it, a gateway without an admin prints a link that makes one.
+fn url(gateway: &mut Running) -> String {
+    let line = (0..2).map(|_| gateway.line()).find(|line| line.starts_with("gateway on ")).unwrap();
+    line.split([' ', ',']).find(|word| word.starts_with("http://")).unwrap().to_owned()
 }
 
 #[test]
-#[cfg(target_os = "linux")]
-fn a_gateway_that_is_killed_on_a_full_disk_starts_again_and_stops_robots() {
-    if !can_mount() {
-        eprintln!("not tried: no process may mount a disk of its own here");
-        return;
-    }
-    let robot = Robot::start(&[]);
-    let folder = tempfile::tempdir().unwrap();
-    let disk = folder.path().display().to_string();
-    let arguments = [disk.as_str(), &format!("press={}", robot.address())];
-    let mut gateway = Running::start_script("unshare -r -m sh -c", SCRIPT, &arguments);
-    let token = gateway.line();
-    // Beside its URL, a gateway without an admin prints a link that makes one.
-    let url = |gateway: &mut Running| {
-        let line = (0..2).map(|_| gateway.line()).find(|line| line.starts_with("gateway on ")).unwrap();
-        line.split([' ', ',']).find(|word| word.starts_with("http://")).unwrap().to_owned()
-    };
-    let first = url(&mut gateway);
-    let is_up = |url: &str| (get(url, &token, "/v1/robots/press").1["link"] == "up").then_some(());
-    until(|| is_up(&first));
-    let seen = Path::new("/proc").join(gateway.pid().to_string()).join("root").join(&disk[1..]);
-    let reserve = seen.join("data/reserve");
-    until(|| reserve.metadata().is_ok_and(|file| file.len() >= 16 << 20).then_some(()));
+fn a_gateway_that_is_killed_on_a_full_disk_starts_again_with_its_robots_stopped() {
+    let Some(mut cell) = Cell::start() else { return };
+    cell.fill();
+    cell.kill();
+    assert!(!cell.reserve().exists(), "it started in this room");
+    // A stop of before may be lost, so nothing moves before somebody has looked.
+    let state = cell.get("/v1/robots/press");
+    assert_eq!((&state["stopped"], &state["stopped_by"]["by"]), (&true.into(), &"gateway".into()), "{state}");
+    cell.stop();
+    let stops = cell.stops();
+    assert_eq!(stops, [("start on a full disk".into(), false.into()), ("stop".into(), true.into())]);
+}
 
-    gateway.say("");
-    let second = url(&mut gateway);
-    assert!(!reserve.exists(), "it started in this room");
-    // The disk is full but for what the gateway held.
-    let more = seen.join("more");
-    assert!(std::fs::write(&more, vec![0; 17_000_000]).is_err());
-    std::fs::remove_file(&more).unwrap();
-    until(|| is_up(&second));
-    let (status, stopped) = call(&second, &token, "POST", "/v1/robots/press/stop", "");
-    assert_eq!((status, &stopped["confirmed"]), (200, &true.into()), "{stopped}");
-    assert_eq!(get(&second, &token, "/v1/robots/press").1["stopped"], true);
-    // The log has it: there was room for that, too.
-    let audit = get(&second, &token, "/v1/audit").1;
-    let entries = audit["entries"].as_array().unwrap_or_else(|| panic!("{audit}"));
-    let stop = entries.iter().find(|entry| entry["what"] == "stop");
-    assert_eq!(stop.map(|stop| &stop["confirmed"]), Some(&true.into()), "{audit}");
+#[test]
+fn a_stop_on_a_full_disk_is_on_the_disk_and_outlives_a_kill() {
+    let Some(mut cell) = Cell::start() else { return };
+    cell.fill();
+    cell.stop();
+    assert!(!cell.reserve().exists(), "it is written in this room");
+    until(|| (cell.stops().len() == 1).then_some(()));
+    std::fs::remove_file(cell.disk.join("fill")).unwrap();
+    cell.kill();
+    let state = cell.get("/v1/robots/press");
+    assert_eq!(state["stopped"], true, "{state}");
+    assert_ne!(state["stopped_by"]["by"], "gateway");
+    assert_eq!(cell.stops(), [("stop".into(), true.into())]);
 }
