@@ -236,14 +236,16 @@ class GatewayRobot:
         read: Callable[[Any], tuple[list[dict[str, Any]], dict[str, str] | None]],
     ) -> Iterator[dict[str, Any]]:
         """What all pages have. Each is asked for when the loop comes to it."""
+        passed: set[str] = set()
         while True:
             query = urlencode({name: value for name, value in asked.items() if value is not None})
             rows, more = self._ask("GET", f"{path}?{query}", read)
-            if more is not None and more["cursor"] == asked.get("cursor"):
+            if more is not None and more["cursor"] in passed:
                 raise self._http.unclear("GET", self._path(path), "reads", "a page that leads back to itself")
             yield from rows
             if more is None:
                 return
+            passed.add(more["cursor"])
             asked |= more
 
     def _path(self, path: str) -> str:
