@@ -221,7 +221,7 @@ impl Gateway {
         let audit = (open_key(&settings.data)?, settings.audit);
         auditor::begin(&mut store, &audit.0)?;
         let mut begun = begin(&mut store, robots)?;
-        if start.was_full {
+        if start.may_lack_stops {
             hold_stops(&mut store, &mut begun)?;
         }
         if !settings.raw.is_empty() {

@@ -1,8 +1,14 @@
 //! Room on the disk that a gateway holds, for what must not be lost when the disk is full: that a stop holds,
 //! and the start of a gateway, without which no stop passes through it.
 //!
-//! The room is a file. It is removed for a stop that the disk does not take, and for a start for which the
-//! disk has too little room. The gateway makes it again when there is room.
+//! The room is the file `reserve`:
+//!
+//! ```text
+//! held:   it has all its blocks ── a stop that the disk does not take, a start on a full disk ──▶ empty
+//! empty:  a stop may not be on the disk ── the next start lets one hold for each robot ──▶ none
+//! none:   nothing is lacking ── a stop that the disk does not take ──▶ empty
+//! empty, none: ── there is room again ──▶ held
+//! ```
 
 use std::fs::{File, Metadata};
 use std::io;
@@ -21,12 +27,12 @@ const BYTES: u64 = 16 * 1024 * 1024;
 /// How often to look whether there is room again.
 const LOOK: Duration = Duration::from_secs(60);
 
-/// A start of a gateway, and whether the disk had room for it.
+/// A start of a gateway.
 #[derive(Debug)]
 pub struct Start {
     folder: PathBuf,
-    /// Whether the disk was full. A stop of the gateway before may be lost then.
-    pub was_full: bool,
+    /// Whether a stop of the gateway before may be lost: the disk was full then, or is now.
+    pub may_lack_stops: bool,
     /// Whether this start has the room, and gives it back unless it goes well.
     has_room: bool,
 }
@@ -34,19 +40,27 @@ pub struct Start {
 impl Start {
     /// Gives the room free for a start, if the disk is full. To be called under the lock of the folder.
     pub fn begin(folder: &Path) -> Self {
-        let was_full = is_full(folder);
-        let has_room = was_full && give_way(folder, "this start");
-        Self { folder: folder.to_owned(), was_full, has_room }
+        let path = folder.join(FILE);
+        // A copy with holes has no room either, and says nothing.
+        let was_used = path.symlink_metadata().is_ok_and(|file| file.is_file() && file.len() == 0);
+        let is_full = files::free_bytes(folder).is_some_and(|free| free < BYTES);
+        let has_room = is_full && use_up(folder, "this start");
+        Self { folder: folder.to_owned(), may_lack_stops: was_used || is_full, has_room }
     }
 
     /// The first start in a folder: it has no stop to lose.
     pub fn first(folder: &Path) -> Self {
-        Self { folder: folder.to_owned(), was_full: false, has_room: false }
+        Self { folder: folder.to_owned(), may_lack_stops: false, has_room: false }
     }
 
-    /// The gateway runs: the room is not given back.
+    /// The gateway runs: the room is not given back, and no stop is lacking any more.
     pub fn succeeded(mut self) {
         self.has_room = false;
+        let path = self.folder.join(FILE);
+        if self.may_lack_stops && !is_held(&path) {
+            // If it stays, the next start lets stops hold once more.
+            let _ = files::remove(&path);
+        }
     }
 }
 
@@ -54,27 +68,22 @@ impl Drop for Start {
     /// A start that failed for another reason leaves the room to the next one.
     fn drop(&mut self) {
         if self.has_room
-            && let Err(error) = hold(&self.folder, 0)
+            && let Err(error) = make(&self.folder.join(FILE))
         {
             tracing::warn!(folder = %self.folder.display(), %error, "the room for a start was lost");
         }
     }
 }
 
-/// Whether the disk is full.
-fn is_full(folder: &Path) -> bool {
-    files::free_bytes(folder).is_some_and(|free| free < BYTES)
-}
-
-/// Gives the room free, if the disk is full and the room is held. Returns whether there is more room now.
-/// `what`: what needs it.
-pub fn give_way(folder: &Path, what: &str) -> bool {
+/// Gives the room free, if it is held, and marks it as used in any case. Returns whether there is more room
+/// now. `what`: what needs it.
+pub fn use_up(folder: &Path, what: &str) -> bool {
     let path = folder.join(FILE);
-    if !is_full(folder) || !is_held(&path) {
-        return false;
-    }
-    match files::remove(&path) {
-        Ok(()) => {
+    let was_held = is_held(&path);
+    // Without a file, an empty one says the same. A full disk may take its name.
+    let emptied = if was_held { empty(&path) } else { files::make_file(&path) };
+    match emptied {
+        Ok(()) if was_held => {
             tracing::warn!(
                 folder = %folder.display(),
                 "the disk is full: {what} uses the room that the gateway held for that. Stops go on; the history pauses, \
@@ -82,14 +91,20 @@ pub fn give_way(folder: &Path, what: &str) -> bool {
             );
             true
         }
+        Ok(()) => false,
         Err(error) => {
-            tracing::warn!(
-                path = %path.display(), %error,
-                "the disk is full, and the room that was held could not be given free in order"
-            );
-            false
+            tracing::debug!(path = %path.display(), %error, "the room could not be marked as used");
+            // The blocks may be free all the same.
+            was_held
         }
     }
+}
+
+/// Gives the blocks of the file free.
+fn empty(path: &Path) -> io::Result<()> {
+    let file = File::options().write(true).open(path)?;
+    file.set_len(0)?;
+    file.sync_all()
 }
 
 /// Whether there is the file with all its blocks, and under no other name, by which they would stay.
@@ -120,12 +135,23 @@ fn hold(folder: &Path, min_free: u64) -> io::Result<()> {
     if is_held(&path) || files::free_bytes(folder).is_none_or(|free| free < min_free.saturating_add(BYTES)) {
         return Ok(());
     }
-    // A kill, or a copy of the folder, can have left a file without its room, or a link.
-    files::remove(&path)?;
-    let held = File::options().write(true).create_new(true).open(&path).and_then(|file| allocate(&file));
-    held.inspect_err(|_| {
-        // An empty file would look like room.
-        let _ = files::remove(&path);
+    make(&path)
+}
+
+/// Makes the file with all its blocks, in the place of whatever has its name. It is there with all of them,
+/// or as before: a kill must not leave an empty one, which would say that a stop is lacking.
+fn make(path: &Path) -> io::Result<()> {
+    let part = path.with_extension("part");
+    // What a kill has left.
+    files::remove(&part)?;
+    files::make_file(&part)?;
+    let made = File::options().write(true).open(&part).and_then(|file| allocate(&file));
+    let made = made.and_then(|()| {
+        let none = || io::Error::new(io::ErrorKind::Unsupported, "this file system holds no room");
+        if is_held(&part) { std::fs::rename(&part, path) } else { Err(none()) }
+    });
+    made.inspect_err(|_| {
+        let _ = files::remove(&part);
     })
 }
 
@@ -169,16 +195,17 @@ mod tests {
         hold(folder.path(), 0).unwrap();
         assert!(is_held(&path));
         hold(folder.path(), 0).unwrap();
-        // The disk of this test is not full.
-        assert!(!give_way(folder.path(), "a test"));
+        assert!(!Start::begin(folder.path()).may_lack_stops && is_held(&path));
+        // What a kill leaves while it is made says nothing.
+        std::fs::rename(&path, path.with_extension("part")).unwrap();
+        assert!(!Start::begin(folder.path()).may_lack_stops);
+        hold(folder.path(), 0).unwrap();
+        assert!(is_held(&path) && !path.with_extension("part").exists());
+        // A copy that makes holes holds no room.
+        File::create(&path).unwrap().set_len(BYTES).unwrap();
+        assert!(!is_held(&path) && !Start::begin(folder.path()).may_lack_stops);
+        hold(folder.path(), 0).unwrap();
         assert!(is_held(&path));
-        // What a kill leaves, and what a copy leaves that makes holes.
-        for length in [0, BYTES] {
-            File::create(&path).unwrap().set_len(length).unwrap();
-            assert!(!is_held(&path));
-            hold(folder.path(), 0).unwrap();
-            assert!(is_held(&path), "{length}");
-        }
     }
 
     #[test]
@@ -196,6 +223,27 @@ mod tests {
         hold(folder.path(), 0).unwrap();
         assert!(is_held(&path));
         assert_eq!(std::fs::read(&other).unwrap(), b"precious");
+    }
+
+    #[test]
+    fn a_start_after_the_room_was_used_may_lack_stops_until_it_is_held_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let may_lack_stops = || Start::begin(folder.path()).may_lack_stops;
+        assert!(!may_lack_stops());
+        // Also where it was not held.
+        assert!(!use_up(folder.path(), "a test"));
+        assert!(may_lack_stops());
+        hold(folder.path(), 0).unwrap();
+        assert!(!may_lack_stops());
+        assert!(use_up(folder.path(), "a test"));
+        assert!(!use_up(folder.path(), "a test") && may_lack_stops());
+        // A start that let stops hold has none to lose any more.
+        Start::begin(folder.path()).succeeded();
+        assert!(!may_lack_stops());
+        // A start that had the room and failed gives it back.
+        let folder = folder.path().to_owned();
+        drop(Start { folder: folder.clone(), may_lack_stops: true, has_room: true });
+        assert!(is_held(&folder.join(FILE)));
     }
 
     #[test]

@@ -66,20 +66,17 @@ pub(crate) fn begin(store: &mut dyn Store, robots: Vec<RobotConfig>) -> Result<B
 /// may be lost.
 pub(crate) fn hold_stops(store: &mut Sqlite, (robots, _): &mut Begun) -> Result<(), StoreError> {
     let by = ActedBy { by: by_itself().actor, at: clock::time_of_day() };
-    let detail = "the disk was full at the start, so that a stop of before may be lost: nothing moves until somebody has \
-                  looked at the robot and clears this stop";
-    let mut records = Vec::new();
+    let detail = "nothing was sent to the robot: the disk was full, so that a stop of before may be lost, and commands are \
+                  refused until somebody has looked at the robot and clears this stop";
+    let mut stops = Vec::new();
     for (kept, config) in robots.iter_mut().filter(|(kept, _)| !kept.seat.stopped) {
         (kept.seat.stopped, kept.seat.stopped_by) = (true, Some(by.clone()));
-        store.save_seat(&config.name, &kept.seat)?;
-        let (request, detail) = ("start on a full disk".to_owned(), detail.to_owned());
+        let (request, detail) = ("start after a full disk".to_owned(), detail.to_owned());
         let deed = Deed::Stop { request, confirmed: false, detail };
-        records.push(record(Some(config.name.to_string()), deed));
+        stops.push((config.name.clone(), kept.seat.clone(), record(Some(config.name.to_string()), deed)));
     }
-    // Those that are not configured now, too.
-    store.stop_seats(&by)?;
-    store.append(&records)?;
-    tracing::warn!("the disk was full at the start: a stop holds for each robot");
+    store.hold_stops(&stops, &by)?;
+    tracing::warn!("the disk was full: a stop holds for each robot, because one of before may be lost");
     Ok(())
 }
 

@@ -92,12 +92,17 @@ impl Sqlite {
         Ok(())
     }
 
-    /// Lets a stop hold for each robot that has a seat.
+    /// Saves these seats with their records, and lets a stop hold for each other robot that has a seat, all
+    /// or nothing.
     ///
     /// # Errors
     /// [`StoreError`].
-    pub fn stop_seats(&mut self, by: &ActedBy) -> Result<(), StoreError> {
-        seats::stop_all(self, by)
+    pub fn hold_stops(
+        &mut self,
+        stops: &[(RobotName, Saved, AuditRecord)],
+        by: &ActedBy,
+    ) -> Result<(), StoreError> {
+        seats::hold_stops(self, stops, by)
     }
 
     /// How many entries the audit log has.
