@@ -112,7 +112,7 @@ impl SharedPolicy {
         })
     }
 
-    /// The disk has how the ports were after so many closings.
+    /// The state of the ports after this many closings is on the disk.
     fn kept(&self, closings: u64) {
         // No client has to hear of it.
         self.0.send_if_modified(|held| {

@@ -86,8 +86,8 @@ pub fn use_up(folder: &Path, what: &str) -> bool {
         Ok(()) if was_held => {
             tracing::warn!(
                 folder = %folder.display(),
-                "the disk is full: {what} uses the room that the gateway held for that. Stops go on; the history pauses, \
-                 and commands are refused once this room is used up. Make room on the disk"
+                "the disk is full, or fails: {what} uses the room that the gateway held for that. Stops go on; on a full disk \
+                 the history pauses, and commands are refused once this room is used up. Look at the disk"
             );
             true
         }

@@ -29,7 +29,7 @@ fn a_grant_of_a_camera_is_given_once_revoked_once_and_audited() {
         let by = &author();
         assert_eq!(store.add_token(&token(1, None), by), Ok(1));
         assert_eq!(store.add_token(&token(2, Some("press")), by), Ok(2));
-        // One that has ended.
+        // A token that has ended.
         let ended = NewToken { expires: Some(Expiry(1)), ..token(3, None) };
         assert_eq!(store.add_token(&ended, by), Ok(3));
         assert_eq!(store.grant_camera(&grant("saw", 999, 1), by), Ok(true));
