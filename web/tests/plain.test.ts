@@ -42,7 +42,7 @@ test("no sentence is turned by what it is given, however deep that stands", () =
     words.needs.cause({ kind: "alarm", code: 7, text: TURNED, acknowledged: null }, 1),
     words.ui.refusal({ code: "leased", message: TURNED }),
     words.control.refused(words.stop.one(TURNED), TURNED),
-    whoOf({ user: null, token: 2, token_name: TURNED, role: "viewer" } as Parameters<typeof whoOf>[0], words),
+    whoOf({ user: null, token: 2, token_name: TURNED, role: "viewer", robot: null } as Parameters<typeof whoOf>[0], words),
   ];
   for (const text of said) {
     expect(text).toContain(MARKED);

@@ -94,7 +94,7 @@ pub use crate::core::raw::policy::{
     MAX_CAMERAS, MAX_PROGRAMS, RawAllow, RawPolicy, RawRule, RawSource, raw_words,
 };
 pub use crate::core::retention::LEAST_ENTRIES;
-pub use crate::core::role::{Grant, Only};
+pub use crate::core::role::{BadRobots, Grant, GrantRobots};
 pub use crate::expiry::Expiry;
 pub use crate::fleet::address::RobotAddress;
 pub use crate::fleet::config::{MAX_READ, PERIODS, RobotConfig, USUAL_PERIOD};

@@ -10,7 +10,7 @@ use crate::clock;
 use crate::core::account::{Account, UserName, Wish};
 use crate::core::camera::{Camera, CameraGrant};
 use crate::core::name::RobotName;
-use crate::core::role::{Grant, Only};
+use crate::core::role::{Grant, GrantRobots};
 use crate::core::seat::Saved;
 use crate::expiry::Expiry;
 use crate::store::postgres::session::Hand;
@@ -73,10 +73,10 @@ impl At {
 pub fn make_token(
     at: impl Into<At>,
     role: Role,
-    only: Option<Only>,
+    robots: Option<GrantRobots>,
     name: String,
 ) -> Result<(i64, String), StoreError> {
-    make_token_until(at, Grant { role, only }, name, None)
+    make_token_until(at, Grant { role, robots: robots.map(|robots| robots.up_to(role)) }, name, None)
 }
 
 /// Makes a token that ends then; `None`: it holds until it is revoked. Returns its number and its text, which

@@ -572,7 +572,7 @@ fn token_made(number: i64, token: &NewToken, author: &Author) -> AuditRecord {
     author.record(Deed::TokenMade {
         token: number,
         role: token.grant.role,
-        only: token.grant.only.as_ref().map(ToString::to_string),
+        only: token.grant.robots.as_ref().map(ToString::to_string),
         name: token.name.clone(),
         expires_at: token.expires.as_ref().map(ToString::to_string),
     })

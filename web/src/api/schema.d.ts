@@ -211,7 +211,10 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        /** A page of the audit log, oldest first. A token for some robots sees the entries of these. */
+        /**
+         * A page of the audit log, oldest first. A token for some robots sees the entries of those for which it has
+         *     the role engineer.
+         */
         get: operations["audit"];
         put?: never;
         post?: never;
@@ -1889,7 +1892,10 @@ export interface components {
         } | {
             /** @description Whether the user cannot sign in. */
             disabled: boolean;
-            /** @description The only robot; `null` for all. Not to be confused with the robot of the entry. */
+            /**
+             * @description The robots, as `robot` of the user has them; `null` for all. Not to be confused with the robot of
+             *     the entry.
+             */
             only: string | null;
             /** @description The role. */
             role: components["schemas"]["Role"];
@@ -1902,7 +1908,10 @@ export interface components {
             disabled: boolean;
             /** @description Whether the password is a new one. */
             new_password: boolean;
-            /** @description The only robot; `null` for all. Not to be confused with the robot of the entry. */
+            /**
+             * @description The robots, as `robot` of the user has them; `null` for all. Not to be confused with the robot of
+             *     the entry.
+             */
             only: string | null;
             /** @description The role. */
             role: components["schemas"]["Role"];
@@ -4003,9 +4012,12 @@ export interface components {
              * @description When the session ends if no other request comes; `null` for a token without one.
              */
             idle_ends_in_ms: number | null;
-            /** @description The only robots, with commas between their names; `null` for all. */
+            /**
+             * @description The robots, with commas between them; `null` for all. `press-4` has the role above, `saw=viewer` a
+             *     lower one, and `*` stands for all others.
+             */
             robot: string | null;
-            /** @description What the caller may do. */
+            /** @description What the caller may do at most. */
             role: components["schemas"]["Role"];
             /**
              * Format: int64
@@ -4365,9 +4377,12 @@ export interface components {
              * @description Its number.
              */
             number: number;
-            /** @description The only robots, with commas between their names; `null` for all. */
+            /**
+             * @description The robots, with commas between them; `null` for all. `press-4` has the role above, `saw=viewer` a
+             *     lower one, and `*` stands for all others.
+             */
             robot: string | null;
-            /** @description What it allows. */
+            /** @description What it allows at most. */
             role: components["schemas"]["Role"];
         };
         /** @description A new token. */
@@ -4400,9 +4415,12 @@ export interface components {
             expires_at?: string | null;
             /** @description What people call it: at most 64 characters. */
             name?: string;
-            /** @description The only robots, 1 to 100 names with commas between them; all robots if it is missing. */
+            /**
+             * @description The robots, 1 to 100 names with commas between them; all robots if it is missing. `press-4` has the
+             *     role above, `saw=viewer` a lower one, and `*` stands for all others.
+             */
             robot?: string | null;
-            /** @description What it allows. */
+            /** @description What it allows at most. */
             role: components["schemas"]["Role"];
         };
         /** @description The tokens that are not revoked. */
@@ -4430,9 +4448,12 @@ export interface components {
             has_password: boolean;
             /** @description The name. */
             name: string;
-            /** @description The only robots, with commas between their names; `null` for all. */
+            /**
+             * @description The robots, with commas between them; `null` for all. `press-4` has the role above, `saw=viewer` a
+             *     lower one, and `*` stands for all others.
+             */
             robot: string | null;
-            /** @description What the user may do. */
+            /** @description What the user may do at most. */
             role: components["schemas"]["Role"];
         };
         /** @description What a user shall be. */
@@ -4445,11 +4466,12 @@ export interface components {
              */
             password?: string | null;
             /**
-             * @description The only robots, 1 to 100 names with commas between them; `null` for all. If it is missing, it stays;
-             *     a new user is for all robots.
+             * @description The robots, 1 to 100 names with commas between them; `null` for all. `press-4` has `role`,
+             *     `saw=viewer` a lower one, and `*` stands for all others. If it is missing, it stays, and a role in it
+             *     that would be higher than `role` becomes that one; a new user is for all robots.
              */
             robot?: string | null;
-            /** @description What the user may do. */
+            /** @description What the user may do at most. */
             role: components["schemas"]["Role"];
         };
         /** @description All users. */

@@ -4,7 +4,6 @@ import type { Cause } from "../robots/attention.ts";
 import type { Changed } from "../robots/consent.ts";
 import type { Doing, Unmet } from "../robots/sentence.ts";
 import { account } from "./en/account.ts";
-import { audit } from "./en/audit.ts";
 import { connections } from "./en/connections.ts";
 import { arm } from "./en/arm.ts";
 import { controls } from "./en/controls.ts";
@@ -16,6 +15,7 @@ import { menu } from "./en/menu.ts";
 import { production } from "./en/production.ts";
 import { count, duration } from "./en/say.ts";
 import { hallSettings } from "./en/settings.ts";
+import { ROLES } from "./en/rights.ts";
 import { ui } from "./en/ui.ts";
 import { UNMET } from "./en/unmet.ts";
 import { run } from "./en/run.ts";
@@ -44,7 +44,6 @@ export const en = {
   name: "English",
   menu,
   ui,
-  audit,
   account,
   connections,
   hallSettings,
@@ -94,7 +93,7 @@ export const en = {
               ? "The gateway does not answer. Try again."
               : message,
   },
-  role: (role: Role) => ({ viewer: "viewer", operator: "operator", engineer: "engineer", admin: "admin" })[role],
+  role: (role: Role) => ROLES[role],
   token: (number: number) => `token ${number}`,
   gateway: {
     ms: (ms: number) => `gateway ${ms} ms`,

@@ -1,7 +1,6 @@
 /** The words of the page in Simplified Chinese. */
 import type { en } from "./en.ts";
 import { account } from "./zh/account.ts";
-import { audit } from "./zh/audit.ts";
 import { connections } from "./zh/connections.ts";
 import { arm } from "./zh/arm.ts";
 import { controls } from "./zh/controls.ts";
@@ -17,6 +16,7 @@ import { production } from "./zh/production.ts";
 import { refusalOf } from "./zh/refusals.ts";
 import { duration, who } from "./zh/say.ts";
 import { hallSettings } from "./zh/settings.ts";
+import { ROLES } from "./zh/rights.ts";
 import { ui } from "./zh/ui.ts";
 import { UNMET } from "./zh/unmet.ts";
 
@@ -43,7 +43,6 @@ export const zh: typeof en = {
   name: "简体中文",
   menu,
   ui,
-  audit,
   account,
   connections,
   hallSettings,
@@ -93,7 +92,7 @@ export const zh: typeof en = {
               ? "网关没有应答，请重试。"
               : refusalOf(code).join(""),
   },
-  role: (role) => ({ viewer: "观察员", operator: "操作员", engineer: "工程师", admin: "管理员" })[role],
+  role: (role) => ROLES[role],
   token: (number) => `令牌 ${number}`,
   gateway: {
     ms: (ms) => `网关 ${ms} ms`,

@@ -3,12 +3,10 @@ import { call, whenSignedOut } from "../api/client.ts";
 import { type OneTimeLink, type Secret, oneTimeLinkOf, secretOf } from "../api/secret.ts";
 import type { Role, Session } from "../api/types.ts";
 import { mayBeOpen, opened } from "./known.ts";
-import { covers } from "./rights.ts";
+import { highest, isAtLeast, roleFor } from "./rights.ts";
 
 /** How often a page that somebody uses tells the gateway so: a session ends 15 minutes after its last request. */
 const TELL = 60_000;
-/** The role with the fewest rights is first. */
-const ROLES: readonly Role[] = ["viewer", "operator", "engineer", "admin"];
 /** For so long after the last touch somebody counts as present. */
 export const PRESENT = 5 * 60_000;
 
@@ -48,22 +46,26 @@ class SessionState {
     return Math.max(0, PRESENT - (performance.now() - this.#used));
   }
 
-  may(robot: string): boolean {
+  /** The role for this robot, or for all robots alike (`null`); `null` if there is none. */
+  roleFor(robot: string | null): Role | null {
     const { session } = this;
-    if (session === null || session.role === "viewer") return false;
-    return covers(session.robot, robot);
+    return session === null ? null : roleFor(session.role, session.robot, robot);
   }
 
-  /** Whether the role is this one or a higher one, for this robot; `null` is all robots. */
+  may(robot: string): boolean {
+    return this.has("operator", robot);
+  }
+
+  /** Whether the role is this one or a higher one, for this robot; `null` is all robots alike. */
   has(role: Role, robot: string | null): boolean {
-    const { session } = this;
-    return session !== null && this.hasSomewhere(role) && covers(session.robot, robot);
+    const own = this.roleFor(robot);
+    return own !== null && isAtLeast(own, role);
   }
 
   /** Whether the role is this one or a higher one, for one robot at least. */
   hasSomewhere(role: Role): boolean {
     const { session } = this;
-    return session !== null && ROLES.indexOf(session.role) >= ROLES.indexOf(role);
+    return session !== null && isAtLeast(highest(session.role, session.robot), role);
   }
 
   /** Takes the secret out of the address, signs in with it, or finds the session that is open. */

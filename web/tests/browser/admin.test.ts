@@ -55,8 +55,15 @@ test("a one-time link makes the first admin, who signs in and makes a user, whos
   await add.getByLabel("Role").selectOption("engineer");
   await add.getByLabel("Robots").selectOption("some");
   await add.getByLabel("press-1").check();
+  await add.getByLabel("all others").check();
+  await add.getByLabel("Role: all others").selectOption("operator");
+  await picture(page, "users-roles", true);
+  await isAccessible(page);
+  // A lower role of the whole takes that of each robot with it.
+  await add.getByLabel("Role", { exact: true }).selectOption("viewer");
+  await add.getByLabel("Role", { exact: true }).selectOption("engineer");
   await add.getByRole("button", { name: "Add a user" }).click();
-  await says(page, "[data-row=ben]", /engineer[^]*press-1[^]*can sign in/);
+  await says(page, "[data-row=ben]", /engineer[^]*press-1, all others \(viewer\)[^]*can sign in/);
   const password = await page.getByLabel("Password of ben").inputValue();
   expect(password).toMatch(/^[a-z2-9]{5}(-[a-z2-9]{5}){3}$/);
   await looks(page, "users");
@@ -67,7 +74,7 @@ test("a one-time link makes the first admin, who signs in and makes a user, whos
   await signIn(ben.page, "ben", password);
   await ben.page.waitForSelector("[data-robot=press-1]");
   await ben.page.goto(`${hall.url}/users`);
-  await says(ben.page, "[data-no-right=admin]", /管理员[^]*工程师[^]*press-1/);
+  await says(ben.page, "[data-no-right=admin]", /管理员[^]*工程师[^]*press-1、其他所有机器人（观察员）/);
   const own = ben.page.locator("form[aria-label='修改密码']");
   await own.getByLabel("当前密码").fill("a wrong password");
   await own.getByLabel("新密码", { exact: true }).fill(PASSWORD);

@@ -84,9 +84,10 @@ pub struct Session {
     #[serde(default)]
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub token_name: Option<String>,
-    /// What the caller may do.
+    /// What the caller may do at most.
     pub role: Role,
-    /// The only robots, with commas between their names; `null` for all.
+    /// The robots, with commas between them; `null` for all. `press-4` has the role above, `saw=viewer` a
+    /// lower one, and `*` stands for all others.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub robot: Option<String>,
     /// Send it as `X-CSRF-Token` with every request that is no `GET`; `null` for a token without a session,
@@ -144,9 +145,10 @@ pub struct Users {
 pub struct User {
     /// The name.
     pub name: String,
-    /// What the user may do.
+    /// What the user may do at most.
     pub role: Role,
-    /// The only robots, with commas between their names; `null` for all.
+    /// The robots, with commas between them; `null` for all. `press-4` has the role above, `saw=viewer` a
+    /// lower one, and `*` stands for all others.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub robot: Option<String>,
     /// Whether the user cannot sign in.
@@ -162,10 +164,11 @@ pub struct User {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct UserWanted {
-    /// What the user may do.
+    /// What the user may do at most.
     pub role: Role,
-    /// The only robots, 1 to 100 names with commas between them; `null` for all. If it is missing, it stays;
-    /// a new user is for all robots.
+    /// The robots, 1 to 100 names with commas between them; `null` for all. `press-4` has `role`,
+    /// `saw=viewer` a lower one, and `*` stands for all others. If it is missing, it stays, and a role in it
+    /// that would be higher than `role` becomes that one; a new user is for all robots.
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "openapi", schema(value_type = Option<String>))]
     pub robot: Option<Option<String>>,
@@ -197,9 +200,10 @@ pub struct Tokens {
 pub struct Token {
     /// Its number.
     pub number: i64,
-    /// What it allows.
+    /// What it allows at most.
     pub role: Role,
-    /// The only robots, with commas between their names; `null` for all.
+    /// The robots, with commas between them; `null` for all. `press-4` has the role above, `saw=viewer` a
+    /// lower one, and `*` stands for all others.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub robot: Option<String>,
     /// What people call it.
@@ -215,9 +219,10 @@ pub struct Token {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TokenWanted {
-    /// What it allows.
+    /// What it allows at most.
     pub role: Role,
-    /// The only robots, 1 to 100 names with commas between them; all robots if it is missing.
+    /// The robots, 1 to 100 names with commas between them; all robots if it is missing. `press-4` has the
+    /// role above, `saw=viewer` a lower one, and `*` stands for all others.
     #[serde(default)]
     pub robot: Option<String>,
     /// What people call it: at most 64 characters.

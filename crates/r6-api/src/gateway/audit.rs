@@ -160,7 +160,8 @@ pub enum Deed {
         user: String,
         /// The role.
         role: Role,
-        /// The only robot; `null` for all. Not to be confused with the robot of the entry.
+        /// The robots, as `robot` of the user has them; `null` for all. Not to be confused with the robot of
+        /// the entry.
         #[cfg_attr(feature = "openapi", schema(required = true))]
         only: Option<String>,
         /// Whether the user cannot sign in.
@@ -173,7 +174,8 @@ pub enum Deed {
         user: String,
         /// The role.
         role: Role,
-        /// The only robot; `null` for all. Not to be confused with the robot of the entry.
+        /// The robots, as `robot` of the user has them; `null` for all. Not to be confused with the robot of
+        /// the entry.
         #[cfg_attr(feature = "openapi", schema(required = true))]
         only: Option<String>,
         /// Whether the user cannot sign in.

@@ -8,7 +8,7 @@ use std::fmt;
 
 use r6_api::gateway::Role;
 
-use crate::core::role::{Grant, Only};
+use crate::core::role::{Grant, GrantRobots, Right};
 
 /// The most accounts. They are all held in memory, and listed at once.
 pub const MAX_ACCOUNTS: usize = 1_000;
@@ -90,8 +90,7 @@ pub struct Account {
 impl Account {
     /// Whether it can be used to change accounts.
     fn manages(&self) -> bool {
-        let Grant { role, only } = &self.grant;
-        *role == Role::Admin && only.is_none() && !self.disabled && self.password.is_some()
+        self.grant.allows_for_all(Right::ManageUsers) && !self.disabled && self.password.is_some()
     }
 }
 
@@ -112,8 +111,8 @@ pub enum Wish {
     Put {
         /// Its role.
         role: Role,
-        /// The only robots, or `None` for all.
-        only: Option<Option<Only>>,
+        /// The robots and their roles, none above `role`; or `None` for all.
+        robots: Option<Option<GrantRobots>>,
         /// Whether it is disabled.
         disabled: Option<bool>,
         /// The new password.
@@ -192,15 +191,17 @@ pub fn decide(accounts: &[Account], name: &UserName, wish: &Wish) -> Result<Deci
         }
         Wish::FirstAdmin(password) => Some(Account {
             name: name.clone(),
-            grant: Grant { role: Role::Admin, only: None },
+            grant: Grant { role: Role::Admin, robots: None },
             disabled: false,
             password: Some(password.clone()),
         }),
-        Wish::Put { role, only, disabled, password } => {
-            let only = only.clone().or_else(|| present.map(|account| account.grant.only.clone()));
+        Wish::Put { role, robots, disabled, password } => {
+            // If the role becomes a lower one, so do those of its robots.
+            let kept = || present.map(|account| account.grant.robots.clone().map(|kept| kept.up_to(*role)));
+            let robots = robots.clone().or_else(kept);
             Some(Account {
                 name: name.clone(),
-                grant: Grant { role: *role, only: only.flatten() },
+                grant: Grant { role: *role, robots: robots.flatten() },
                 disabled: disabled.or_else(|| present.map(|account| account.disabled)).unwrap_or(false),
                 password: password.clone().or_else(|| present.and_then(|account| account.password.clone())),
             })
@@ -273,9 +274,10 @@ mod tests {
     }
 
     fn grants() -> impl Strategy<Value = Grant> {
-        let only = prop::option::weighted(0.2, Just(Only::read("press,saw").unwrap()));
-        (prop::sample::select(vec![Role::Viewer, Role::Admin, Role::Admin]), only)
-            .prop_map(|(role, only)| Grant { role, only })
+        let robots = prop::sample::select(vec!["press,saw", "press=viewer,*", "*"]);
+        let robots = prop::option::weighted(0.2, robots.prop_map(|text| GrantRobots::read(text).unwrap()));
+        (prop::sample::select(vec![Role::Viewer, Role::Admin, Role::Admin]), robots)
+            .prop_map(|(role, robots)| Grant { role, robots })
     }
 
     fn wishes() -> impl Strategy<Value = Wish> {
@@ -284,9 +286,10 @@ mod tests {
             grants().prop_map(Wish::Add),
             hash().prop_map(Wish::FirstAdmin),
             (grants(), any::<[bool; 3]>(), prop::option::of(hash())).prop_map(
-                |(Grant { role, only }, [told_only, told_disabled, disabled], password)| {
-                    let (only, disabled) = (told_only.then_some(only), told_disabled.then_some(disabled));
-                    Wish::Put { role, only, disabled, password }
+                |(Grant { role, robots }, [told_robots, told_disabled, disabled], password)| {
+                    let (robots, disabled) =
+                        (told_robots.then_some(robots), told_disabled.then_some(disabled));
+                    Wish::Put { role, robots, disabled, password }
                 }
             ),
             Just(Wish::Disable),
@@ -328,9 +331,38 @@ mod tests {
         }
     }
 
+    fn account(grant: Grant) -> Account {
+        let name = UserName::new("anna").unwrap();
+        Account { name, grant, disabled: false, password: Some(PasswordHash("hash".to_owned())) }
+    }
+
+    #[test]
+    fn an_admin_with_a_list_of_robots_cannot_change_accounts() {
+        let with = |robots| Grant { role: Role::Admin, robots };
+        assert!(has_admin(&[account(with(None))]));
+        for list in ["*", "press,*", "press"] {
+            assert!(!has_admin(&[account(with(GrantRobots::read(list).ok()))]), "{list}");
+        }
+    }
+
+    #[test]
+    fn a_role_that_falls_takes_those_of_the_robots_with_it() {
+        let robots = GrantRobots::read("press,saw=operator,*=viewer").ok();
+        let before = account(Grant { role: Role::Engineer, robots });
+        let put = |role| Wish::Put { role, robots: None, disabled: None, password: None };
+        let lowered = decide(std::slice::from_ref(&before), &before.name, &put(Role::Viewer));
+        let Ok(Decided::Changed(lowered)) = lowered else { panic!("{lowered:?}") };
+        let raised = decide(std::slice::from_ref(&lowered), &before.name, &put(Role::Admin));
+        let Ok(Decided::Changed(raised)) = raised else { panic!("{raised:?}") };
+        let shown = |account: &Account| account.grant.robots.as_ref().map(ToString::to_string);
+        assert_eq!(shown(&lowered).as_deref(), Some("press,saw=viewer,*=viewer"));
+        assert_eq!(shown(&raised).as_deref(), Some("press,saw=viewer,*=viewer"));
+        assert_eq!((lowered.grant.role, raised.grant.role), (Role::Viewer, Role::Admin));
+    }
+
     #[test]
     fn there_is_no_room_for_accounts_without_end() {
-        let grant = Grant { role: Role::Viewer, only: None };
+        let grant = Grant { role: Role::Viewer, robots: None };
         let account = |number: usize| Account {
             name: UserName::new(&format!("u{number}")).unwrap(),
             grant: grant.clone(),

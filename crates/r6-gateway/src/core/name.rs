@@ -1,5 +1,6 @@
 //! Names of robots.
 
+use std::borrow::Borrow;
 use std::fmt;
 
 /// A name of a robot: 1 to 32 characters out of `a` to `z`, digits and `-`.
@@ -13,13 +14,26 @@ impl RobotName {
     /// The name; `None` if the text is no name.
     #[must_use]
     pub fn new(text: &str) -> Option<Self> {
+        Self::is_name(text).then(|| Self(text.to_owned()))
+    }
+
+    /// Whether the text is a name.
+    #[must_use]
+    pub fn is_name(text: &str) -> bool {
         let fits = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
-        ((1..=32).contains(&text.len()) && text.bytes().all(fits)).then(|| Self(text.to_owned()))
+        (1..=32).contains(&text.len()) && text.bytes().all(fits)
     }
 
     /// Its text.
     #[must_use]
     pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+/// Names are found by their text.
+impl Borrow<str> for RobotName {
+    fn borrow(&self) -> &str {
         &self.0
     }
 }

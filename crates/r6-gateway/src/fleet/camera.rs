@@ -400,7 +400,7 @@ mod tests {
         let author = Author::shell(clock::time_of_day());
         let token = NewToken {
             hash: [1; 32],
-            grant: Grant { role: Role::Viewer, only: None },
+            grant: Grant { role: Role::Viewer, robots: None },
             name: String::new(),
             expires: None,
         };

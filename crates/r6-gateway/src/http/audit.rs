@@ -36,7 +36,8 @@ fn usual_limit() -> usize {
     100
 }
 
-/// A page of the audit log, oldest first. A token for some robots sees the entries of these.
+/// A page of the audit log, oldest first. A token for some robots sees the entries of those for which it has
+/// the role engineer.
 #[utoipa::path(get, path = "/v1/audit", operation_id = "audit", params(Page), responses(
     (status = 200, description = "The entries", body = Audit),
     (status = 422, description = "`bad_value`", body = Problem),
@@ -63,9 +64,10 @@ pub async fn page(
         Ok(AuditEntry { number: entry.number, record, hash: entry.hash.to_string() })
     });
     let entries = entries.collect::<Result<Vec<_>, Refusal>>()?;
-    let seen = |entry: &AuditEntry| match (&grant.only, &entry.record.robot) {
-        (None, _) => true,
-        (Some(only), robot) => robot.as_deref().is_some_and(|robot| only.covers(robot)),
+    // Entries about no robot are for those alone who may read the log for all robots.
+    let seen = |entry: &AuditEntry| match &entry.record.robot {
+        None => grant.allows_for_all(Right::ReadAudit),
+        Some(robot) => grant.allows(Right::ReadAudit, robot),
     };
     Ok(Json(Audit { entries: entries.into_iter().filter(seen).collect(), next_after }))
 }

@@ -57,7 +57,13 @@ pub enum Who {
 }
 
 /// What another gateway may do.
-static OF_GATEWAY: Grant = Grant { role: Role::Viewer, only: None };
+static OF_GATEWAY: Grant = Grant { role: Role::Viewer, robots: None };
+
+/// `part`: with which robot, if the caller has not the same role for all.
+fn role_is_too_low(right: Right, role: Role, part: &str) -> Refusal {
+    let (needed, role) = (right.lowest_role().word(), role.word());
+    not_allowed(format!("this needs the role {needed}, and the caller is {role}{part}"))
+}
 
 impl Caller {
     /// What the caller has proved to be.
@@ -138,29 +144,39 @@ impl Caller {
 
     /// Refuses unless the caller may do this with this robot.
     pub fn must(&self, right: Right, robot: &str) -> Result<(), Refusal> {
-        let grant = self.grant();
-        if grant.allows(right, robot) {
-            return Ok(());
+        match self.grant().role_for(robot) {
+            Some(role) if role >= right.lowest_role() => Ok(()),
+            Some(role) if self.grant().is_for_all() => Err(role_is_too_low(right, role, "")),
+            Some(role) => Err(role_is_too_low(right, role, &format!(" for {robot}"))),
+            None => Err(not_allowed(format!("the token or the user is only for {}", self.robots()))),
         }
-        Err(if grant.covers(robot) {
-            self.role_is_too_low(right)
-        } else {
-            not_allowed(match &grant.only {
-                Some(only) => format!("the token or the user is only for {only}"),
-                None => "the token or the user is for another robot".to_owned(),
-            })
-        })
     }
 
     /// Refuses unless the caller may do this with one robot at least.
     pub fn must_somewhere(&self, right: Right) -> Result<(), Refusal> {
-        if self.grant().allows_somewhere(right) { Ok(()) } else { Err(self.role_is_too_low(right)) }
+        let grant = self.grant();
+        if grant.allows_somewhere(right) { Ok(()) } else { Err(role_is_too_low(right, grant.highest(), "")) }
     }
 
-    /// Refuses unless the caller may do this for all robots, and tells the audit log.
-    pub fn must_of_all(&self, right: Right, state: &State, path: &str) -> Result<(), Refusal> {
-        // No robot has this name, so it is covered by all robots alone.
-        self.must(right, "").inspect_err(|_| {
+    /// Refuses unless the caller may do this for all robots alike.
+    pub fn must_for_all(&self, right: Right) -> Result<(), Refusal> {
+        let grant = self.grant();
+        if grant.allows_for_all(right) {
+            return Ok(());
+        }
+        let (needed, role) = (right.lowest_role().word(), grant.role.word());
+        let given = match &grant.robots {
+            None => role.to_owned(),
+            Some(robots) => format!("{role} with the list `{robots}`"),
+        };
+        Err(not_allowed(format!(
+            "this needs the role {needed} without a list of robots, and the caller is {given}"
+        )))
+    }
+
+    /// The same, and tells the audit log what it refuses.
+    pub fn must_manage(&self, right: Right, state: &State, path: &str) -> Result<(), Refusal> {
+        self.must_for_all(right).inspect_err(|_| {
             if let Some(source) = self.source {
                 let request = path.chars().take(MAX_TOLD).collect();
                 state.accounts.ledger.refused(&self.by(), source.ip(), request, Code::NotAllowed);
@@ -168,9 +184,9 @@ impl Caller {
         })
     }
 
-    fn role_is_too_low(&self, right: Right) -> Refusal {
-        let (needed, role) = (right.lowest_role().word(), self.grant().role.word());
-        not_allowed(format!("this needs the role {needed}, and the caller is {role}"))
+    /// The robots that it is for, for people.
+    fn robots(&self) -> String {
+        self.grant().robots.as_ref().map_or("all robots".to_owned(), ToString::to_string)
     }
 
     /// Counts a request of this token or user. A stop is not counted: it must never be refused for this.
@@ -402,7 +418,7 @@ impl<R: Needs> FromRequestParts<State> for Manager<R> {
 
     async fn from_request_parts(parts: &mut Parts, state: &State) -> Result<Self, Refusal> {
         let caller = Caller::from_request_parts(parts, state).await?;
-        caller.must_of_all(R::RIGHT, state, parts.uri.path())?;
+        caller.must_manage(R::RIGHT, state, parts.uri.path())?;
         let named = Path::<BTreeMap<String, String>>::from_request_parts(parts, state).await;
         let named = named.ok().and_then(|Path(named)| named.into_values().next()).unwrap_or_default();
         Ok(Self { caller, named, right: PhantomData })

@@ -218,7 +218,7 @@ pub async fn forget_owed_stop(
 ) -> Result<StatusCode, Refusal> {
     let Robot { caller, station, .. } = robot;
     // Where the arm is, an admin of this robot alone does not know.
-    caller.must(Right::Configure, "")?;
+    caller.must_for_all(Right::Configure)?;
     check_reason("because", &because)?;
     let work = traces::spawn(async move { station.forget_owed_stop(&caller.by(), because).await });
     let done = work.await.map_err(refusal::of_lost_work)?;

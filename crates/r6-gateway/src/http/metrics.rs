@@ -96,14 +96,14 @@ pub async fn metrics(caller: Caller, Of(state): Of<State>) -> impl IntoResponse 
     live(&mut text, &seen);
     if let Some(recorder) = &state.shared.history {
         history(&mut text, &seen);
-        if caller.grant().only.is_none() {
+        if caller.grant().is_for_all() {
             files(&mut text, recorder.counts(), recorder.is_paused());
         }
     }
-    if caller.grant().only.is_none() {
+    if caller.grant().is_for_all() {
         refused(&mut text, &state.refused);
     }
-    if let Some(certificate) = state.certificate.as_ref().filter(|_| caller.grant().only.is_none()) {
+    if let Some(certificate) = state.certificate.as_ref().filter(|_| caller.grant().is_for_all()) {
         let name = "r6_gateway_certificate_expires_timestamp_seconds";
         family(&mut text, name, "gauge", "When the certificate of the gateway ends.");
         // To write to a text cannot fail.

@@ -54,7 +54,7 @@ pub async fn put(
 ) -> Result<Json<RawPorts>, Refusal> {
     let caller = manager.caller;
     if wanted.open {
-        caller.must_of_all(Right::OpenRawPorts, &state, "/v1/raw-ports")?;
+        caller.must_manage(Right::OpenRawPorts, &state, "/v1/raw-ports")?;
     }
     let switch = state.raw_ports.clone().ok_or_else(|| {
         let message = "this gateway has no raw ports: they cannot be used with --store yet";

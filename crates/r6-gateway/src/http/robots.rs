@@ -83,7 +83,7 @@ pub async fn put(
     let known = state.fleet.station(&named.name).map(|station| station.config().address);
     if known.as_ref() != Some(&robot.address) {
         // Behind a new address there may be the arm of any other robot.
-        named.caller.must(Right::Configure, "")?;
+        named.caller.must_for_all(Right::Configure)?;
     }
     let by = named.caller.by();
     let work = tokio::spawn(async move { state.fleet.put(&by, robot).await });

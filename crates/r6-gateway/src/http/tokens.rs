@@ -14,7 +14,7 @@ use super::caller::{ManageUsers, Manager};
 use super::described::{OfBody, OfChange, OfRight};
 use super::range::{instant, shown};
 use super::refusal::bad_value;
-use super::users::only;
+use super::users::{bad_robots, robots_of};
 use super::{State, refusal};
 use crate::core::role::Grant;
 use crate::expiry::Expiry;
@@ -36,7 +36,7 @@ pub async fn list(_manager: Manager<ManageUsers>, Of(state): Of<State>) -> Resul
     let told = |token: crate::store::Token| Token {
         number: token.number,
         role: token.grant.role,
-        robot: token.grant.only.map(|only| only.to_string()),
+        robot: token.grant.robots.map(|robots| robots.to_string()),
         name: token.name,
         expires_at: token.expires.as_ref().map(ToString::to_string),
     };
@@ -69,7 +69,7 @@ pub async fn make(
         let wanted = format!("name: at most {MAX_NAME} characters, and no control characters");
         return Err(bad_value(wanted));
     }
-    let grant = Grant { role, only: only(robot)? };
+    let grant = Grant::new(role, robots_of(robot)?).map_err(bad_robots)?;
     let expires = expires_at.as_deref().map(end).transpose()?;
     let (text, hash) = tokens::draw().map_err(|error| {
         let message = format!("no random numbers: {error}");

@@ -13,7 +13,7 @@ use super::caller::{ManageUsers, Manager};
 use super::described::{OfBody, OfChange, OfRight};
 use super::refusal::{self, bad_value};
 use crate::core::account::{Decided, UserName, Wish};
-use crate::core::role::Only;
+use crate::core::role::{BadRobots, Grant, GrantRobots};
 use crate::problem;
 use crate::store::StoredUser;
 
@@ -58,14 +58,17 @@ pub async fn put(
     let UserWanted { role, robot, disabled, password } = wanted;
     let name = UserName::new(&manager.named)
         .ok_or_else(|| bad_value(format!("name: a user has {}", UserName::WANTED)))?;
-    let only = robot.map(only).transpose()?;
+    let robots = robot.map(robots_of).transpose()?;
+    if let Some(robots) = &robots {
+        Grant::new(role, robots.clone()).map_err(bad_robots)?;
+    }
     let author = manager.caller.author();
     let work = tokio::spawn(async move {
         let password = match password {
             Some(password) => Some(state.accounts.hash(password).await?),
             None => None,
         };
-        state.accounts.change(name, Wish::Put { role, only, disabled, password }, author).await
+        state.accounts.change(name, Wish::Put { role, robots, disabled, password }, author).await
     });
     let decided = work.await.map_err(refusal::of_lost_work)?.map_err(refusal::of)?;
     Ok(if matches!(decided, Decided::Made(_)) { StatusCode::CREATED } else { StatusCode::NO_CONTENT })
@@ -95,15 +98,17 @@ pub async fn remove(manager: Manager<ManageUsers>, Of(state): Of<State>) -> Resu
     removed.map(|_| StatusCode::NO_CONTENT).map_err(refusal::of)
 }
 
-/// The only robots that a body names. There need not be such robots yet.
+/// The robots that a body names, with their roles. There need not be such robots yet.
 ///
 /// # Errors
-/// `bad_value`: they are no names.
-pub(super) fn only(robot: Option<String>) -> Result<Option<Only>, Refusal> {
-    let read = |robots: String| {
-        Only::read(&robots).ok_or_else(|| bad_value(format!("robot: it has to be {}", Only::WANTED)))
-    };
-    robot.map(read).transpose()
+/// `bad_value`.
+pub(super) fn robots_of(robot: Option<String>) -> Result<Option<GrantRobots>, Refusal> {
+    robot.map(|robots| GrantRobots::read(&robots)).transpose().map_err(bad_robots)
+}
+
+/// The refusal of robots in a body.
+pub(super) fn bad_robots(error: BadRobots) -> Refusal {
+    bad_value(format!("robot: {error}"))
 }
 
 fn shown(user: &StoredUser) -> User {
@@ -111,7 +116,7 @@ fn shown(user: &StoredUser) -> User {
     User {
         name: account.name.to_string(),
         role: account.grant.role,
-        robot: account.grant.only.as_ref().map(ToString::to_string),
+        robot: account.grant.robots.as_ref().map(ToString::to_string),
         disabled: account.disabled,
         has_password: account.password.is_some(),
         created: created.clone(),

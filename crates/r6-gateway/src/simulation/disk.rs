@@ -121,7 +121,7 @@ impl Disk {
     /// # Errors
     /// [`StoreError`].
     pub fn add_token(&self, text: &str, role: Role, name: &str) -> Result<String, StoreError> {
-        let (grant, hash) = (Grant { role, only: None }, secret::hash(text));
+        let (grant, hash) = (Grant { role, robots: None }, secret::hash(text));
         let token = NewToken { hash, grant, name: name.to_owned(), expires: None };
         let author = Author::shell(crate::clock::time_of_day());
         let number = self.platter().store.add_token(&token, &author)?;

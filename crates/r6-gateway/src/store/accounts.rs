@@ -47,11 +47,11 @@ pub(super) fn user_changed(change: &UserChange, decided: &Decided, author: &Auth
         Decided::Same => return None,
         Decided::Removed => Deed::UserRemoved { user },
         Decided::Made(Account { grant, disabled, .. }) => {
-            let only = grant.only.as_ref().map(ToString::to_string);
+            let only = grant.robots.as_ref().map(ToString::to_string);
             Deed::UserMade { user, role: grant.role, only, disabled: *disabled }
         }
         Decided::Changed(Account { grant, disabled, .. }) => {
-            let only = grant.only.as_ref().map(ToString::to_string);
+            let only = grant.robots.as_ref().map(ToString::to_string);
             let new_password = change.wish.sets_password();
             Deed::UserChanged { user, role: grant.role, only, disabled: *disabled, new_password }
         }

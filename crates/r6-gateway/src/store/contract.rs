@@ -26,7 +26,7 @@ use crate::core::chain::{Broken, Hash, Verifier};
 use crate::core::history::sample::Micros;
 use crate::core::library::{Condition, MAX_PROGRAMS, MAX_VERSIONS, ProgramName, Tag, Unfit};
 use crate::core::name::RobotName;
-use crate::core::role::{Grant, Only};
+use crate::core::role::{Grant, GrantRobots};
 use crate::core::seat::Saved;
 use crate::expiry::Expiry;
 
@@ -62,11 +62,11 @@ fn outcome(intent: u64) -> AuditRecord {
 }
 
 fn token(byte: u8, only: Option<&str>) -> NewToken {
-    let only = only.map(|names| Only::read(names).unwrap());
+    let robots = only.map(|names| GrantRobots::read(names).unwrap());
     let expires = (byte == 2).then_some(Expiry(1_900_000_000));
     NewToken {
         hash: [byte; 32],
-        grant: Grant { role: Role::Engineer, only },
+        grant: Grant { role: Role::Engineer, robots },
         name: format!("token {byte}"),
         expires,
     }
@@ -85,8 +85,11 @@ fn password(text: &str) -> PasswordHash {
     PasswordHash(format!("$argon2id$0101{text}"))
 }
 
+/// Robots with roles of their own.
+const EACH: &str = "press,saw=viewer,*=operator";
+
 fn grant(role: Role, only: Option<&str>) -> Grant {
-    Grant { role, only: only.map(|names| Only::read(names).unwrap()) }
+    Grant { role, robots: only.map(|names| GrantRobots::read(names).unwrap()) }
 }
 
 fn head(store: &mut dyn Store) -> Result<(u64, Hash), Broken> {
@@ -135,10 +138,10 @@ fn tokens_are_added_revoked_and_audited() {
     on_each(|store| {
         let author = &author();
         assert_eq!(store.add_token(&token(1, None), author), Ok(1));
-        assert_eq!(store.add_token(&token(2, Some("press")), author), Ok(2));
+        assert_eq!(store.add_token(&token(2, Some(EACH)), author), Ok(2));
         let known = store.tokens().unwrap();
         assert_eq!((known[0].number, known[0].hash, known[0].name.as_str()), (1, [1; 32], "token 1"));
-        assert_eq!(known[1].grant, token(2, Some("press")).grant);
+        assert_eq!(known[1].grant, token(2, Some(EACH)).grant);
         assert_eq!((known[0].expires, known[1].expires), (None, Some(Expiry(1_900_000_000))));
         assert_eq!(store.revoke_token(2, author), Ok(true));
         assert_eq!(store.revoke_token(2, author), Ok(false));
@@ -150,7 +153,7 @@ fn tokens_are_added_revoked_and_audited() {
         let deeds: Vec<_> = deeds.collect();
         let at = "2030-03-17T17:46:40.000000Z";
         let made = matches!(&deeds[1], Deed::TokenMade { token: 2, only: Some(only), expires_at: Some(expires_at), .. }
-            if only == "press" && expires_at == at);
+            if only == EACH && expires_at == at);
         assert!(made, "{deeds:?}");
         assert_eq!(deeds[2], Deed::TokenRevoked { token: 2 });
         assert!(told.iter().all(|entry| !entry.body.contains("0101")), "no hash of a token");
@@ -163,10 +166,10 @@ fn users_are_made_changed_removed_and_audited() {
     on_each(|store| {
         let by = &author();
         let put = |role, only, password| {
-            let only = Some(grant(role, only).only);
-            Wish::Put { role, only, disabled: Some(false), password }
+            let robots = Some(grant(role, only).robots);
+            Wish::Put { role, robots, disabled: Some(false), password }
         };
-        let made = store.change_user(&change("ben", put(Role::Viewer, Some("press"), None)), by).unwrap();
+        let made = store.change_user(&change("ben", put(Role::Engineer, Some(EACH), None)), by).unwrap();
         assert!(matches!(made, (Decided::Made(_), 1)));
         let first = change("anna", Wish::FirstAdmin(password("a")));
         assert!(matches!(store.change_user(&first, by), Ok((Decided::Made(_), 2))));
@@ -174,7 +177,7 @@ fn users_are_made_changed_removed_and_audited() {
         let told: Vec<_> = users.iter().map(|user| (user.account.name.as_str(), user.stamp)).collect();
         assert_eq!(told, [("anna", 2), ("ben", 1)]);
         assert_eq!(users[0].account.password, Some(password("a")));
-        assert_eq!(users[1].account.grant, grant(Role::Viewer, Some("press")));
+        assert_eq!(users[1].account.grant, grant(Role::Engineer, Some(EACH)));
 
         // The last admin stays.
         let denied = Err(StoreError::Denied(Denied::LastAdmin));
@@ -183,7 +186,7 @@ fn users_are_made_changed_removed_and_audited() {
         }
         assert_eq!(store.users().unwrap(), users);
 
-        let same = put(Role::Viewer, Some("press"), None);
+        let same = put(Role::Engineer, Some(EACH), None);
         assert_eq!(store.change_user(&change("ben", same), by), Ok((Decided::Same, 0)));
         let changed = store.change_user(&change("ben", put(Role::Admin, None, Some(password("b")))), by);
         assert!(matches!(changed, Ok((Decided::Changed(_), 3))));

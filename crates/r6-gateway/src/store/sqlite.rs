@@ -36,7 +36,7 @@ use crate::core::chain::{Broken, Hash, link};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::point::PointName;
-use crate::core::role::{Grant, Only};
+use crate::core::role::{Grant, GrantRobots};
 use crate::core::seat::Saved;
 use crate::expiry::Expiry;
 
@@ -145,9 +145,9 @@ fn to_json(of: &impl serde::Serialize) -> Result<String, StoreError> {
 }
 
 fn grant(word: &str, only: Option<String>) -> Result<Grant, StoreError> {
-    let only = only
-        .map(|only| Only::read(&only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`"))));
-    Ok(Grant { role: role(word)?, only: only.transpose()? })
+    let unreadable = |error| StoreError::Unreadable(format!("robots of a user or a token: {error}"));
+    let robots = only.map(|robots| GrantRobots::read(&robots).map_err(unreadable));
+    Ok(Grant { role: role(word)?, robots: robots.transpose()? })
 }
 
 /// The tokens that are not revoked. `version`: that of the file, which may be older than ends of tokens.
@@ -259,7 +259,7 @@ impl Store for Sqlite {
         if known >= MAX_TOKENS {
             return Err(StoreError::TooManyTokens);
         }
-        let only = token.grant.only.as_ref().map(Only::to_string);
+        let only = token.grant.robots.as_ref().map(GrantRobots::to_string);
         transaction.execute(
             "INSERT INTO token (hash, role, only, name, made) VALUES (?1, ?2, ?3, ?4, ?5)",
             params![token.hash, token.grant.role.word(), only, token.name, author.time],

@@ -14,7 +14,7 @@ use crate::support::{Browser, Hall, PATIENCE, Stream, call, cookie_name, name, r
 
 /// Who may use a route.
 #[derive(Clone, Copy)]
-enum Needs {
+pub enum Needs {
     /// Everybody.
     Nothing,
     /// A token or a user with this role or a higher one.
@@ -107,7 +107,7 @@ const ROUTES: [(&str, &str, Needs); 77] = [
 ];
 
 /// The routes of the description, methods in upper case.
-fn described() -> Vec<(String, String)> {
+pub fn described() -> Vec<(String, String)> {
     let api: Value = serde_json::from_str(&r6_gateway::openapi()).unwrap();
     let paths = api["paths"].as_object().unwrap();
     let routes = paths.iter().flat_map(|(path, methods)| {
@@ -118,7 +118,7 @@ fn described() -> Vec<(String, String)> {
 }
 
 /// What a route needs, and a path of it.
-fn needs(method: &str, path: &str) -> (Needs, String) {
+pub fn needs(method: &str, path: &str) -> (Needs, String) {
     let row = ROUTES.iter().find(|(m, p, _)| *m == method && *p == path);
     let Some((_, _, needs)) = row else { panic!("{method} {path} has no row in this test") };
     let path = path.replace("{name}", "press").replace("{number}", "press").replace("{id}", "7");
@@ -127,7 +127,7 @@ fn needs(method: &str, path: &str) -> (Needs, String) {
 }
 
 /// The status of a request that is allowed, and that has a body with no field of the route.
-fn of_nonsense(method: &str, path: &str) -> u16 {
+pub fn of_nonsense(method: &str, path: &str) -> u16 {
     match (method, path) {
         // The robot is in the configuration, so it is not removed.
         ("DELETE", "/v1/robots/{name}") => 409,

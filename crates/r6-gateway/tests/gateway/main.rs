@@ -36,6 +36,7 @@ mod production;
 mod programs;
 mod query;
 mod raw;
+mod roles;
 mod roster;
 mod runs;
 mod settings;

@@ -1,13 +1,8 @@
 /** Words of the audit log. */
-import type { AuditEntry, Role } from "../../api/types.ts";
+import type { AuditEntry } from "../../api/types.ts";
 import type { Kind } from "../../pages/audit/search.ts";
+import { rights } from "./rights.ts";
 import { count } from "./say.ts";
-
-const ROLES: Record<Role, string> = { viewer: "viewer", operator: "operator", engineer: "engineer", admin: "admin" };
-
-function rights(role: Role, only: string | null): string {
-  return `${ROLES[role]}, ${only === null ? "all robots" : `${only} only`}`;
-}
 
 /** Which gateway, if several share a database. */
 const at = ({ url }: { url: string | null }): string => (url === null ? "" : ` ${url}`);

@@ -2,8 +2,7 @@
 import type { Failure } from "../../api/failure.ts";
 import type { Role } from "../../api/types.ts";
 import type { Found } from "../../state/build.svelte.ts";
-
-const ROLES: Record<Role, string> = { viewer: "viewer", operator: "operator", engineer: "engineer", admin: "admin" };
+import { ROLES, rights, robotsOf } from "./rights.ts";
 
 export const ui = {
   newBuild: "The gateway has another version of this page. What you typed and did not save is lost when it is loaded.",
@@ -109,7 +108,7 @@ export const ui = {
   needsRole: (role: Role, ofAll: boolean) =>
     `This needs the role ${ROLES[role]}${role === "admin" ? "" : " or a higher one"}${ofAll ? ", for all robots" : ""}.`,
   haveRole: (role: Role, robot: string | null) =>
-    `You are signed in as ${ROLES[role]}${robot === null ? "" : ` for ${robot} only`}. Ask an admin.`,
+    `You are signed in as ${robot === null ? ROLES[role] : rights(role, robot)}. Ask an admin.`,
   scrolls: "There is more at the side: scroll sideways, or use the arrow keys. ↔",
   details: "Details",
   copy: "Copy",
@@ -126,5 +125,6 @@ export const ui = {
   yes: "yes",
   no: "no",
   allRobots: "all robots",
+  robots: robotsOf,
   required: "required",
 };

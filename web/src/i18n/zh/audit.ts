@@ -1,13 +1,7 @@
 /** Words of the audit log. */
 import { who } from "./say.ts";
-import type { Role } from "../../api/types.ts";
 import type { audit as english } from "../en/audit.ts";
-
-const ROLES: Record<Role, string> = { viewer: "观察员", operator: "操作员", engineer: "工程师", admin: "管理员" };
-
-function rights(role: Role, only: string | null): string {
-  return `${ROLES[role]}，${only === null ? "所有机器人" : `仅限 ${only}`}`;
-}
+import { rights } from "./rights.ts";
 
 /** Which gateway, if several share a database. */
 const at = ({ url }: { url: string | null }): string => (url === null ? "" : ` ${url} `);

@@ -1,9 +1,7 @@
 /** Words of the parts that pages share. */
-import type { Role } from "../../api/types.ts";
 import type { ui as english } from "../en/ui.ts";
 import { refusalOf } from "./refusals.ts";
-
-const ROLES: Record<Role, string> = { viewer: "观察员", operator: "操作员", engineer: "工程师", admin: "管理员" };
+import { ROLES, rights, robotsOf } from "./rights.ts";
 
 export const ui: typeof english = {
   newBuild: "网关上有此页面的其他版本。重新加载时，尚未保存的输入将丢失。",
@@ -27,7 +25,7 @@ export const ui: typeof english = {
   said: "网关消息：",
   needsRole: (role, ofAll) =>
     `需要${ofAll ? "面向所有机器人的" : ""}“${ROLES[role]}”${role === "admin" ? "" : "或更高"}角色。`,
-  haveRole: (role, robot) => `您当前的角色是“${ROLES[role]}”${robot === null ? "" : `，仅限 ${robot}`}。请联系管理员。`,
+  haveRole: (role, robot) => `您当前的角色是“${robot === null ? ROLES[role] : rights(role, robot)}”。请联系管理员。`,
   scrolls: "旁边还有内容：请左右滑动，或使用方向键。↔",
   details: "详情",
   copy: "复制",
@@ -44,5 +42,6 @@ export const ui: typeof english = {
   yes: "是",
   no: "否",
   allRobots: "所有机器人",
+  robots: robotsOf,
   required: "必填",
 };

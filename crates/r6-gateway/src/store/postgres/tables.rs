@@ -15,7 +15,7 @@ CREATE TABLE IF NOT EXISTS r6_gateway.version (
 ";
 
 /// What makes the tables of each version out of those before, from version 1 on.
-pub const TABLES: [&str; 9] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES, POINTS, GROUPS, MORE, LISTS];
+pub const TABLES: [&str; 10] = [FIRST, COMMANDS, OWNERS, CAMERAS, FILES, POINTS, GROUPS, MORE, LISTS, ROLES];
 
 /// - `audit`: `what`, `robot` and `intent` are read from the text when it is written.
 /// - `seat`: the name '', which is the name of no robot, is how robots begin that have no seat yet.
@@ -263,3 +263,7 @@ ALTER TABLE token ADD COLUMN expires bigint;
 const LISTS: &str = "
 CREATE INDEX run_robot ON run (robot, id);
 ";
+
+/// A token or a user may have a role for each robot in its text: an older r6 must not begin with such a
+/// database.
+const ROLES: &str = "";

@@ -27,7 +27,7 @@ fn author() -> Author {
 }
 
 fn token(byte: u8) -> NewToken {
-    let grant = Grant { role: r6_api::gateway::Role::Viewer, only: None };
+    let grant = Grant { role: r6_api::gateway::Role::Viewer, robots: None };
     NewToken { hash: [byte; 32], grant, name: "a\0b".to_owned(), expires: None }
 }
 

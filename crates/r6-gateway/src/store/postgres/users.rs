@@ -5,7 +5,7 @@ use tokio_postgres::Client;
 use super::audit::append;
 use super::{plain, signed, unsigned};
 use crate::core::account::{Account, Decided, PasswordHash, UserName};
-use crate::core::role::{Grant, Only};
+use crate::core::role::{Grant, GrantRobots};
 use crate::expiry::Expiry;
 use crate::store::{
     Author, Link, MAX_TOKENS, NewToken, StoreError, StoredUser, Token, UserChange, check_link, decide,
@@ -13,9 +13,9 @@ use crate::store::{
 };
 
 fn grant(word: &str, only: Option<&str>) -> Result<Grant, StoreError> {
-    let only = only
-        .map(|only| Only::read(only).ok_or_else(|| StoreError::Unreadable(format!("the robot `{only}`"))));
-    Ok(Grant { role: role(word)?, only: only.transpose()? })
+    let unreadable = |error| StoreError::Unreadable(format!("robots of a user or a token: {error}"));
+    let robots = only.map(|robots| GrantRobots::read(robots).map_err(unreadable));
+    Ok(Grant { role: role(word)?, robots: robots.transpose()? })
 }
 
 fn hash(bytes: &[u8], of: impl FnOnce() -> String) -> Result<[u8; 32], StoreError> {
@@ -29,7 +29,7 @@ pub async fn add_token(client: &Client, token: &NewToken, author: &Author) -> Re
     if usize::try_from(known).unwrap_or(usize::MAX) >= MAX_TOKENS {
         return Err(StoreError::TooManyTokens);
     }
-    let only = token.grant.only.as_ref().map(Only::to_string);
+    let only = token.grant.robots.as_ref().map(GrantRobots::to_string);
     let number = client
         .query_one(
             "INSERT INTO token (hash, role, robot, name, made, expires) VALUES ($1, $2, $3, $4, $5, $6)
@@ -137,7 +137,7 @@ pub async fn change(
     match &decided {
         Decided::Made(account) | Decided::Changed(account) => {
             let Account { grant, disabled, password, .. } = account;
-            let only = grant.only.as_ref().map(Only::to_string);
+            let only = grant.robots.as_ref().map(GrantRobots::to_string);
             let password = password.as_ref().map(|hash| hash.0.as_str());
             client
                 .execute(

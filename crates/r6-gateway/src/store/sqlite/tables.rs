@@ -2,8 +2,9 @@
 
 /// What makes the tables of each version out of those before, from version 1 on. `PRAGMA user_version` has
 /// the version of a file.
-pub const TABLES: [&str; 13] = [
-    CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS, POINTS, GROUPS, MORE, LISTS,
+pub const TABLES: [&str; 14] = [
+    CONTROL, PROGRAMS, USERS, ALARMS, RUNS, HEADS, STOPPED_BY, COMMANDS, CAMERAS, POINTS, GROUPS, MORE,
+    LISTS, ROLES,
 ];
 
 /// `what`, `robot` and `intent` are read from the text, so they cannot tell anything else than it. The seat
@@ -200,6 +201,9 @@ CREATE TABLE IF NOT EXISTS token_end (
 const LISTS: &str = "
 CREATE INDEX IF NOT EXISTS run_robot ON run (robot);
 ";
+
+/// A token or a user may have a role for each robot in its text: an older r6 must not begin with such a file.
+const ROLES: &str = "";
 
 #[cfg(test)]
 mod tests {

@@ -4,7 +4,7 @@ use rusqlite::{Connection, OptionalExtension, Transaction, params};
 
 use super::{append_in, grant};
 use crate::core::account::{Account, Decided, PasswordHash, UserName};
-use crate::core::role::Only;
+use crate::core::role::GrantRobots;
 use crate::store::{
     Author, Link, StoreError, StoredUser, UserChange, check_link, decide, link_made, user_changed,
 };
@@ -61,7 +61,7 @@ pub fn change(
     match &decided {
         Decided::Made(account) | Decided::Changed(account) => {
             let Account { grant, disabled, password, .. } = account;
-            let only = grant.only.as_ref().map(Only::to_string);
+            let only = grant.robots.as_ref().map(GrantRobots::to_string);
             let password = password.as_ref().map(|hash| hash.0.as_str());
             transaction.execute(
                 "INSERT INTO user (name, role, only, disabled, password, created, stamp)

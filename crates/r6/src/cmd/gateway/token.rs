@@ -1,12 +1,13 @@
 //! `r6 gateway token`: makes, lists and revokes tokens, whether the gateway runs or not.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use r6_api::gateway::Role;
-use r6_gateway::{At, Camera, Expiry, Grant, Only, RobotName};
+use r6_gateway::{At, Camera, Expiry, Grant, GrantRobots, RobotName};
 
 use super::place::{self, StoreUrl};
 use super::{DEFAULT_DATA, tell_new_folder};
@@ -28,10 +29,13 @@ Roles, each with the rights of those before it:
   viewer     reads values, states and events; checks and plans programs
   operator   stops; holds the lease, and with it sends commands and runs programs;
              acknowledges alarms
-  engineer   accepts an exchanged robot; reads the audit log; stores programs; shelves alarms;
-             for all robots: closes the raw ports
+  engineer   accepts an exchanged robot; reads the audit log; shelves alarms;
+             for all robots: stores programs and points; closes the raw ports
   admin      takes the lease from its holder; changes robots; gives grants of cameras;
-             for all robots: users, tokens, settings; opens the raw ports
+             for all robots: users, tokens, settings, new robots; opens the raw ports
+
+--robot names the robots. Each has the role, or a lower one after `=`; `*` stands for all that are not named, \
+and needs quotes in a shell. What is \"for all robots\" above needs a token without --robot.
 
 With --camera the token may also send points and answers to photos as this camera of this robot, without the \
 lease, until it is revoked. A gateway that runs knows the grant at once.
@@ -39,6 +43,7 @@ lease, until it is revoked. A gateway that runs knows the grant at once.
 Examples:
   r6 gateway token --role viewer --name screen-in-hall-2
   r6 gateway token --role operator --robot press-4,saw
+  r6 gateway token --role engineer --robot 'press-4,saw=operator,*=viewer'
   r6 gateway token --role viewer --days 30
   r6 gateway token --role viewer --robot press-4 --camera press-4:0
   r6 gateway token --list
@@ -53,10 +58,11 @@ pub struct TokenArgs {
     /// What the token allows
     #[arg(long, value_parser = role(), required_unless_present_any = ["list", "revoke"])]
     role: Option<Role>,
-    /// The only robots that it is for, with commas between them
+    /// The robots that it is for, with commas between them: NAME, or NAME=ROLE for a lower role; * for all
+    /// others
     // The id is that of the global option, so that this one stands in its place.
-    #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME")]
-    only: Option<String>,
+    #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAMES")]
+    robots: Option<String>,
     /// What people call it
     #[arg(long, value_name = "TEXT", default_value = "")]
     name: String,
@@ -107,36 +113,36 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     let Some(role) = args.role else {
         return list(args.at()?);
     };
-    let only = only(args.only.as_deref().filter(|_| robot_typed))?;
+    let grant = grant(role, args.robots.as_deref().filter(|_| robot_typed))?;
     if args.name.chars().count() > MAX_NAME || args.name.chars().any(char::is_control) {
         let wanted = format!("--name has at most {MAX_NAME} characters, and no control characters");
         return Err(Failure::usage(wanted));
     }
-    let is_for = |robot: &RobotName| only.as_ref().is_none_or(|only| only.covers(robot.as_str()));
+    let is_for = |robot: &RobotName| grant.covers(robot.as_str());
     if let Some((robot, camera)) = args.cameras.iter().find(|(robot, _)| !is_for(robot)) {
-        let only = only.as_ref().map(ToString::to_string).unwrap_or_default();
+        let only = grant.robots.as_ref().map(ToString::to_string).unwrap_or_default();
         let wanted = format!(
             "--camera {robot}:{camera}: the token is for {only} only (--robot), so it cannot feed a camera of {robot}"
         );
         return Err(Failure::usage(wanted));
     }
-    let (what, of_robots) = (what(role, only.as_ref()), only.clone());
+    let (what, named) = (what(&grant), names_of(&grant));
     if args.store.is_none() {
         tell_new_folder(&args.data);
     }
     let at = args.at()?;
     let expires = args.days.map(|days| Expiry::after(DAY * days));
-    let made = r6_gateway::make_token_until(at.clone(), Grant { role, only }, args.name, expires);
+    let made = r6_gateway::make_token_until(at.clone(), grant, args.name, expires);
     let (number, token) = made.map_err(Failure::usage)?;
     output::line(token);
     let ends = expires.map(until).unwrap_or_default();
     output::note(format_args!("token {number}: {what}{ends}. It is shown this once"));
-    for robot in of_robots.iter().flat_map(Only::names) {
+    for robot in &named {
         tell_if_unknown(at.clone(), robot);
     }
     for (robot, camera) in args.cameras {
         let told = format!("token {number} feeds camera {camera} of {robot}");
-        if !of_robots.iter().any(|only| only.covers(robot.as_str())) {
+        if !named.contains(&robot) {
             tell_if_unknown(at.clone(), &robot);
         }
         r6_gateway::grant_camera(at.clone(), number, robot, camera).map_err(|error| {
@@ -164,7 +170,7 @@ fn list(at: At) -> Result<Exit, Failure> {
     let cameras = r6_gateway::list_cameras(at).map_err(Failure::usage)?;
     let mut table = Table::with_right_columns(&[0]);
     for token in &tokens {
-        let mut what = what(token.grant.role, token.grant.only.as_ref());
+        let mut what = what(&token.grant);
         what += &token.expires.map(until).unwrap_or_default();
         for (robot, grant) in cameras.iter().filter(|(_, grant)| grant.token == token.number) {
             what += &format!(", camera {} of {robot}", grant.camera);
@@ -183,19 +189,24 @@ fn until(expires: Expiry) -> String {
     format!(", {word} {expires}")
 }
 
-/// The robots of `--robot`.
-pub(super) fn only(robots: Option<&str>) -> Result<Option<Only>, Failure> {
-    let read = |names| {
-        Only::read(names)
-            .ok_or_else(|| Failure::usage(format!("--robot {names}: it has to be {}", Only::WANTED)))
-    };
-    robots.map(read).transpose()
+/// The grant of `--role` and `--robot`.
+pub(super) fn grant(role: Role, robots: Option<&str>) -> Result<Grant, Failure> {
+    let read = robots.map(GrantRobots::read).transpose();
+    read.and_then(|robots| Grant::new(role, robots)).map_err(|error| {
+        let given = r6_proto::printable(robots.unwrap_or_default());
+        Failure::usage(format!("--robot {given}: {error}"))
+    })
+}
+
+/// The robots that a grant names.
+fn names_of(grant: &Grant) -> BTreeSet<RobotName> {
+    grant.robots.iter().flat_map(GrantRobots::names).cloned().collect()
 }
 
 /// What a token or a user may do, for people.
-pub(super) fn what(role: Role, only: Option<&Only>) -> String {
-    match only {
-        Some(only) => format!("{} of {only}", role.word()),
-        None => format!("{} of all robots", role.word()),
+pub(super) fn what(grant: &Grant) -> String {
+    match &grant.robots {
+        Some(robots) => format!("{} of {robots}", grant.role.word()),
+        None => format!("{} of all robots", grant.role.word()),
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use r6_api::gateway::Role;
-use r6_gateway::{Account, At, Grant, UserName};
+use r6_gateway::{Account, At, UserName};
 
 use super::place::{self, StoreUrl};
 use super::{DEFAULT_DATA, DEFAULT_LISTEN, URL_FILE, tell_new_folder, token};
@@ -30,7 +30,7 @@ Roles are those of tokens: `r6 gateway token --help`. Admins change users over H
 
 Examples:
   r6 gateway user --add anna --role operator
-  r6 gateway user --add ben --role engineer --robot press-4
+  r6 gateway user --add ben --role engineer --robot 'press-4,*=viewer'
   r6 gateway user --link anna --url https://hall-pc.local:9780
   r6 gateway user --list
   r6 gateway user --disable ben")]
@@ -47,10 +47,11 @@ pub struct UserArgs {
     /// What the user may do
     #[arg(long, value_parser = token::role(), requires = "add")]
     role: Option<Role>,
-    /// The only robots that the user is for, with commas between them
+    /// The robots that the user is for, with commas between them: NAME, or NAME=ROLE for a lower role; * for
+    /// all others
     // The id is that of the global option, so that this one stands in its place.
-    #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAME")]
-    only: Option<String>,
+    #[arg(id = "robot", short = 'r', long = "robot", value_name = "NAMES")]
+    robots: Option<String>,
     /// Print the users
     #[arg(long, conflicts_with_all = ["add", "disable", "link"])]
     list: bool,
@@ -87,12 +88,12 @@ pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
         return list(args.at()?);
     };
     let (name, url) = (user(name)?, url(&args)?);
-    let only = token::only(args.only.as_deref().filter(|_| robot_typed))?;
-    let what = token::what(role, only.as_ref());
+    let grant = token::grant(role, args.robots.as_deref().filter(|_| robot_typed))?;
+    let what = token::what(&grant);
     if args.store.is_none() {
         tell_new_folder(&args.data);
     }
-    r6_gateway::add_user(args.at()?, name.clone(), Grant { role, only }).map_err(Failure::usage)?;
+    r6_gateway::add_user(args.at()?, name.clone(), grant).map_err(Failure::usage)?;
     output::note(format_args!("user {name}: {what}. The link sets the password, once and within an hour"));
     link(&args, name, &url)
 }
@@ -140,7 +141,7 @@ fn list(at: At) -> Result<Exit, Failure> {
             (false, None) => "no password yet",
             (false, Some(_)) => "",
         };
-        table.row([&name, &token::what(grant.role, grant.only.as_ref()), &state]);
+        table.row([&name, &token::what(&grant), &state]);
     }
     output::line(table);
     Ok(Exit::Done)
