@@ -12,6 +12,7 @@ from time import monotonic
 from typing import Any
 
 import pytest
+from halls import whole_request
 
 import r6
 
@@ -58,7 +59,7 @@ class Peer:
             while True:
                 stream, _ = self._listener.accept()
                 with stream, suppress(OSError):
-                    self.requests.append(stream.recv(65536))
+                    self.requests.append(whole_request(stream))
                     if self._pause:
                         for at in range(len(self._answer)):
                             stream.sendall(self._answer[at : at + 1])

@@ -43,6 +43,7 @@ from ._errors import (
     WaitError,
 )
 from ._gateway import Gateway
+from ._gateway_library import GatewayPoint, GatewayProgram
 from ._gateway_robot import GatewayLease, GatewayRobot, GatewayRun
 from ._gateway_values import GatewayChange, GatewayEvent, GatewaySignal, GatewayState
 from ._motion import Following, MotionHandle, Step
@@ -141,6 +142,8 @@ __all__ = [
     "GatewayChange",
     "GatewayEvent",
     "GatewayLease",
+    "GatewayPoint",
+    "GatewayProgram",
     "GatewayRobot",
     "GatewayRun",
     "GatewaySignal",

@@ -4,11 +4,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
+from ._errors import OutcomeUnknown
 from ._gateway_http import UNREADABLE, HttpClient, not_sent
+from ._gateway_library import (
+    GatewayPoint,
+    GatewayProgram,
+    if_match,
+    read_point,
+    read_point_versions,
+    read_points,
+    read_program,
+    read_program_versions,
+    read_programs,
+    read_stored_program,
+    sha256_of,
+)
 from ._gateway_robot import GatewayRobot
 from ._gateway_values import (
     Changes,
@@ -18,6 +33,7 @@ from ._gateway_values import (
     GatewayState,
     read_alarms,
     read_not_known,
+    read_nothing,
     read_signals,
 )
 
@@ -124,8 +140,9 @@ class Gateway:
         return self._http.ask("GET", path, lambda answer: list(answer["entries"]))
 
     def check(self, program: str) -> dict[str, Any]:
-        """The mistakes of the text of a program (the first 20, and how many more), and where each step can run: what ``POST /v1/programs/check``
-        answers. ``["ok"]`` says whether there is no mistake. Nothing is sent to a robot.
+        """The mistakes of the text of a program (the first 20, and how many more), and where each step can
+        run: what ``POST /v1/programs/check`` answers. ``["ok"]`` says whether there is no mistake. Nothing is
+        sent to a robot.
         """
         return self._http.ask("POST", "/v1/programs/check", dict, {"program": program})
 
@@ -154,3 +171,119 @@ class Gateway:
         asked["sample_ms"] = None if sample is None else round(sample * 1000)
         given = {name: value for name, value in asked.items() if value is not None}
         return self._http.ask("POST", "/v1/programs/plan", dict, given)
+
+    def programs(self) -> list[GatewayProgram]:
+        """The programs that the gateway keeps, in the order of their names: each in its latest version,
+        without its text. At most 1000."""
+        return self._http.ask("GET", "/v1/programs", read_programs)
+
+    def program(self, name: str, version: int | None = None) -> GatewayProgram:
+        """A program that the gateway keeps, with its text: the latest version, or the one with this number.
+        The text is checked against ``sha256``.
+
+        ``InvalidRequest`` with the reason ``no_such_program``: there is no such program, or not this version.
+        """
+        read = partial(read_program, name=name, version=version)
+        return self._http.ask("GET", _path("programs", name, version), read)
+
+    def program_versions(self, name: str) -> list[GatewayProgram]:
+        """The last 50 versions of a program, the latest first, without their texts. Errors as for
+        ``program``."""
+        read = partial(read_program_versions, name=name)
+        return self._http.ask("GET", f"{_path('programs', name)}/versions", read)
+
+    def store_program(
+        self, name: str, program: str, *, expected: GatewayProgram | str | None = None
+    ) -> GatewayProgram:
+        """Stores a text as the next version of a program, with mistakes too: look at ``ok``. Nothing is sent
+        to a robot. Engineers only, with a token for all robots.
+
+        ``name``: 1 to 64 characters of a to z, digits, ``-`` and ``_``. ``program``: at most 256 KiB.
+        ``expected``: the version that the change began from, or its ``etag``. The text is stored only while
+        that is the latest version, so that it replaces nothing that the caller has not seen. Without
+        ``expected`` only a new name is stored.
+
+        ``InvalidRequest`` with the reason ``needs_if_match``: the name is in use: read the program and pass
+        it as ``expected``. ``NotSent`` with the reason ``not_this_version``: it was changed or removed
+        meanwhile: read it again, and look at what changed; ``no_room``: remove other programs first.
+        ``OutcomeUnknown``: it may have been stored: look at ``program_versions``.
+        """
+        sha256_of(program)
+        read = partial(read_stored_program, name=name, text=program)
+        headers = if_match(name, expected)
+        return self._http.ask("PUT", _path("programs", name), read, {"program": program}, "changes", headers)
+
+    def remove_program(self, name: str, *, expected: GatewayProgram | str) -> None:
+        """Removes a program with all of its versions, if ``expected`` is its latest version, or the ``etag``
+        of it. Engineers only, with a token for all robots.
+
+        ``NotSent`` with the reason ``not_this_version``: it was changed meanwhile. ``InvalidRequest`` with
+        the reason ``no_such_program``: it is not there. ``OutcomeUnknown``: look at ``programs``.
+        """
+        headers = if_match(name, expected)
+        self._http.ask("DELETE", _path("programs", name), read_nothing, None, "changes", headers)
+
+    def points(self) -> list[GatewayPoint]:
+        """The points that the gateway keeps, in the order of their names, each in its latest version. At most
+        1000."""
+        return self._http.ask("GET", "/v1/points", read_points)
+
+    def point(self, name: str, version: int | None = None) -> GatewayPoint:
+        """A point that the gateway keeps: the latest version, or the one with this number.
+
+        ``InvalidRequest`` with the reason ``no_such_point``: there is no such point, or not this version.
+        """
+        return self._http.ask("GET", _path("points", name, version), partial(read_point, name=name, version=version))
+
+    def point_versions(self, name: str) -> list[GatewayPoint]:
+        """The last 50 versions of a point, the latest first. Errors as for ``point``."""
+        return self._http.ask("GET", f"{_path('points', name)}/versions", partial(read_point_versions, name=name))
+
+    def store_point(
+        self,
+        name: str,
+        *,
+        robot: str | None = None,
+        axes: Sequence[float] | None = None,
+        pose: Sequence[float] | None = None,
+        tool: int | None = None,
+        work_frame: int | None = None,
+        note: str = "",
+        expected: GatewayPoint | str | None = None,
+    ) -> GatewayPoint:
+        """Stores a place of an arm as the next version of a point. Nothing moves. Engineers only, with a
+        token for all robots.
+
+        ``axes``: 1 to 8 positions, J1 first, degrees, or mm of a sliding axis. ``pose``: X, Y, Z in mm; U, V,
+        W in degrees; ``tool`` and ``work_frame``: what it is of. With ``robot`` alone it is where that robot
+        stands now. ``note``: at most 200 bytes. ``name`` and ``expected`` as for ``store_program``, as are
+        ``needs_if_match``, ``not_this_version``, ``no_room`` and ``OutcomeUnknown``.
+
+        ``NotSent`` with the reason ``not_ready`` or ``no_reply``: the robot does not answer, or moves:
+        nothing was stored. ``InvalidRequest`` with the reason ``bad_value``: a number or the note is wrong.
+        ``ValueError`` for a number that is not finite.
+        """
+        asked: dict[str, Any] = {"robot": robot, "tool": tool, "work_frame": work_frame, "note": note or None}
+        for word, numbers in (("axes", axes), ("pose", pose)):
+            asked[word] = None if numbers is None else [float(number) for number in numbers]
+        body = {word: value for word, value in asked.items() if value is not None}
+        read = partial(read_point, name=name)
+        try:
+            return self._http.ask("PUT", _path("points", name), read, body, "changes", if_match(name, expected))
+        except OutcomeUnknown as unknown:
+            # The robot was asked where it stands, and nothing more.
+            if unknown.reason != "no_reply":
+                raise
+            raise not_sent("no_reply", f"nothing was stored: {unknown}") from unknown
+
+    def remove_point(self, name: str, *, expected: GatewayPoint | str) -> None:
+        """Removes a point with all of its versions, as ``remove_program`` does a program
+        (``no_such_point``)."""
+        headers = if_match(name, expected)
+        self._http.ask("DELETE", _path("points", name), read_nothing, None, "changes", headers)
+
+
+def _path(shelf: str, name: str, version: int | None = None) -> str:
+    """The path of a program or a point, or of one of its versions."""
+    query = "" if version is None else f"?{urlencode({'version': int(version)})}"
+    return f"/v1/{shelf}/{quote(name, safe='')}{query}"

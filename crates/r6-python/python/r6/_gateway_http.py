@@ -40,6 +40,7 @@ _AGAIN = frozenset(
         "store_unavailable",
         "no_owner",
         "unreachable",
+        "no_reply",
     }
 )
 """Reasons of what was not sent that can pass by themselves."""
@@ -219,11 +220,11 @@ class HttpClient:
             refused = Refused(text)
             refused.reason = code
             return refused
-        if status in (400, 404, 405, 413, 415, 422):
+        if status in (400, 404, 405, 413, 415, 422, 428):
             invalid = InvalidRequest(text)
             invalid.reason = code
             return invalid
-        if status in (401, 403, 408, 409, 429, 503):
+        if status in (401, 403, 408, 409, 412, 429, 503):
             return not_sent(code, text)
         other = OutcomeUnknown(text)
         other.reason, other.effect = code, effect

@@ -337,12 +337,17 @@ class GatewayLease:
         *,
         name: str | None = None,
         version: int | None = None,
+        sha256: str | None = None,
         repeat: int = 1,
         key: str | None = None,
     ) -> GatewayRun:
-        """Runs a program on the robot. Give either ``program``, its text, or the ``name`` of a program that the
-        gateway keeps; without ``version``, the latest one. It runs ``repeat`` times. Returns once the controller accepted the first list;
-        ``GatewayRun.wait`` waits for the end. The arm is stopped if the lease ends.
+        """Runs a program on the robot. Give either ``program``, its text, or the ``name`` of a program that
+        the gateway keeps (``Gateway.programs``); without ``version``, the latest one. It runs ``repeat``
+        times. Returns once the controller accepted the first list; ``GatewayRun.wait`` waits for the end. The
+        arm is stopped if the lease ends.
+
+        ``sha256``: that of the text which a person looked at, ``GatewayProgram.sha256``. If the text to run
+        is another one, nothing is sent (``NotSent`` with the reason ``other_text``).
 
         ``key``: the ``Idempotency-Key``. A second call with the same key and the same arguments gets the same
         run, and moves nothing. Without it, each call has a new one.
@@ -350,7 +355,7 @@ class GatewayLease:
         ``InvalidRequest`` if the program has mistakes (``reason`` is ``"bad_program"``); ``NotSent`` if the robot
         is not ready; ``OutcomeUnknown``: look at the robot, or call again with the same ``key``.
         """
-        asked: dict[str, Any] = {"program": program, "name": name, "version": version}
+        asked: dict[str, Any] = {"program": program, "name": name, "version": version, "sha256": sha256}
         body = {word: value for word, value in asked.items() if value is not None}
         body |= {"lease": self._key, "repeat": repeat}
         headers = {"Idempotency-Key": header(str(uuid.uuid4()) if key is None else key, "Idempotency-Key")}
