@@ -1,6 +1,7 @@
 //! Robots that are reached by a gateway (`--gateway-url URL`): its requests, and what its answers mean for an
 //! exit code.
 
+mod lists;
 mod robot;
 
 use std::net::{IpAddr, SocketAddr};
@@ -193,7 +194,7 @@ impl ByGateway {
 }
 
 /// The first names, and how many more there are.
-fn shortened(names: &[&str]) -> String {
+pub fn shortened(names: &[&str]) -> String {
     const SHOWN: usize = 8;
     let shown = names.get(..SHOWN).unwrap_or(names).join(", ");
     match names.len().saturating_sub(SHOWN) {

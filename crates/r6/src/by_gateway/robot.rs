@@ -30,6 +30,11 @@ impl GatewayRobot {
         &self.name
     }
 
+    /// Its gateway.
+    pub fn gateway(&self) -> &Gateway {
+        &self.gateway
+    }
+
     fn path(&self, what: &str) -> String {
         format!("/v1/robots/{}{what}", in_path(&self.name))
     }

@@ -1,6 +1,7 @@
 //! `r6 run`: sends the instructions of a file.
 
 pub mod by_gateway;
+mod kept;
 
 use std::path::{Path, PathBuf};
 
@@ -9,6 +10,7 @@ use r6_client::RunOptions;
 use r6_program::{MAX_FILE_BYTES, MotionProgram};
 
 use crate::cmd::job::{self, JobArgs};
+use crate::cmd::run::kept::{Kept, sha256};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::robot::RobotArgs;
@@ -86,7 +88,10 @@ the place of the tool is unknown, and after a move of the tool the axes are, so 
 
 With --gateway-url the gateway runs the program: it feeds the steps, and stops the arm if this program no \
 longer renews the lease. r6 follows the run to its end, with --wait or without. Ctrl-C stops the arm. Only \
---json goes with it; its events are \"accepted\", \"progress\" and \"ended\", each with the run.
+--json goes with it; its events are \"accepted\", \"progress\" and \"ended\", each with the run. In place of FILE, \
+--kept names a program that the gateway keeps. Without a version it is the latest one, which somebody may have \
+stored meanwhile: --sha256 refuses the run if its text is not the one that you looked at. A run whose answer was \
+lost is never asked for again: look at the arm.
 
 --json prints a line for each list that was accepted (event \"accepted\"), at most two a second on \
 how many steps are done (\"progress\"), and one for the outcome: \"stands\" with --wait, \
@@ -100,12 +105,20 @@ Examples:
   r6 run examples/programs/blend-j1.json --wait
   r6 run examples/programs/manual-6-1-1-axis-move.json --once --wait
   r6 run examples/programs/square.toml --dry-run       the frames that would be sent
-  r6 run - --wait < examples/programs/square.toml      from stdin, JSON or TOML"
+  r6 run - --wait < examples/programs/square.toml      from stdin, JSON or TOML
+  r6 -g http://127.0.0.1:9780 -r press-4 run examples/programs/square.toml
+  r6 -g http://127.0.0.1:9780 -r press-4 run --kept pick@3"
 )]
 pub struct RunArgs {
     /// The program: .json or .toml, or - for stdin
-    #[arg(value_name = "FILE")]
-    file: PathBuf,
+    #[arg(value_name = "FILE", required_unless_present = "kept", conflicts_with = "kept")]
+    file: Option<PathBuf>,
+    /// Run a program that the gateway keeps: its latest version, or this one (with --gateway-url)
+    #[arg(long, value_name = "NAME[@VERSION]")]
+    kept: Option<Kept>,
+    /// Run the program of --kept only if its text has this SHA-256, 64 hexadecimal digits
+    #[arg(long, value_name = "HEX", requires = "kept", value_parser = sha256)]
+    sha256: Option<String>,
     /// Run a list that repeats only once
     #[arg(long)]
     once: bool,
@@ -136,8 +149,12 @@ pub fn is_stdin(file: &Path) -> bool {
 
 /// Reads the file and sends its instructions.
 pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
-    let mut program = read(&args.file)?;
-    show_remarks(&program, &args.file);
+    let Some(file) = &args.file else {
+        return Err(Failure::usage("--kept is for the programs that a gateway keeps")
+            .advise("name the gateway with --gateway-url URL; a controller runs the program of a file"));
+    };
+    let mut program = read(file)?;
+    show_remarks(&program, file);
     if args.job.append
         && let Some(first) = program.lists.first_mut()
     {
@@ -149,7 +166,7 @@ pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
     if args.job.wait && job::repeats(&program.lists) {
         return Err(Failure::usage(format!(
             "{} repeats until it is stopped, so there is no end to wait for",
-            name(&args.file)
+            name(file)
         ))
         .advise("add --once to run it once"));
     }

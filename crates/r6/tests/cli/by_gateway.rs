@@ -13,18 +13,18 @@ use crate::gateway_calls::{gateway, get, token, until};
 use crate::support::{Outcome, Robot, Running, TempFile, hostile, r6};
 
 /// A gateway with robots, as the holder of a token sees it.
-struct Hall {
+pub(crate) struct Hall {
     _folder: tempfile::TempDir,
     _running: Running,
-    data: String,
-    url: String,
+    pub(crate) data: String,
+    pub(crate) url: String,
     token: TempFile,
 }
 
 impl Hall {
     /// A gateway with these robots (`NAME=ADDRESS`), which are up, and a token of this role. `name` is
     /// unique among the tests.
-    fn start(name: &str, robots: &[&str], role: &str, more: &[&str]) -> Self {
+    pub(crate) fn start(name: &str, robots: &[&str], role: &str, more: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let data = folder.path().join("data").display().to_string();
         let mut options: Vec<_> = robots.iter().flat_map(|robot| ["--robot", robot]).collect();
@@ -42,12 +42,12 @@ impl Hall {
         hall
     }
 
-    fn r6(&self, args: &[&str]) -> Outcome {
+    pub(crate) fn r6(&self, args: &[&str]) -> Outcome {
         r6(&[&["-g", &self.url, "--token-file", self.token.path()], args].concat())
     }
 
     /// The same with a new token of another role.
-    fn r6_as(&self, role: &str, args: &[&str]) -> Outcome {
+    pub(crate) fn r6_as(&self, role: &str, args: &[&str]) -> Outcome {
         let file =
             TempFile::new(&format!("{role}-{}", args.join("-").replace('/', "")), &token(&self.data, role));
         r6(&[&["-g", &self.url, "--token-file", file.path()], args].concat())
@@ -55,7 +55,7 @@ impl Hall {
 }
 
 /// The code of the problem on stdout.
-fn code(outcome: &Outcome) -> Value {
+pub(crate) fn code(outcome: &Outcome) -> Value {
     outcome.json()["code"].clone()
 }
 

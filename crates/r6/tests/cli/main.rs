@@ -15,6 +15,7 @@ mod gateway_store;
 mod hall;
 mod help;
 mod inspect;
+mod kept_by_gateway;
 mod limits;
 mod logs;
 mod motion;

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::support::{Outcome, Running, TempFile, r6};
 
 /// What the server does with a request.
-enum Answer {
+pub(crate) enum Answer {
     /// It answers with a status and a body.
     With(u16, Value),
     /// It reads the request and closes the connection.
@@ -21,7 +21,7 @@ enum Answer {
 }
 
 /// A server in place of a gateway.
-struct Fake {
+pub(crate) struct Fake {
     url: String,
     token: TempFile,
     /// Method and path of each request.
@@ -30,7 +30,7 @@ struct Fake {
 
 impl Fake {
     /// `name` is unique among the tests. `answer`: by method and path.
-    fn start(name: &str, answer: impl Fn(&str) -> Answer + Send + 'static) -> Self {
+    pub(crate) fn start(name: &str, answer: impl Fn(&str) -> Answer + Send + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
         let asked = Arc::new(Mutex::new(Vec::new()));
@@ -56,16 +56,16 @@ impl Fake {
         Self { url, token: TempFile::new(&format!("told-{name}"), "00ff"), asked }
     }
 
-    fn args<'a>(&'a self, args: &[&'a str]) -> Vec<&'a str> {
+    pub(crate) fn args<'a>(&'a self, args: &[&'a str]) -> Vec<&'a str> {
         [&["-g", &self.url, "--token-file", self.token.path()], args].concat()
     }
 
     /// About the robot `press-1`.
-    fn r6(&self, args: &[&str]) -> Outcome {
+    pub(crate) fn r6(&self, args: &[&str]) -> Outcome {
         r6(&self.args(&[&["-r", "press-1"], args].concat()))
     }
 
-    fn asked(&self) -> Vec<String> {
+    pub(crate) fn asked(&self) -> Vec<String> {
         self.asked.lock().unwrap().clone()
     }
 }
@@ -89,12 +89,12 @@ fn read_request(stream: &mut TcpStream) -> String {
     }
 }
 
-fn problem(status: u16, code: &str) -> Answer {
+pub(crate) fn problem(status: u16, code: &str) -> Answer {
     Answer::With(status, json!({ "code": code, "message": "the text of the gateway" }))
 }
 
 /// The server has a lease for everybody.
-fn lease() -> Answer {
+pub(crate) fn lease() -> Answer {
     let lease = json!({ "number": 1, "secret": "00".repeat(16) });
     Answer::With(200, json!({ "lease": lease, "expires_in_ms": 10_000, "stopped": true }))
 }

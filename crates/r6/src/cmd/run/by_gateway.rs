@@ -1,5 +1,6 @@
-//! `r6 -g URL run FILE`: the gateway runs the program, and this follows it.
+//! `r6 -g URL run FILE` and `r6 -g URL run --kept NAME`: the gateway runs the program, and this follows it.
 
+use std::path::Path;
 use std::pin::pin;
 use std::time::Duration;
 
@@ -33,30 +34,24 @@ const AFTER_THE_LEASE: &str = "look at the arm: a gateway that runs stops it whe
 /// How long the gateway may be silent. After that the lease has ended, and with it the run.
 const SILENCE: Duration = Duration::from_secs(15);
 
-/// Has a gateway run the program of the file, and follows the run to its end.
+/// Has a gateway run the program of the file, or a program that it keeps, and follows the run to its end.
 pub async fn run(args: RunArgs, gateway: ByGateway) -> Result<Exit, Failure> {
     let own = [(args.room != USUAL_ROOM).then_some("--room"), args.once.then_some("--once")];
     if let Some(option) = args.job.not_for_gateways().or(own.into_iter().flatten().next()) {
         return Err(Failure::usage(format!("{option} does not go over a gateway"))
             .advise("the gateway feeds the steps itself, and its runs are followed to their end"));
     }
-    let text = read_text(&args.file)?;
-    let program = read_program(&args.file, &text)?;
-    show_remarks(&program, &args.file);
-    if job::repeats(&program.lists) {
-        return Err(Failure::usage(format!("{} repeats until it is stopped", name(&args.file)))
-            .advise("leave out its `repeat` (in JSON `oneshot` of 0): over a gateway each run has an end"));
-    }
+    let text = args.file.as_deref().map(checked).transpose()?;
     let mut ending = Ending::watch()?;
     let robot = gateway.robot().await?;
     let json = args.job.json();
-    robot
+    let ended = robot
         .with_lease(async |lease: &Lease| {
             let request = RunRequest {
-                program: Some(text),
-                name: None,
-                version: None,
-                sha256: None,
+                program: text,
+                name: args.kept.as_ref().map(|kept| kept.name.clone()),
+                version: args.kept.as_ref().and_then(|kept| kept.version),
+                sha256: args.sha256,
                 lease: lease.lease.clone(),
                 repeat: None,
             };
@@ -65,7 +60,23 @@ pub async fn run(args: RunArgs, gateway: ByGateway) -> Result<Exit, Failure> {
             show(&begun, json, "accepted");
             follow(&robot, begun, &lease.lease, (&mut ending, is_interrupted), json).await
         })
-        .await
+        .await;
+    match (ended, &args.kept) {
+        (Err(failure), Some(kept)) => Err(kept.explain(failure, &robot).await),
+        (ended, _) => ended,
+    }
+}
+
+/// The text of a file, whose program has an end and no mistakes.
+fn checked(file: &Path) -> Result<String, Failure> {
+    let text = read_text(file)?;
+    let program = read_program(file, &text)?;
+    show_remarks(&program, file);
+    if job::repeats(&program.lists) {
+        return Err(Failure::usage(format!("{} repeats until it is stopped", name(file)))
+            .advise("leave out its `repeat` (in JSON `oneshot` of 0): over a gateway each run has an end"));
+    }
+    Ok(text)
 }
 
 /// Begins the run. A signal does not take the request back: whether one came is told with the run.
@@ -193,7 +204,16 @@ fn show(run: &Run, json: bool, event: &str) {
     let steps = format!("{} of {} steps", run.done, run.steps);
     let (robot, detail) = (printable(&run.robot), printable(&run.detail));
     match event {
-        "accepted" => output::line(format_args!("run {} on {robot}: {} steps", run.run_id, run.steps)),
+        "accepted" => {
+            let of = run.program.as_ref().zip(run.version);
+            let of = of.map(|(name, version)| format!(" of {}, version {version}", printable(name)));
+            output::line(format_args!(
+                "run {} on {robot}: {} steps{}",
+                run.run_id,
+                run.steps,
+                of.unwrap_or_default()
+            ));
+        }
         "progress" => output::line(format_args!("{steps} done")),
         _ if run.state == RunState::Done => output::line(format_args!("done: {steps}; {detail}")),
         _ => output::line(format_args!("ended: {steps} done")),

@@ -1,0 +1,104 @@
+//! `r6 -g URL run --kept NAME`: programs that a gateway keeps.
+
+use serde_json::{Value, json};
+
+use crate::by_gateway::{Hall, code};
+use crate::gateway_calls::{call_with, token};
+use crate::support::{Robot, r6};
+use crate::told_by_gateway::{Answer, Fake, lease};
+
+/// Stores a version of the program `turn`. Returns what the gateway answers of it.
+fn store(hall: &Hall, engineer: &str, degrees: f64, etag: Option<&Value>) -> Value {
+    let text = format!("[[instruction]]\ndo = \"axis-move\"\nto = [{degrees}, 0, 0, 0, 0, 0]\nspeed = 80\n");
+    let line = etag.map_or_else(String::new, |etag| format!("If-Match: {}\r\n", etag.as_str().unwrap()));
+    let body = json!({ "program": text }).to_string();
+    let (status, stored) = call_with(&hall.url, engineer, "PUT", "/v1/programs/turn", &line, &body);
+    assert!(status == 200 || status == 201, "{stored}");
+    stored
+}
+
+#[test]
+fn a_kept_program_runs_in_the_version_that_was_named() {
+    let robot = Robot::start(&[]);
+    let hall = Hall::start("kept-1", &[&format!("press={}", robot.address())], "operator", &[]);
+    let none = hall.r6(&["run", "--kept", "turn", "--json"]);
+    assert_eq!((none.code, code(&none)), (2, "no_such_program".into()), "{none:?}");
+    assert!(none.err.contains("the gateway keeps no program"), "{}", none.err);
+
+    let engineer = token(&hall.data, "engineer");
+    let first = store(&hall, &engineer, 10.0, None);
+    let second = store(&hall, &engineer, 20.0, Some(&first["etag"]));
+    let [old, new] = [&first, &second].map(|stored| stored["sha256"].as_str().unwrap());
+
+    let done = hall.r6(&["run", "--kept", "turn@1", "--sha256", &old.to_uppercase(), "--json"]);
+    assert_eq!(done.code, 0, "{done:?}");
+    let last: Value = serde_json::from_str(done.last_line()).unwrap();
+    let run = &last["run"];
+    assert_eq!((&last["event"], &run["state"]), (&"ended".into(), &"done".into()), "{last}");
+    assert_eq!((&run["program"], &run["version"], &run["sha256"]), (&"turn".into(), &1.into(), &old.into()));
+    assert_eq!(robot.value("axis-0"), 10.0);
+
+    let other = hall.r6(&["run", "--kept", "turn", "--sha256", old, "--json"]);
+    assert_eq!((other.code, code(&other)), (1, "other_text".into()), "{other:?}");
+    assert_eq!(robot.value("axis-0"), 10.0);
+    assert_eq!(hall.r6(&["status", "--json"]).json()["robots"][0]["lease"], Value::Null, "it is given back");
+
+    let latest = hall.r6(&["-r", "press", "run", "--kept", "turn", "--sha256", new]);
+    assert_eq!(latest.code, 0, "{latest:?}");
+    assert!(latest.out.starts_with("run 2 on press: 1 steps of turn, version 2\n"), "{}", latest.out);
+    assert_eq!(robot.value("axis-0"), 20.0);
+
+    for (kept, told) in [
+        ("trun", "nearest: `turn`"),
+        ("turn@9", "the gateway keeps these versions of `turn`: 2, 1"),
+        ("weld-left", "the gateway keeps turn"),
+    ] {
+        let wrong = hall.r6(&["run", "--kept", kept, "--json"]);
+        assert_eq!((wrong.code, code(&wrong)), (2, "no_such_program".into()), "{wrong:?}");
+        assert!(wrong.err.contains(told), "{kept}: {}", wrong.err);
+    }
+    let viewer = hall.r6_as("viewer", &["run", "--kept", "turn", "--json"]);
+    assert_eq!((viewer.code, code(&viewer)), (1, "not_allowed".into()), "{viewer:?}");
+}
+
+#[test]
+fn a_kept_program_is_named_right_and_needs_a_gateway() {
+    let gateway = ["-g", "http://127.0.0.1:1"];
+    for (args, told) in [
+        (&["run", "--kept", "Pick"][..], "write NAME or NAME@VERSION"),
+        (&["run", "--kept", "pick@0"], "write NAME or NAME@VERSION"),
+        (&["run", "--kept", "pick", "square.toml"], "cannot be used with"),
+        (&["run", "square.toml", "--sha256", "00"], "64 hexadecimal digits"),
+        (&["run"], "Usage"),
+    ] {
+        let wrong = r6(&[&gateway[..], args].concat());
+        assert_eq!(wrong.code, 2, "{args:?}: {wrong:?}");
+        assert!((wrong.err + &wrong.out).contains(told), "{args:?}");
+    }
+    let none = r6(&["run", "--kept", "pick"]);
+    assert_eq!(none.code, 2, "{none:?}");
+    assert!(
+        none.err.contains("the programs that a gateway keeps") && none.err.contains("--gateway-url URL"),
+        "{}",
+        none.err
+    );
+}
+
+#[test]
+fn a_run_of_a_kept_program_whose_answer_is_lost_is_asked_for_once() {
+    let fake = Fake::start("kept", |what| match what {
+        "POST /v1/robots/press-1/lease" | "DELETE /v1/robots/press-1/lease" => lease(),
+        _ => Answer::Nothing,
+    });
+    let lost = fake.r6(&["run", "--kept", "pick@3"]);
+    assert_eq!(lost.code, 4, "{lost:?}");
+    assert!(lost.err.contains("look at the machine before going on"), "{}", lost.err);
+    assert_eq!(
+        fake.asked(),
+        [
+            "POST /v1/robots/press-1/lease",
+            "POST /v1/robots/press-1/programs/run",
+            "DELETE /v1/robots/press-1/lease"
+        ]
+    );
+}
