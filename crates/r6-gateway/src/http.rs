@@ -66,6 +66,7 @@ use crate::fleet::Fleet;
 use crate::fleet::station::Shared;
 use crate::http::caller::Caller;
 pub use crate::http::cookie::Cookie;
+pub use crate::http::csv::table as history_table;
 use crate::http::described::OfToken;
 use crate::http::refused::Refused;
 use crate::problem::Problem;

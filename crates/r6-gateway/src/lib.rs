@@ -105,7 +105,7 @@ pub use crate::fleet::roster::Changes;
 pub use crate::folder::is_of_database;
 pub use crate::gateway::{Gateway, GatewayError, GatewaySettings};
 pub use crate::history::{HistorySettings, LEAST_MAX_BYTES};
-pub use crate::http::openapi;
+pub use crate::http::{history_table, openapi};
 pub use crate::problem::Problem;
 pub use crate::raw_port::RawPort;
 pub use crate::shell::{

@@ -86,6 +86,11 @@ impl ByGateway {
         self.robot.is_some()
     }
 
+    /// The name of a robot that was typed.
+    pub fn robot_name(&self) -> Option<&str> {
+        self.robot.as_deref()
+    }
+
     /// The options as they have to be typed again.
     pub fn options(&self) -> String {
         let Some(url) = &self.url else { return String::new() };

@@ -1,10 +1,13 @@
 //! One file per subcommand.
 
 pub mod alarm;
+pub mod alarms;
+pub mod audit;
 pub mod command;
 pub mod completions;
 pub mod discover;
 pub mod gateway;
+pub mod history;
 pub mod inspect;
 pub mod job;
 pub mod man;
@@ -20,6 +23,12 @@ pub mod up;
 pub mod watch;
 
 use crate::exit::{Exit, Failure};
+
+/// The failure of a command that only a gateway can answer.
+pub fn needs_gateway(name: &str) -> Failure {
+    Failure::usage(format!("`r6 {name}` asks a gateway, and none is named"))
+        .advise(format!("`r6 --gateway-url URL --token-file FILE {name}`; `r6 gateway` starts a gateway"))
+}
 
 /// Runs an asynchronous command to its end.
 pub fn block_on(work: impl Future<Output = Result<Exit, Failure>>) -> Result<Exit, Failure> {

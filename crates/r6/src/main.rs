@@ -65,6 +65,9 @@ enum Subcommands {
     Stop(cmd::stop::StopArgs),
     Panel(cmd::panel::PanelArgs),
     Gateway(cmd::gateway::GatewayArgs),
+    Alarms(cmd::alarms::AlarmsArgs),
+    History(cmd::history::HistoryArgs),
+    Audit(cmd::audit::AuditArgs),
     Alarm(cmd::alarm::AlarmArgs),
     Inspect(cmd::inspect::InspectArgs),
     Completions(cmd::completions::CompletionsArgs),
@@ -194,8 +197,11 @@ fn asks_no_robot(subcommand: &Subcommands, robot: &str, by_gateway: bool) -> Opt
         | Subcommands::Move(_)
         | Subcommands::Run(_)
         | Subcommands::Stop(_)
-        // Its own --robot has names.
-        | Subcommands::Gateway(_) => return None,
+        // Their --robot has names.
+        | Subcommands::Gateway(_)
+        | Subcommands::Alarms(_)
+        | Subcommands::History(_)
+        | Subcommands::Audit(_) => return None,
     };
     Some(
         Failure::usage(format!("`r6 {name}` asks no robot, so --robot {robot} means nothing here"))
@@ -279,10 +285,13 @@ fn run_by_gateway(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
         Subcommands::Stop(args) => cmd::block_on(cmd::stop::run_by_gateway(args, gateway)),
         Subcommands::Run(args) => cmd::block_on(cmd::run::by_gateway::run(args, gateway)),
         Subcommands::Panel(args) => cmd::block_on(cmd::panel::run_by_gateway(args, gateway)),
+        Subcommands::Alarms(args) => cmd::block_on(cmd::alarms::run_by_gateway(args, gateway)),
+        Subcommands::History(args) => cmd::block_on(cmd::history::run_by_gateway(args, gateway)),
+        Subcommands::Audit(args) => cmd::block_on(cmd::audit::run_by_gateway(args, gateway)),
         Subcommands::Move(_) => Err(Failure::usage("a single move does not go over a gateway")
             .advise("put it into a file for `run`; without --gateway-url, leases and stops of the gateway do not hold")),
         _ => Err(Failure::usage("this command does not go over a gateway")
-            .advise("status, query, watch, command, run, stop and panel do")),
+            .advise("status, query, watch, command, run, stop, panel, alarms, history and audit do")),
     }
 }
 
@@ -305,6 +314,9 @@ fn run(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
         Subcommands::Stop(args) => cmd::block_on(cmd::stop::run(args, robot)),
         Subcommands::Panel(args) => cmd::block_on(cmd::panel::run(args)),
         Subcommands::Gateway(args) => cmd::gateway::run(args, robot_typed),
+        Subcommands::Alarms(_) => Err(cmd::needs_gateway("alarms")),
+        Subcommands::History(_) => Err(cmd::needs_gateway("history")),
+        Subcommands::Audit(_) => Err(cmd::needs_gateway("audit")),
         Subcommands::Alarm(args) => cmd::alarm::run(&args),
         Subcommands::Inspect(args) => cmd::inspect::run(&args),
         Subcommands::Completions(args) => cmd::completions::run(&args),

@@ -72,6 +72,14 @@ pub fn clean(text: &str) -> String {
     text.split('\n').map(|line| printable(line).to_string()).collect::<Vec<_>>().join("\n")
 }
 
+/// A time of a gateway (RFC 3339, UTC) without its parts of a second.
+pub fn to_the_second(time: &str) -> String {
+    match time.split_once('.') {
+        Some((seconds, _)) if time.ends_with('Z') => format!("{seconds}Z"),
+        _ => time.to_owned(),
+    }
+}
+
 /// Writes to stdout.
 pub fn bytes(bytes: &[u8]) {
     let Some(output) = OUTPUT.get() else { return };

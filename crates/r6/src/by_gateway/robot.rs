@@ -5,14 +5,15 @@ use std::time::Instant;
 use hyper::Method;
 use r6_api::Code;
 use r6_api::gateway::{
-    CommandDone, CommandRequest, Lease, LeaseKey, LeaseRequest, PanelDone, PanelRequest, Queried, RobotState,
-    Run, RunRequest, Stopped, WithLease,
+    AcknowledgeRequest, CommandDone, CommandRequest, History, Lease, LeaseKey, LeaseRequest, PanelDone,
+    PanelRequest, Queried, RobotAlarm, RobotAlarms, RobotState, Run, RunRequest, Stopped, WithLease,
 };
 use r6_api::panel::Snapshot;
 use r6_proto::{Address, printable};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use super::lists::MOST_ALARMS;
 use super::{Gateway, new_key};
 use crate::exit::{Exit, Failure};
 use crate::http_client::in_path;
@@ -143,6 +144,28 @@ impl GatewayRobot {
     /// A run as it stands.
     pub async fn run_of(&self, id: u64) -> Result<Run, Failure> {
         self.gateway.read(&self.path(&format!("/runs/{id}"))).await
+    }
+
+    /// Its alarms. `active`: without those that have ended.
+    pub async fn alarms(&self, active: bool) -> Result<RobotAlarms, Failure> {
+        self.gateway.read(&self.path(&format!("/alarms?active={active}&limit={MOST_ALARMS}"))).await
+    }
+
+    /// Says that somebody saw an alarm. The first to say so stays, so it does no harm twice.
+    pub async fn acknowledge(&self, id: u64, comment: Option<String>) -> Result<RobotAlarm, Failure> {
+        let request = AcknowledgeRequest { comment };
+        self.ask(&format!("/alarms/{id}/acknowledge"), None, &request, Exit::NoReply).await
+    }
+
+    /// A page of the history of a value. `asked`: the parameters of the query.
+    pub async fn history(&self, asked: &[(&str, &str)]) -> Result<History, Failure> {
+        let asked: Vec<_> = asked.iter().map(|(name, value)| format!("{name}={}", in_path(value))).collect();
+        self.gateway.read(&self.path(&format!("/history?{}", asked.join("&")))).await
+    }
+
+    /// The failure for a page that leads back to itself.
+    pub fn leads_back(&self) -> Failure {
+        self.gateway.unclear(&self.path("/history"), "a page that leads back to itself", Exit::NoReply)
     }
 
     /// Lets the robot move again after a stop.

@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-pub(crate) const SUBCOMMANDS: [&str; 25] = [
+pub(crate) const SUBCOMMANDS: [&str; 28] = [
     "up",
     "sim",
     "discover",
@@ -25,6 +25,9 @@ pub(crate) const SUBCOMMANDS: [&str; 25] = [
     "gateway token",
     "gateway user",
     "gateway verify",
+    "alarms",
+    "history",
+    "audit",
     "alarm",
     "inspect",
     "completions",

@@ -24,6 +24,7 @@ mod panel;
 mod plot;
 mod power_cut;
 mod problems;
+mod read_by_gateway;
 mod robot;
 mod run;
 mod several_gateways;

@@ -1,0 +1,228 @@
+//! `r6 -g URL history`: the values that a gateway kept.
+
+use std::collections::BTreeSet;
+use std::time::{Duration, SystemTime};
+
+use clap::Args;
+use r6_api::AddressValue;
+use r6_api::gateway::History;
+use r6_gateway::history_table;
+use r6_proto::Address;
+use serde_json::json;
+
+use crate::by_gateway::{ByGateway, GatewayRobot};
+use crate::exit::{Exit, Failure};
+use crate::output::problem::Code;
+use crate::output::table::Table;
+use crate::output::{self, problem, readings};
+use crate::waiting;
+use crate::words::AddressWord;
+
+/// The rows of a page. A text has 1 KiB at most, so that a page has at most half of the longest answer.
+const OF_A_PAGE: usize = 2_000;
+
+/// The rows that a person looks at.
+const SHOWN: usize = 1_000;
+
+/// A gateway takes 200 requests of a token at once, and then one each 10 ms. Other programs use the token
+/// too.
+const AT_ONCE: usize = 100;
+const APART: Duration = Duration::from_millis(20);
+
+/// Show the values that a gateway kept (with --gateway-url)
+#[derive(Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "\
+A value counts until the next one. The first row is the last value before the range, if it counts there. Where there \
+is no value, the row says why: `stale`, `none`, `lost`, `ended`, `clock_stepped`, `no_data`. Times are in UTC, \
+those of the gateway's clock.
+
+With --bucket each row has the average of a span of time, weighted by time, with its lowest, its highest and its \
+last value, for how many ms there was a value, and how many samples were kept.
+
+The table has 1000 rows at most. --csv and --json have all: --csv as the gateway gives it to spreadsheets, --json as \
+one object a page, each on its line.
+
+The exit code is 1 if values are missing because the disk of the gateway cannot be read.
+
+Examples:
+  r6 -g http://127.0.0.1:9780 -r press-4 history axis-0 --last 10m
+  r6 -g http://127.0.0.1:9780 -r press-4 history axis-0 --last 8h --bucket 1m
+  r6 -g http://127.0.0.1:9780 -r press-4 history curMode --from 2026-11-25T06:00:00Z --csv > mode.csv"
+)]
+pub struct HistoryArgs {
+    /// The query address, such as axis-0, world-2, curMode
+    #[arg(value_name = "ADDRESS", value_parser = AddressWord, hide_possible_values = true)]
+    address: Address,
+    /// The last stretch of time, such as 10m, 8h, 2d [default: 1h]
+    #[arg(long, value_name = "TIME", value_parser = stretch, conflicts_with_all = ["from", "to"])]
+    last: Option<Duration>,
+    /// From this time on: UTC, such as 2026-11-25T06:00:00Z [default: an hour before the end]
+    #[arg(long, value_name = "TIME", value_parser = moment)]
+    from: Option<String>,
+    /// Before this time: UTC [default: now]
+    #[arg(long, value_name = "TIME", value_parser = moment)]
+    to: Option<String>,
+    /// Averages of spans of this width, such as 500ms, 10s, 1m, 1h
+    #[arg(long, value_name = "WIDTH")]
+    bucket: Option<String>,
+    /// Print all rows as CSV
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    /// Print all rows as JSON, one object a page
+    #[arg(long)]
+    json: bool,
+}
+
+/// Reads a length of time.
+fn stretch(text: &str) -> Result<Duration, String> {
+    let stretch = humantime::parse_duration(text).ok().filter(|stretch| !stretch.is_zero());
+    stretch.ok_or_else(|| "write a length of time as 30s, 10m, 8h or 2d".to_owned())
+}
+
+/// Checks a time. The gateway reads it.
+fn moment(text: &str) -> Result<String, String> {
+    match humantime::parse_rfc3339(text) {
+        Ok(_) => Ok(text.to_owned()),
+        Err(_) => Err("write a time in UTC, as 2026-11-25T06:00:00Z".to_owned()),
+    }
+}
+
+/// Prints the values.
+pub async fn run_by_gateway(args: HistoryArgs, gateway: ByGateway) -> Result<Exit, Failure> {
+    let robot = gateway.robot().await?;
+    let waiting = format!("waiting for an answer of {}", robot.name());
+    let signal = args.address.to_string();
+    let from = match args.last {
+        Some(last) => Some(ago(last)?),
+        None => args.from.clone(),
+    };
+    let rows = if args.csv || args.json { OF_A_PAGE } else { SHOWN }.to_string();
+    let mut asked = vec![("signal", signal), ("limit", rows)];
+    let given = [("from", from), ("to", args.to.clone()), ("bucket", args.bucket.clone())];
+    asked.extend(given.into_iter().filter_map(|(name, value)| Some((name, value?))));
+    let mut page = waiting::told(&waiting, page(&robot, &asked)).await?;
+    if !args.csv && !args.json {
+        return Ok(show(&page));
+    }
+    // The range of the first page stays.
+    asked.retain(|(name, _)| !["from", "to"].contains(name));
+    asked.extend([("from", page.from.clone()), ("to", page.to.clone())]);
+    let (mut exit, mut passed, mut is_first) = (Exit::Done, BTreeSet::new(), true);
+    loop {
+        if page.unreadable_chunks > 0 {
+            exit = Exit::Refused;
+        }
+        print(&page, args.csv, is_first);
+        let Some(cursor) = page.next_cursor.clone() else { return Ok(exit) };
+        if !passed.insert(cursor.clone()) {
+            return Err(robot.leads_back());
+        }
+        if passed.len() >= AT_ONCE {
+            tokio::time::sleep(APART).await;
+        }
+        let next = [&asked[..], &[("cursor", cursor)]].concat();
+        page = self::page(&robot, &next).await?;
+        is_first = false;
+    }
+}
+
+async fn page(robot: &GatewayRobot, asked: &[(&str, String)]) -> Result<History, Failure> {
+    let asked: Vec<_> = asked.iter().map(|(name, value)| (*name, value.as_str())).collect();
+    robot.history(&asked).await
+}
+
+/// The time this long ago.
+fn ago(last: Duration) -> Result<String, Failure> {
+    let before = SystemTime::now().checked_sub(last).filter(|time| *time >= SystemTime::UNIX_EPOCH);
+    let before = before.ok_or_else(|| Failure::usage("--last reaches back before 1970"))?;
+    Ok(humantime::format_rfc3339_millis(before).to_string())
+}
+
+/// Prints a page for programs. `is_first`: with the names of the columns.
+fn print(page: &History, csv: bool, is_first: bool) {
+    let missing = missing(page);
+    if !csv {
+        let mut object = json!(page);
+        if let Some(failure) = &missing {
+            object["problem"] = json!(problem::of(failure));
+        }
+        output::json(&object);
+    } else {
+        let table = history_table(page);
+        let table =
+            if is_first { table.as_str() } else { table.split_once("\r\n").map_or("", |(_, rows)| rows) };
+        // A text of a robot must not steer a terminal.
+        if output::is_terminal() {
+            let lines = table.replace("\r\n", "\n");
+            output::bytes(output::clean(&lines).as_bytes());
+        } else {
+            output::bytes(table.as_bytes());
+        }
+    }
+    if let Some(failure) = missing {
+        output::note(failure);
+    }
+}
+
+/// Shows a page to people.
+fn show(page: &History) -> Exit {
+    let told = |value: &AddressValue| readings::told(&page.signal, value.clone());
+    let unit = page.unit.as_deref().unwrap_or_default();
+    let mut table = Table::with_right_columns(&[1, 2, 3, 4, 5, 6]);
+    if let Some(buckets) = &page.buckets {
+        table.row([&"TIME", &"MEAN", &"MIN", &"MAX", &"LAST", &"GOOD MS", &"SAMPLES"]);
+        for bucket in buckets {
+            let [mean, min, max] = [bucket.mean, bucket.min, bucket.max]
+                .map(|number| number.map_or_else(|| "-".to_owned(), |number| format!("{number:.4}")));
+            let last = bucket.last.as_ref().map_or_else(|| "-".to_owned(), told);
+            let good = format!("{:.0}", bucket.good_ms);
+            table.row([&bucket.time, &mean, &min, &max, &last, &good, &bucket.samples]);
+        }
+    } else {
+        table.row([&"TIME", &"VALUE"]);
+        for sample in page.samples.iter().flatten() {
+            let value = match (&sample.value, sample.gap) {
+                (Some(value), _) => told(value),
+                (None, Some(gap)) => format!("- ({})", gap.word()),
+                (None, None) => "-".to_owned(),
+            };
+            table.row([&sample.time, &value]);
+        }
+    }
+    if table.height() == 1 {
+        let (from, to) = (output::to_the_second(&page.from), output::to_the_second(&page.to));
+        output::line(format_args!("no value of {} was kept from {from} to {to}", page.signal));
+    } else {
+        output::line(table);
+        if !unit.is_empty() {
+            output::line(format_args!("in {}", r6_proto::printable(unit)));
+        }
+    }
+    if page.next_cursor.is_some() {
+        output::note(format_args!(
+            "r6: more follow: the table has {SHOWN} rows at most. Ask for less time or for averages (--bucket), or for all \
+             rows (--csv, --json)"
+        ));
+    }
+    match missing(page) {
+        Some(failure) => {
+            output::note(failure);
+            Exit::Refused
+        }
+        None => Exit::Done,
+    }
+}
+
+/// The failure if values are missing.
+fn missing(page: &History) -> Option<Failure> {
+    let chunks = page.unreadable_chunks;
+    (chunks > 0).then(|| {
+        let what = format!(
+            "values are missing: the gateway cannot read {chunks} parts of its history of {}",
+            page.signal
+        );
+        Failure::refused(what).with_code(Code::NoValue).advise("the log of the gateway says which file it is")
+    })
+}
