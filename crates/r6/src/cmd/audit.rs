@@ -17,7 +17,7 @@ const USUAL: u64 = 50;
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The oldest entry comes first. With --robot NAME only the entries about this robot are shown. The token has to be one \
-of an engineer; a token for some robots sees the entries about these.
+of an engineer; a token for some robots sees the entries about those of which it is an engineer.
 
 The table names what happened and its details. --json prints each entry on a line, with its hash. `r6 gateway verify` \
 checks the log itself.

@@ -142,7 +142,7 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
     }
     for (robot, camera) in args.cameras {
         let told = format!("token {number} feeds camera {camera} of {robot}");
-        if !named.contains(&robot) {
+        if !named.contains(robot.as_str()) {
             tell_if_unknown(at.clone(), &robot);
         }
         r6_gateway::grant_camera(at.clone(), number, robot, camera).map_err(|error| {

@@ -141,7 +141,7 @@ fn list(at: At) -> Result<Exit, Failure> {
             (false, None) => "no password yet",
             (false, Some(_)) => "",
         };
-        table.row([&name, &token::what(&grant), &state]);
+        table.row([&name, &token::what(grant), &state]);
     }
     output::line(table);
     Ok(Exit::Done)
