@@ -39,7 +39,8 @@ pub use command::{
 };
 pub use event::{CommandOutcome, Event, Happened, LeaseEnd};
 pub use history::{
-    Gap, History, HistoryBucket, HistoryEvent, HistoryEvents, HistorySample, HistoryState, UnseenBecause,
+    AveragesUsed, Gap, History, HistoryAverages, HistoryBucket, HistoryEvent, HistoryEvents, HistorySample,
+    HistoryState, UnseenBecause,
 };
 pub use live::{
     LiveAlive, LiveChange, LiveMessage, LiveNothing, LiveRemoved, LiveRequest, LiveReset, LiveResume,

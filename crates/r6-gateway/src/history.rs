@@ -28,6 +28,10 @@ pub struct HistorySettings {
     pub on: bool,
     /// For how many days, today included: 1 at least.
     pub keep_days: u32,
+    /// For how many days averages of minutes are kept, today included: 1 at least.
+    pub keep_minutes_days: u32,
+    /// For how many days averages of hours are kept, today included: at least as many as those of minutes.
+    pub keep_hours_days: u32,
     /// How much all files of the history take, in bytes. The oldest values go first.
     pub max_bytes: u64,
     /// By how much a number has to differ to be kept. Others have [`Self::usual_deadband`].
@@ -39,11 +43,13 @@ pub struct HistorySettings {
 }
 
 impl Default for HistorySettings {
-    /// 30 days, 10 GiB.
+    /// 30 days, minutes for 90 days, hours for five years, 10 GiB.
     fn default() -> Self {
         Self {
             on: true,
             keep_days: 30,
+            keep_minutes_days: 90,
+            keep_hours_days: 1830,
             max_bytes: 10 * 1024 * 1024 * 1024,
             deadbands: BTreeMap::new(),
             memory: 64 * 1024 * 1024,

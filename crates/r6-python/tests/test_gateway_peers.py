@@ -150,6 +150,11 @@ def test_pages_of_the_history_are_read_to_the_end_and_what_is_missing_is_said() 
     with pytest.warns(RuntimeWarning, match="2 chunks of axis-0"):
         next(r6.Gateway(broken.url, token="x").robot("arm").history("axis-0"))
     broken.close()
+    left = {"from": "a", "to": "b", "width_ms": 60000, "used": "not_used"}
+    old = Peer(answer("200 OK", json.dumps(page | {"unreadable_chunks": 0, "averages": [left]}).encode()))
+    with pytest.warns(RuntimeWarning, match="only averages of 60 s from a to b"):
+        next(r6.Gateway(old.url, token="x").robot("arm").history("axis-0"))
+    old.close()
 
 
 def test_pages_of_runs_are_read_to_the_end() -> None:

@@ -38,6 +38,10 @@ pub struct History {
     /// How many chunks of the range cannot be read: the disk or another program changed them. Their samples
     /// are missing.
     pub unreadable_chunks: u64,
+    /// Where the values of the range are gone, wholly or in part, and averages of them are left, in the order
+    /// of time; absent if the values are there.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub averages: Vec<HistoryAverages>,
     /// Ask with this `cursor`, and the same `signal`, `from`, `to` and `bucket`, to read on; `null` at the
     /// end.
     #[cfg_attr(feature = "openapi", schema(required = true))]
@@ -80,6 +84,47 @@ pub struct HistoryBucket {
     pub good_ms: f64,
     /// How many samples were kept in it.
     pub samples: u64,
+}
+
+/// A part of a range of which averages are left.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct HistoryAverages {
+    /// The begin of the part.
+    pub from: String,
+    /// Its end, which does not belong to it.
+    pub to: String,
+    /// How wide the averages are that were used, or the narrowest that are left: a minute or an hour.
+    #[cfg_attr(feature = "openapi", schema(example = 60_000))]
+    pub width_ms: u64,
+    /// What was done with them.
+    pub used: AveragesUsed,
+}
+
+/// What was done with averages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum AveragesUsed {
+    /// The buckets are the same as those of the values.
+    Exact,
+    /// Edges of buckets lie within averages: each average counts in the bucket in which it begins.
+    ByBegin,
+    /// They are not in the answer, which has samples or narrower buckets: ask for buckets of `width_ms` at
+    /// least.
+    NotUsed,
+}
+
+impl AveragesUsed {
+    /// Its word.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::ByBegin => "by_begin",
+            Self::NotUsed => "not_used",
+        }
+    }
 }
 
 /// Why there is no value.

@@ -8,10 +8,13 @@
 //! - [`tail`]: the bytes that keep the open blocks of a robot.
 //! - [`merge`]: chunks that overlap, as one series in the order of time.
 //! - [`buckets`]: averages weighted by time.
+//! - [`wide`]: buckets put together to wider ones.
+//! - [`averages`]: buckets of a day that are kept when its samples are gone.
 //! - [`event`]: what was seen to happen.
 //! - [`waiting`]: events that wait for the thread of the history.
 //! - [`wall`]: the time of day, carried by a clock that does not jump.
 
+pub mod averages;
 pub mod block;
 pub mod buckets;
 mod bytes;
@@ -26,3 +29,4 @@ pub mod tail;
 pub mod turns;
 pub mod waiting;
 pub mod wall;
+pub mod wide;

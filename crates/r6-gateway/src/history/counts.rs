@@ -82,6 +82,14 @@ pub struct HistoryCounts {
     pub clock_steps: AtomicU64,
     /// How many rows of tails could not be read after a start.
     pub unreadable: AtomicU64,
-    /// How many files were removed to keep the limits.
+    /// How many files of values were removed to keep the limits.
     pub removed: AtomicU64,
+    /// How many of these had values of which no averages were computed.
+    pub removed_unaveraged: AtomicU64,
+    /// How many files of averages were removed to keep the limits.
+    pub removed_averages: AtomicU64,
+    /// How much all files of averages take; it is in `bytes` too.
+    pub average_bytes: AtomicU64,
+    /// Of how many days averages were computed.
+    pub averaged_days: AtomicU64,
 }

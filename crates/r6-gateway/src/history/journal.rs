@@ -2,6 +2,7 @@
 //!
 //! It knows no clock and no thread: the recorder calls it.
 
+mod averages;
 mod retention;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,6 +12,8 @@ use std::sync::atomic::Ordering;
 use r6_api::gateway::{Gap, UnseenBecause};
 use r6_proto::Address;
 use r6_proto::time::Instant;
+
+use averages::Averages;
 
 use super::HistorySettings;
 use super::counts::{HistoryCounts, RobotCounts};
@@ -104,6 +107,9 @@ pub struct Journal<S> {
     written: u64,
     /// Whether the disk had too little room when it was looked at last.
     has_no_room: bool,
+    averages: Averages,
+    /// Whether the store keeps averages.
+    has_averages: bool,
 }
 
 /// A journal of the history in this folder, for a simulated past.
@@ -115,8 +121,8 @@ pub fn of_folder(folder: &std::path::Path, settings: HistorySettings) -> Journal
 
 impl<S: HistoryStore> Journal<S> {
     /// Nothing is open.
-    pub fn new(store: S, settings: HistorySettings, counts: Arc<HistoryCounts>) -> Self {
-        let robots = BTreeMap::new();
+    pub fn new(mut store: S, settings: HistorySettings, counts: Arc<HistoryCounts>) -> Self {
+        let (robots, has_averages) = (BTreeMap::new(), store.averages().is_some());
         Self {
             store,
             settings,
@@ -132,6 +138,8 @@ impl<S: HistoryStore> Journal<S> {
             // The limits are looked at before the first write.
             written: u64::MAX,
             has_no_room: false,
+            averages: Averages::default(),
+            has_averages,
         }
     }
 
@@ -297,6 +305,7 @@ impl<S: HistoryStore> Journal<S> {
                 Err(error) => return Err(error),
             }
         }
+        self.load_averages(time.day())?;
         self.is_recovered = true;
         self.taken_over.as_mut().map(BTreeSet::clear);
         Ok(())
@@ -337,6 +346,7 @@ impl<S: HistoryStore> Journal<S> {
             together.push(name);
         }
         self.written = self.written.saturating_add(size as u64);
+        days.keys().for_each(|day| self.reopen(*day));
         let written = days.into_iter().try_for_each(|(day, writes)| self.store.write(day, &writes));
         for name in &together {
             let Some(robot) = self.robots.get_mut(name) else { continue };
@@ -423,8 +433,10 @@ impl<S: HistoryStore> Journal<S> {
         self.seal_all();
         let names: BTreeSet<_> = self.robots.keys().cloned().collect();
         for name in names {
+            let writes = self.robots.get(&name).map(Robot::writes).unwrap_or_default();
+            writes.keys().for_each(|day| self.reopen(*day));
             let Some(robot) = self.robots.get_mut(&name) else { continue };
-            for (day, write) in robot.writes() {
+            for (day, write) in writes {
                 if let Err(error) = self.store.write(day, &[(name.clone(), write)]) {
                     robot.blocks.failed();
                     return Err(error);

@@ -3,7 +3,10 @@
 //! A query first reads which chunks there are, then the bytes of those that it needs, a few at a time: no
 //! transaction on a file lasts longer than that. A chunk that is within one bucket is not even read: its row
 //! has its sum.
+//!
+//! Where the values of a day are gone, buckets are made of its averages ([`averages`]).
 
+mod averages;
 mod events;
 mod production;
 mod series;
@@ -25,6 +28,9 @@ use crate::store::StoreError;
 use crate::store::history::{Ask, Entry, HistoryStore, Part, Place};
 use series::Series;
 
+#[cfg(test)]
+pub use averages::answer as answer_with_averages;
+pub use averages::{Averaged, Used};
 #[cfg(test)]
 pub use events::answer as events_of;
 pub use events::{EventAnswer, EventPlace, EventQuestion};
@@ -77,6 +83,8 @@ pub struct Answer {
     pub unreadable: u64,
     /// Whether not even one bucket could be told: it has too many chunks.
     pub is_too_wide: bool,
+    /// Where the values are gone and averages are left, in the order of time.
+    pub averages: Vec<Averaged>,
 }
 
 /// Reads the history.
@@ -125,7 +133,7 @@ impl Reader {
         question: Question,
         open: Open,
     ) -> Result<Answer, StoreError> {
-        self.work(permit, move |store| answer(store, &question, open)).await
+        self.work(permit, move |store| averages::answer(store, &question, open)).await
     }
 
     async fn work<T: Send + 'static>(
@@ -142,7 +150,7 @@ impl Reader {
     }
 }
 
-/// Answers a question.
+/// Answers a question out of values alone.
 ///
 /// # Errors
 /// [`StoreError`].

@@ -39,6 +39,10 @@ const LIMITS_EVERY: Duration = Duration::from_secs(10);
 /// How long the thread may take for one turn before the history counts as paused: a write hangs.
 const HANGS: Duration = Duration::from_secs(2);
 
+/// How many samples are decoded in one turn to compute averages of days that are over: some 10 ms. The last
+/// piece of a turn may have a million of them, which take 30 ms.
+const AVERAGES_A_TURN: u64 = 200_000;
+
 /// How long a query waits for the thread.
 const ANSWER_TIME: Duration = Duration::from_secs(2);
 
@@ -338,7 +342,26 @@ impl Worker {
             }
             Ok(()) | Err(_) => {}
         }
-        if self.failed { AFTER_FAILURE } else { EVERY }
+        if self.failed {
+            return AFTER_FAILURE;
+        }
+        self.average(time);
+        EVERY
+    }
+
+    /// Computes some averages of days that are over.
+    fn average(&mut self, time: Micros) {
+        let mut cost = 0;
+        while cost < AVERAGES_A_TURN {
+            match self.journal.average(time) {
+                Ok(Some(more)) => cost += more,
+                Ok(None) => return,
+                Err(error) => {
+                    tracing::error!(%error, "averages of a day cannot be computed");
+                    return;
+                }
+            }
+        }
     }
 }
 

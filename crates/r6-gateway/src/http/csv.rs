@@ -207,6 +207,7 @@ mod tests {
             buckets,
             kept_until: None,
             unreadable_chunks: 0,
+            averages: Vec::new(),
             next_cursor: None,
         }
     }

@@ -10,7 +10,7 @@ use axum::extract::{Query, State as Of};
 use axum::http::header::{ACCEPT, CONTENT_TYPE};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
-use r6_api::gateway::{History, HistoryBucket, HistorySample};
+use r6_api::gateway::{AveragesUsed, History, HistoryAverages, HistoryBucket, HistorySample};
 use r6_api::{Code, Problem, Unit};
 use r6_client::Address;
 use r6_http::Refusal;
@@ -30,7 +30,7 @@ use crate::core::history::buckets::Bucket;
 use crate::core::history::sample::{Micros, Sample};
 use crate::fleet::station::Station;
 use crate::history::Recorder;
-use crate::history::query::{Answer, Question};
+use crate::history::query::{Answer, Averaged, Question, Used};
 
 /// The most samples or buckets of one answer: a megabyte of JSON.
 const MAX_LIMIT: usize = 10_000;
@@ -47,6 +47,13 @@ const NARROWEST_BUCKET: Duration = Duration::from_millis(1);
 
 /// Names the place where a table of CSV goes on.
 const NEXT_CURSOR: HeaderName = HeaderName::from_static("r6-next-cursor");
+
+/// Says of a table or a file what `averages` says of JSON, as JSON.
+const AVERAGES: HeaderName = HeaderName::from_static("r6-averages");
+
+/// The most parts that the header names, so that it stays short: clients refuse heads of more than some
+/// kilobytes. In general there is one.
+const MAX_PARTS: usize = 16;
 
 /// Which samples.
 #[derive(Debug, Deserialize, IntoParams)]
@@ -79,7 +86,8 @@ fn usual_limit() -> usize {
 
 /// The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table,
 /// `Accept: application/vnd.apache.parquet` a file with the same columns; the header `r6-next-cursor` says
-/// where they go on.
+/// where they go on, and `r6-averages` where values are gone. Where the values of days are gone, buckets are made
+/// of averages of minutes or hours that were kept: `averages` says where.
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}/history",
@@ -137,7 +145,7 @@ fn written(form: Form, station: &Station, question: &Question, answer: &Answer) 
     let page = page(station, question, answer);
     match form {
         Form::Json => Ok(Json(page).into_response()),
-        Form::Csv => Ok(table(csv::table(&page), page.next_cursor)),
+        Form::Csv => Ok(with_averages(table(csv::table(&page), page.next_cursor), &page.averages)),
         Form::Parquet => {
             let kind = question.address.info().value;
             let file = match question.bucket {
@@ -145,7 +153,8 @@ fn written(form: Form, station: &Station, question: &Question, answer: &Answer) 
                 None => parquet::of_samples(&answer.samples, kind, &page),
             };
             let file = file.map_err(refusal::of_file)?;
-            Ok(with_next(([(CONTENT_TYPE, parquet::MEDIA_TYPE)], file), page.next_cursor))
+            let response = with_next(([(CONTENT_TYPE, parquet::MEDIA_TYPE)], file), page.next_cursor);
+            Ok(with_averages(response, &page.averages))
         }
     }
 }
@@ -173,6 +182,14 @@ fn with_next(answer: impl IntoResponse, next_cursor: Option<String>) -> Response
     let mut response = answer.into_response();
     let next = next_cursor.and_then(|cursor| HeaderValue::from_str(&cursor).ok());
     response.headers_mut().extend(next.map(|next| (NEXT_CURSOR, next)));
+    response
+}
+
+fn with_averages(mut response: Response, averages: &[HistoryAverages]) -> Response {
+    let parts = averages.get(..MAX_PARTS).unwrap_or(averages);
+    let text = (!parts.is_empty()).then(|| serde_json::to_string(parts).ok()).flatten();
+    let header = text.and_then(|text| HeaderValue::from_str(&text).ok());
+    response.headers_mut().extend(header.map(|header| (AVERAGES, header)));
     response
 }
 
@@ -254,6 +271,16 @@ fn page(station: &Station, question: &Question, answer: &Answer) -> History {
         good_ms: good_ms(bucket),
         samples: bucket.samples,
     };
+    let averaged = |Averaged { from, to, step, used }: &Averaged| HistoryAverages {
+        from: text(*from),
+        to: text(*to),
+        width_ms: u64::try_from(step.micros() / 1000).unwrap_or(0),
+        used: match used {
+            Used::Exact => AveragesUsed::Exact,
+            Used::ByBegin => AveragesUsed::ByBegin,
+            Used::NotUsed => AveragesUsed::NotUsed,
+        },
+    };
     History {
         robot: question.robot.to_string(),
         signal: address.to_string(),
@@ -265,6 +292,7 @@ fn page(station: &Station, question: &Question, answer: &Answer) -> History {
         buckets: bucket.is_some().then(|| answer.buckets.iter().map(of).collect()),
         kept_until: station.counts.history.kept_until().map(text),
         unreadable_chunks: answer.unreadable,
+        averages: answer.averages.iter().map(averaged).collect(),
         next_cursor: answer.next.map(|next| format!("t{}", next.0)),
     }
 }

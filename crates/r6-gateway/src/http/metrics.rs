@@ -218,8 +218,32 @@ fn files(text: &mut String, counts: &HistoryCounts, is_paused: bool) {
         (
             "files_removed_total",
             "counter",
-            "Files removed for their age or the size of all.",
+            "Files of values removed for their age or the size of all.",
             counts.removed.load(Ordering::Relaxed),
+        ),
+        (
+            "files_removed_without_averages_total",
+            "counter",
+            "Those of them with values of which no averages were computed.",
+            counts.removed_unaveraged.load(Ordering::Relaxed),
+        ),
+        (
+            "averages_bytes",
+            "gauge",
+            "What the files of averages take; it is in the bytes of all files too.",
+            counts.average_bytes.load(Ordering::Relaxed),
+        ),
+        (
+            "averages_files_removed_total",
+            "counter",
+            "Files of averages removed for their age or their size.",
+            counts.removed_averages.load(Ordering::Relaxed),
+        ),
+        (
+            "averages_days_total",
+            "counter",
+            "Days of which averages were computed.",
+            counts.averaged_days.load(Ordering::Relaxed),
         ),
         (
             "clock_steps_total",

@@ -173,8 +173,19 @@ fn write<T: DataType>(
 
 fn metadata(about: &History) -> Vec<KeyValue> {
     let History {
-        robot, signal, unit, from, to, bucket_ms, kept_until, unreadable_chunks, next_cursor, ..
+        robot,
+        signal,
+        unit,
+        from,
+        to,
+        bucket_ms,
+        kept_until,
+        unreadable_chunks,
+        averages,
+        next_cursor,
+        ..
     } = about;
+    let averages = (!averages.is_empty()).then(|| serde_json::to_string(averages).ok()).flatten();
     let bucket_ms = bucket_ms.map(|width| width.to_string());
     let pairs = [
         ("robot", Some(robot.clone())),
@@ -185,6 +196,7 @@ fn metadata(about: &History) -> Vec<KeyValue> {
         ("bucket_ms", bucket_ms),
         ("kept_until", kept_until.clone()),
         ("unreadable_chunks", Some(unreadable_chunks.to_string())),
+        ("averages", averages),
         ("next_cursor", next_cursor.clone()),
     ];
     let told = pairs.into_iter().filter(|(_, value)| value.is_some());
@@ -197,7 +209,7 @@ mod tests {
     use crate::core::history::sample::{Micros, State};
     use parquet::file::reader::{FileReader, SerializedFileReader};
     use parquet::record::RowAccessor;
-    use r6_api::gateway::Gap;
+    use r6_api::gateway::{AveragesUsed, Gap, HistoryAverages};
 
     fn about(bucket_ms: Option<u64>) -> History {
         History {
@@ -211,6 +223,12 @@ mod tests {
             buckets: None,
             kept_until: None,
             unreadable_chunks: 2,
+            averages: vec![HistoryAverages {
+                from: "A".to_owned(),
+                to: "B".to_owned(),
+                width_ms: 60_000,
+                used: AveragesUsed::Exact,
+            }],
             next_cursor: Some("t9".to_owned()),
         }
     }
@@ -264,6 +282,7 @@ mod tests {
             range: Some((0.0, 1.0)),
             last: None,
             good: 10_500,
+            weight: 10_500,
             samples: 3,
         };
         let reader = read(of_buckets(&[bucket], ValueType::Decimal, &about(Some(1000))).unwrap());
@@ -274,6 +293,8 @@ mod tests {
             ["r6.robot", "r6.signal", "r6.unit", "r6.bucket_ms", "r6.unreadable_chunks", "r6.next_cursor"];
         let known = ["press", "axis-0", "mm", "1000", "2", "t9"];
         assert_eq!(told.map(of), known.map(Some));
+        let averages = r#"[{"from":"A","to":"B","width_ms":60000,"used":"exact"}]"#;
+        assert_eq!(of("r6.averages"), Some(averages));
         assert!(pairs.iter().all(|pair| pair.key != "r6.kept_until"), "what is not known is left out");
         let names: Vec<_> =
             metadata.schema_descr().columns().iter().map(|column| column.name().to_owned()).collect();

@@ -1,11 +1,15 @@
-//! The store of the history: chunks, tails and events, in a file or more for each day.
+//! The store of the history: chunks, tails and events, in a file or more for each day, and averages of days
+//! ([`averages`]).
 //!
 //! [`HistoryStore`] is the contract; every implementation passes the same tests (`history/contract.rs`). The
 //! history has files of its own, so that nothing that is written for a command waits behind samples.
 
+mod average_files;
+pub mod averages;
 #[cfg(test)]
 mod contract;
 mod days;
+mod file;
 #[cfg(test)]
 mod memory;
 mod place;
@@ -20,6 +24,7 @@ use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
 use crate::core::owner::Claim;
 
+pub use averages::{AskAverages, AverageFile, AverageRow, AverageStore, DayState};
 pub use days::{Days, file_names, is_file_name};
 #[cfg(test)]
 pub use memory::MemoryDays;
@@ -180,4 +185,24 @@ pub trait HistoryStore: Send {
     /// # Errors
     /// [`StoreError`].
     fn remove(&mut self, part: Part) -> Result<(), StoreError>;
+
+    /// The signals of which a part has chunks, and maybe others. None in a store without averages, which does
+    /// not need them.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    fn signals(&mut self, _part: Part) -> Result<Vec<(RobotName, Address)>, StoreError> {
+        Ok(Vec::new())
+    }
+
+    /// The averages of days; `None` if this store keeps none.
+    fn averages(&mut self) -> Option<&mut dyn AverageStore> {
+        None
+    }
+
+    /// Another hold on the same history, which only reads: the values of a day, to compute its averages.
+    /// `None` if this store keeps none.
+    fn to_average(&self) -> Option<Box<dyn HistoryStore>> {
+        None
+    }
 }

@@ -146,6 +146,12 @@ def read_history(answer: Any) -> tuple[list[dict[str, Any]], dict[str, str] | No
     if chunks > 0:
         what = f"{chunks} chunks of {answer['signal']} cannot be read at the gateway: their samples are missing"
         warnings.warn(what, RuntimeWarning, stacklevel=2)
+    # A gateway of an older r6 keeps none.
+    for part in answer.get("averages", []):
+        if part["used"] == "not_used":
+            width = int(part["width_ms"]) // 1000
+            what = f"the gateway has only averages of {width} s from {part['from']} to {part['to']}: ask for such buckets"
+            warnings.warn(what, RuntimeWarning, stacklevel=2)
     rows = answer["buckets"] if "buckets" in answer else answer["samples"]
     return [dict(row) for row in rows], _next_page(answer)
 

@@ -77,6 +77,8 @@ A robot that is set to client mode at its pendant connects to the gateway, at th
 What is kept of values, and for how long; it holds from the next start:
   [history]
   keep_days = 30                       today included
+  keep_minutes_days = 90               averages of minutes, when the values are gone
+  keep_hours_days = 1830               averages of hours
   max_mb = 10240                       all files together; the oldest values go first
 
 How much of the audit log is kept; it holds from the next start:

@@ -19,8 +19,24 @@ pub struct Bucket {
     pub last: Option<State>,
     /// For how many µs there was a value.
     pub good: i64,
+    /// For how many µs there was a number: what [`Self::mean`] weighs if buckets are put together.
+    pub weight: i64,
     /// How many samples were in it.
     pub samples: u64,
+}
+
+impl Bucket {
+    /// A span in which nothing is known.
+    #[must_use]
+    pub fn empty(start: Micros) -> Self {
+        Self { start, mean: None, range: None, last: None, good: 0, weight: 0, samples: 0 }
+    }
+
+    /// Whether nothing is known in it.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.good == 0 && self.samples == 0 && self.range.is_none() && self.last.is_none()
+    }
 }
 
 /// Sorts samples into buckets. They come in the order of time.
@@ -153,6 +169,7 @@ impl Buckets {
             range: self.range.take(),
             last: held.map(|(state, _)| state.clone()),
             good: std::mem::take(&mut self.good),
+            weight: self.weight,
             samples: std::mem::take(&mut self.samples),
         });
         (self.sum, self.weight) = (0.0, 0);

@@ -1,4 +1,5 @@
-//! The limits of the files: whole parts are removed, the oldest first.
+//! The limits of the files: whole parts are removed, the oldest first. Averages are removed when they are too
+//! old, or take too much of the room.
 
 use std::sync::atomic::Ordering;
 
@@ -10,6 +11,9 @@ use crate::store::history::HistoryStore;
 /// A day begins a new part when its last one has this share of the bytes. So there is always an older part to
 /// remove.
 const PART_SHARE: u64 = 8;
+
+/// All averages take this share of the bytes at most, so that values always have the rest.
+const AVERAGE_SHARE: u64 = 4;
 
 /// So often while it writes this share of the bytes, the size of the files is looked at.
 const LOOK_SHARE: u64 = 64;
@@ -40,8 +44,10 @@ impl<S: HistoryStore> Journal<S> {
             self.store.begin_part(part.day)?;
             parts = self.store.parts()?;
         }
+        let averages = self.keep_limits_of_averages(today, most / AVERAGE_SHARE)?;
+        self.look_for_days();
         let oldest_kept = today.saturating_sub(i64::from(self.settings.keep_days).max(1) - 1);
-        let mut size: u64 = parts.iter().map(|(_, size)| size).sum();
+        let mut size: u64 = averages + parts.iter().map(|(_, size)| size).sum::<u64>();
         // An eighth is left for what is written before the next look.
         let bound = most - most / PART_SHARE;
         // Days that are not yet come of a wrong clock: they go first.
@@ -49,11 +55,12 @@ impl<S: HistoryStore> Journal<S> {
         let newest = parts.iter().map(|(part, _)| *part).rfind(|part| part.day == today);
         let mut left = parts.into_iter().peekable();
         while let Some((part, bytes)) = left.peek().copied() {
+            let is_too_old = part.day < oldest_kept && !self.waits_for_averages(part, today);
             // The newest part of today has what is being written.
-            if !self.store.may_remove() || (part.day >= oldest_kept && size <= bound) || Some(part) == newest
-            {
+            if !self.store.may_remove() || (!is_too_old && size <= bound) || Some(part) == newest {
                 break;
             }
+            self.note_removal(part, today);
             tracing::info!(?part, bytes, "the oldest file of the history is removed");
             self.store.remove(part)?;
             self.counts.removed.fetch_add(1, Ordering::Relaxed);

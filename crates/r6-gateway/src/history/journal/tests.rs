@@ -1,5 +1,6 @@
 //! What was acknowledged comes back, whatever happens to the process and the disk.
 
+mod averages;
 mod kills;
 mod limits;
 mod model;
@@ -53,6 +54,12 @@ pub(super) fn batch_of(
 pub(super) fn ask(address: Address, from: i64, to: i64) -> Question {
     let (from, to) = (Micros(from), Micros(to));
     Question { robot: press(), address, from, to, bucket: None, limit: usize::MAX, cursor: None }
+}
+
+/// Computes the averages of all days that are over.
+pub(super) fn average_all<S: HistoryStore>(journal: &mut Journal<S>, time: i64) {
+    journal.look_for_days();
+    while journal.average(Micros(time)).unwrap().is_some() {}
 }
 
 /// All samples of a signal, without the marks that the query adds.

@@ -2,7 +2,10 @@
 
 use r6_proto::Address;
 
-use super::{Ask, AskEvents, Days, HistoryStore, MemoryDays, Part};
+use super::{
+    Ask, AskAverages, AskEvents, AverageFile, AverageRow, DayState, Days, HistoryStore, MemoryDays, Part,
+};
+use crate::core::history::averages::Step;
 use crate::core::history::block::{Chunk, Write, chunks};
 use crate::core::history::codec::Times;
 use crate::core::history::event::{Event, Observed};
@@ -263,4 +266,102 @@ fn many_days_are_open_one_after_the_other() {
         .unwrap()
         .filter(|entry| entry.as_ref().unwrap().file_name().to_string_lossy().ends_with("-wal"));
     assert!(logs.count() <= 2, "days that are over have no log");
+}
+
+fn row(robot: &str, address: Address, bytes: &[u8]) -> AverageRow {
+    AverageRow { robot: RobotName::new(robot).unwrap(), address, bytes: bytes.to_vec() }
+}
+
+/// The averages of the mode of the press in the file of a day.
+fn averages(store: &mut dyn HistoryStore, step: Step, day: i64, from: i64, to: i64) -> Vec<(i64, Vec<u8>)> {
+    let robot = press();
+    let ask = AskAverages { robot: &robot, address: MODE, from, to };
+    store.averages().unwrap().read(AverageFile::of(step, day), ask).unwrap()
+}
+
+#[test]
+fn averages_are_found_by_signal_and_day_and_take_the_place_of_older_ones() {
+    on_each(|store| {
+        // The database keeps none.
+        let Some(of) = store.averages() else { return };
+        assert_eq!(of.files(), Ok(vec![]));
+        let (first, last) = (20_758, 20_787);
+        for (day, text) in [(first, "one"), (first + 3, "two"), (last, "three"), (last + 1, "next month")] {
+            let all = [row("press", MODE, text.as_bytes()), row("press", Address::Origin, b"other")];
+            of.write(Step::Hour, day, &all).unwrap();
+            of.write(Step::Minute, day, &all[..1]).unwrap();
+        }
+        of.write(Step::Hour, first, &[row("saw", MODE, b"saw"), row("press", MODE, b"anew")]).unwrap();
+        let of_month = [(first, b"anew".to_vec()), (first + 3, b"two".to_vec()), (last, b"three".to_vec())];
+        assert_eq!(averages(store, Step::Hour, last, 0, 99_999), of_month);
+        assert_eq!(averages(store, Step::Hour, first, first + 1, first + 3), of_month[1..2]);
+        assert_eq!(averages(store, Step::Minute, first, 0, 99_999), [(first, b"one".to_vec())]);
+        assert_eq!(averages(store, Step::Minute, first + 1, 0, 99_999), [], "there is no such file");
+        assert_eq!(store.parts(), Ok(vec![]), "they are no values");
+
+        let of = store.averages().unwrap();
+        let files = of.files().unwrap();
+        assert!(files.iter().all(|(_, bytes)| *bytes > 0) && files.is_sorted());
+        let days: Vec<_> = files.iter().map(|(file, _)| (file.step, file.first)).collect();
+        let minutes = [first, first + 3, last, last + 1].map(|day| (Step::Minute, day));
+        assert_eq!(days, [&minutes[..], &[(Step::Hour, first), (Step::Hour, last + 1)]].concat());
+        of.remove(files[0].0).unwrap();
+        of.remove(files[0].0).unwrap();
+        assert_eq!(of.files().unwrap().len(), files.len() - 1);
+        assert_eq!(averages(store, Step::Minute, first, 0, 99_999), []);
+    });
+}
+
+#[test]
+fn each_day_has_a_state_that_changes() {
+    on_each(|store| {
+        let Some(of) = store.averages() else { return };
+        let all = [(20_782, DayState::Finished), (20_783, DayState::Cut), (20_788, DayState::Reopened)];
+        all.into_iter().for_each(|(day, state)| of.set_state(day, state).unwrap());
+        assert_eq!(of.states(0..=99_999).unwrap(), all.into());
+        assert_eq!(of.states(20_783..=20_787).unwrap(), [all[1]].into());
+        of.set_state(20_782, DayState::Cut).unwrap();
+        assert_eq!(of.states(20_782..=20_782).unwrap(), [(20_782, DayState::Cut)].into());
+    });
+}
+
+#[test]
+fn a_part_names_its_signals_to_the_one_that_averages() {
+    on_each(|store| {
+        store.write(0, &with(&[chunk(1, 3)], false, Some(b"tail"))).unwrap();
+        let Some(mut reader) = store.to_average() else { return };
+        assert_eq!(reader.signals(part(0, 1)), Ok(vec![(press(), MODE)]));
+        assert_eq!(firsts(&mut *reader, part(0, 1), 0, 9, 9), [1]);
+        store.write(0, &with(&[chunk(4, 3)], false, None)).unwrap();
+        assert_eq!(firsts(&mut *reader, part(0, 1), 0, 9, 9), [1, 4]);
+    });
+}
+
+#[test]
+fn averages_stay_in_the_folder_and_an_older_gateway_sees_its_own_files_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = Days::to_write(folder.path(), 1 << 30);
+    store.write(20_782, &with(&[chunk(20_782 * DAY, 1)], false, None)).unwrap();
+    let of = store.averages().unwrap();
+    of.write(Step::Minute, 20_782, &[row("press", MODE, b"minutes")]).unwrap();
+    of.write(Step::Hour, 20_782, &[row("press", MODE, b"hours")]).unwrap();
+    of.set_state(20_782, DayState::Finished).unwrap();
+    drop(store);
+    let names = super::file_names(folder.path()).unwrap();
+    assert_eq!(names, ["2026-11-25.db", "hours-2026-11.db", "minutes-2026-11-25.db"]);
+    assert!(names.iter().all(|name| super::is_file_name(name)));
+    let mut reader = Days::to_read(folder.path());
+    assert_eq!(averages(&mut reader, Step::Minute, 20_782, 0, 99_999), [(20_782, b"minutes".to_vec())]);
+    assert_eq!(averages(&mut reader, Step::Hour, 20_782, 0, 99_999), [(20_782, b"hours".to_vec())]);
+    let of = reader.averages().unwrap();
+    assert_eq!(of.states(0..=99_999).unwrap().len(), 1);
+    assert!(of.write(Step::Hour, 20_782, &[row("press", MODE, b"more")]).is_err(), "a reader never writes");
+    // Bytes that are no file of SQLite.
+    std::fs::write(folder.path().join("hours-2026-12.db"), vec![7; 9_000]).unwrap();
+    let of = reader.averages().unwrap();
+    assert_eq!(of.states(0..=99_999).unwrap().len(), 1, "it is passed over");
+    let robot = press();
+    let ask = AskAverages { robot: &robot, address: MODE, from: 0, to: 99_999 };
+    let broken = of.read(AverageFile::of(Step::Hour, 20_790), ask);
+    assert!(matches!(broken, Err(crate::store::StoreError::Unreadable(_))), "{broken:?}");
 }

@@ -1,37 +1,41 @@
 //! The history in a folder: SQLite with a write-ahead log, a file or more for each day.
 //!
-//! `2026-11-25.db` is the first part of a day, `2026-11-25-2.db` the second. A process that writes has one
-//! [`Days`], readers have others.
+//! `2026-11-25.db` is the first part of a day, `2026-11-25-2.db` the second. Averages have files of their own
+//! beside them (`average_files.rs`). A process that writes has one [`Days`], readers have others.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use rusqlite::{Connection, OpenFlags};
+use r6_proto::Address;
+use rusqlite::Connection;
 
+use super::average_files::{AverageFiles, is_average_file_name};
+use super::averages::AverageStore;
+use super::file::{self, Form, failed};
 use super::table::{self, TABLES, VERSION};
 use super::{Ask, AskEvents, Entry, HistoryStore, KeptEvent, Part, Tail};
 use crate::core::history::block::Write;
 use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
-use crate::files::{free_bytes, make_file, make_folder};
+use crate::files::{free_bytes, make_folder};
 use crate::store::StoreError;
 
 /// The files that are open at once: today, and a day to which something comes late.
 const MAX_OPEN: usize = 2;
 
-/// How long a write waits for a reader that recovers or ends a file: milliseconds.
-const BUSY: Duration = Duration::from_millis(500);
+/// The files that are open at once to compute averages: the parts of a day, and the last one of the day
+/// before. A day has eight parts at most in general.
+const MAX_OPEN_TO_AVERAGE: usize = 10;
 
-/// The size of a page in bytes.
+/// The size of a page in bytes. A chunk of 2 KB would leave half of a page of 4 KB empty.
 const PAGE: u64 = 16 * 1024;
+
+/// What the files of days are made with.
+const FORM: Form = Form { tables: TABLES, version: VERSION, page: PAGE };
 
 /// The smallest and the largest number of pages after which the write-ahead log is written back.
 const CHECKPOINT_PAGES: (u64, u64) = (8, 256);
-
-/// The ends of the names of files that SQLite puts beside one of ours.
-const BESIDE: [&str; 3] = ["-wal", "-shm", "-journal"];
 
 /// The history in a folder.
 #[derive(Debug)]
@@ -40,9 +44,11 @@ pub struct Days {
     /// `false` for readers.
     writes: bool,
     checkpoint_pages: u64,
+    most_open: usize,
     open: BTreeMap<Part, Connection>,
     /// The parts that writes go to, by day, if they are not the newest that is there.
     begun: BTreeMap<i64, u32>,
+    averages: AverageFiles,
     /// The most pages of a file, as if the disk were full then.
     #[cfg(test)]
     pub max_pages: Option<u32>,
@@ -55,13 +61,14 @@ impl Days {
     pub fn to_write(folder: &Path, max_bytes: u64) -> Self {
         let (least, most) = CHECKPOINT_PAGES;
         let checkpoint_pages = (max_bytes / 64 / PAGE).clamp(least, most);
-        let (folder, open, begun) = (folder.to_owned(), BTreeMap::new(), BTreeMap::new());
         Self {
-            folder,
+            folder: folder.to_owned(),
             writes: true,
             checkpoint_pages,
-            open,
-            begun,
+            most_open: MAX_OPEN,
+            open: BTreeMap::new(),
+            begun: BTreeMap::new(),
+            averages: AverageFiles::new(folder, true),
             #[cfg(test)]
             max_pages: None,
         }
@@ -70,13 +77,14 @@ impl Days {
     /// The history of a folder for a reader, which never writes.
     #[must_use]
     pub fn to_read(folder: &Path) -> Self {
-        let (folder, open, begun) = (folder.to_owned(), BTreeMap::new(), BTreeMap::new());
         Self {
-            folder,
+            folder: folder.to_owned(),
             writes: false,
             checkpoint_pages: 0,
-            open,
-            begun,
+            most_open: MAX_OPEN,
+            open: BTreeMap::new(),
+            begun: BTreeMap::new(),
+            averages: AverageFiles::new(folder, false),
             #[cfg(test)]
             max_pages: None,
         }
@@ -99,61 +107,22 @@ impl Days {
     /// The connection to a part. Others are closed if there are too many.
     fn connection(&mut self, part: Part) -> Result<&mut Connection, StoreError> {
         if !self.open.contains_key(&part) {
-            while self.open.len() >= MAX_OPEN {
+            while self.open.len() >= self.most_open {
                 let Some((_, oldest)) = self.open.pop_first() else { break };
                 // The file needs no write-ahead log any more. A reader may be in the way; then it stays.
                 if self.writes {
                     let _ = oldest.pragma_update(None, "journal_mode", "DELETE");
                 }
             }
-            let connection = if self.writes { self.make(part)? } else { self.look(part)? };
+            let path = self.path(part);
+            let connection = if self.writes {
+                file::make(&path, FORM, self.checkpoint_pages)?
+            } else {
+                file::look(&path, FORM)?
+            };
             self.open.insert(part, connection);
         }
         self.open.get_mut(&part).ok_or(StoreError::Closed)
-    }
-
-    fn make(&self, part: Part) -> Result<Connection, StoreError> {
-        let path = self.path(part);
-        if !path.exists() {
-            // Left by a process that ended while it removed a file of this name. They must not be taken for
-            // those of the new one.
-            BESIDE.iter().for_each(|end| drop(fs::remove_file(self.folder.join(file_name(part) + end))));
-        }
-        make_folder(&self.folder).map_err(|error| failed(&self.folder, &error))?;
-        make_file(&path).map_err(|error| failed(&path, &error))?;
-        let mut connection = Connection::open(&path)?;
-        connection.busy_timeout(BUSY)?;
-        // Only while the file is empty. A chunk of 2 KB would leave half of a page of 4 KB empty.
-        connection.pragma_update(None, "page_size", PAGE)?;
-        connection.pragma_update(None, "journal_mode", "WAL")?;
-        // The log is not synchronised at each commit. What the system has taken survives the process.
-        connection.pragma_update(None, "synchronous", "NORMAL")?;
-        connection.pragma_update(None, "wal_autocheckpoint", self.checkpoint_pages)?;
-        connection.pragma_update(None, "journal_size_limit", self.checkpoint_pages * PAGE)?;
-        let transaction = connection.transaction()?;
-        match transaction.query_row("PRAGMA user_version", [], |row| row.get::<_, i64>(0))? {
-            0 => {
-                transaction.execute_batch(TABLES)?;
-                transaction.pragma_update(None, "user_version", VERSION)?;
-            }
-            VERSION => {}
-            newer => return Err(too_new(&path, newer)),
-        }
-        transaction.commit()?;
-        Ok(connection)
-    }
-
-    fn look(&self, part: Part) -> Result<Connection, StoreError> {
-        let path = self.path(part);
-        // Not read-only: after a crash, the first one to open the file has to recover its log.
-        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-        let connection = Connection::open_with_flags(&path, flags)?;
-        connection.busy_timeout(BUSY)?;
-        connection.pragma_update(None, "query_only", true)?;
-        match connection.query_row("PRAGMA user_version", [], |row| row.get::<_, i64>(0))? {
-            VERSION => Ok(connection),
-            version => Err(too_new(&path, version)),
-        }
     }
 }
 
@@ -213,11 +182,8 @@ impl HistoryStore for Days {
         if self.writes {
             make_folder(&self.folder).map_err(|error| failed(&self.folder, &error))?;
         }
-        let size = |path: &Path| fs::metadata(path).map_or(0, |file| file.len());
-        let parts = names(&self.folder)?.into_iter().filter(|(_, is_file)| *is_file).map(|(part, _)| {
-            let beside = BESIDE.iter().map(|end| size(&self.folder.join(file_name(part) + end)));
-            (part, size(&self.path(part)) + beside.sum::<u64>())
-        });
+        let parts = names(&self.folder)?.into_iter().filter(|(_, is_file)| *is_file);
+        let parts = parts.map(|(part, _)| (part, file::size(&self.path(part))));
         Ok(parts.collect())
     }
 
@@ -227,58 +193,49 @@ impl HistoryStore for Days {
 
     fn remove(&mut self, part: Part) -> Result<(), StoreError> {
         self.open.remove(&part);
-        let path = self.path(part);
-        // The file first: its log alone is nothing, and a file without its log could be wrong.
-        for path in
-            [path.clone()].into_iter().chain(BESIDE.map(|end| self.folder.join(file_name(part) + end)))
-        {
-            match fs::remove_file(&path) {
-                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(failed(&path, &error));
-                }
-                Ok(()) | Err(_) => {}
-            }
-        }
-        Ok(())
+        file::remove(&self.path(part))
+    }
+
+    fn signals(&mut self, part: Part) -> Result<Vec<(RobotName, Address)>, StoreError> {
+        table::signals(self.connection(part)?)
+    }
+
+    fn averages(&mut self) -> Option<&mut dyn AverageStore> {
+        Some(&mut self.averages)
+    }
+
+    fn to_average(&self) -> Option<Box<dyn HistoryStore>> {
+        let reader = Self { most_open: MAX_OPEN_TO_AVERAGE, ..Self::to_read(&self.folder) };
+        Some(Box::new(reader))
     }
 }
 
-fn failed(path: &Path, error: &std::io::Error) -> StoreError {
-    StoreError::Unavailable(format!("{}: {error}", path.display()))
-}
-
-fn too_new(path: &Path, version: i64) -> StoreError {
-    StoreError::Unreadable(format!("{} has tables {version}, which this r6 does not know", path.display()))
-}
-
-/// The parts of which there are names, oldest first, and whether each is a file. Opening something else, such
-/// as a pipe, could wait for ever.
+/// The parts of which there are names, oldest first, and whether each is a file.
 fn names(folder: &Path) -> Result<Vec<(Part, bool)>, StoreError> {
-    let entries = match fs::read_dir(folder) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries.map_err(|error| failed(folder, &error))?,
-    };
-    let names = entries.filter_map(|entry| {
-        let entry = entry.ok()?;
-        Some((part_of(entry.file_name().to_str()?)?, entry.file_type().is_ok_and(|kind| kind.is_file())))
-    });
-    let mut parts: Vec<_> = names.collect();
+    let names = file::names(folder)?.into_iter();
+    let mut parts: Vec<_> = names.filter_map(|(name, is_file)| Some((part_of(&name)?, is_file))).collect();
     parts.sort_unstable();
     Ok(parts)
 }
 
-/// The names of the files of a folder, oldest first. There are none without the folder.
+/// The names of the files of a folder: those of days, oldest first, and then those of averages. There are
+/// none without the folder.
 ///
 /// # Errors
 /// [`StoreError`].
 pub fn file_names(folder: &Path) -> Result<Vec<String>, StoreError> {
     let files = names(folder)?.into_iter().filter(|(_, is_file)| *is_file);
-    Ok(files.map(|(part, _)| file_name(part)).collect())
+    let days = files.map(|(part, _)| file_name(part));
+    let averages =
+        file::names(folder)?.into_iter().filter(|(name, is_file)| *is_file && is_average_file_name(name));
+    let mut averages: Vec<_> = averages.map(|(name, _)| name).collect();
+    averages.sort_unstable();
+    Ok(days.chain(averages).collect())
 }
 
 /// Whether this is the name of a file of the history.
 pub fn is_file_name(name: &str) -> bool {
-    part_of(name).is_some()
+    part_of(name).is_some() || is_average_file_name(name)
 }
 
 fn file_name(part: Part) -> String {

@@ -1,11 +1,14 @@
 //! The history in memory, for tests. It can fail, and it takes as much room as it is told to.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use r6_proto::Address;
 
+use super::averages::{AskAverages, AverageFile, AverageRow, AverageStore, DayState};
 use super::{Ask, AskEvents, Entry, HistoryStore, KeptEvent, Part, Tail};
+use crate::core::history::averages::Step;
 use crate::core::history::block::{Chunk, Write};
 use crate::core::history::event::Event;
 use crate::core::history::sample::Micros;
@@ -19,6 +22,7 @@ pub struct MemoryDays(Arc<Mutex<Held>>);
 #[derive(Debug, Default)]
 struct Held {
     parts: BTreeMap<Part, File>,
+    averages: BTreeMap<AverageFile, Averages>,
     begun: BTreeMap<i64, u32>,
     /// How many writes fail from now on.
     failures: u32,
@@ -31,6 +35,12 @@ struct File {
     chunks: Vec<(RobotName, Address, Chunk)>,
     tails: BTreeMap<RobotName, Vec<Vec<u8>>>,
     events: Vec<(RobotName, Event)>,
+}
+
+#[derive(Debug, Default)]
+struct Averages {
+    rows: BTreeMap<(RobotName, Address, i64), Vec<u8>>,
+    states: BTreeMap<i64, DayState>,
 }
 
 impl MemoryDays {
@@ -173,6 +183,69 @@ impl HistoryStore for MemoryDays {
 
     fn remove(&mut self, part: Part) -> Result<(), StoreError> {
         self.held().parts.remove(&part);
+        Ok(())
+    }
+
+    fn signals(&mut self, part: Part) -> Result<Vec<(RobotName, Address)>, StoreError> {
+        let held = self.held();
+        let chunks = held.parts.get(&part).into_iter().flat_map(|file| &file.chunks);
+        let signals: BTreeSet<_> = chunks.map(|(robot, address, _)| (robot.clone(), *address)).collect();
+        Ok(signals.into_iter().collect())
+    }
+
+    fn averages(&mut self) -> Option<&mut dyn AverageStore> {
+        Some(self)
+    }
+
+    fn to_average(&self) -> Option<Box<dyn HistoryStore>> {
+        Some(Box::new(self.clone()))
+    }
+}
+
+impl AverageStore for MemoryDays {
+    fn write(&mut self, step: Step, day: i64, rows: &[AverageRow]) -> Result<(), StoreError> {
+        let mut held = self.held();
+        let fails = held.failures > 0;
+        held.failures = held.failures.saturating_sub(1);
+        if fails {
+            return Err(StoreError::Unavailable("the disk is full".to_owned()));
+        }
+        let file = held.averages.entry(AverageFile::of(step, day)).or_default();
+        for AverageRow { robot, address, bytes } in rows {
+            file.rows.insert((robot.clone(), *address, day), bytes.clone());
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, file: AverageFile, ask: AskAverages<'_>) -> Result<Vec<(i64, Vec<u8>)>, StoreError> {
+        let held = self.held();
+        let AskAverages { robot, address, from, to } = ask;
+        let rows = held.averages.get(&file).into_iter().flat_map(|file| &file.rows);
+        let fits = |(of, on, day): &(RobotName, Address, i64)| {
+            of == robot && *on == address && (from..=to).contains(day)
+        };
+        Ok(rows.filter(|(key, _)| fits(key)).map(|((.., day), bytes)| (*day, bytes.clone())).collect())
+    }
+
+    fn set_state(&mut self, day: i64, state: DayState) -> Result<(), StoreError> {
+        let mut held = self.held();
+        held.averages.entry(AverageFile::of(Step::Hour, day)).or_default().states.insert(day, state);
+        Ok(())
+    }
+
+    fn states(&mut self, days: RangeInclusive<i64>) -> Result<BTreeMap<i64, DayState>, StoreError> {
+        let held = self.held();
+        let all = held.averages.values().flat_map(|file| &file.states);
+        Ok(all.filter(|(day, _)| days.contains(day)).map(|(day, state)| (*day, *state)).collect())
+    }
+
+    fn files(&mut self) -> Result<Vec<(AverageFile, u64)>, StoreError> {
+        let size = |file: &Averages| file.rows.values().map(|bytes| bytes.len() as u64 + 50).sum::<u64>() + 1;
+        Ok(self.held().averages.iter().map(|(file, of)| (*file, size(of))).collect())
+    }
+
+    fn remove(&mut self, file: AverageFile) -> Result<(), StoreError> {
+        self.held().averages.remove(&file);
         Ok(())
     }
 }

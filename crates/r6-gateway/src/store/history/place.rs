@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use super::{Ask, AskEvents, Days, Entry, HistoryStore, KeptEvent, Part, Tail};
+use r6_proto::Address;
+
+use super::{Ask, AskEvents, AverageStore, Days, Entry, HistoryStore, KeptEvent, Part, Tail};
 use crate::core::history::block::Write;
 use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
@@ -109,5 +111,17 @@ impl HistoryStore for Box<dyn HistoryStore> {
 
     fn remove(&mut self, part: Part) -> Result<(), StoreError> {
         (**self).remove(part)
+    }
+
+    fn signals(&mut self, part: Part) -> Result<Vec<(RobotName, Address)>, StoreError> {
+        (**self).signals(part)
+    }
+
+    fn averages(&mut self) -> Option<&mut dyn AverageStore> {
+        (**self).averages()
+    }
+
+    fn to_average(&self) -> Option<Box<dyn HistoryStore>> {
+        (**self).to_average()
     }
 }

@@ -113,7 +113,11 @@ pub(super) fn write(connection: &mut Connection, writes: &[(RobotName, Write)]) 
     Ok(())
 }
 
-fn signal(transaction: &Transaction<'_>, robot: &RobotName, address: Address) -> Result<i64, StoreError> {
+pub(super) fn signal(
+    transaction: &Transaction<'_>,
+    robot: &RobotName,
+    address: Address,
+) -> Result<i64, StoreError> {
     if let Some(id) = find(transaction, robot, address)? {
         return Ok(id);
     }
@@ -124,10 +128,26 @@ fn signal(transaction: &Transaction<'_>, robot: &RobotName, address: Address) ->
     Ok(transaction.last_insert_rowid())
 }
 
-fn find(connection: &Connection, robot: &RobotName, address: Address) -> Result<Option<i64>, StoreError> {
+pub(super) fn find(
+    connection: &Connection,
+    robot: &RobotName,
+    address: Address,
+) -> Result<Option<i64>, StoreError> {
     let mut select = connection.prepare_cached("SELECT id FROM signal WHERE robot = ?1 AND address = ?2")?;
     let id = select.query_row(params![robot.as_str(), address.to_string()], |row| row.get(0));
     Ok(id.optional()?)
+}
+
+/// The signals of which a file has chunks or had some. A name that no robot can have is left out.
+pub(super) fn signals(connection: &Connection) -> Result<Vec<(RobotName, Address)>, StoreError> {
+    let mut select = connection.prepare_cached("SELECT robot, address FROM signal ORDER BY robot, id")?;
+    let rows = select.query_map([], |row| Ok((row.get::<_, String>(0)?, row.get::<_, String>(1)?)))?;
+    let mut signals = Vec::new();
+    for row in rows {
+        let (robot, address) = row?;
+        signals.extend(RobotName::new(&robot).zip(Address::parse(&address).ok()));
+    }
+    Ok(signals)
 }
 
 pub(super) fn tails(connection: &Connection, part: Part) -> Result<Vec<Tail>, StoreError> {

@@ -334,6 +334,13 @@ mod tests {
         assert_eq!(history.deadband(Address::parse("axis-0").unwrap()), 0.05);
         assert_eq!(history.deadband(Address::parse("axis-1").unwrap()), 0.001);
         assert!(!parse("[history]\nkeep = false\n").unwrap().history.on);
+        let days = |text: &str| {
+            let history = parse(&format!("[history]\n{text}\n")).unwrap().history;
+            (history.keep_minutes_days, history.keep_hours_days)
+        };
+        assert_eq!(days(""), (90, 1830));
+        assert_eq!(days("keep_minutes_days = 20\nkeep_hours_days = 20"), (20, 20));
+        assert_eq!(days("keep_minutes_days = 3000"), (3000, 3000), "hours are kept as long as minutes");
     }
 
     #[test]
@@ -395,6 +402,9 @@ mod tests {
                 ("hall.toml:8:", "`by`"),
             ],
         );
+        assert_told("[history]\nkeep_hours_days = 89\n", &[("hall.toml:2:", "from 90 to 3660")]);
+        assert_told("[history]\nkeep_minutes_days = 0\n", &[("hall.toml:2:", "from 1 to 3660")]);
+        assert_told("[history]\nkeep_minute_days = 9\n", &[("hall.toml:2:", "keep_minutes_days")]);
         assert_told("history = 3\n", &[("hall.toml:1:", "`history`")]);
     }
 

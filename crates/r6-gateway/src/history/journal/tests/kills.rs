@@ -5,6 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use super::*;
+use crate::history::query::answer_with_averages;
 use crate::store::history::Days;
 
 const SIGNALS: [Address; 3] = [Address::CurMode, Address::IsMoving, Address::Origin];
@@ -104,4 +105,92 @@ fn no_acknowledged_sample_or_event_is_lost_when_the_process_is_killed() {
         first = last;
     }
     assert!(kept_in_all > i64::from(kills) * 10, "{kept_in_all}: it got somewhere before it was killed");
+}
+
+/// The day whose averages are computed by a process that is killed.
+const DAY: i64 = 20_782;
+
+/// The signals of that day: so many that their averages are written in several transactions.
+fn signals_of_day() -> Vec<Address> {
+    (0..24).map(|at| Address::parse(&format!("Addr-{}", 800 + at)).unwrap()).collect()
+}
+
+fn averaging(folder: &std::path::Path) -> Journal<Days> {
+    let mut running = journal(Days::to_write(folder, 1 << 30), settings());
+    running.flush(Instant::ORIGIN, after_day()).unwrap();
+    running.look_for_days();
+    running
+}
+
+fn after_day() -> Micros {
+    Micros((DAY + 1) * 86_400 * SECOND + 3_600 * SECOND)
+}
+
+/// It computes averages until it is killed, and does nothing unless the test below starts it.
+#[test]
+fn child_that_averages() {
+    let Ok(folder) = std::env::var("R6_AVERAGES_OF_CHILD") else { return };
+    let mut running = averaging(folder.as_ref());
+    let mut out = std::io::stdout();
+    while running.average(after_day()).unwrap().is_some() {
+        writeln!(out, "piece").unwrap();
+    }
+}
+
+#[test]
+fn averages_are_whole_or_computed_anew_when_the_process_is_killed() {
+    let folder = tempfile::tempdir().unwrap();
+    let counts = Arc::<RobotCounts>::default();
+    let mut running = journal(Days::to_write(folder.path(), 1 << 30), settings());
+    for number in 0..2_000 {
+        let time = DAY * 86_400 * SECOND + number * 11 * SECOND;
+        let samples = signals_of_day().into_iter().zip(1..);
+        let samples = samples.map(|(address, at)| (address, whole(time, number * at % 10_007)));
+        running.take(Instant::ORIGIN, batch_of(Interval::USUAL, samples.collect(), &counts));
+    }
+    running.seal_all();
+    running.flush(Instant::ORIGIN, after_day()).unwrap();
+    let question = |address| {
+        let (from, to) = (DAY * 86_400 * SECOND, (DAY + 1) * 86_400 * SECOND);
+        Question { bucket: Some(60 * SECOND), ..ask(address, from, to) }
+    };
+    let of_values = signals_of_day()
+        .into_iter()
+        .map(|address| answer(&mut running.store, &question(address), Vec::new()).unwrap().buckets);
+    let of_values: Vec<_> = of_values.collect();
+    drop(running);
+    let (mut seed, mut finished) = (0x2545_F491_u64, 0);
+    for kill in 0..KILLS {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "history::journal::tests::kills::child_that_averages", "--nocapture"])
+            .env("R6_AVERAGES_OF_CHILD", folder.path())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        // It is killed behind one of its first pieces.
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        let pieces = usize::try_from((seed >> 33) % 25).unwrap();
+        let is_piece = |line: &std::io::Result<String>| line.as_ref().is_ok_and(|line| line == "piece");
+        lines.by_ref().filter(is_piece).nth(pieces);
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let mut again = averaging(folder.path());
+        let states = again.store.averages().unwrap().states(DAY..=DAY).unwrap();
+        finished += u32::from(!states.is_empty());
+        if kill + 1 == KILLS {
+            while again.average(after_day()).unwrap().is_some() {}
+        }
+        if states.is_empty() && kill + 1 < KILLS {
+            continue;
+        }
+        // Once the day is finished, its averages are those of its values.
+        again.store.remove(Part { day: DAY, number: 1 }).unwrap();
+        for (address, of_values) in signals_of_day().into_iter().zip(&of_values) {
+            let answer = answer_with_averages(&mut again.store, &question(address), Vec::new()).unwrap();
+            assert!(answer.buckets == *of_values, "kill {kill}: {address}");
+        }
+        break;
+    }
+    assert!(finished <= 1);
 }

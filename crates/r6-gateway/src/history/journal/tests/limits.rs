@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::*;
+use crate::core::history::averages::Step;
 use crate::store::history::Days;
 
 fn size(folder: &Path) -> u64 {
@@ -59,6 +60,7 @@ fn days_beyond_the_limit_are_removed_and_today_is_not() {
         let time = BASE + day * 86_400 * SECOND;
         running.take(Instant::ORIGIN, batch(vec![(mode, whole(time, day))], &counts));
         running.flush(Instant::ORIGIN, Micros(time)).unwrap();
+        average_all(&mut running, time);
         running.look_at_limits(Micros(time)).unwrap();
     }
     let days: Vec<_> = running.store.parts().unwrap().into_iter().map(|(part, _)| part.day).collect();
@@ -142,4 +144,56 @@ fn a_file_that_cannot_be_read_does_not_stop_the_history() {
     running.take(Instant::ORIGIN, batch(vec![(Address::CurMode, whole(BASE, 1))], &counts));
     running.flush(Instant::ORIGIN, Micros(BASE)).unwrap();
     assert!(folder.path().join("2026-11-25-2.db").exists());
+}
+
+/// Days of numbers that no codec makes smaller, once a minute, and their averages. Returns the files of minutes
+/// and of hours that are left.
+fn days_of_noise(signals: u32, days: i64, max_bytes: u64) -> (usize, usize, Arc<HistoryCounts>) {
+    let folder = tempfile::tempdir().unwrap();
+    let counts = Arc::<RobotCounts>::default();
+    let limits = HistorySettings { max_bytes, ..settings() };
+    let mut running = journal(Days::to_write(folder.path(), max_bytes), limits);
+    let signals: Vec<_> =
+        (0..signals).map(|at| Address::parse(&format!("Addr-{}", 800 + at)).unwrap()).collect();
+    let begun = BASE - BASE.rem_euclid(86_400 * SECOND);
+    let mut seed = 1;
+    for hour in 0..days * 24 {
+        let begun = begun + hour * 3_600 * SECOND;
+        for time in (0..60).map(|minute| begun + minute * 60 * SECOND) {
+            let samples = signals.iter().map(|address| (*address, whole(time, noise(&mut seed) >> 1)));
+            running.take(Instant::ORIGIN, batch_of(Interval::USUAL, samples.collect(), &counts));
+        }
+        let now = Micros(begun + 3_600 * SECOND);
+        running.flush(Instant::ORIGIN, now).unwrap();
+        running.look_at_limits(now).unwrap();
+        while running.average(now).unwrap().is_some() {
+            running.flush(Instant::ORIGIN, now).unwrap();
+            let size = size(folder.path());
+            assert!(size <= max_bytes, "{size}");
+        }
+    }
+    let files = running.store.averages().unwrap().files().unwrap();
+    let bytes: u64 = files.iter().map(|(_, bytes)| bytes).sum();
+    assert!(bytes < max_bytes / 2, "{bytes}: values have the rest");
+    let minutes = files.iter().filter(|(file, _)| file.step == Step::Minute).count();
+    (minutes, files.len() - minutes, Arc::clone(&running.counts))
+}
+
+#[test]
+fn averages_take_their_share_and_all_files_together_no_more_than_they_may() {
+    let (minutes, hours, counts) = days_of_noise(10, 9, 4 * 1024 * 1024);
+    assert!((1..=3).contains(&minutes) && hours > 0, "{minutes} {hours}");
+    let of = |count: &std::sync::atomic::AtomicU64| count.load(Ordering::Relaxed);
+    assert!(of(&counts.removed_averages) >= 4);
+    assert!(of(&counts.average_bytes) > 0 && of(&counts.average_bytes) <= 1024 * 1024);
+    assert!(of(&counts.averaged_days) >= 7);
+    assert_eq!(of(&counts.removed_unaveraged), 0);
+}
+
+#[test]
+fn minutes_of_a_day_that_are_more_than_the_share_are_given_up_and_hours_are_kept() {
+    let (minutes, hours, counts) = days_of_noise(40, 4, 4 * 1024 * 1024);
+    assert_eq!(minutes, 0);
+    assert!(hours > 0);
+    assert!(counts.averaged_days.load(Ordering::Relaxed) >= 2);
 }

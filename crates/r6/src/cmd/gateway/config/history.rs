@@ -15,7 +15,8 @@ const MAX_MEBIBYTES: u64 = 1024 * 1024 * 1024;
 
 /// Reads the table.
 pub(super) fn read(table: &Table, found: &mut Found<'_>) -> Option<HistorySettings> {
-    let fields = Fields::of(table, &["keep", "keep_days", "max_mb", "deadband"], "[history]: ");
+    let known = ["keep", "keep_days", "keep_minutes_days", "keep_hours_days", "max_mb", "deadband"];
+    let fields = Fields::of(table, &known, "[history]: ");
     let mut settings = HistorySettings::default();
     let mut deadbands = Vec::new();
     for (number, table) in (1..).zip(fields.tables("deadband")) {
@@ -29,6 +30,16 @@ pub(super) fn read(table: &Table, found: &mut Found<'_>) -> Option<HistorySettin
     }
     if let Some(days) = fields.whole_in("keep_days", &format!("from 1 to {MAX_DAYS}"), 1..=MAX_DAYS) {
         settings.keep_days = days;
+    }
+    if let Some(days) = fields.whole_in("keep_minutes_days", &format!("from 1 to {MAX_DAYS}"), 1..=MAX_DAYS) {
+        settings.keep_minutes_days = days;
+        // What is not said of hours does not make that wrong.
+        settings.keep_hours_days = settings.keep_hours_days.max(days);
+    }
+    let least_days = settings.keep_minutes_days;
+    let wanted = format!("from {least_days} to {MAX_DAYS}: at least as many as `keep_minutes_days`");
+    if let Some(days) = fields.whole_in("keep_hours_days", &wanted, least_days..=MAX_DAYS) {
+        settings.keep_hours_days = days;
     }
     let wanted = format!("mebibytes, from {least} to {MAX_MEBIBYTES}");
     if let Some(size) = fields.whole_in("max_mb", &wanted, least..=MAX_MEBIBYTES) {

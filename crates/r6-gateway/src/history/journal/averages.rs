@@ -1,0 +1,313 @@
+//! Averages of days that are over: they are computed in small pieces, so that nothing waits for them.
+//!
+//! A day that is over is read signal by signal. When all of its averages are on the disk, the day is marked as
+//! finished. If the process ends before, the next one computes them all again, with the same result. A value
+//! that comes later for such a day lets it be computed anew, unless values of it were removed already.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::atomic::Ordering;
+
+use r6_proto::Address;
+
+use super::Journal;
+use crate::core::history::averages::{Step, begin_of, hours, pack};
+use crate::core::history::buckets::Bucket;
+use crate::core::history::sample::Micros;
+use crate::core::name::RobotName;
+use crate::history::query::{Question, answer};
+use crate::store::StoreError;
+use crate::store::history::{AverageRow, DayState, HistoryStore, Part};
+
+/// How long after the end of a day its averages are computed. Blocks stay open for ten minutes; then all of
+/// the day is in chunks.
+const GRACE: i64 = 15 * 60_000_000;
+
+/// Averages of so many bytes are written in one transaction, so that it takes milliseconds.
+const MAX_TOGETHER: usize = if cfg!(test) { 4 * 1024 } else { 256 * 1024 };
+
+/// What a piece costs besides its samples: some queries, as long as it takes to decode so many samples.
+const PIECE: u64 = 5_000;
+
+/// For how many days a file that is too old waits for the averages of its day.
+const MAX_WAIT_DAYS: i64 = 2;
+
+/// What is known of averages, and the day that is being computed.
+#[derive(Debug, Default)]
+pub(super) struct Averages {
+    /// What became of days that are over.
+    pub states: BTreeMap<i64, DayState>,
+    /// Days whose averages cannot be written, until the process ends.
+    given_up: BTreeSet<i64>,
+    /// Whether to look for a day that is over.
+    is_due: bool,
+    work: Option<Work>,
+    /// A day whose minutes do not fit into the room for averages.
+    without_minutes: Option<i64>,
+    /// Not even hours fit.
+    is_off: bool,
+}
+
+struct Work {
+    day: i64,
+    /// Reads the values. It is another hold on the store, so that the files that are written stay open.
+    reader: Box<dyn HistoryStore>,
+    signals: VecDeque<(RobotName, Address)>,
+    /// The minutes of the first signal that are known, and where to read on.
+    minutes: Vec<Bucket>,
+    next: Option<Micros>,
+    /// What is not written yet: minutes and hours.
+    rows: [Vec<AverageRow>; 2],
+    size: usize,
+}
+
+impl std::fmt::Debug for Work {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Work").field("day", &self.day).finish_non_exhaustive()
+    }
+}
+
+impl<S: HistoryStore> Journal<S> {
+    /// Reads what became of days, before the first write.
+    pub(super) fn load_averages(&mut self, today: i64) -> Result<(), StoreError> {
+        let first = self.store.parts()?.first().map_or(today, |(part, _)| part.day.min(today));
+        if let Some(averages) = self.store.averages() {
+            self.averages.states = averages.states(first..=today.saturating_add(1))?;
+        }
+        self.averages.is_due = true;
+        Ok(())
+    }
+
+    /// Does a piece of the averages of days that are over. Returns what it cost, in samples that were decoded;
+    /// `None` if nothing is to be done for now.
+    ///
+    /// # Errors
+    /// [`StoreError`]: the day begins anew when the limits are looked at the next time, or is given up if a
+    /// file of averages cannot be read.
+    pub fn average(&mut self, time: Micros) -> Result<Option<u64>, StoreError> {
+        let is_paused = self.counts.paused.load(Ordering::Relaxed);
+        if !self.is_recovered || is_paused || self.has_no_room || self.averages.is_off {
+            return Ok(None);
+        }
+        let Some(mut work) = self.averages.work.take() else { return self.begin_day(time) };
+        let day = work.day;
+        let done = if work.signals.is_empty() {
+            self.finish_day(work).map(|()| Some(PIECE))
+        } else {
+            let done = self.piece(&mut work, time);
+            self.averages.work = done.is_ok().then_some(work);
+            done.map(Some)
+        };
+        if let Err(StoreError::Unreadable(_)) = &done {
+            self.averages.given_up.insert(day);
+        }
+        done
+    }
+
+    /// Looks for the oldest day that is over and has no averages.
+    fn begin_day(&mut self, time: Micros) -> Result<Option<u64>, StoreError> {
+        if !std::mem::take(&mut self.averages.is_due) {
+            return Ok(None);
+        }
+        let Some(mut reader) = self.store.to_average() else { return Ok(None) };
+        let oldest = self.oldest_with_averages(time.day());
+        let parts: Vec<_> = self.store.parts()?.into_iter().map(|(part, _)| part).collect();
+        let is_over = |day: i64| begin_of(day.saturating_add(1)).0.saturating_add(GRACE) <= time.0;
+        let is_wanted = |day: i64| day >= oldest && is_over(day) && self.lacks_averages(day);
+        let Some(day) = parts.iter().map(|part| part.day).find(|day| is_wanted(*day)) else {
+            return Ok(None);
+        };
+        let mut signals = BTreeSet::new();
+        for part in parts.into_iter().filter(|part| part.day == day) {
+            match reader.signals(part) {
+                Ok(found) => signals.extend(found),
+                Err(error @ StoreError::Unreadable(_)) => {
+                    tracing::error!(%error, ?part, "averages lack what is in a file that cannot be read");
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        let signals: VecDeque<_> = signals.into_iter().collect();
+        tracing::info!(day, signals = signals.len(), "the averages of a day are computed");
+        let (minutes, next, rows) = (Vec::new(), None, [Vec::new(), Vec::new()]);
+        self.averages.work = Some(Work { day, reader, signals, minutes, next, rows, size: 0 });
+        Ok(Some(PIECE))
+    }
+
+    /// Reads a page of the values of one signal.
+    fn piece(&mut self, work: &mut Work, time: Micros) -> Result<u64, StoreError> {
+        let Some((robot, address)) = work.signals.front().cloned() else { return Ok(0) };
+        let question = Question {
+            robot: robot.clone(),
+            address,
+            from: begin_of(work.day),
+            to: begin_of(work.day.saturating_add(1)),
+            bucket: Some(Step::Minute.micros()),
+            limit: Step::Minute.in_a_day(),
+            cursor: work.next,
+        };
+        let page = answer(&mut work.reader, &question, Vec::new())?;
+        if page.unreadable > 0 || page.is_too_wide {
+            let chunks = page.unreadable;
+            tracing::error!(%robot, %address, day = work.day, chunks, "averages lack what cannot be read");
+        }
+        let cost = page.buckets.iter().map(|bucket| bucket.samples).sum::<u64>() + PIECE;
+        work.minutes.extend(page.buckets.into_iter().filter(|bucket| !bucket.is_empty()));
+        work.next = page.next.filter(|_| !page.is_too_wide);
+        if work.next.is_some() {
+            return Ok(cost);
+        }
+        let minutes = std::mem::take(&mut work.minutes);
+        work.signals.pop_front();
+        let oldest = self.oldest_with_minutes(time.day());
+        let has_minutes = work.day >= oldest && self.averages.without_minutes != Some(work.day);
+        let of_hours = pack(Step::Hour, &hours(work.day, &minutes));
+        let of_minutes = pack(Step::Minute, &minutes).filter(|_| has_minutes);
+        for (rows, bytes) in work.rows.iter_mut().zip([of_minutes, of_hours]) {
+            work.size += bytes.as_ref().map_or(0, Vec::len);
+            rows.extend(bytes.map(|bytes| AverageRow { robot: robot.clone(), address, bytes }));
+        }
+        if work.size >= MAX_TOGETHER {
+            self.write_averages(work)?;
+        }
+        Ok(cost)
+    }
+
+    fn write_averages(&mut self, work: &mut Work) -> Result<(), StoreError> {
+        self.written = self.written.saturating_add(std::mem::take(&mut work.size) as u64);
+        if self.averages.without_minutes == Some(work.day) {
+            work.rows[0].clear();
+        }
+        let Some(averages) = self.store.averages() else { return Ok(()) };
+        for (step, rows) in [Step::Minute, Step::Hour].into_iter().zip(&mut work.rows) {
+            let rows = std::mem::take(rows);
+            if !rows.is_empty() {
+                averages.write(step, work.day, &rows)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish_day(&mut self, mut work: Work) -> Result<(), StoreError> {
+        self.write_averages(&mut work)?;
+        // Values of it were removed since it was reopened.
+        let was_cut = self.averages.states.get(&work.day) == Some(&DayState::Cut);
+        let state = if was_cut { DayState::Cut } else { DayState::Finished };
+        self.set_state(work.day, state)?;
+        self.counts.averaged_days.fetch_add(1, Ordering::Relaxed);
+        self.averages.is_due = true;
+        Ok(())
+    }
+
+    fn set_state(&mut self, day: i64, state: DayState) -> Result<(), StoreError> {
+        if let Some(averages) = self.store.averages() {
+            averages.set_state(day, state)?;
+            self.averages.states.insert(day, state);
+        }
+        Ok(())
+    }
+
+    /// Whether averages of a day are still to be computed.
+    fn lacks_averages(&self, day: i64) -> bool {
+        let state = self.averages.states.get(&day);
+        !matches!(state, Some(DayState::Finished | DayState::Cut)) && !self.averages.given_up.contains(&day)
+    }
+
+    /// Something is about to be written for a day. If its averages are computed already, they will lack it.
+    pub(super) fn reopen(&mut self, day: i64) {
+        if self.averages.work.as_ref().is_some_and(|work| work.day == day) {
+            self.averages.work = None;
+            self.averages.is_due = true;
+        }
+        if self.averages.states.get(&day) == Some(&DayState::Finished)
+            && let Err(error) = self.set_state(day, DayState::Reopened)
+        {
+            // The values are more important.
+            tracing::error!(%error, day, "averages of a day will lack what comes late");
+        }
+    }
+
+    /// Whether a part that is too old has to stay until the averages of its day are there.
+    pub(super) fn waits_for_averages(&self, part: Part, today: i64) -> bool {
+        let oldest = self.oldest_with_averages(today);
+        let oldest_kept = today.saturating_sub(i64::from(self.settings.keep_days).max(1) - 1);
+        self.keeps_averages()
+            && self.lacks_averages(part.day)
+            && (oldest..today).contains(&part.day)
+            && part.day >= oldest_kept.saturating_sub(MAX_WAIT_DAYS)
+    }
+
+    fn keeps_averages(&self) -> bool {
+        self.has_averages && !self.has_no_room && !self.averages.is_off
+    }
+
+    /// A part is about to be removed.
+    pub(super) fn note_removal(&mut self, part: Part, today: i64) {
+        if !self.has_averages || part.day > today {
+            return;
+        }
+        let state = match self.averages.states.get(&part.day) {
+            Some(DayState::Cut) => return,
+            Some(DayState::Finished | DayState::Reopened) => DayState::Cut,
+            None => {
+                self.counts.removed_unaveraged.fetch_add(1, Ordering::Relaxed);
+                tracing::warn!(
+                    ?part,
+                    "a file of the history is removed, and no averages of it were computed"
+                );
+                return;
+            }
+        };
+        if let Err(error) = self.set_state(part.day, state) {
+            tracing::error!(%error, ?part, "it is not noted that values of a day are removed");
+        }
+    }
+
+    /// Removes averages that are too old, or more than `most` bytes: those of minutes first, and the oldest
+    /// first. Returns what is left, in bytes.
+    pub(super) fn keep_limits_of_averages(&mut self, today: i64, most: u64) -> Result<u64, StoreError> {
+        let (minutes, hours) = (self.oldest_with_minutes(today), self.oldest_with_averages(today));
+        let day = self.averages.work.as_ref().map(|work| work.day);
+        let Some(averages) = self.store.averages() else { return Ok(0) };
+        let files = averages.files()?;
+        let mut size: u64 = files.iter().map(|(_, size)| size).sum();
+        for (file, bytes) in files {
+            let oldest = if file.step == Step::Minute { minutes } else { hours };
+            if *file.days().end() >= oldest && size <= most {
+                continue;
+            }
+            tracing::info!(?file, bytes, "the oldest file of averages is removed");
+            averages.remove(file)?;
+            self.counts.removed_averages.fetch_add(1, Ordering::Relaxed);
+            size = size.saturating_sub(bytes);
+            if day.is_some_and(|day| file.days().contains(&day)) {
+                match file.step {
+                    Step::Minute => {
+                        tracing::error!(?file, "there is no room for averages of minutes of this day");
+                        self.averages.without_minutes = day;
+                    }
+                    Step::Hour => {
+                        tracing::error!(?file, "there is no room for averages: none are computed any more");
+                        self.averages.is_off = true;
+                        self.averages.work = None;
+                    }
+                }
+            }
+        }
+        self.counts.average_bytes.store(size, Ordering::Relaxed);
+        Ok(size)
+    }
+
+    /// The oldest day whose hours are kept.
+    fn oldest_with_averages(&self, today: i64) -> i64 {
+        today.saturating_sub(i64::from(self.settings.keep_hours_days).max(1) - 1)
+    }
+
+    fn oldest_with_minutes(&self, today: i64) -> i64 {
+        today.saturating_sub(i64::from(self.settings.keep_minutes_days).max(1) - 1)
+    }
+
+    /// Lets the next call of [`Self::average`] look for a day.
+    pub(super) fn look_for_days(&mut self) {
+        self.averages.is_due = true;
+    }
+}
