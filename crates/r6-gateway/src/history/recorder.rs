@@ -39,9 +39,9 @@ const LIMITS_EVERY: Duration = Duration::from_secs(10);
 /// How long the thread may take for one turn before the history counts as paused: a write hangs.
 const HANGS: Duration = Duration::from_secs(2);
 
-/// How many samples are decoded in one turn to compute averages of days that are over: some 10 ms. The last
-/// piece of a turn may have a million of them, which take 30 ms.
-const AVERAGES_A_TURN: u64 = 200_000;
+/// What the averages of days that are over may cost in one turn, in samples that are decoded: two signals, which
+/// takes 10 to 40 ms. The thousands of signals of a large hall take an hour then.
+const AVERAGES_A_TURN: u64 = 400_000;
 
 /// How long a query waits for the thread.
 const ANSWER_TIME: Duration = Duration::from_secs(2);

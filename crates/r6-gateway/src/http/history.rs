@@ -1,6 +1,8 @@
 //! The history of a robot: its values, and what happened to it ([`events`]).
 
 pub mod events;
+#[cfg(test)]
+mod old_days;
 
 use std::time::Duration;
 

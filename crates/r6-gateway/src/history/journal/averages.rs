@@ -25,8 +25,9 @@ const GRACE: i64 = 15 * 60_000_000;
 /// Averages of so many bytes are written in one transaction, so that it takes milliseconds.
 const MAX_TOGETHER: usize = if cfg!(test) { 4 * 1024 } else { 256 * 1024 };
 
-/// What a piece costs besides its samples: some queries, as long as it takes to decode so many samples.
-const PIECE: u64 = 5_000;
+/// What a piece costs besides its samples. A signal has a chunk for each ten minutes at least; to read those of a
+/// day takes some milliseconds, as long as it takes to decode so many samples of few chunks.
+const PIECE: u64 = 200_000;
 
 /// For how many days a file that is too old waits for the averages of its day.
 const MAX_WAIT_DAYS: i64 = 2;
@@ -195,6 +196,8 @@ impl<S: HistoryStore> Journal<S> {
         self.set_state(work.day, state)?;
         self.counts.averaged_days.fetch_add(1, Ordering::Relaxed);
         self.averages.is_due = true;
+        // The next write looks at the limits: a part of this day may wait to be removed.
+        self.written = u64::MAX;
         Ok(())
     }
 

@@ -181,18 +181,18 @@ fn days_of_noise(signals: u32, days: i64, max_bytes: u64) -> (usize, usize, Arc<
 
 #[test]
 fn averages_take_their_share_and_all_files_together_no_more_than_they_may() {
-    let (minutes, hours, counts) = days_of_noise(10, 9, 4 * 1024 * 1024);
+    let (minutes, hours, counts) = days_of_noise(10, 9, 8 * 1024 * 1024);
     assert!((1..=3).contains(&minutes) && hours > 0, "{minutes} {hours}");
     let of = |count: &std::sync::atomic::AtomicU64| count.load(Ordering::Relaxed);
     assert!(of(&counts.removed_averages) >= 4);
-    assert!(of(&counts.average_bytes) > 0 && of(&counts.average_bytes) <= 1024 * 1024);
+    assert!(of(&counts.average_bytes) > 0 && of(&counts.average_bytes) <= 2 * 1024 * 1024);
     assert!(of(&counts.averaged_days) >= 7);
     assert_eq!(of(&counts.removed_unaveraged), 0);
 }
 
 #[test]
 fn minutes_of_a_day_that_are_more_than_the_share_are_given_up_and_hours_are_kept() {
-    let (minutes, hours, counts) = days_of_noise(40, 4, 4 * 1024 * 1024);
+    let (minutes, hours, counts) = days_of_noise(50, 4, 8 * 1024 * 1024);
     assert_eq!(minutes, 0);
     assert!(hours > 0);
     assert!(counts.averaged_days.load(Ordering::Relaxed) >= 2);
