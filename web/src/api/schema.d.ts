@@ -791,7 +791,8 @@ export interface paths {
         /**
          * The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table,
          *     `Accept: application/vnd.apache.parquet` a file with the same columns; the header `r6-next-cursor` says
-         *     where they go on.
+         *     where they go on, and `r6-averages` where values are gone. Where the values of days are gone, buckets are made
+         *     of averages of minutes or hours that were kept: `averages` says where.
          */
         get: operations["history"];
         put?: never;
@@ -1621,6 +1622,11 @@ export interface components {
              */
             value: number | null;
         };
+        /**
+         * @description What was done with averages.
+         * @enum {string}
+         */
+        AveragesUsed: "exact" | "by_begin" | "not_used";
         /** @description One axis. */
         Axis: {
             /**
@@ -2685,6 +2691,11 @@ export interface components {
         /** @description A page of the history of one signal: its samples, or its buckets if a width was asked for. */
         History: {
             /**
+             * @description Where the values of the range are gone, wholly or in part, and averages of them are left, in the order
+             *     of time; absent if the values are there.
+             */
+            averages?: components["schemas"]["HistoryAverages"][];
+            /**
              * Format: int64
              * @description The width of the buckets; absent for samples.
              */
@@ -2728,6 +2739,21 @@ export interface components {
              *     are missing.
              */
             unreadable_chunks: number;
+        };
+        /** @description A part of a range of which averages are left. */
+        HistoryAverages: {
+            /** @description The begin of the part. */
+            from: string;
+            /** @description Its end, which does not belong to it. */
+            to: string;
+            /** @description What was done with them. */
+            used: components["schemas"]["AveragesUsed"];
+            /**
+             * Format: int64
+             * @description How wide the averages are that were used, or the narrowest that are left: a minute or an hour.
+             * @example 60000
+             */
+            width_ms: number;
         };
         /** @description What a signal was in a span of time. */
         HistoryBucket: {
