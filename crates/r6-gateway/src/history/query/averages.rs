@@ -44,7 +44,7 @@ pub enum Used {
     /// Edges of buckets lie within averages: each average counts in the bucket in which it begins.
     ByBegin,
     /// They are not in the answer: it has samples, or buckets that are narrower than the averages.
-    NotUsed,
+    No,
 }
 
 /// The averages of a signal on a day whose values are gone.
@@ -76,7 +76,7 @@ pub fn answer<S: HistoryStore>(store: &mut S, question: &Question, open: Open) -
             let end = answer.next.unwrap_or(question.to);
             for (day, left) in left {
                 let step = if left.has_minutes { Step::Minute } else { Step::Hour };
-                tell(&mut answer.averages, day, begin..end, step, Used::NotUsed);
+                tell(&mut answer.averages, day, begin..end, step, Used::No);
             }
             answer
         }
@@ -258,11 +258,11 @@ impl Page<'_> {
             Some(Step::Hour) | None => None,
         };
         let (step, used, buckets) = match (step, minutes) {
-            (None, _) => (Step::Hour, Used::NotUsed, Vec::new()),
+            (None, _) => (Step::Hour, Used::No, Vec::new()),
             (Some(_), Some(minutes)) => (Step::Minute, self.used(day, Step::Minute), minutes),
             // The file of minutes was removed meanwhile, or has nothing of this signal.
             (Some(Step::Minute), None) if self.width < Step::Hour.micros() => {
-                (Step::Hour, Used::NotUsed, Vec::new())
+                (Step::Hour, Used::No, Vec::new())
             }
             (Some(_), None) => (Step::Hour, self.used(day, Step::Hour), hours(&mut self.unreadable)),
         };

@@ -158,7 +158,7 @@ fn edges_within_averages_are_told_and_no_sample_is_made_of_one() {
     }
     for bucket in [None, Some(MINUTE - 1_000), Some(SECOND)] {
         let answer = read(&mut journal.store, &Question { limit: 10_000, ..question(from, to, bucket) });
-        let told = Averaged { from: Micros(from), to: Micros(to), step: Step::Minute, used: Used::NotUsed };
+        let told = Averaged { from: Micros(from), to: Micros(to), step: Step::Minute, used: Used::No };
         assert_eq!(answer.averages, [told], "{bucket:?}");
         assert_eq!(answer.samples, []);
         assert!(answer.buckets.iter().all(Bucket::is_empty));
@@ -168,12 +168,12 @@ fn edges_within_averages_are_told_and_no_sample_is_made_of_one() {
     for (from, bucket, used) in [
         (from, Some(HOUR), Used::Exact),
         (from + MINUTE, Some(HOUR), Used::ByBegin),
-        (from, Some(30 * MINUTE), Used::NotUsed),
-        (from, None, Used::NotUsed),
+        (from, Some(30 * MINUTE), Used::No),
+        (from, None, Used::No),
     ] {
         let answer = read(&mut journal.store, &question(from, to + HOUR, bucket));
         assert_eq!((answer.averages[0].step, answer.averages[0].used), (Step::Hour, used), "{bucket:?}");
-        assert_eq!(answer.buckets.iter().any(|bucket| !bucket.is_empty()), used != Used::NotUsed);
+        assert_eq!(answer.buckets.iter().any(|bucket| !bucket.is_empty()), used != Used::No);
     }
     // A signal and a robot that had no values.
     let other = Question { address: Address::CurAlarm, ..question(from, to, Some(HOUR)) };
@@ -217,7 +217,7 @@ fn values_that_come_late_are_averaged_too_unless_others_are_gone() {
     // Samples are told as far as there are some.
     let answer = read(&mut journal.store, &question(at(FIRST, 0), at(FIRST + 1, 0), None));
     assert_eq!(answer.samples.len(), 2, "the late one, and the end of it");
-    assert_eq!(answer.averages[0].used, Used::NotUsed);
+    assert_eq!(answer.averages[0].used, Used::No);
 }
 
 #[test]
