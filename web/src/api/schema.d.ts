@@ -791,8 +791,8 @@ export interface paths {
         /**
          * The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table,
          *     `Accept: application/vnd.apache.parquet` a file with the same columns; the header `r6-next-cursor` says
-         *     where they go on, and `r6-averages` where values are gone. Where the values of days are gone, buckets are made
-         *     of averages of minutes or hours that were kept: `averages` says where.
+         *     where they go on, and `r6-averages` where values are gone. Where the values of days are gone, buckets are
+         *     made of averages of minutes or hours that were kept: `averages` says where.
          */
         get: operations["history"];
         put?: never;

@@ -39,8 +39,8 @@ const LIMITS_EVERY: Duration = Duration::from_secs(10);
 /// How long the thread may take for one turn before the history counts as paused: a write hangs.
 const HANGS: Duration = Duration::from_secs(2);
 
-/// What the averages of days that are over may cost in one turn, in samples that are decoded: two signals, which
-/// takes 10 to 40 ms. The thousands of signals of a large hall take an hour then.
+/// What the averages of days that are over may cost in one turn, in samples that are decoded: two signals,
+/// which takes 10 to 40 ms. The thousands of signals of a large hall take an hour then.
 const AVERAGES_A_TURN: u64 = 400_000;
 
 /// How long a query waits for the thread.

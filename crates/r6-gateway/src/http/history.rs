@@ -88,8 +88,8 @@ fn usual_limit() -> usize {
 
 /// The history of one value: its samples, or averages weighted by time. `Accept: text/csv` gives a table,
 /// `Accept: application/vnd.apache.parquet` a file with the same columns; the header `r6-next-cursor` says
-/// where they go on, and `r6-averages` where values are gone. Where the values of days are gone, buckets are made
-/// of averages of minutes or hours that were kept: `averages` says where.
+/// where they go on, and `r6-averages` where values are gone. Where the values of days are gone, buckets are
+/// made of averages of minutes or hours that were kept: `averages` says where.
 #[utoipa::path(
     get,
     path = "/v1/robots/{name}/history",

@@ -3,13 +3,13 @@
 //!
 //! The bytes of the buckets of one signal on one day, numbers as in `bytes.rs`: the number of the codec · the
 //! number of the step · the number of blocks · the blocks · CRC32C over all of that. A block has up to 512
-//! buckets whose last values are of one kind: their number · their starts in steps since 1970 · the means · the
-//! minima · the maxima · the last values · the good times in µs · what of these had no number · the numbers of
-//! samples. Buckets in which nothing is known are left out.
+//! buckets whose last values are of one kind: their number · their starts in steps since 1970 · the means ·
+//! the minima · the maxima · the last values · the good times in µs · what of these had no number · the
+//! numbers of samples. Buckets in which nothing is known are left out.
 //!
-//! Whole numbers are runs of equal differences: signals that stay take few bytes. They are not packed like those
-//! of chunks, which takes 20 times as long and saves little here. Decimals are whole numbers of a power of ten if
-//! that gives each of them back bit by bit; otherwise they are runs of 8 bytes.
+//! Whole numbers are runs of equal differences: signals that stay take few bytes. They are not packed like
+//! those of chunks, which takes 20 times as long and saves little here. Decimals are whole numbers of a power
+//! of ten if that gives each of them back bit by bit; otherwise they are runs of 8 bytes.
 
 use r6_api::gateway::Gap;
 

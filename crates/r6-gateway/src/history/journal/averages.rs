@@ -1,8 +1,8 @@
 //! Averages of days that are over: they are computed in small pieces, so that nothing waits for them.
 //!
-//! A day that is over is read signal by signal. When all of its averages are on the disk, the day is marked as
-//! finished. If the process ends before, the next one computes them all again, with the same result. A value
-//! that comes later for such a day lets it be computed anew, unless values of it were removed already.
+//! A day that is over is read signal by signal. When all of its averages are on the disk, the day is marked
+//! as finished. If the process ends before, the next one computes them all again, with the same result. A
+//! value that comes later for such a day lets it be computed anew, unless values of it were removed already.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::atomic::Ordering;
@@ -25,8 +25,8 @@ const GRACE: i64 = 15 * 60_000_000;
 /// Averages of so many bytes are written in one transaction, so that it takes milliseconds.
 const MAX_TOGETHER: usize = if cfg!(test) { 4 * 1024 } else { 256 * 1024 };
 
-/// What a piece costs besides its samples. A signal has a chunk for each ten minutes at least; to read those of a
-/// day takes some milliseconds, as long as it takes to decode so many samples of few chunks.
+/// What a piece costs besides its samples. A signal has a chunk for each ten minutes at least; to read those
+/// of a day takes some milliseconds, as long as it takes to decode so many samples of few chunks.
 const PIECE: u64 = 200_000;
 
 /// For how many days a file that is too old waits for the averages of its day.
@@ -78,8 +78,8 @@ impl<S: HistoryStore> Journal<S> {
         Ok(())
     }
 
-    /// Does a piece of the averages of days that are over. Returns what it cost, in samples that were decoded;
-    /// `None` if nothing is to be done for now.
+    /// Does a piece of the averages of days that are over. Returns what it cost, in samples that were
+    /// decoded; `None` if nothing is to be done for now.
     ///
     /// # Errors
     /// [`StoreError`]: the day begins anew when the limits are looked at the next time, or is given up if a

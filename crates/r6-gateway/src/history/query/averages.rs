@@ -193,7 +193,8 @@ impl Page<'_> {
         Ok(answer)
     }
 
-    /// Takes in a run of values. Buckets end at the edges of those of the page, so the first one may be short.
+    /// Takes in a run of values. Buckets end at the edges of those of the page, so the first one may be
+    /// short.
     fn values<S: HistoryStore>(
         &mut self,
         store: &mut S,

@@ -98,8 +98,8 @@ pub struct AskAverages<'a> {
 
 /// A place for averages. What a method wrote survives the end of the process when it returns.
 pub trait AverageStore {
-    /// Writes averages of this step and day, all or nothing. They take the place of those that the same signals
-    /// had on this day.
+    /// Writes averages of this step and day, all or nothing. They take the place of those that the same
+    /// signals had on this day.
     ///
     /// # Errors
     /// [`StoreError`]: nothing was written, or that is unknown.

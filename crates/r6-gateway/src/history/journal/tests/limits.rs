@@ -146,8 +146,8 @@ fn a_file_that_cannot_be_read_does_not_stop_the_history() {
     assert!(folder.path().join("2026-11-25-2.db").exists());
 }
 
-/// Days of numbers that no codec makes smaller, once a minute, and their averages. Returns the files of minutes
-/// and of hours that are left.
+/// Days of numbers that no codec makes smaller, once a minute, and their averages. Returns the files of
+/// minutes and of hours that are left.
 fn days_of_noise(signals: u32, days: i64, max_bytes: u64) -> (usize, usize, Arc<HistoryCounts>) {
     let folder = tempfile::tempdir().unwrap();
     let counts = Arc::<RobotCounts>::default();
