@@ -363,6 +363,8 @@ mod tests {
         std::fs::write(data.join("tls/key.pem"), "key").unwrap();
         let mut days = store::history::Days::to_write(&data.join(HISTORY), 1 << 30);
         store::history::HistoryStore::write(&mut days, 20_782, &[]).unwrap();
+        let averages = store::history::HistoryStore::averages(&mut days).unwrap();
+        averages.set_state(20_781, store::history::DayState::Finished).unwrap();
         (parent, data)
     }
 
@@ -372,8 +374,9 @@ mod tests {
         let (to, new) = (parent.path().join("backup"), parent.path().join("new"));
         let mut told = Vec::new();
         let made = backup(&data, &to, true, |name| told.push(name.to_owned())).unwrap();
-        assert_eq!(told, ["tls/key.pem", "history/2026-11-25.db", "control.db"]);
-        assert_eq!((made.files, made.entries, made.problems.len()), (3, 1, 0));
+        let history = ["history/2026-11-25.db", "history/hours-2026-11.db"];
+        assert_eq!(told, ["tls/key.pem", history[0], history[1], "control.db"]);
+        assert_eq!((made.files, made.entries, made.problems.len()), (4, 1, 0));
         // What happens afterwards is not in it.
         crate::revoke_token(&data, 1).unwrap();
 
@@ -541,7 +544,7 @@ mod tests {
         drop(control);
         let to = parent.path().join("backup");
         let made = backup(&data, &to, true, |_| ()).unwrap();
-        assert_eq!((made.files, made.entries), (3, 1));
+        assert_eq!((made.files, made.entries), (4, 1));
         let [file, log] = &made.problems[..] else { panic!("{:?}", made.problems) };
         assert!(file.contains("history/2026-11-24.db is not in the backup") && log.contains("NOT whole"));
         let restored = restore(&parent.path().join("new"), &to, |_| ()).unwrap();

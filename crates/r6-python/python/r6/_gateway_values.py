@@ -149,8 +149,8 @@ def read_history(answer: Any) -> tuple[list[dict[str, Any]], dict[str, str] | No
     # A gateway of an older r6 keeps none.
     for part in answer.get("averages", []):
         if part["used"] == "not_used":
-            width = int(part["width_ms"]) // 1000
-            what = f"the gateway has only averages of {width} s from {part['from']} to {part['to']}: ask for such buckets"
+            width, begin, end = int(part["width_ms"]) // 1000, part["from"], part["to"]
+            what = f"the gateway has only averages of {width} s from {begin} to {end}: ask for such buckets"
             warnings.warn(what, RuntimeWarning, stacklevel=2)
     rows = answer["buckets"] if "buckets" in answer else answer["samples"]
     return [dict(row) for row in rows], _next_page(answer)

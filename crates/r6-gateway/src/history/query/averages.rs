@@ -14,7 +14,7 @@ use crate::core::history::sample::Micros;
 use crate::core::history::wide::Wide;
 use crate::history::recorder::Open;
 use crate::store::StoreError;
-use crate::store::history::{AskAverages, AverageFile, DayState, HistoryStore};
+use crate::store::history::{AskAverages, AverageFile, DayState, HistoryStore, Part};
 
 /// The most averages that one answer reads: the minutes of 347 days, some hundredths of a second.
 const MAX_AVERAGES: usize = 500_000;
@@ -58,9 +58,33 @@ struct Left {
 /// # Errors
 /// [`StoreError`].
 pub fn answer<S: HistoryStore>(store: &mut S, question: &Question, open: Open) -> Result<Answer, StoreError> {
+    if store.averages().is_none() {
+        return of_values(store, question, open);
+    }
+    let before = parts(store)?;
+    let answer = attempt(store, question, &before, open.clone())?;
+    let now = parts(store)?;
+    if before.is_subset(&now) {
+        return Ok(answer);
+    }
+    // Values were removed while they were read. Their averages are there.
+    attempt(store, question, &now, open)
+}
+
+fn parts<S: HistoryStore>(store: &mut S) -> Result<BTreeSet<Part>, StoreError> {
+    Ok(store.parts()?.into_iter().map(|(part, _)| part).collect())
+}
+
+/// Answers with the values of these parts.
+fn attempt<S: HistoryStore>(
+    store: &mut S,
+    question: &Question,
+    parts: &BTreeSet<Part>,
+    open: Open,
+) -> Result<Answer, StoreError> {
     let begin = question.cursor.unwrap_or(question.from);
     let mut unreadable = 0;
-    let left = left(store, question, begin, &mut unreadable)?;
+    let left = left(store, question, begin, parts, &mut unreadable)?;
     if left.is_empty() {
         let mut answer = of_values(store, question, open)?;
         answer.unreadable += unreadable;
@@ -91,6 +115,7 @@ fn left<S: HistoryStore>(
     store: &mut S,
     question: &Question,
     begin: Micros,
+    parts: &BTreeSet<Part>,
     unreadable: &mut u64,
 ) -> Result<BTreeMap<i64, Left>, StoreError> {
     let (first, last) = (begin.day(), Micros(question.to.0.saturating_sub(1)).day());
@@ -118,7 +143,7 @@ fn left<S: HistoryStore>(
             Err(error) => return Err(error),
         }
     }
-    let with_values: BTreeSet<_> = store.parts()?.into_iter().map(|(part, _)| part.day).collect();
+    let with_values: BTreeSet<_> = parts.iter().map(|part| part.day).collect();
     left.retain(|day, _| !with_values.contains(day) || states.get(day) == Some(&DayState::Cut));
     Ok(left)
 }
