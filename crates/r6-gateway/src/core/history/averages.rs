@@ -385,6 +385,11 @@ mod tests {
         };
         assert_eq!(resealed(0, 2), Err(BadChunk::Codec(2)));
         assert_eq!(resealed(2, 2), Err(BadChunk::Short), "a block too many");
+        let mut twice = bytes[..bytes.len() - 4].to_vec();
+        twice.extend_from_within(3..);
+        twice[2] = 2;
+        seal(&mut twice);
+        assert_eq!(unpack(Step::Minute, TODAY, &twice), Err(BadChunk::Number), "each minute is there once");
     }
 
     proptest! {

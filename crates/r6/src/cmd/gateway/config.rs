@@ -404,7 +404,7 @@ mod tests {
         );
         assert_told("[history]\nkeep_hours_days = 89\n", &[("hall.toml:2:", "from 90 to 3660")]);
         assert_told("[history]\nkeep_minutes_days = 0\n", &[("hall.toml:2:", "from 1 to 3660")]);
-        assert_told("[history]\nkeep_minute_days = 9\n", &[("hall.toml:2:", "keep_minutes_days")]);
+        assert_told("[history]\nkeep_minute_days = 9\n", &[("    nearest: ", "`keep_minutes_days`")]);
         assert_told("history = 3\n", &[("hall.toml:1:", "`history`")]);
     }
 
