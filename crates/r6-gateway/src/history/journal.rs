@@ -305,7 +305,7 @@ impl<S: HistoryStore> Journal<S> {
                 Err(error) => return Err(error),
             }
         }
-        self.load_averages(time.day())?;
+        self.load_averages(time.day());
         self.is_recovered = true;
         self.taken_over.as_mut().map(BTreeSet::clear);
         Ok(())

@@ -37,6 +37,8 @@ const MAX_WAIT_DAYS: i64 = 2;
 pub(super) struct Averages {
     /// What became of days that are over.
     pub states: BTreeMap<i64, DayState>,
+    /// Whether that was read from the store.
+    is_loaded: bool,
     /// Days whose averages cannot be written, until the process ends.
     given_up: BTreeSet<i64>,
     /// Whether to look for a day that is over.
@@ -68,13 +70,21 @@ impl std::fmt::Debug for Work {
 }
 
 impl<S: HistoryStore> Journal<S> {
-    /// Reads what became of days, before the first write.
-    pub(super) fn load_averages(&mut self, today: i64) -> Result<(), StoreError> {
+    /// Reads what became of days, before the first write. If that fails, values are written all the same, and
+    /// it is read before the first averages.
+    pub(super) fn load_averages(&mut self, today: i64) {
+        self.averages = Averages { is_due: true, ..Averages::default() };
+        if let Err(error) = self.try_load_averages(today) {
+            tracing::error!(%error, "it is not known yet of which days there are averages");
+        }
+    }
+
+    fn try_load_averages(&mut self, today: i64) -> Result<(), StoreError> {
         let first = self.store.parts()?.first().map_or(today, |(part, _)| part.day.min(today));
         if let Some(averages) = self.store.averages() {
             self.averages.states = averages.states(first..=today.saturating_add(1))?;
         }
-        self.averages.is_due = true;
+        self.averages.is_loaded = true;
         Ok(())
     }
 
@@ -110,6 +120,9 @@ impl<S: HistoryStore> Journal<S> {
             return Ok(None);
         }
         let Some(mut reader) = self.store.to_average() else { return Ok(None) };
+        if !self.averages.is_loaded {
+            self.try_load_averages(time.day())?;
+        }
         let oldest = self.oldest_with_averages(time.day());
         let parts: Vec<_> = self.store.parts()?.into_iter().map(|(part, _)| part).collect();
         let is_over = |day: i64| begin_of(day.saturating_add(1)).0.saturating_add(GRACE) <= time.0;
