@@ -287,3 +287,27 @@ fn a_disk_that_fails_delays_averages_and_changes_nothing_in_them() {
     average_all(&mut journal, now.0);
     assert!(journal.averages.states.is_empty());
 }
+
+#[test]
+fn files_of_averages_that_cannot_be_read_or_made_stop_no_values() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("hours-2026-11.db"), vec![7; 9_000]).unwrap();
+    std::fs::create_dir(folder.path().join("minutes-2026-11-25.db")).unwrap();
+    let limits = HistorySettings { keep_days: 1, ..settings() };
+    let mut journal = journal(Days::to_write(folder.path(), 1 << 30), limits);
+    fill(&mut journal);
+    let now = Micros(at(FIRST + 1, 4 * 3_600));
+    let mut failed = 0;
+    for _ in 0..100 {
+        journal.look_for_days();
+        failed += u32::from(journal.average(now).is_err());
+        journal.flush(Instant::ORIGIN, now).unwrap();
+    }
+    assert!(failed > 0 && journal.averages.states.is_empty());
+    // The day stays for a while, and then it goes.
+    journal.look_at_limits(Micros(at(FIRST + 4, 0))).unwrap();
+    assert_eq!(journal.counts.removed_unaveraged.load(Ordering::Relaxed), 2);
+    assert!(journal.store.parts().unwrap().is_empty());
+    let answer = answer_with_averages(&mut journal.store, &question(at(FIRST, 0), now.0, None), Vec::new());
+    assert_eq!(answer.unwrap().unreadable, 1);
+}
