@@ -5,7 +5,7 @@ use std::time::{Duration, SystemTime};
 
 use clap::Args;
 use r6_api::AddressValue;
-use r6_api::gateway::History;
+use r6_api::gateway::{AveragesUsed, History, HistoryAverages};
 use r6_gateway::history_table;
 use r6_proto::Address;
 use serde_json::json;
@@ -43,6 +43,9 @@ last value, for how many ms there was a value, and how many samples were kept.
 
 The table has 1000 rows at most. --csv and --json have all: --csv as the gateway gives it to spreadsheets, --json as \
 one object a page, each on its line.
+
+Where the values are gone because they are too old, averages may be left: then a line on stderr says where, and \
+`averages` of --json, too.
 
 The exit code is 1 if values are missing because the disk of the gateway cannot be read.
 
@@ -161,8 +164,33 @@ fn print(page: &History, csv: bool, is_first: bool) {
             output::bytes(table.as_bytes());
         }
     }
+    tell_averages(page);
     if let Some(failure) = missing {
         output::note(failure);
+    }
+}
+
+/// Says where only averages are left.
+fn tell_averages(page: &History) {
+    for part in &page.averages {
+        output::note(format_args!("r6: {}", left(part)));
+    }
+}
+
+/// What is left of a part of the range.
+fn left(part: &HistoryAverages) -> String {
+    let (from, to) = (output::to_the_second(&part.from), output::to_the_second(&part.to));
+    let (from, to) = (r6_proto::printable(&from).to_string(), r6_proto::printable(&to).to_string());
+    let width = humantime::format_duration(Duration::from_millis(part.width_ms)).to_string().replace(' ', "");
+    let gone = format!("from {from} to {to} the values are gone, and averages of {width} are left");
+    match part.used {
+        AveragesUsed::Exact => format!("{gone}: these rows are made of them, as exact as of the values"),
+        AveragesUsed::ByBegin => {
+            format!(
+                "{gone}: these rows are made of them, and each average counts in the row in which it begins"
+            )
+        }
+        AveragesUsed::NotUsed => format!("{gone}: ask with `--bucket {width}` or a wider one"),
     }
 }
 
@@ -200,6 +228,7 @@ fn show(page: &History) -> Exit {
             output::line(format_args!("in {}", r6_proto::printable(unit)));
         }
     }
+    tell_averages(page);
     if page.next_cursor.is_some() {
         output::note(format_args!(
             "r6: more follow: the table has {SHOWN} rows at most. Ask for less time or for averages (--bucket), or for all \
@@ -225,4 +254,28 @@ fn missing(page: &History) -> Option<Failure> {
         );
         Failure::refused(what).with_code(Code::NoValue).advise("the log of the gateway says which file it is")
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_says_what_to_ask_for() {
+        let part = |width_ms, used| HistoryAverages {
+            from: "2026-09-01T00:00:00.000000Z".to_owned(),
+            to: "2026-09-02T00:00:00.000000Z".to_owned(),
+            width_ms,
+            used,
+        };
+        assert_eq!(
+            left(&part(60_000, AveragesUsed::NotUsed)),
+            "from 2026-09-01T00:00:00Z to 2026-09-02T00:00:00Z the values are gone, and averages of 1m are left: ask with \
+             `--bucket 1m` or a wider one"
+        );
+        assert!(left(&part(3_600_000, AveragesUsed::ByBegin)).ends_with(
+            "averages of 1h are left: these rows are made of them, and each average counts in the row in which it begins"
+        ));
+        assert!(left(&part(3_600_000, AveragesUsed::Exact)).ends_with("as exact as of the values"));
+    }
 }
