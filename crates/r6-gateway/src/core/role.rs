@@ -138,8 +138,8 @@ impl GrantRobots {
         self.named.keys()
     }
 
-    /// Each of them with its own role, if it has one; without a name the others.
-    fn each(&self) -> impl Iterator<Item = (Option<&RobotName>, Option<Role>)> {
+    /// Each of them with its own role, if it has one; without a name all others.
+    pub fn each(&self) -> impl Iterator<Item = (Option<&RobotName>, Option<Role>)> {
         let named = self.named.iter().map(|(name, role)| (Some(name), *role));
         named.chain(self.others.map(|role| (None, role)))
     }

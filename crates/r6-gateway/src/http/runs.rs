@@ -25,10 +25,6 @@ use crate::programs::run::{MAX_REPEAT, steps};
 use crate::store::MAX_PAGE;
 use crate::{problem, traces};
 
-/// What a caller has to know whose text is another one.
-const OTHER_TEXT: &str = "nothing was sent: the program has another text than what was checked (`sha256`); it was \
-                          stored anew meanwhile: read it and check it again";
-
 /// Runs a program on a robot, with the lease. The gateway feeds its steps, at most 10 ahead of the arm, and
 /// stops the arm if the lease ends. The answer comes once the controller accepted the first list:
 /// `GET /v1/robots/{name}/runs/{run}` tells the rest. A request with the same `Idempotency-Key` that asks
@@ -105,12 +101,20 @@ pub async fn run(
                 return Err(bad_value(format!("repeat is from 1 to {MAX_REPEAT}")));
             }
             let wanted = request.sha256.clone();
+            let is_hash =
+                |text: &String| text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+            if wanted.as_ref().is_some_and(|wanted| !is_hash(wanted)) {
+                return Err(bad_value("sha256 has 64 hexadecimal digits".to_owned()));
+            }
             let (program, text) = text(&state, request).await?;
             let read = move || (Sha256::digest(&text), steps(&text, repeat));
             let (sha256, motion) = state.bench.compute_to_run(read).await.map_err(refusal::of)?;
             let sha256: String = sha256.iter().map(|byte| format!("{byte:02x}")).collect();
-            if wanted.is_some_and(|wanted| wanted != sha256) {
-                return Err(refusal::of(problem::Problem::new(Code::OtherText, OTHER_TEXT)));
+            if let Some(wanted) = wanted.filter(|wanted| !wanted.eq_ignore_ascii_case(&sha256)) {
+                let message = format!(
+                    "nothing was sent: the SHA-256 of the text is {sha256}, not {wanted}: read it and check it again"
+                );
+                return Err(refusal::of(problem::Problem::new(Code::OtherText, message)));
             }
             let wish = Wish {
                 key: held,

@@ -165,12 +165,16 @@ async fn a_run_carries_out_the_text_that_was_checked_or_nothing() {
     let lease = hall.long_lease(60).await;
     let mut log = hall.robots[0].handle().log();
     let body = |sha256: &Value| json!({ "name": "pick", "version": 1, "sha256": sha256, "lease": lease });
-    for (number, sha256) in [&checked, &json!(""), &json!("0")].into_iter().enumerate() {
+    for (number, sha256) in [&checked, &json!("0".repeat(64))].into_iter().enumerate() {
         let refused = hall.run(&hall.operator, &format!("a{number}"), &body(sha256)).await;
         assert_eq!((refused.status, &refused.body["code"]), (409, &json!("other_text")), "{}", refused.body);
     }
     assert!(hall.audit().await.iter().all(|entry| entry["what"] != "run_intent"));
     assert!(commands(&mut log).is_empty());
+    for no_hash in ["", "0", &"g".repeat(64)] {
+        let refused = hall.run(&hall.operator, "c", &body(&json!(no_hash))).await;
+        assert_eq!((refused.status, &refused.body["code"]), (422, &json!("bad_value")), "{no_hash}");
+    }
     let run = hall.run(&hall.operator, "b", &body(&kept["sha256"])).await;
     assert_eq!((run.status, &run.body["sha256"]), (202, &kept["sha256"]), "{}", run.body);
     let other = hall.run(&hall.operator, "b", &body(&checked)).await;

@@ -37,7 +37,7 @@ pub struct AlarmsArgs {
     #[arg(long, value_name = "ID")]
     acknowledge: Option<u64>,
     /// What the others should know about it, 1 to 200 bytes
-    #[arg(long, value_name = "TEXT", requires = "acknowledge")]
+    #[arg(long, value_name = "TEXT", conflicts_with = "active")]
     comment: Option<String>,
     /// Print one JSON object
     #[arg(long)]
@@ -46,6 +46,9 @@ pub struct AlarmsArgs {
 
 /// Prints the alarms, or acknowledges one.
 pub async fn run_by_gateway(args: AlarmsArgs, gateway: ByGateway) -> Result<Exit, Failure> {
+    if args.comment.is_some() && args.acknowledge.is_none() {
+        return Err(Failure::usage("--comment goes with --acknowledge ID"));
+    }
     let waiting = format!("waiting for an answer of {}", gateway.url().unwrap_or_default());
     let Some(id) = args.acknowledge else {
         let told = async {
@@ -58,6 +61,7 @@ pub async fn run_by_gateway(args: AlarmsArgs, gateway: ByGateway) -> Result<Exit
         return Ok(show(&waiting::told(&waiting, told).await?, &args));
     };
     let robot = gateway.robot().await?;
+    let comment = args.comment.clone();
     let alarm = match waiting::told(&waiting, robot.acknowledge(id, args.comment)).await {
         Ok(alarm) => alarm,
         Err(failure) if failure.code() == Code::NoSuchAlarm => {
@@ -75,6 +79,9 @@ pub async fn run_by_gateway(args: AlarmsArgs, gateway: ByGateway) -> Result<Exit
             alarm.code,
             r6_proto::printable(&alarm.text)
         ));
+    }
+    if comment.is_some() && alarm.acknowledged.as_ref().is_none_or(|seen| seen.comment != comment) {
+        output::note("r6: your comment was not kept: the first who acknowledged the alarm stays");
     }
     Ok(Exit::Done)
 }

@@ -76,7 +76,16 @@ pub async fn run_by_gateway(args: AuditArgs, by: ByGateway) -> Result<Exit, Fail
         }
     }
     if shown == 0 {
-        output::note("r6: the audit log has no such entries");
+        let about =
+            by.robot_name().map_or_else(String::new, |name| format!(" about {}", r6_proto::printable(name)));
+        let span = match args.after {
+            Some(after) => format!("no entry behind {after}{about} is there that this token may read"),
+            None => format!(
+                "none of the last {} entries{about} is one that this token may read: --after 0 looks at the whole log",
+                args.last
+            ),
+        };
+        output::note(format_args!("r6: {span}"));
     }
     Ok(Exit::Done)
 }

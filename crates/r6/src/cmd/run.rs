@@ -117,7 +117,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME[@VERSION]")]
     kept: Option<Kept>,
     /// Run the program of --kept only if its text has this SHA-256, 64 hexadecimal digits
-    #[arg(long, value_name = "HEX", requires = "kept", value_parser = sha256)]
+    #[arg(long, value_name = "HEX", value_parser = sha256)]
     sha256: Option<String>,
     /// Run a list that repeats only once
     #[arg(long)]
@@ -127,6 +127,17 @@ pub struct RunArgs {
     room: u16,
     #[command(flatten)]
     job: JobArgs,
+}
+
+impl RunArgs {
+    /// Refuses an option that would have no effect: with a file, `requires` of clap does not count.
+    fn check(&self) -> Result<(), Failure> {
+        if self.sha256.is_some() && self.kept.is_none() {
+            return Err(Failure::usage("--sha256 goes with --kept alone, so nothing was sent")
+                .advise("a file on this computer is read once: what you see there is what runs"));
+        }
+        Ok(())
+    }
 }
 
 /// Prints the remarks on a program.
@@ -149,6 +160,7 @@ pub fn is_stdin(file: &Path) -> bool {
 
 /// Reads the file and sends its instructions.
 pub async fn run(args: RunArgs, robot: RobotArgs) -> Result<Exit, Failure> {
+    args.check()?;
     let Some(file) = &args.file else {
         return Err(Failure::usage("--kept is for the programs that a gateway keeps")
             .advise("name the gateway with --gateway-url URL; a controller runs the program of a file"));

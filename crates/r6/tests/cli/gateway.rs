@@ -392,6 +392,15 @@ fn users_are_made_and_sign_in_and_no_secret_is_in_a_file_or_in_the_output() {
     let last = disable("anna");
     assert!(last.code == 2 && last.err.contains("last admin"), "{last:?}");
     assert_eq!(r6(&["gateway", "user", "--data", &data, "--link", "no-user"]).code, 2);
+    // What has no effect is refused: nobody shall believe that a role has changed.
+    for args in [&["--link", "anna", "--role", "viewer"][..], &["--list", "--robot", "saw"]] {
+        let refused = r6(&[&["gateway", "user", "--data", &data][..], args].concat());
+        assert!(refused.code == 2 && refused.err.contains("go with --add alone"), "{refused:?}");
+    }
+    let eva = ["--add", "eva", "--role", "operator", "--robot", "prss,*=viewer"];
+    let eva = r6(&[&["gateway", "user", "--data", &data][..], &eva].concat());
+    assert!(eva.err.contains("no robot prss is known here yet"), "{eva:?}");
+    assert!(eva.err.contains("user eva: operator of prss; viewer of all others"), "{eva:?}");
     // A folder without a gateway so far: where a gateway listens if nothing else is said.
     let early = folder.path().join("early").display().to_string();
     let added = r6(&["gateway", "user", "--data", &early, "--add", "dora", "--role", "viewer"]);

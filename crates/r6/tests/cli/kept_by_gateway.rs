@@ -75,6 +75,17 @@ fn a_kept_program_is_named_right_and_needs_a_gateway() {
         assert_eq!(wrong.code, 2, "{args:?}: {wrong:?}");
         assert!((wrong.err + &wrong.out).contains(told), "{args:?}");
     }
+    // Of a file it says nothing: without it the arm would move whatever the text is.
+    let square = "../../examples/programs/square.toml";
+    let hash = "0".repeat(64);
+    for args in [
+        &["run", square, "--sha256", &hash, "--dry-run"][..],
+        &["-g", "http://127.0.0.1:1", "run", square, "--sha256", &hash],
+    ] {
+        let refused = r6(args);
+        assert_eq!((refused.code, refused.out.as_str()), (2, ""), "{refused:?}");
+        assert!(refused.err.contains("--sha256 goes with --kept alone"), "{}", refused.err);
+    }
     let none = r6(&["run", "--kept", "pick"]);
     assert_eq!(none.code, 2, "{none:?}");
     assert!(

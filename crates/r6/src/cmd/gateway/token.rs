@@ -108,6 +108,9 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
                 .advise("`r6 gateway token --list` prints all"));
         }
         output::line(format_args!("token {number} is revoked"));
+        output::note(
+            "a run that it began goes on until its lease ends, within 10 s: stop the robot if the arm shall not move",
+        );
         return Ok(Exit::Done);
     }
     let Some(role) = args.role else {
@@ -155,7 +158,7 @@ pub fn run(args: TokenArgs, robot_typed: bool) -> Result<Exit, Failure> {
 }
 
 /// Says that no robot has this name, which may be mistyped.
-fn tell_if_unknown(at: At, robot: &RobotName) {
+pub(super) fn tell_if_unknown(at: At, robot: &RobotName) {
     // A store that does not answer has said why before, or will.
     if !r6_gateway::is_robot_known(at, robot).unwrap_or(true) {
         output::note(format_args!(
@@ -199,14 +202,38 @@ pub(super) fn grant(role: Role, robots: Option<&str>) -> Result<Grant, Failure> 
 }
 
 /// The robots that a grant names.
-fn names_of(grant: &Grant) -> BTreeSet<RobotName> {
+pub(super) fn names_of(grant: &Grant) -> BTreeSet<RobotName> {
     grant.robots.iter().flat_map(GrantRobots::names).cloned().collect()
 }
 
-/// What a token or a user may do, for people.
+/// What a token or a user may do, for people: each role with its robots, the highest first.
 pub(super) fn what(grant: &Grant) -> String {
-    match &grant.robots {
-        Some(robots) => format!("{} of {robots}", grant.role.word()),
-        None => format!("{} of all robots", grant.role.word()),
+    let Some(robots) = &grant.robots else { return format!("{} of all robots", grant.role.word()) };
+    let mut parts = Vec::new();
+    for role in Role::ALL.into_iter().rev() {
+        let of_role = robots.each().filter(|(_, own)| own.unwrap_or(grant.role).min(grant.role) == role);
+        let names: Vec<_> = of_role.map(|(name, _)| name.map_or("all others", RobotName::as_str)).collect();
+        if !names.is_empty() {
+            parts.push(format!("{} of {}", role.word(), names.join(", ")));
+        }
+    }
+    parts.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grant_is_told_with_the_role_that_each_robot_has() {
+        let told = |role, robots| what(&grant(role, robots).unwrap());
+        assert_eq!(told(Role::Admin, None), "admin of all robots");
+        assert_eq!(told(Role::Operator, Some("saw,press")), "operator of press, saw");
+        assert_eq!(
+            told(Role::Engineer, Some("press,saw=viewer,mill=operator,*=viewer")),
+            "engineer of press; operator of mill; viewer of saw, all others"
+        );
+        // The highest role is not always one that a robot has.
+        assert_eq!(told(Role::Admin, Some("press=viewer")), "viewer of press");
     }
 }

@@ -76,6 +76,11 @@ impl UserArgs {
 
 /// Makes, lists or disables users, or makes a link.
 pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
+    // Beside another action, `requires` of clap does not count.
+    if args.add.is_none() && (args.role.is_some() || robot_typed) {
+        return Err(Failure::usage("--role and --robot go with --add alone")
+            .advise("an admin changes a user on the dashboard or with `PUT /v1/users/NAME`"));
+    }
     if let Some(name) = &args.disable {
         r6_gateway::disable_user(args.at()?, user(name)?).map_err(Failure::usage)?;
         output::line(format_args!("user {name} is disabled"));
@@ -89,11 +94,14 @@ pub fn run(args: UserArgs, robot_typed: bool) -> Result<Exit, Failure> {
     };
     let (name, url) = (user(name)?, url(&args)?);
     let grant = token::grant(role, args.robots.as_deref().filter(|_| robot_typed))?;
-    let what = token::what(&grant);
+    let (what, named) = (token::what(&grant), token::names_of(&grant));
     if args.store.is_none() {
         tell_new_folder(&args.data);
     }
     r6_gateway::add_user(args.at()?, name.clone(), grant).map_err(Failure::usage)?;
+    for robot in &named {
+        token::tell_if_unknown(args.at()?, robot);
+    }
     output::note(format_args!("user {name}: {what}. The link sets the password, once and within an hour"));
     link(&args, name, &url)
 }

@@ -36,6 +36,7 @@ const SILENCE: Duration = Duration::from_secs(15);
 
 /// Has a gateway run the program of the file, or a program that it keeps, and follows the run to its end.
 pub async fn run(args: RunArgs, gateway: ByGateway) -> Result<Exit, Failure> {
+    args.check()?;
     let own = [(args.room != USUAL_ROOM).then_some("--room"), args.once.then_some("--once")];
     if let Some(option) = args.job.not_for_gateways().or(own.into_iter().flatten().next()) {
         return Err(Failure::usage(format!("{option} does not go over a gateway"))
