@@ -58,7 +58,7 @@ pub struct HistoryArgs {
     /// The query address, such as axis-0, world-2, curMode
     #[arg(value_name = "ADDRESS", value_parser = AddressWord, hide_possible_values = true)]
     address: Address,
-    /// The last stretch of time, such as 10m, 8h, 2d [default: 1h]
+    /// The last stretch of time, such as 10m, 8h, 2d; with --bucket from a full one of these on [default: 1h]
     #[arg(long, value_name = "TIME", value_parser = stretch, conflicts_with_all = ["from", "to"])]
     last: Option<Duration>,
     /// From this time on: UTC, such as 2026-11-25T06:00:00Z [default: an hour before the end]
@@ -98,7 +98,7 @@ pub async fn run_by_gateway(args: HistoryArgs, gateway: ByGateway) -> Result<Exi
     let waiting = format!("waiting for an answer of {}", robot.name());
     let signal = args.address.to_string();
     let from = match args.last {
-        Some(last) => Some(ago(last)?),
+        Some(last) => Some(ago(last, args.bucket.as_deref())?),
         None => args.from.clone(),
     };
     let rows = if args.csv || args.json { OF_A_PAGE } else { SHOWN }.to_string();
@@ -136,11 +136,20 @@ async fn page(robot: &GatewayRobot, asked: &[(&str, String)]) -> Result<History,
     robot.history(&asked).await
 }
 
-/// The time this long ago.
-fn ago(last: Duration) -> Result<String, Failure> {
-    let before = SystemTime::now().checked_sub(last).filter(|time| *time >= SystemTime::UNIX_EPOCH);
+/// The time this long ago. With averages it is a full multiple of their width, such as a full minute.
+fn ago(last: Duration, bucket: Option<&str>) -> Result<String, Failure> {
+    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok();
+    let before = since_1970.and_then(|now| now.checked_sub(last));
     let before = before.ok_or_else(|| Failure::usage("--last reaches back before 1970"))?;
-    Ok(humantime::format_rfc3339_millis(before).to_string())
+    // What is no width, the gateway refuses.
+    let width = bucket.and_then(|bucket| stretch(bucket).ok());
+    let time = SystemTime::UNIX_EPOCH + width.map_or(before, |width| rounded_down(before, width));
+    Ok(humantime::format_rfc3339_millis(time).to_string())
+}
+
+fn rounded_down(time: Duration, width: Duration) -> Duration {
+    let over = time.as_nanos() % width.as_nanos().max(1);
+    time.saturating_sub(Duration::from_nanos(u64::try_from(over).unwrap_or(0)))
 }
 
 /// Prints a page for programs. `is_first`: with the names of the columns.
@@ -187,7 +196,7 @@ fn left(part: &HistoryAverages) -> String {
         AveragesUsed::Exact => format!("{gone}: these rows are made of them, as exact as of the values"),
         AveragesUsed::ByBegin => {
             format!(
-                "{gone}: these rows are made of them, and each average counts in the row in which it begins"
+                "{gone}: these rows are made of them, and each average counts in the row in which it begins: one that begins before the range is missing"
             )
         }
         AveragesUsed::NotUsed => format!("{gone}: ask with `--bucket {width}` or a wider one"),
@@ -221,7 +230,8 @@ fn show(page: &History) -> Exit {
     }
     if table.height() == 1 {
         let (from, to) = (output::to_the_second(&page.from), output::to_the_second(&page.to));
-        output::line(format_args!("no value of {} was kept from {from} to {to}", page.signal));
+        let word = if page.averages.is_empty() { "was kept" } else { "is left" };
+        output::line(format_args!("no value of {} {word} from {from} to {to}", page.signal));
     } else {
         output::line(table);
         if !unit.is_empty() {
@@ -274,8 +284,16 @@ mod tests {
              `--bucket 1m` or a wider one"
         );
         assert!(left(&part(3_600_000, AveragesUsed::ByBegin)).ends_with(
-            "averages of 1h are left: these rows are made of them, and each average counts in the row in which it begins"
+            "each average counts in the row in which it begins: one that begins before the range is missing"
         ));
         assert!(left(&part(3_600_000, AveragesUsed::Exact)).ends_with("as exact as of the values"));
+    }
+
+    #[test]
+    fn averages_of_the_last_hours_begin_with_full_minutes() {
+        let seconds = |seconds| Duration::from_secs(seconds);
+        assert_eq!(rounded_down(Duration::from_millis(119_999), seconds(60)), seconds(60));
+        assert_eq!(rounded_down(seconds(120), seconds(60)), seconds(120));
+        assert_eq!(rounded_down(seconds(7), seconds(60)), seconds(0));
     }
 }
