@@ -107,7 +107,7 @@ impl GatewayRobot {
 
     /// Takes the lease that is free. If that fails, nothing has left for the robot, whatever became of the
     /// lease.
-    async fn acquire(&self) -> Result<Lease, Failure> {
+    pub async fn acquire(&self) -> Result<Lease, Failure> {
         let taken = self.ask("/lease", None, &LeaseRequest::default(), Exit::NoReply).await;
         taken.map_err(|failure| {
             let failure = match failure.exit() {

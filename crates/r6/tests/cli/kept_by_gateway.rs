@@ -1,10 +1,12 @@
 //! `r6 -g URL run --kept NAME`: programs that a gateway keeps.
 
+use std::time::{Duration, Instant};
+
 use serde_json::{Value, json};
 
 use crate::by_gateway::{Hall, code};
 use crate::gateway_calls::{call_with, token};
-use crate::support::{Robot, r6};
+use crate::support::{Robot, Running, r6};
 use crate::told_by_gateway::{Answer, Fake, lease};
 
 /// Stores a version of the program `turn`. Returns what the gateway answers of it.
@@ -93,6 +95,55 @@ fn a_kept_program_is_named_right_and_needs_a_gateway() {
         "{}",
         none.err
     );
+}
+
+/// Until the run is asked for, an interruption sends nothing.
+#[test]
+fn a_run_that_is_interrupted_while_the_lease_is_asked_for_is_not_asked_for() {
+    let fake = Fake::start("kept", |_| Answer::Frozen);
+    let mut run = Running::start_with_pipes(&fake.args(&["-r", "press-1", "run", "--kept", "pick"]));
+    let begun = Instant::now();
+    while fake.asked().is_empty() {
+        assert!(begun.elapsed() < Duration::from_secs(10));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    run.signal("INT");
+    assert_eq!(run.code(), Some(1));
+    assert_eq!(fake.asked(), ["POST /v1/robots/press-1/lease"]);
+}
+
+#[test]
+fn a_run_that_is_not_the_one_that_was_asked_for_is_not_followed() {
+    let run = |robot: &str, program: &str, version: u64, sha256: &str| {
+        json!({
+            "run_id": 5, "robot": robot, "state": "done", "program": program, "version": version, "sha256": sha256,
+            "repeat": 1, "steps": 9, "accepted": 9, "done": 9, "lease": 1, "by": "token 1", "began_at": "…",
+            "ended_at": "…", "because": null, "proof": "reached", "detail": "the arm stands",
+        })
+    };
+    let asked = "1".repeat(64);
+    for (told, code) in [
+        (run("press-1", "pick", 3, &asked), 0),
+        (run("saw", "pick", 3, &asked), 4),
+        (run("press-1", "other", 3, &asked), 4),
+        (run("press-1", "pick", 4, &asked), 4),
+        (run("press-1", "pick", 3, &"0".repeat(64)), 4),
+    ] {
+        let shown = told.to_string();
+        let fake = Fake::start("kept", move |what| match what {
+            "POST /v1/robots/press-1/lease" | "DELETE /v1/robots/press-1/lease" => lease(),
+            _ => Answer::With(202, told.clone()),
+        });
+        let done = fake.r6(&["run", "--kept", "pick@3", "--sha256", &asked]);
+        assert_eq!(done.code, code, "{shown}: {done:?}");
+        assert_eq!(
+            done.err.contains("another run than the one that was asked for"),
+            code == 4,
+            "{}",
+            done.err
+        );
+        assert_eq!(fake.asked().last().map(String::as_str), Some("DELETE /v1/robots/press-1/lease"));
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::pin::pin;
 use std::time::Duration;
 
-use r6_api::gateway::{Lease, LeaseKey, Run, RunRequest, RunState};
+use r6_api::gateway::{LeaseKey, Run, RunRequest, RunState};
 use r6_proto::printable;
 use serde_json::json;
 use tokio::sync::Notify;
@@ -31,6 +31,9 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(3);
 const AFTER_THE_LEASE: &str = "look at the arm: a gateway that runs stops it when the lease ends, within 10 s; without the \
     gateway the arm finishes up to 10 steps, and only the emergency stop is left";
 
+/// How long to wait until the lease is given back.
+const RELEASE_WITHIN: Duration = Duration::from_secs(3);
+
 /// How long the gateway may be silent. After that the lease has ended, and with it the run.
 const SILENCE: Duration = Duration::from_secs(15);
 
@@ -44,28 +47,70 @@ pub async fn run(args: RunArgs, gateway: ByGateway) -> Result<Exit, Failure> {
     }
     let text = args.file.as_deref().map(checked).transpose()?;
     let mut ending = Ending::watch()?;
-    let robot = gateway.robot().await?;
-    let json = args.job.json();
-    let ended = robot
-        .with_lease(async |lease: &Lease| {
-            let request = RunRequest {
-                program: text,
-                name: args.kept.as_ref().map(|kept| kept.name.clone()),
-                version: args.kept.as_ref().and_then(|kept| kept.version),
-                sha256: args.sha256,
-                lease: lease.lease.clone(),
-                repeat: None,
-            };
-            output::acts();
-            let (begun, is_interrupted) = begin(&robot, &request, &mut ending).await?;
-            show(&begun, json, "accepted");
-            follow(&robot, begun, &lease.lease, (&mut ending, is_interrupted), json).await
-        })
-        .await;
+    let robot = before_the_run(gateway.robot(), &mut ending).await?;
+    let lease = before_the_run(robot.acquire(), &mut ending).await?;
+    let request = RunRequest {
+        program: text,
+        name: args.kept.as_ref().map(|kept| kept.name.clone()),
+        version: args.kept.as_ref().and_then(|kept| kept.version),
+        sha256: args.sha256,
+        lease: lease.lease.clone(),
+        repeat: None,
+    };
+    let ended = carry_out(&robot, &request, &mut ending, args.job.json()).await;
+    // Who interrupts once more does not wait for this. The lease ends by itself.
+    tokio::select! {
+        _ = timeout(RELEASE_WITHIN, robot.release(&lease.lease)) => {}
+        () = ending.signalled() => {}
+    }
     match (ended, &args.kept) {
         (Err(failure), Some(kept)) => Err(kept.explain(failure, &robot).await),
         (ended, _) => ended,
     }
+}
+
+/// Does something before the run is asked for. A signal ends it: then nothing was sent to the robot.
+async fn before_the_run<T>(
+    work: impl Future<Output = Result<T, Failure>>,
+    ending: &mut Ending,
+) -> Result<T, Failure> {
+    tokio::select! {
+        biased;
+        () = ending.signalled() => Err(Failure::refused("interrupted; nothing was sent to the robot")
+            .with_code(Code::Interrupted)
+            .advise("if the lease was taken, it ends within 10 s")),
+        done = work => done,
+    }
+}
+
+/// Begins the run, and follows it to its end.
+async fn carry_out(
+    robot: &GatewayRobot,
+    request: &RunRequest,
+    ending: &mut Ending,
+    json: bool,
+) -> Result<Exit, Failure> {
+    // A signal may have come with the lease.
+    before_the_run(std::future::ready(Ok(())), ending).await?;
+    output::acts();
+    let (begun, is_interrupted) = begin(robot, request, ending).await?;
+    check(&begun, request, robot)?;
+    show(&begun, json, "accepted");
+    follow(robot, begun, &request.lease, (ending, is_interrupted), json).await
+}
+
+/// Refuses a run that is not the one that was asked for. Giving the lease back stops it.
+fn check(begun: &Run, request: &RunRequest, robot: &GatewayRobot) -> Result<(), Failure> {
+    let is_version = |version: u64| begun.version == Some(version);
+    let is_it = begun.robot == robot.name()
+        && begun.program == request.name
+        && request.version.is_none_or(is_version)
+        && request.sha256.as_ref().is_none_or(|sha256| *sha256 == begun.sha256);
+    if is_it {
+        return Ok(());
+    }
+    let what = "the gateway tells of another run than the one that was asked for: the lease is given back";
+    Err(Failure::unknown(what).advise(AFTER_THE_LEASE))
 }
 
 /// The text of a file, whose program has an end and no mistakes.
@@ -149,6 +194,9 @@ async fn follow(
             }
             () = &mut given_back => {}
             told = look => match told {
+                Some(Ok(told)) if told.run_id != run.run_id || told.robot != run.robot => {
+                    return Err(left(&run, "the gateway tells of another run"));
+                }
                 Some(Ok(told)) => {
                     (heard, is_silent) = (Instant::now(), false);
                     if told.state == RunState::Running && told.done != run.done {
