@@ -26,9 +26,17 @@ pub(super) struct Form {
     pub page: u64,
 }
 
+/// Refuses what has the name of a file and is none: to open a pipe could wait for ever, and what lies behind
+/// a link is not in the folder.
+fn check_kind(path: &Path) -> Result<(), StoreError> {
+    let is_other = fs::symlink_metadata(path).is_ok_and(|about| !about.is_file());
+    if is_other { Err(StoreError::Unreadable(format!("{} is no file", path.display()))) } else { Ok(()) }
+}
+
 /// Opens a file to write, and makes it if it is not there. After so many pages the write-ahead log is written
 /// back.
 pub(super) fn make(path: &Path, form: Form, checkpoint_pages: u64) -> Result<Connection, StoreError> {
+    check_kind(path)?;
     if !path.exists() {
         // Left by a process that ended while it removed a file of this name. They must not be taken for
         // those of the new one.
@@ -61,6 +69,7 @@ pub(super) fn make(path: &Path, form: Form, checkpoint_pages: u64) -> Result<Con
 
 /// Opens a file that is there for a reader, which never writes.
 pub(super) fn look(path: &Path, form: Form) -> Result<Connection, StoreError> {
+    check_kind(path)?;
     // Not read-only: after a crash, the first one to open the file has to recover its log.
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(path, flags)?;
@@ -116,4 +125,25 @@ fn beside(path: &Path, end: &str) -> PathBuf {
 
 fn too_new(path: &Path, version: i64) -> StoreError {
     StoreError::Unreadable(format!("{} has tables {version}, which this r6 does not know", path.display()))
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_file_is_not_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let form = Form { tables: "", version: 1, page: 4096 };
+        let (real, link, other) =
+            (folder.path().join("a.db"), folder.path().join("b.db"), folder.path().join("c.db"));
+        drop(make(&real, form, 100).unwrap());
+        assert!(look(&real, form).is_ok());
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        let _socket = std::os::unix::net::UnixListener::bind(&other).unwrap();
+        for path in [&link, &other, &folder.path().to_owned()] {
+            assert!(matches!(make(path, form, 100), Err(StoreError::Unreadable(_))), "{}", path.display());
+            assert!(matches!(look(path, form), Err(StoreError::Unreadable(_))), "{}", path.display());
+        }
+    }
 }
