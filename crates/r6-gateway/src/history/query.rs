@@ -221,7 +221,7 @@ fn find<S: HistoryStore>(store: &mut S, question: &Question, begin: Micros) -> R
     let Question { robot, address, to, .. } = question;
     let overlap = begin.before(MAX_SPAN);
     let earliest = overlap.before(LONGEST_HELD);
-    let days = earliest.day()..=to.day();
+    let days = earliest.day()..=Micros(to.0.saturating_sub(1)).day();
     let parts: Vec<_> = store.parts()?.into_iter().map(|(part, _)| part).collect();
     let parts: Vec<_> = parts.into_iter().filter(|part| days.contains(&part.day)).collect();
     let (mut entries, mut cut, mut unreadable) = (Vec::new(), None::<Micros>, 0);

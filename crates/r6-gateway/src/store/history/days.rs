@@ -24,8 +24,9 @@ use crate::store::StoreError;
 /// The files that are open at once: today, and a day to which something comes late.
 const MAX_OPEN: usize = 2;
 
-/// The files that are open at once to compute averages: the parts of a day, and the last one of the day
-/// before. A day has eight parts at most in general.
+/// The files that are open at once to compute averages: all parts of a day, and those of the day before, of
+/// which the end is read. A day has few parts in general; if there are more files than that, they are opened
+/// again and again.
 const MAX_OPEN_TO_AVERAGE: usize = 10;
 
 /// The size of a page in bytes. A chunk of 2 KB would leave half of a page of 4 KB empty.
