@@ -364,7 +364,7 @@ mod tests {
         let mut days = store::history::Days::to_write(&data.join(HISTORY), 1 << 30);
         store::history::HistoryStore::write(&mut days, 20_782, &[]).unwrap();
         let averages = store::history::HistoryStore::averages(&mut days).unwrap();
-        averages.set_state(20_781, store::history::DayState::Finished).unwrap();
+        averages.set_state(20_781, store::history::DayState::Finished.whole()).unwrap();
         (parent, data)
     }
 

@@ -1626,7 +1626,7 @@ export interface components {
          * @description What was done with averages.
          * @enum {string}
          */
-        AveragesUsed: "exact" | "by_begin" | "not_used";
+        AveragesUsed: "exact" | "by_begin" | "incomplete" | "not_used";
         /** @description One axis. */
         Axis: {
             /**

@@ -110,21 +110,12 @@ pub enum AveragesUsed {
     Exact,
     /// Edges of buckets lie within averages: each average counts in the bucket in which it begins.
     ByBegin,
+    /// The averages lack some values of their days, and so do the buckets. Edges of buckets may lie within
+    /// averages, too.
+    Incomplete,
     /// They are not in the answer, which has samples or narrower buckets: ask for buckets of `width_ms` at
     /// least.
     NotUsed,
-}
-
-impl AveragesUsed {
-    /// Its word.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::ByBegin => "by_begin",
-            Self::NotUsed => "not_used",
-        }
-    }
 }
 
 /// Why there is no value.

@@ -92,4 +92,6 @@ pub struct HistoryCounts {
     pub average_bytes: AtomicU64,
     /// Of how many days averages were computed.
     pub averaged_days: AtomicU64,
+    /// Days whose averages were given up.
+    pub given_up_days: AtomicU64,
 }

@@ -346,7 +346,7 @@ impl<S: HistoryStore> Journal<S> {
             together.push(name);
         }
         self.written = self.written.saturating_add(size as u64);
-        days.keys().for_each(|day| self.reopen(*day));
+        days.keys().for_each(|day| self.reopen(*day, time.day()));
         let written = days.into_iter().try_for_each(|(day, writes)| self.store.write(day, &writes));
         for name in &together {
             let Some(robot) = self.robots.get_mut(name) else { continue };
@@ -429,12 +429,12 @@ impl<S: HistoryStore> Journal<S> {
     }
 
     /// Writes everything as chunks, so that no tail is left: a day is about to begin a new part.
-    fn seal_for_part(&mut self) -> Result<(), StoreError> {
+    fn seal_for_part(&mut self, today: i64) -> Result<(), StoreError> {
         self.seal_all();
         let names: BTreeSet<_> = self.robots.keys().cloned().collect();
         for name in names {
             let writes = self.robots.get(&name).map(Robot::writes).unwrap_or_default();
-            writes.keys().for_each(|day| self.reopen(*day));
+            writes.keys().for_each(|day| self.reopen(*day, today));
             let Some(robot) = self.robots.get_mut(&name) else { continue };
             for (day, write) in writes {
                 if let Err(error) = self.store.write(day, &[(name.clone(), write)]) {

@@ -280,6 +280,7 @@ fn page(station: &Station, question: &Question, answer: &Answer) -> History {
         used: match used {
             Used::Exact => AveragesUsed::Exact,
             Used::ByBegin => AveragesUsed::ByBegin,
+            Used::Incomplete => AveragesUsed::Incomplete,
             Used::No => AveragesUsed::NotUsed,
         },
     };

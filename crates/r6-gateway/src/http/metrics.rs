@@ -246,6 +246,12 @@ fn files(text: &mut String, counts: &HistoryCounts, is_paused: bool) {
             counts.averaged_days.load(Ordering::Relaxed),
         ),
         (
+            "averages_days_given_up_total",
+            "counter",
+            "Days whose averages failed again and again, and are given up until the next start.",
+            counts.given_up_days.load(Ordering::Relaxed),
+        ),
+        (
             "clock_steps_total",
             "counter",
             "How often the clock of the system was set.",

@@ -24,7 +24,7 @@ use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
 use crate::core::owner::Claim;
 
-pub use averages::{AskAverages, AverageFile, AverageRow, AverageStore, DayState};
+pub use averages::{AskAverages, AverageFile, AverageRow, AverageStore, DayNote, DayState};
 pub use days::{Days, file_names, is_file_name};
 #[cfg(test)]
 pub use memory::MemoryDays;

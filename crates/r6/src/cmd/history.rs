@@ -199,6 +199,9 @@ fn left(part: &HistoryAverages) -> String {
                 "{gone}: these rows are made of them, and each average counts in the row in which it begins: one that begins before the range is missing"
             )
         }
+        AveragesUsed::Incomplete => {
+            format!("{gone}: these rows are made of them, and they lack some values of that time")
+        }
         AveragesUsed::NotUsed => format!("{gone}: ask with `--bucket {width}` or a wider one"),
     }
 }
@@ -286,6 +289,9 @@ mod tests {
         assert!(left(&part(3_600_000, AveragesUsed::ByBegin)).ends_with(
             "each average counts in the row in which it begins: one that begins before the range is missing"
         ));
+        assert!(
+            left(&part(3_600_000, AveragesUsed::Incomplete)).ends_with("they lack some values of that time")
+        );
         assert!(left(&part(3_600_000, AveragesUsed::Exact)).ends_with("as exact as of the values"));
     }
 

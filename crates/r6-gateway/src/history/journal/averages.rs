@@ -16,7 +16,7 @@ use crate::core::history::sample::Micros;
 use crate::core::name::RobotName;
 use crate::history::query::{Question, answer};
 use crate::store::StoreError;
-use crate::store::history::{AverageRow, DayState, HistoryStore, Part};
+use crate::store::history::{AverageRow, DayNote, DayState, HistoryStore, Part};
 
 /// How long after the end of a day its averages are computed. Blocks stay open for ten minutes; then all of
 /// the day is in chunks.
@@ -25,29 +25,41 @@ const GRACE: i64 = 15 * 60_000_000;
 /// Averages of so many bytes are written in one transaction, so that it takes milliseconds.
 const MAX_TOGETHER: usize = if cfg!(test) { 4 * 1024 } else { 256 * 1024 };
 
-/// What a piece costs besides its samples. A signal has a chunk for each ten minutes at least; to read those
-/// of a day takes some milliseconds, as long as it takes to decode so many samples of few chunks.
-const PIECE: u64 = 200_000;
+/// A piece reads so many minutes of a signal, so that it takes some milliseconds at most.
+const PIECE_MINUTES: usize = 120;
 
-/// For how many days a file that is too old waits for the averages of its day.
+/// What a piece costs besides its samples. A signal has a chunk for each ten minutes at least; to read those
+/// of a piece takes as long as to decode so many samples of few chunks.
+const PIECE: u64 = 16_000;
+
+/// After so many failures the averages of a day are given up, so that those of later days are computed.
+const MAX_FAILURES: u32 = 3;
+
+/// For how many days a file that is too old waits for the averages of its day. They count from the start of
+/// the process at the earliest.
 const MAX_WAIT_DAYS: i64 = 2;
 
 /// What is known of averages, and the day that is being computed.
 #[derive(Debug, Default)]
 pub(super) struct Averages {
     /// What became of days that are over.
-    pub states: BTreeMap<i64, DayState>,
+    pub states: BTreeMap<i64, DayNote>,
     /// Whether that was read from the store.
     is_loaded: bool,
     /// Days whose averages cannot be written, until the process ends.
-    given_up: BTreeSet<i64>,
+    pub given_up: BTreeSet<i64>,
+    /// How often the averages of a day failed.
+    failures: BTreeMap<i64, u32>,
+    /// The day when the limits were looked at last, and the first of the days in which that went on: the
+    /// start of the process, unless its clock was set or it did not run for days.
+    looked: Option<(i64, i64)>,
     /// Whether to look for a day that is over.
     is_due: bool,
     work: Option<Work>,
     /// A day whose minutes do not fit into the room for averages.
     without_minutes: Option<i64>,
     /// Not even hours fit.
-    is_off: bool,
+    pub is_off: bool,
 }
 
 struct Work {
@@ -61,6 +73,10 @@ struct Work {
     /// What is not written yet: minutes and hours.
     rows: [Vec<AverageRow>; 2],
     size: usize,
+    /// Something of it could not be read.
+    lacks: bool,
+    /// A part of the day was removed meanwhile.
+    lost_part: bool,
 }
 
 impl std::fmt::Debug for Work {
@@ -73,7 +89,8 @@ impl<S: HistoryStore> Journal<S> {
     /// Reads what became of days, before the first write. If that fails, values are written all the same, and
     /// it is read before the first averages.
     pub(super) fn load_averages(&mut self, today: i64) {
-        self.averages = Averages { is_due: true, ..Averages::default() };
+        let looked = self.averages.looked;
+        self.averages = Averages { is_due: true, looked, ..Averages::default() };
         if let Err(error) = self.try_load_averages(today) {
             tracing::error!(%error, "it is not known yet of which days there are averages");
         }
@@ -82,7 +99,7 @@ impl<S: HistoryStore> Journal<S> {
     fn try_load_averages(&mut self, today: i64) -> Result<(), StoreError> {
         let first = self.store.parts()?.first().map_or(today, |(part, _)| part.day.min(today));
         if let Some(averages) = self.store.averages() {
-            self.averages.states = averages.states(first..=today.saturating_add(1))?;
+            self.averages.states = averages.states(first..=i64::MAX)?;
         }
         self.averages.is_loaded = true;
         Ok(())
@@ -108,10 +125,21 @@ impl<S: HistoryStore> Journal<S> {
             self.averages.work = done.is_ok().then_some(work);
             done.map(Some)
         };
-        if let Err(StoreError::Unreadable(_)) = &done {
-            self.averages.given_up.insert(day);
+        if let Err(error) = &done {
+            self.note_failure(day, error);
         }
         done
+    }
+
+    /// A day cannot be averaged. What fails again and again must not hold up later days.
+    fn note_failure(&mut self, day: i64, error: &StoreError) {
+        let failures = self.averages.failures.entry(day).or_default();
+        *failures += 1;
+        let is_for_good = matches!(error, StoreError::Unreadable(_)) || *failures >= MAX_FAILURES;
+        if is_for_good && self.averages.given_up.insert(day) {
+            self.counts.given_up_days.fetch_add(1, Ordering::Relaxed);
+            tracing::error!(day, failures, "the averages of a day are given up until the next start");
+        }
     }
 
     /// Looks for the oldest day that is over and has no averages.
@@ -130,43 +158,56 @@ impl<S: HistoryStore> Journal<S> {
         let Some(day) = parts.iter().map(|part| part.day).find(|day| is_wanted(*day)) else {
             return Ok(None);
         };
-        let mut signals = BTreeSet::new();
+        let (mut signals, mut lacks) = (BTreeSet::new(), false);
         for part in parts.into_iter().filter(|part| part.day == day) {
             match reader.signals(part) {
                 Ok(found) => signals.extend(found),
                 Err(error @ StoreError::Unreadable(_)) => {
                     tracing::error!(%error, ?part, "averages lack what is in a file that cannot be read");
+                    lacks = true;
                 }
-                Err(error) => return Err(error),
+                Err(error) => {
+                    self.note_failure(day, &error);
+                    return Err(error);
+                }
             }
         }
         let signals: VecDeque<_> = signals.into_iter().collect();
         tracing::info!(day, signals = signals.len(), "the averages of a day are computed");
         let (minutes, next, rows) = (Vec::new(), None, [Vec::new(), Vec::new()]);
-        self.averages.work = Some(Work { day, reader, signals, minutes, next, rows, size: 0 });
+        let lost_part = false;
+        self.averages.work =
+            Some(Work { day, reader, signals, minutes, next, rows, size: 0, lacks, lost_part });
         Ok(Some(PIECE))
     }
 
-    /// Reads a page of the values of one signal.
+    /// Reads some minutes of one signal.
     fn piece(&mut self, work: &mut Work, time: Micros) -> Result<u64, StoreError> {
         let Some((robot, address)) = work.signals.front().cloned() else { return Ok(0) };
+        let (from, end) = (work.next.unwrap_or(begin_of(work.day)), begin_of(work.day.saturating_add(1)));
+        let minute = Step::Minute.micros();
+        let minutes = |count: i64| Micros(from.0.saturating_add(count.saturating_mul(minute))).min(end);
+        let to = minutes(i64::try_from(PIECE_MINUTES).unwrap_or(i64::MAX));
         let question = Question {
             robot: robot.clone(),
             address,
-            from: begin_of(work.day),
-            to: begin_of(work.day.saturating_add(1)),
-            bucket: Some(Step::Minute.micros()),
-            limit: Step::Minute.in_a_day(),
-            cursor: work.next,
+            from,
+            to,
+            bucket: Some(minute),
+            limit: PIECE_MINUTES,
+            cursor: None,
         };
         let page = answer(&mut work.reader, &question, Vec::new())?;
         if page.unreadable > 0 || page.is_too_wide {
+            work.lacks = true;
             let chunks = page.unreadable;
             tracing::error!(%robot, %address, day = work.day, chunks, "averages lack what cannot be read");
         }
         let cost = page.buckets.iter().map(|bucket| bucket.samples).sum::<u64>() + PIECE;
         work.minutes.extend(page.buckets.into_iter().filter(|bucket| !bucket.is_empty()));
-        work.next = page.next.filter(|_| !page.is_too_wide);
+        // A minute that has too much is passed over.
+        let next = if page.is_too_wide { minutes(1) } else { page.next.unwrap_or(to) };
+        work.next = Some(next).filter(|next| *next < end);
         if work.next.is_some() {
             return Ok(cost);
         }
@@ -203,10 +244,12 @@ impl<S: HistoryStore> Journal<S> {
 
     fn finish_day(&mut self, mut work: Work) -> Result<(), StoreError> {
         self.write_averages(&mut work)?;
-        // Values of it were removed since it was reopened.
-        let was_cut = self.averages.states.get(&work.day) == Some(&DayState::Cut);
-        let state = if was_cut { DayState::Cut } else { DayState::Finished };
-        self.set_state(work.day, state)?;
+        let had_lost = self.averages.states.get(&work.day).is_some_and(|note| note.lacks);
+        let lacks = work.lacks || work.lost_part || had_lost;
+        // What is left of it would hide the averages of what was there before.
+        let state = if work.lost_part { DayState::Cut } else { DayState::Finished };
+        self.set_state(work.day, DayNote { state, lacks })?;
+        self.averages.failures.remove(&work.day);
         self.counts.averaged_days.fetch_add(1, Ordering::Relaxed);
         self.averages.is_due = true;
         // The next write looks at the limits: a part of this day may wait to be removed.
@@ -214,29 +257,42 @@ impl<S: HistoryStore> Journal<S> {
         Ok(())
     }
 
-    fn set_state(&mut self, day: i64, state: DayState) -> Result<(), StoreError> {
-        if let Some(averages) = self.store.averages() {
-            averages.set_state(day, state)?;
-            self.averages.states.insert(day, state);
+    fn set_state(&mut self, day: i64, note: DayNote) -> Result<(), StoreError> {
+        if self.averages.states.get(&day) != Some(&note)
+            && let Some(averages) = self.store.averages()
+        {
+            averages.set_state(day, note)?;
+            self.averages.states.insert(day, note);
         }
         Ok(())
     }
 
+    fn state(&self, day: i64) -> DayState {
+        self.averages.states.get(&day).map_or(DayState::Pending, |note| note.state)
+    }
+
     /// Whether averages of a day are still to be computed.
     fn lacks_averages(&self, day: i64) -> bool {
-        let state = self.averages.states.get(&day);
-        !matches!(state, Some(DayState::Finished | DayState::Cut)) && !self.averages.given_up.contains(&day)
+        !matches!(self.state(day), DayState::Finished | DayState::Cut)
+            && !self.averages.given_up.contains(&day)
     }
 
     /// Something is about to be written for a day. If its averages are computed already, they will lack it.
-    pub(super) fn reopen(&mut self, day: i64) {
-        if self.averages.work.as_ref().is_some_and(|work| work.day == day) {
+    pub(super) fn reopen(&mut self, day: i64, today: i64) {
+        // What was computed before a part went is better than what could be computed now.
+        if self.averages.work.as_ref().is_some_and(|work| work.day == day && !work.lost_part) {
             self.averages.work = None;
             self.averages.is_due = true;
         }
-        if self.averages.states.get(&day) == Some(&DayState::Finished)
-            && let Err(error) = self.set_state(day, DayState::Reopened)
-        {
+        let Some(note) = self.averages.states.get(&day).copied() else { return };
+        let note = match note.state {
+            DayState::Finished => DayNote { state: DayState::Reopened, ..note },
+            // The clock was set back: its values go on.
+            DayState::Cut if day >= today => DayState::Reopened.lacking(),
+            DayState::Cut => DayState::Cut.lacking(),
+            DayState::Pending | DayState::Reopened => return,
+        };
+        if let Err(error) = self.set_state(day, note) {
             // The values are more important.
             tracing::error!(%error, day, "averages of a day will lack what comes late");
         }
@@ -245,11 +301,12 @@ impl<S: HistoryStore> Journal<S> {
     /// Whether a part that is too old has to stay until the averages of its day are there.
     pub(super) fn waits_for_averages(&self, part: Part, today: i64) -> bool {
         let oldest = self.oldest_with_averages(today);
-        let oldest_kept = today.saturating_sub(i64::from(self.settings.keep_days).max(1) - 1);
+        let too_old_since = part.day.saturating_add(i64::from(self.settings.keep_days).max(1));
+        let waits_since = self.averages.looked.map_or(today, |(_, first)| too_old_since.max(first));
         self.keeps_averages()
             && self.lacks_averages(part.day)
             && (oldest..today).contains(&part.day)
-            && part.day >= oldest_kept.saturating_sub(MAX_WAIT_DAYS)
+            && today < waits_since.saturating_add(MAX_WAIT_DAYS)
     }
 
     fn keeps_averages(&self) -> bool {
@@ -258,23 +315,46 @@ impl<S: HistoryStore> Journal<S> {
 
     /// A part is about to be removed.
     pub(super) fn note_removal(&mut self, part: Part, today: i64) {
-        if !self.has_averages || part.day > today {
+        if !self.has_averages {
             return;
         }
-        let state = match self.averages.states.get(&part.day) {
-            Some(DayState::Cut) => return,
-            Some(DayState::Finished | DayState::Reopened) => DayState::Cut,
-            None => {
+        self.let_go(part.day);
+        if part.day > today || part.day < self.oldest_with_averages(today) {
+            return;
+        }
+        let lacks = self.averages.states.get(&part.day).is_some_and(|note| note.lacks);
+        let note = match self.state(part.day) {
+            DayState::Cut => return,
+            DayState::Finished => DayNote { state: DayState::Cut, lacks },
+            // What came late is in no average.
+            DayState::Reopened => DayState::Cut.lacking(),
+            DayState::Pending => {
                 self.counts.removed_unaveraged.fetch_add(1, Ordering::Relaxed);
                 tracing::warn!(
                     ?part,
                     "a file of the history is removed, and no averages of it were computed"
                 );
-                return;
+                DayState::Pending.lacking()
             }
         };
-        if let Err(error) = self.set_state(part.day, state) {
+        if let Err(error) = self.set_state(part.day, note) {
             tracing::error!(%error, ?part, "it is not noted that values of a day are removed");
+        }
+    }
+
+    /// Closes the files that are read for averages, so that none that is removed keeps its room. A part of
+    /// this day goes: averages of all of it are better than those that could be computed now.
+    fn let_go(&mut self, day: i64) {
+        let Some(mut work) = self.averages.work.take() else { return };
+        let is_of_day = work.day == day;
+        let has_averages = is_of_day && self.state(day) != DayState::Pending;
+        match self.store.to_average() {
+            Some(reader) if !has_averages => {
+                work.reader = reader;
+                work.lost_part |= is_of_day;
+                self.averages.work = Some(work);
+            }
+            Some(_) | None => self.averages.is_due = true,
         }
     }
 
@@ -288,24 +368,28 @@ impl<S: HistoryStore> Journal<S> {
         let mut size: u64 = files.iter().map(|(_, size)| size).sum();
         for (file, bytes) in files {
             let oldest = if file.step == Step::Minute { minutes } else { hours };
-            if *file.days().end() >= oldest && size <= most {
+            let is_too_old = *file.days().end() < oldest;
+            if !is_too_old && size <= most {
                 continue;
             }
             tracing::info!(?file, bytes, "the oldest file of averages is removed");
             averages.remove(file)?;
             self.counts.removed_averages.fetch_add(1, Ordering::Relaxed);
             size = size.saturating_sub(bytes);
-            if day.is_some_and(|day| file.days().contains(&day)) {
-                match file.step {
-                    Step::Minute => {
-                        tracing::error!(?file, "there is no room for averages of minutes of this day");
-                        self.averages.without_minutes = day;
-                    }
-                    Step::Hour => {
-                        tracing::error!(?file, "there is no room for averages: none are computed any more");
-                        self.averages.is_off = true;
-                        self.averages.work = None;
-                    }
+            if !day.is_some_and(|day| file.days().contains(&day)) {
+                continue;
+            }
+            match file.step {
+                // What is computed now is not kept.
+                Step::Minute | Step::Hour if is_too_old => self.averages.work = None,
+                Step::Minute => {
+                    tracing::error!(?file, "there is no room for averages of minutes of this day");
+                    self.averages.without_minutes = day;
+                }
+                Step::Hour => {
+                    tracing::error!(?file, "there is no room for averages: none are computed any more");
+                    self.averages.is_off = true;
+                    self.averages.work = None;
                 }
             }
         }
@@ -322,8 +406,10 @@ impl<S: HistoryStore> Journal<S> {
         today.saturating_sub(i64::from(self.settings.keep_minutes_days).max(1) - 1)
     }
 
-    /// Lets the next call of [`Self::average`] look for a day.
-    pub(super) fn look_for_days(&mut self) {
+    /// Lets the next call of [`Self::average`] look for a day. The limits are looked at on this day.
+    pub(super) fn look_for_days(&mut self, today: i64) {
         self.averages.is_due = true;
+        let goes_on = self.averages.looked.filter(|(last, _)| [0, 1].contains(&today.saturating_sub(*last)));
+        self.averages.looked = Some((today, goes_on.map_or(today, |(_, first)| first)));
     }
 }

@@ -40,12 +40,12 @@ impl<S: HistoryStore> Journal<S> {
             && (size >= most / PART_SHARE || self.store.is_behind(part))
             && self.is_recovered
         {
-            self.seal_for_part()?;
+            self.seal_for_part(today)?;
             self.store.begin_part(part.day)?;
             parts = self.store.parts()?;
         }
         let averages = self.keep_limits_of_averages(today, most / AVERAGE_SHARE)?;
-        self.look_for_days();
+        self.look_for_days(today);
         let oldest_kept = today.saturating_sub(i64::from(self.settings.keep_days).max(1) - 1);
         let mut size: u64 = averages + parts.iter().map(|(_, size)| size).sum::<u64>();
         // An eighth is left for what is written before the next look.

@@ -6,6 +6,7 @@ mod limits;
 mod model;
 #[cfg(unix)]
 mod odd_files;
+mod removals;
 mod size;
 
 use super::*;
@@ -58,7 +59,7 @@ pub(super) fn ask(address: Address, from: i64, to: i64) -> Question {
 
 /// Computes the averages of all days that are over.
 pub(super) fn average_all<S: HistoryStore>(journal: &mut Journal<S>, time: i64) {
-    journal.look_for_days();
+    journal.look_for_days(Micros(time).day());
     while journal.average(Micros(time)).unwrap().is_some() {}
 }
 

@@ -14,9 +14,9 @@ use crate::core::history::sample::Micros;
 use crate::core::history::wide::Wide;
 use crate::history::recorder::Open;
 use crate::store::StoreError;
-use crate::store::history::{AskAverages, AverageFile, DayState, HistoryStore, Part};
+use crate::store::history::{AskAverages, AverageFile, DayNote, DayState, HistoryStore, Part};
 
-/// The most averages that one answer reads: the minutes of 347 days, some hundredths of a second.
+/// The most averages that one answer reads: the minutes of 347 days, which takes half a second.
 const MAX_AVERAGES: usize = 500_000;
 
 /// The most runs of days with values that one answer reads, each of which may be a million samples. There is
@@ -43,6 +43,9 @@ pub enum Used {
     Exact,
     /// Edges of buckets lie within averages: each average counts in the bucket in which it begins.
     ByBegin,
+    /// The averages lack values of the day, and so do the buckets. Edges of buckets may lie within averages,
+    /// too.
+    Incomplete,
     /// They are not in the answer: it has samples, or buckets that are narrower than the averages.
     No,
 }
@@ -51,6 +54,8 @@ pub enum Used {
 struct Left {
     has_minutes: bool,
     hours: Vec<u8>,
+    /// Whether they lack values of the day.
+    lacks: bool,
 }
 
 /// Answers a question out of values, and out of averages where the values are gone.
@@ -84,20 +89,21 @@ fn attempt<S: HistoryStore>(
 ) -> Result<Answer, StoreError> {
     let begin = question.cursor.unwrap_or(question.from);
     let mut unreadable = 0;
-    let left = left(store, question, begin, parts, &mut unreadable)?;
-    if left.is_empty() {
-        let mut answer = of_values(store, question, open)?;
-        answer.unreadable += unreadable;
-        return Ok(answer);
-    }
     let mut answer = match question.bucket {
         Some(width) if width >= Step::Minute.micros() => {
-            let page = Page { question, begin, width, left, unreadable: 0, cut: None, told: Vec::new() };
-            page.answer(store, &open)?
+            let to = page_end(question, begin, width);
+            let left = left(store, question, begin..to, parts, &mut unreadable)?;
+            if left.is_empty() {
+                of_values(store, question, open)?
+            } else {
+                let page = Page { question, begin, width, left, unreadable: 0, cut: None, told: Vec::new() };
+                page.answer(store, &open)?
+            }
         }
         Some(_) | None => {
             let mut answer = of_values(store, question, open)?;
             let end = answer.next.unwrap_or(question.to);
+            let left = left(store, question, begin..end, parts, &mut unreadable)?;
             for (day, left) in left {
                 let step = if left.has_minutes { Step::Minute } else { Step::Hour };
                 tell(&mut answer.averages, day, begin..end, step, Used::No);
@@ -109,16 +115,22 @@ fn attempt<S: HistoryStore>(
     Ok(answer)
 }
 
+/// Where a page of buckets of this width ends at the latest.
+fn page_end(question: &Question, begin: Micros, width: i64) -> Micros {
+    let most = i64::try_from(question.limit).unwrap_or(i64::MAX);
+    Micros(begin.0.saturating_add(most.saturating_mul(width))).min(question.to)
+}
+
 /// The days of the range whose values are gone, wholly or in part, and of which there are averages of the
 /// signal.
 fn left<S: HistoryStore>(
     store: &mut S,
     question: &Question,
-    begin: Micros,
+    range: Range<Micros>,
     parts: &BTreeSet<Part>,
     unreadable: &mut u64,
 ) -> Result<BTreeMap<i64, Left>, StoreError> {
-    let (first, last) = (begin.day(), Micros(question.to.0.saturating_sub(1)).day());
+    let (first, last) = (range.start.day(), Micros(range.end.0.saturating_sub(1)).day());
     let Some(averages) = store.averages() else { return Ok(BTreeMap::new()) };
     let files = averages.files()?.into_iter().map(|(file, _)| file);
     let files = files.filter(|file| *file.days().end() >= first && file.first <= last);
@@ -129,13 +141,14 @@ fn left<S: HistoryStore>(
     let minutes: BTreeSet<_> = minutes.into_iter().map(|file| file.first).collect();
     let states = averages.states(first..=last)?;
     let ask = AskAverages { robot: &question.robot, address: question.address, from: first, to: last };
+    let is_whole = |note: &DayNote| !note.lacks && note.state != DayState::Pending;
     let mut left = BTreeMap::new();
     for file in hours {
         match averages.read(file, ask) {
-            Ok(rows) => left.extend(
-                rows.into_iter()
-                    .map(|(day, hours)| (day, Left { has_minutes: minutes.contains(&day), hours })),
-            ),
+            Ok(rows) => left.extend(rows.into_iter().map(|(day, hours)| {
+                let lacks = !states.get(&day).is_some_and(is_whole);
+                (day, Left { has_minutes: minutes.contains(&day), hours, lacks })
+            })),
             Err(StoreError::Unreadable(what)) => {
                 tracing::error!(?file, what, "a file of averages cannot be read");
                 *unreadable += 1;
@@ -144,7 +157,10 @@ fn left<S: HistoryStore>(
         }
     }
     let with_values: BTreeSet<_> = parts.iter().map(|part| part.day).collect();
-    left.retain(|day, _| !with_values.contains(day) || states.get(day) == Some(&DayState::Cut));
+    // Averages take the place of what is left of the values of a day, but never of those that still come.
+    let newest = with_values.last().copied();
+    let is_cut = |day: &i64| states.get(day).is_some_and(|note| note.state == DayState::Cut);
+    left.retain(|day, _| !with_values.contains(day) || (is_cut(day) && Some(*day) < newest));
     Ok(left)
 }
 
@@ -176,8 +192,7 @@ struct Page<'q> {
 impl Page<'_> {
     fn answer<S: HistoryStore>(mut self, store: &mut S, open: &Open) -> Result<Answer, StoreError> {
         let question = self.question;
-        let most = i64::try_from(question.limit).unwrap_or(i64::MAX);
-        let to = Micros(self.begin.0.saturating_add(most.saturating_mul(self.width))).min(question.to);
+        let to = page_end(question, self.begin, self.width);
         let mut wide = Wide::new(self.begin, self.width);
         let days: Vec<i64> = self.left.keys().copied().filter(|day| begin_of(*day) < to).collect();
         let (mut at, mut read, mut runs) = (self.begin, 0, 0);
@@ -285,12 +300,14 @@ impl Page<'_> {
         };
         let (step, used, buckets) = match (step, minutes) {
             (None, _) => (Step::Hour, Used::No, Vec::new()),
-            (Some(_), Some(minutes)) => (Step::Minute, self.used(day, Step::Minute), minutes),
+            (Some(_), Some(minutes)) => (Step::Minute, self.used(day, Step::Minute, left.lacks), minutes),
             // The file of minutes was removed meanwhile, or has nothing of this signal.
             (Some(Step::Minute), None) if self.width < Step::Hour.micros() => {
                 (Step::Hour, Used::No, Vec::new())
             }
-            (Some(_), None) => (Step::Hour, self.used(day, Step::Hour), hours(&mut self.unreadable)),
+            (Some(_), None) => {
+                (Step::Hour, self.used(day, Step::Hour, left.lacks), hours(&mut self.unreadable))
+            }
         };
         for bucket in buckets.into_iter().filter(|bucket| bucket.start < to) {
             wide.add(bucket, step.micros());
@@ -299,8 +316,12 @@ impl Page<'_> {
         Ok(())
     }
 
-    fn used(&self, day: i64, step: Step) -> Used {
-        if self.is_exact(day, step) { Used::Exact } else { Used::ByBegin }
+    fn used(&self, day: i64, step: Step, lacks: bool) -> Used {
+        match (lacks, self.is_exact(day, step)) {
+            (true, _) => Used::Incomplete,
+            (false, true) => Used::Exact,
+            (false, false) => Used::ByBegin,
+        }
     }
 
     /// The minutes of a day; `None` if there are none of this signal.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, OptionalExtension, TransactionBehavior, params};
 
-use super::averages::{AskAverages, AverageFile, AverageRow, AverageStore, DayState, day_of};
+use super::averages::{AskAverages, AverageFile, AverageRow, AverageStore, DayNote, DayState, day_of};
 use super::file::{self, Form};
 use super::table;
 use crate::core::history::averages::Step;
@@ -38,7 +38,8 @@ CREATE TABLE averages (
 CREATE UNIQUE INDEX averages_of_signal ON averages (signal, day);
 CREATE TABLE day (
     day   INTEGER PRIMARY KEY,
-    state INTEGER NOT NULL
+    state INTEGER NOT NULL,
+    lacks INTEGER NOT NULL
 ) STRICT;
 ";
 
@@ -120,7 +121,7 @@ impl AverageStore for AverageFiles {
         }
     }
 
-    fn set_state(&mut self, day: i64, state: DayState) -> Result<(), StoreError> {
+    fn set_state(&mut self, day: i64, note: DayNote) -> Result<(), StoreError> {
         let minutes = AverageFile::of(Step::Minute, day);
         if let Some(connection) = self.open.get(&minutes) {
             checkpoint(connection)?;
@@ -128,15 +129,15 @@ impl AverageStore for AverageFiles {
         }
         let hours = AverageFile::of(Step::Hour, day);
         let set = self.connection(hours).and_then(|connection| {
-            let text = "INSERT INTO day (day, state) VALUES (?1, ?2)
-                        ON CONFLICT (day) DO UPDATE SET state = excluded.state";
-            connection.execute(text, params![day, number_of(state)])?;
+            let text = "INSERT INTO day (day, state, lacks) VALUES (?1, ?2, ?3)
+                        ON CONFLICT (day) DO UPDATE SET state = excluded.state, lacks = excluded.lacks";
+            connection.execute(text, params![day, number_of(note.state), note.lacks])?;
             checkpoint(connection)
         });
         self.kept(hours, set)
     }
 
-    fn states(&mut self, days: RangeInclusive<i64>) -> Result<BTreeMap<i64, DayState>, StoreError> {
+    fn states(&mut self, days: RangeInclusive<i64>) -> Result<BTreeMap<i64, DayNote>, StoreError> {
         let mut all = BTreeMap::new();
         for (file, _) in self.files()? {
             let of = file.days();
@@ -195,13 +196,13 @@ fn read(connection: &Connection, ask: AskAverages<'_>) -> Result<Vec<(i64, Vec<u
     Ok(rows.collect::<Result<_, _>>()?)
 }
 
-fn states(connection: &Connection) -> Result<Vec<(i64, DayState)>, StoreError> {
-    let mut select = connection.prepare_cached("SELECT day, state FROM day")?;
-    let rows = select.query_map([], |row| Ok((row.get(0)?, row.get::<_, i64>(1)?)))?;
+fn states(connection: &Connection) -> Result<Vec<(i64, DayNote)>, StoreError> {
+    let mut select = connection.prepare_cached("SELECT day, state, lacks FROM day")?;
+    let rows = select.query_map([], |row| Ok((row.get(0)?, row.get::<_, i64>(1)?, row.get(2)?)))?;
     let mut all = Vec::new();
     for row in rows {
-        let (day, number) = row?;
-        all.extend(state_of(number).map(|state| (day, state)));
+        let (day, number, lacks) = row?;
+        all.extend(state_of(number).map(|state| (day, DayNote { state, lacks })));
     }
     Ok(all)
 }
@@ -218,11 +219,12 @@ fn number_of(state: DayState) -> i64 {
         DayState::Finished => 0,
         DayState::Cut => 1,
         DayState::Reopened => 2,
+        DayState::Pending => 3,
     }
 }
 
 fn state_of(number: i64) -> Option<DayState> {
-    [DayState::Finished, DayState::Cut, DayState::Reopened]
+    [DayState::Finished, DayState::Cut, DayState::Reopened, DayState::Pending]
         .into_iter()
         .find(|state| number_of(*state) == number)
 }

@@ -61,15 +61,41 @@ pub(super) fn day_of(date_of: Date) -> i64 {
     date_of.since((Unit::Day, date(1970, 1, 1))).map_or(0, |since| i64::from(since.get_days()))
 }
 
-/// What became of a day that is over.
+/// What became of the averages of a day.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DayState {
+    /// They are still to be computed. That is written only of a day that has lost values already.
+    Pending,
     /// The averages of all its signals are kept.
     Finished,
     /// Values came later: its averages are to be computed anew.
     Reopened,
     /// Values of it were removed, so averages that are computed now would lack them.
     Cut,
+}
+
+impl DayState {
+    /// This state of a day whose averages have all that was kept.
+    #[cfg(test)]
+    #[must_use]
+    pub const fn whole(self) -> DayNote {
+        DayNote { state: self, lacks: false }
+    }
+
+    /// This state of a day whose averages lack something.
+    #[must_use]
+    pub const fn lacking(self) -> DayNote {
+        DayNote { state: self, lacks: true }
+    }
+}
+
+/// What is noted of a day.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DayNote {
+    /// What became of its averages.
+    pub state: DayState,
+    /// Whether some of its values are in no average: they came too late, went too soon, or could not be read.
+    pub lacks: bool,
 }
 
 /// The averages of a signal on one day.
@@ -115,13 +141,13 @@ pub trait AverageStore {
     ///
     /// # Errors
     /// [`StoreError`].
-    fn set_state(&mut self, day: i64, state: DayState) -> Result<(), StoreError>;
+    fn set_state(&mut self, day: i64, note: DayNote) -> Result<(), StoreError>;
 
     /// What became of these days, as far as it is known. A file that cannot be read is passed over.
     ///
     /// # Errors
     /// [`StoreError`].
-    fn states(&mut self, days: RangeInclusive<i64>) -> Result<BTreeMap<i64, DayState>, StoreError>;
+    fn states(&mut self, days: RangeInclusive<i64>) -> Result<BTreeMap<i64, DayNote>, StoreError>;
 
     /// All files, those of minutes first, with their size on the disk in bytes.
     ///

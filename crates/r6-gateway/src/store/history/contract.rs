@@ -316,12 +316,17 @@ fn averages_are_found_by_signal_and_day_and_take_the_place_of_older_ones() {
 fn each_day_has_a_state_that_changes() {
     on_each(|store| {
         let Some(of) = store.averages() else { return };
-        let all = [(20_782, DayState::Finished), (20_783, DayState::Cut), (20_788, DayState::Reopened)];
-        all.into_iter().for_each(|(day, state)| of.set_state(day, state).unwrap());
+        let all = [
+            (20_782, DayState::Finished.whole()),
+            (20_783, DayState::Cut.lacking()),
+            (20_788, DayState::Reopened.whole()),
+            (20_789, DayState::Pending.lacking()),
+        ];
+        all.into_iter().for_each(|(day, note)| of.set_state(day, note).unwrap());
         assert_eq!(of.states(0..=99_999).unwrap(), all.into());
         assert_eq!(of.states(20_783..=20_787).unwrap(), [all[1]].into());
-        of.set_state(20_782, DayState::Cut).unwrap();
-        assert_eq!(of.states(20_782..=20_782).unwrap(), [(20_782, DayState::Cut)].into());
+        of.set_state(20_782, DayState::Cut.whole()).unwrap();
+        assert_eq!(of.states(20_782..=20_782).unwrap(), [(20_782, DayState::Cut.whole())].into());
     });
 }
 
@@ -345,7 +350,7 @@ fn averages_stay_in_the_folder_and_an_older_gateway_sees_its_own_files_alone() {
     let of = store.averages().unwrap();
     of.write(Step::Minute, 20_782, &[row("press", MODE, b"minutes")]).unwrap();
     of.write(Step::Hour, 20_782, &[row("press", MODE, b"hours")]).unwrap();
-    of.set_state(20_782, DayState::Finished).unwrap();
+    of.set_state(20_782, DayState::Finished.whole()).unwrap();
     drop(store);
     let names = super::file_names(folder.path()).unwrap();
     assert_eq!(names, ["2026-11-25.db", "hours-2026-11.db", "minutes-2026-11-25.db"]);

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use r6_proto::Address;
 
-use super::averages::{AskAverages, AverageFile, AverageRow, AverageStore, DayState};
+use super::averages::{AskAverages, AverageFile, AverageRow, AverageStore, DayNote};
 use super::{Ask, AskEvents, Entry, HistoryStore, KeptEvent, Part, Tail};
 use crate::core::history::averages::Step;
 use crate::core::history::block::{Chunk, Write};
@@ -40,7 +40,7 @@ struct File {
 #[derive(Debug, Default)]
 struct Averages {
     rows: BTreeMap<(RobotName, Address, i64), Vec<u8>>,
-    states: BTreeMap<i64, DayState>,
+    states: BTreeMap<i64, DayNote>,
 }
 
 impl MemoryDays {
@@ -227,16 +227,16 @@ impl AverageStore for MemoryDays {
         Ok(rows.filter(|(key, _)| fits(key)).map(|((.., day), bytes)| (*day, bytes.clone())).collect())
     }
 
-    fn set_state(&mut self, day: i64, state: DayState) -> Result<(), StoreError> {
+    fn set_state(&mut self, day: i64, note: DayNote) -> Result<(), StoreError> {
         let mut held = self.held();
-        held.averages.entry(AverageFile::of(Step::Hour, day)).or_default().states.insert(day, state);
+        held.averages.entry(AverageFile::of(Step::Hour, day)).or_default().states.insert(day, note);
         Ok(())
     }
 
-    fn states(&mut self, days: RangeInclusive<i64>) -> Result<BTreeMap<i64, DayState>, StoreError> {
+    fn states(&mut self, days: RangeInclusive<i64>) -> Result<BTreeMap<i64, DayNote>, StoreError> {
         let held = self.held();
         let all = held.averages.values().flat_map(|file| &file.states);
-        Ok(all.filter(|(day, _)| days.contains(day)).map(|(day, state)| (*day, *state)).collect())
+        Ok(all.filter(|(day, _)| days.contains(day)).map(|(day, note)| (*day, *note)).collect())
     }
 
     fn files(&mut self) -> Result<Vec<(AverageFile, u64)>, StoreError> {

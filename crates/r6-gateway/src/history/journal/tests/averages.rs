@@ -7,17 +7,17 @@ use crate::history::query::{Averaged, Used, answer_with_averages};
 use crate::store::history::{AverageFile, DayState, Days};
 
 /// The first day of these tests, which is followed by others.
-const FIRST: i64 = 20_782;
-const MODE: Address = Address::CurMode;
-const MINUTE: i64 = 60 * SECOND;
-const HOUR: i64 = 3_600 * SECOND;
+pub(super) const FIRST: i64 = 20_782;
+pub(super) const MODE: Address = Address::CurMode;
+pub(super) const MINUTE: i64 = 60 * SECOND;
+pub(super) const HOUR: i64 = 3_600 * SECOND;
 
-fn at(day: i64, second: i64) -> i64 {
+pub(super) fn at(day: i64, second: i64) -> i64 {
     begin_of(day).0 + second * SECOND
 }
 
 /// Numbers of two signals, every 7 s from 20:00 of the first day to 04:00 of the second, with gaps.
-fn fill<S: HistoryStore>(journal: &mut Journal<S>) {
+pub(super) fn fill<S: HistoryStore>(journal: &mut Journal<S>) {
     let counts = Arc::<RobotCounts>::default();
     for number in 0..4_114 {
         let time = at(FIRST, 20 * 3_600) + number * 7 * SECOND;
@@ -36,11 +36,11 @@ fn fill<S: HistoryStore>(journal: &mut Journal<S>) {
     journal.flush(Instant::ORIGIN, Micros(at(FIRST + 1, 4 * 3_600))).unwrap();
 }
 
-fn question(from: i64, to: i64, bucket: Option<i64>) -> Question {
+pub(super) fn question(from: i64, to: i64, bucket: Option<i64>) -> Question {
     Question { bucket, ..ask(Address::Origin, from, to) }
 }
 
-fn read<S: HistoryStore>(store: &mut S, question: &Question) -> Answer {
+pub(super) fn read<S: HistoryStore>(store: &mut S, question: &Question) -> Answer {
     let answer = answer_with_averages(store, question, Vec::new()).unwrap();
     assert_eq!((answer.unreadable, answer.is_too_wide), (0, false));
     answer
@@ -66,7 +66,7 @@ fn averaged<S: HistoryStore>(store: S, before: &[Question]) -> (Journal<S>, Vec<
     let of_values = before.iter().map(|question| answer(&mut journal.store, question, Vec::new()).unwrap());
     let of_values = of_values.collect();
     average_all(&mut journal, at(FIRST + 1, 4 * 3_600));
-    assert_eq!(journal.averages.states, BTreeMap::from([(FIRST, DayState::Finished)]));
+    assert_eq!(journal.averages.states, BTreeMap::from([(FIRST, DayState::Finished.whole())]));
     journal.note_removal(Part { day: FIRST, number: 1 }, FIRST + 1);
     journal.store.remove(Part { day: FIRST, number: 1 }).unwrap();
     (journal, of_values)
@@ -196,11 +196,15 @@ fn values_that_come_late_are_averaged_too_unless_others_are_gone() {
         journal.flush(Instant::ORIGIN, Micros(now)).unwrap();
     };
     late(&mut journal, 0);
-    assert_eq!(journal.averages.states[&FIRST], DayState::Reopened);
+    assert_eq!(journal.averages.states[&FIRST], DayState::Reopened.whole());
     let averages = journal.store.averages().unwrap();
-    assert_eq!(averages.states(0..=FIRST).unwrap()[&FIRST], DayState::Reopened, "the next process knows it");
+    assert_eq!(
+        averages.states(0..=FIRST).unwrap()[&FIRST],
+        DayState::Reopened.whole(),
+        "the next process knows it"
+    );
     average_all(&mut journal, now);
-    assert_eq!(journal.averages.states[&FIRST], DayState::Finished);
+    assert_eq!(journal.averages.states[&FIRST], DayState::Finished.whole());
 
     let part = Part { day: FIRST, number: 1 };
     journal.note_removal(part, FIRST + 1);
@@ -209,11 +213,11 @@ fn values_that_come_late_are_averaged_too_unless_others_are_gone() {
     // The other values are gone: averages of this one alone would be wrong.
     late(&mut journal, 60);
     average_all(&mut journal, now);
-    assert_eq!(journal.averages.states[&FIRST], DayState::Cut);
+    assert_eq!(journal.averages.states[&FIRST], DayState::Cut.lacking());
     let whole_day = question(at(FIRST, 0), at(FIRST + 1, 0), Some(HOUR));
     let answer = read(&mut journal.store, &whole_day);
     assert_eq!((answer.buckets[10].samples, answer.buckets[21].samples), (1, 514));
-    assert_eq!(answer.averages[0].used, Used::Exact);
+    assert_eq!(answer.averages[0].used, Used::Incomplete, "the late one is in no average");
     // Samples are told as far as there are some.
     let answer = read(&mut journal.store, &question(at(FIRST, 0), at(FIRST + 1, 0), None));
     assert_eq!(answer.samples.len(), 2, "the late one, and the end of it");
@@ -238,11 +242,13 @@ fn a_day_that_is_too_old_waits_for_its_averages_and_not_for_ever() {
         let of = |count: &std::sync::atomic::AtomicU64| count.load(Ordering::Relaxed);
         (of(&journal.counts.removed), of(&journal.counts.removed_unaveraged))
     };
-    assert_eq!((removed(&journal), journal.averages.states[&FIRST]), ((1, 0), DayState::Cut));
+    assert_eq!((removed(&journal), journal.averages.states[&FIRST]), ((1, 0), DayState::Cut.whole()));
     // A day that nobody averages goes all the same.
     assert_eq!(journal.store.parts().unwrap().len(), 1);
-    journal.look_at_limits(Micros(at(FIRST + 3, 0))).unwrap();
-    assert_eq!(journal.store.parts().unwrap().len(), 1);
+    for day in [FIRST + 2, FIRST + 3] {
+        journal.look_at_limits(Micros(at(day, 0))).unwrap();
+        assert_eq!(journal.store.parts().unwrap().len(), 1);
+    }
     journal.look_at_limits(Micros(at(FIRST + 4, 0))).unwrap();
     assert_eq!(journal.store.parts().unwrap().len(), 0);
     assert_eq!(removed(&journal), (2, 1));
@@ -273,14 +279,14 @@ fn a_disk_that_fails_delays_averages_and_changes_nothing_in_them() {
     fill(&mut journal);
     let now = Micros(at(FIRST + 1, 4 * 3_600));
     journal.store.fail(1, false);
-    journal.look_for_days();
+    journal.look_for_days(FIRST + 1);
     let mut failed = 0;
     for _ in 0..20 {
         failed += u32::from(journal.average(now).is_err());
     }
     assert_eq!((failed, journal.averages.states.len()), (1, 0), "it is left alone until the next look");
     average_all(&mut journal, now.0);
-    assert_eq!(journal.averages.states[&FIRST], DayState::Finished);
+    assert_eq!(journal.averages.states[&FIRST], DayState::Finished.whole());
     // Nothing is computed while the history pauses.
     journal.averages.states.clear();
     journal.counts.paused.store(true, Ordering::Relaxed);
@@ -299,13 +305,16 @@ fn files_of_averages_that_cannot_be_read_or_made_stop_no_values() {
     let now = Micros(at(FIRST + 1, 4 * 3_600));
     let mut failed = 0;
     for _ in 0..100 {
-        journal.look_for_days();
+        journal.look_for_days(FIRST + 1);
         failed += u32::from(journal.average(now).is_err());
         journal.flush(Instant::ORIGIN, now).unwrap();
     }
     assert!(failed > 0 && journal.averages.states.is_empty());
-    // The day stays for a while, and then it goes.
-    journal.look_at_limits(Micros(at(FIRST + 4, 0))).unwrap();
+    assert_eq!(journal.counts.given_up_days.load(Ordering::Relaxed), 1);
+    // The days stay for a while, and then they go.
+    for day in FIRST + 1..=FIRST + 4 {
+        journal.look_at_limits(Micros(at(day, 5 * 3_600))).unwrap();
+    }
     assert_eq!(journal.counts.removed_unaveraged.load(Ordering::Relaxed), 2);
     assert!(journal.store.parts().unwrap().is_empty());
     let answer = answer_with_averages(&mut journal.store, &question(at(FIRST, 0), now.0, None), Vec::new());

@@ -175,7 +175,7 @@ fn play<S: HistoryStore>(steps: Vec<Step>, mut new: impl FnMut() -> S, fail: imp
                 model.safe.clone_from(&model.all);
             }
             Step::Part => {
-                if running.seal_for_part().is_ok() {
+                if running.seal_for_part(Micros(model.time).day()).is_ok() {
                     model.safe.clone_from(&model.all);
                     running.store.begin_part(Micros(model.time).day()).unwrap();
                 }
