@@ -5,8 +5,9 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use super::*;
+use crate::core::history::averages::Step;
 use crate::history::query::answer_with_averages;
-use crate::store::history::Days;
+use crate::store::history::{AskAverages, AverageFile, Days};
 
 const SIGNALS: [Address; 3] = [Address::CurMode, Address::IsMoving, Address::Origin];
 
@@ -118,12 +119,12 @@ fn signals_of_day() -> Vec<Address> {
 fn averaging(folder: &std::path::Path) -> Journal<Days> {
     let mut running = journal(Days::to_write(folder, 1 << 30), settings());
     running.flush(Instant::ORIGIN, after_day()).unwrap();
-    running.look_for_days();
+    running.look_for_days(DAY + 2);
     running
 }
 
 fn after_day() -> Micros {
-    Micros((DAY + 1) * 86_400 * SECOND + 3_600 * SECOND)
+    Micros((DAY + 2) * 86_400 * SECOND + 3_600 * SECOND)
 }
 
 /// It computes averages until it is killed, and does nothing unless the test below starts it.
@@ -142,8 +143,9 @@ fn averages_are_whole_or_computed_anew_when_the_process_is_killed() {
     let folder = tempfile::tempdir().unwrap();
     let counts = Arc::<RobotCounts>::default();
     let mut running = journal(Days::to_write(folder.path(), 1 << 30), settings());
-    for number in 0..2_000 {
-        let time = DAY * 86_400 * SECOND + number * 11 * SECOND;
+    // From 18:00 on, and over midnight.
+    for number in 0..2_200 {
+        let time = (DAY * 86_400 + 18 * 3_600) * SECOND + number * 11 * SECOND;
         let samples = signals_of_day().into_iter().zip(1..);
         let samples = samples.map(|(address, at)| (address, whole(time, number * at % 10_007)));
         running.take(Instant::ORIGIN, batch_of(Interval::USUAL, samples.collect(), &counts));
@@ -151,7 +153,7 @@ fn averages_are_whole_or_computed_anew_when_the_process_is_killed() {
     running.seal_all();
     running.flush(Instant::ORIGIN, after_day()).unwrap();
     let question = |address| {
-        let (from, to) = (DAY * 86_400 * SECOND, (DAY + 1) * 86_400 * SECOND);
+        let (from, to) = (DAY * 86_400 * SECOND, (DAY + 2) * 86_400 * SECOND);
         Question { bucket: Some(60 * SECOND), ..ask(address, from, to) }
     };
     let of_values = signals_of_day()
@@ -159,7 +161,7 @@ fn averages_are_whole_or_computed_anew_when_the_process_is_killed() {
         .map(|address| answer(&mut running.store, &question(address), Vec::new()).unwrap().buckets);
     let of_values: Vec<_> = of_values.collect();
     drop(running);
-    let (mut seed, mut finished) = (0x2545_F491_u64, 0);
+    let (mut seed, mut seen, mut unfinished) = (0x2545_F491_u64, 0, 0);
     for kill in 0..KILLS {
         let mut child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "history::journal::tests::kills::child_that_averages", "--nocapture"])
@@ -170,27 +172,33 @@ fn averages_are_whole_or_computed_anew_when_the_process_is_killed() {
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         // It is killed behind one of its first pieces.
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-        let pieces = usize::try_from((seed >> 33) % 25).unwrap();
+        let pieces = usize::try_from((seed >> 33) % 200).unwrap();
         let is_piece = |line: &std::io::Result<String>| line.as_ref().is_ok_and(|line| line == "piece");
-        lines.by_ref().filter(is_piece).nth(pieces);
+        seen += lines.by_ref().filter(is_piece).take(pieces).count();
         child.kill().unwrap();
         child.wait().unwrap();
         let mut again = averaging(folder.path());
         let states = again.store.averages().unwrap().states(DAY..=DAY).unwrap();
-        finished += u32::from(!states.is_empty());
-        if kill + 1 == KILLS {
-            while again.average(after_day()).unwrap().is_some() {}
-        }
+        let (robot, address) = (press(), signals_of_day()[0]);
+        let of_day = AskAverages { robot: &robot, address, from: DAY, to: DAY };
+        let averages = again.store.averages().unwrap();
+        let rows = averages.read(AverageFile::of(Step::Minute, DAY), of_day).unwrap();
+        unfinished += u32::from(states.is_empty() && !rows.is_empty());
         if states.is_empty() && kill + 1 < KILLS {
             continue;
         }
-        // Once the day is finished, its averages are those of its values.
-        again.store.remove(Part { day: DAY, number: 1 }).unwrap();
+        // Once a day is finished, its averages are those of its values. The last ones of the day before
+        // count on behind midnight.
+        while again.average(after_day()).unwrap().is_some() {}
+        for day in [DAY, DAY + 1] {
+            again.store.remove(Part { day, number: 1 }).unwrap();
+        }
         for (address, of_values) in signals_of_day().into_iter().zip(&of_values) {
             let answer = answer_with_averages(&mut again.store, &question(address), Vec::new()).unwrap();
             assert!(answer.buckets == *of_values, "kill {kill}: {address}");
         }
         break;
     }
-    assert!(finished <= 1);
+    assert!(seen > 20, "{seen}: it computed something before it was killed");
+    assert!(unfinished > 0, "it was killed behind a write and before the end");
 }
