@@ -155,6 +155,11 @@ def test_pages_of_the_history_are_read_to_the_end_and_what_is_missing_is_said() 
     with pytest.warns(RuntimeWarning, match="only averages of 60 s from a to b"):
         next(r6.Gateway(old.url, token="x").robot("arm").history("axis-0"))
     old.close()
+    lacking = page | {"unreadable_chunks": 0, "averages": [left | {"used": "incomplete"}]}
+    partly = Peer(answer("200 OK", json.dumps(lacking).encode()))
+    with pytest.warns(RuntimeWarning, match="averages from a to b lack some values"):
+        next(r6.Gateway(partly.url, token="x").robot("arm").history("axis-0"))
+    partly.close()
 
 
 def test_pages_of_runs_are_read_to_the_end() -> None:

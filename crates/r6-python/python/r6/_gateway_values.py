@@ -152,6 +152,9 @@ def read_history(answer: Any) -> tuple[list[dict[str, Any]], dict[str, str] | No
             width, begin, end = int(part["width_ms"]) // 1000, part["from"], part["to"]
             what = f"the gateway has only averages of {width} s from {begin} to {end}: ask for such buckets"
             warnings.warn(what, RuntimeWarning, stacklevel=2)
+        elif part["used"] == "incomplete":
+            what = f"the averages from {part['from']} to {part['to']} lack some values: they came late or are lost"
+            warnings.warn(what, RuntimeWarning, stacklevel=2)
     rows = answer["buckets"] if "buckets" in answer else answer["samples"]
     return [dict(row) for row in rows], _next_page(answer)
 
