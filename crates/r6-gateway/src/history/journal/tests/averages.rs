@@ -243,7 +243,7 @@ fn a_day_that_is_too_old_waits_for_its_averages_and_not_for_ever() {
         (of(&journal.counts.removed), of(&journal.counts.removed_unaveraged))
     };
     assert_eq!((removed(&journal), journal.averages.states[&FIRST]), ((1, 0), DayState::Cut.whole()));
-    // A day that nobody averages goes all the same.
+    // A day that is never averaged goes all the same.
     assert_eq!(journal.store.parts().unwrap().len(), 1);
     for day in [FIRST + 2, FIRST + 3] {
         journal.look_at_limits(Micros(at(day, 0))).unwrap();
