@@ -578,7 +578,7 @@ impl From<rusqlite::Error> for StoreError {
     fn from(error: rusqlite::Error) -> Self {
         use rusqlite::Error::{FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType};
         use rusqlite::ErrorCode::{DatabaseCorrupt, NotADatabase, Unknown};
-        // A value that is none of its column: to read it again changes nothing.
+        // A value of another type than its column: to read it again changes nothing.
         if matches!(error, InvalidColumnType(..) | FromSqlConversionFailure(..) | IntegralValueOutOfRange(..))
         {
             return Self::Unreadable(error.to_string());

@@ -81,7 +81,7 @@ pub async fn run_by_gateway(args: AuditArgs, by: ByGateway) -> Result<Exit, Fail
         let span = match args.after {
             Some(after) => format!("no entry behind {after}{about} is there that this token may read"),
             None => format!(
-                "none of the last {} entries{about} is one that this token may read: --after 0 looks at the whole log",
+                "this token may read none of the last {} entries{about}: --after 0 looks at the whole log",
                 args.last
             ),
         };

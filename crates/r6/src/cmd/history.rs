@@ -196,7 +196,7 @@ fn left(part: &HistoryAverages) -> String {
         AveragesUsed::Exact => format!("{gone}: these rows are made of them, as exact as of the values"),
         AveragesUsed::ByBegin => {
             format!(
-                "{gone}: these rows are made of them, and each average counts in the row in which it begins: one that begins before the range is missing"
+                "{gone}: these rows are made of them, and each average counts in the row in which it begins: averages from before the range are missing"
             )
         }
         AveragesUsed::Incomplete => {
@@ -287,7 +287,7 @@ mod tests {
              `--bucket 1m` or a wider one"
         );
         assert!(left(&part(3_600_000, AveragesUsed::ByBegin)).ends_with(
-            "each average counts in the row in which it begins: one that begins before the range is missing"
+            "each average counts in the row in which it begins: averages from before the range are missing"
         ));
         assert!(
             left(&part(3_600_000, AveragesUsed::Incomplete)).ends_with("they lack some values of that time")

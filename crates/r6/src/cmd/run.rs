@@ -90,7 +90,7 @@ With --gateway-url the gateway runs the program: it feeds the steps, and stops t
 longer renews the lease. r6 follows the run to its end, with --wait or without. Ctrl-C stops the arm. Only \
 --json goes with it; its events are \"accepted\", \"progress\" and \"ended\", each with the run. In place of FILE, \
 --kept names a program that the gateway keeps. Without a version it is the latest one, which somebody may have \
-stored meanwhile: --sha256 refuses the run if its text is not the one that you looked at. A run whose answer was \
+stored meanwhile: --sha256 refuses the run if its text is another than you looked at. A run whose answer was \
 lost is never asked for again: look at the arm.
 
 --json prints a line for each list that was accepted (event \"accepted\"), at most two a second on \

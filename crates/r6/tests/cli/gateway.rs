@@ -392,7 +392,7 @@ fn users_are_made_and_sign_in_and_no_secret_is_in_a_file_or_in_the_output() {
     let last = disable("anna");
     assert!(last.code == 2 && last.err.contains("last admin"), "{last:?}");
     assert_eq!(r6(&["gateway", "user", "--data", &data, "--link", "no-user"]).code, 2);
-    // What has no effect is refused: nobody shall believe that a role has changed.
+    // An option without effect is refused: a person would believe that a role has changed.
     for args in [&["--link", "anna", "--role", "viewer"][..], &["--list", "--robot", "saw"]] {
         let refused = r6(&[&["gateway", "user", "--data", &data][..], args].concat());
         assert!(refused.code == 2 && refused.err.contains("go with --add alone"), "{refused:?}");

@@ -26,8 +26,8 @@ pub(super) struct Form {
     pub page: u64,
 }
 
-/// Refuses what has the name of a file and is none: to open a pipe could wait for ever, and what lies behind
-/// a link is not in the folder.
+/// Refuses pipes, links and folders with the name of a file: to open a pipe could wait for ever, and what
+/// lies behind a link is not in the folder.
 fn check_kind(path: &Path) -> Result<(), StoreError> {
     let is_other = fs::symlink_metadata(path).is_ok_and(|about| !about.is_file());
     if is_other { Err(StoreError::Unreadable(format!("{} is no file", path.display()))) } else { Ok(()) }

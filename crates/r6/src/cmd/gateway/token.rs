@@ -233,7 +233,7 @@ mod tests {
             told(Role::Engineer, Some("press,saw=viewer,mill=operator,*=viewer")),
             "engineer of press; operator of mill; viewer of saw, all others"
         );
-        // The highest role is not always one that a robot has.
+        // No robot has to have the highest role.
         assert_eq!(told(Role::Admin, Some("press=viewer")), "viewer of press");
     }
 }

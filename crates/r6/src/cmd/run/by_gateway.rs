@@ -99,7 +99,7 @@ async fn carry_out(
     follow(robot, begun, &request.lease, (ending, is_interrupted), json).await
 }
 
-/// Refuses a run that is not the one that was asked for. Giving the lease back stops it.
+/// Refuses another run than asked for. Giving the lease back stops it.
 fn check(begun: &Run, request: &RunRequest, robot: &GatewayRobot) -> Result<(), Failure> {
     let is_version = |version: u64| begun.version == Some(version);
     let is_it = begun.robot == robot.name()
@@ -109,7 +109,7 @@ fn check(begun: &Run, request: &RunRequest, robot: &GatewayRobot) -> Result<(), 
     if is_it {
         return Ok(());
     }
-    let what = "the gateway tells of another run than the one that was asked for: the lease is given back";
+    let what = "the gateway tells of another run than asked for: the lease is given back";
     Err(Failure::unknown(what).advise(AFTER_THE_LEASE))
 }
 
