@@ -1,6 +1,7 @@
 import { expect, test } from "vitest";
 import type { HistoryBucket } from "../api/types.ts";
 import { type Bucket, Tail, bucketsOf, coarse, columns, extent, join, joins, widthOf } from "./buckets.ts";
+import { fitted, misfit } from "./load.ts";
 import { groupsOf, lookOf } from "./names.ts";
 import { lone } from "./lone.ts";
 import { limits, ownOf, queryOf, rangeOf } from "./range.ts";
@@ -90,6 +91,20 @@ test("a series has the history, and behind it the tail, on one grid", () => {
   long.mend("a", [7, 8, 9, 10].map((at) => bucket(at * 1_000, at + 0.5)));
   expect(long.rows(0).rows.get("a")!.map(({ mean }) => mean)).toEqual([0, 1, 2, 3, 4, 5, 6, 7.5, 8.5, 9.5, 10.5]);
   expect(series.rows(1_000).times[0]!.at, "what ended before is left out").toBe(1_000);
+});
+
+test("where values are gone, wider averages fill the places of the grid", () => {
+  const part = (used: "exact" | "by_begin" | "not_used" | "incomplete", width_ms: number) => ({ from: "", to: "", width_ms, used });
+  expect(misfit({})).toBe(0);
+  expect(misfit({ averages: [part("exact", 60_000), part("incomplete", 60_000)] })).toBe(0);
+  expect(misfit({ averages: [part("not_used", 60_000), part("by_begin", 3_600_000)] })).toBe(3_600_000);
+  const question = { robot: "r", signal: "a", from: 90_000, to: 400_000, width: 70_000 };
+  expect(fitted(question, 60_000)).toEqual({ ...question, from: 60_000, width: 120_000 });
+  const series = new Series(["a"], 90_000, 400_000, 50_000, 10);
+  series.put("a", [60_000, 180_000, 300_000].map((at) => bucket(at, at / 60_000, { width: 120_000 })));
+  const { times, rows } = series.rows(0);
+  expect(rows.get("a")!.map(({ mean }) => mean)).toEqual([1, 1, 3, 3, 5, 5, 5]);
+  expect(rows.get("a")!.map(({ at, width }) => ({ at, width }))).toEqual(times);
 });
 
 test("a range stands in the query on the clock of the hall, and what is wrong is the usual one", () => {

@@ -25,8 +25,11 @@ export interface Question {
 }
 
 export type Outcome =
-  /** `unit`: `null` if the protocol does not tell it. `unreadable`: chunks that cannot be read. */
-  | { kind: "read"; buckets: Bucket[]; unit: string | null; unreadable: number; isWhole: boolean }
+  /**
+   * `unit`: `null` if the protocol does not tell it. `unreadable`: chunks that cannot be read. `averages`: how wide the
+   * averages are, in milliseconds, if values of the span are gone; 0 if none is.
+   */
+  | { kind: "read"; buckets: Bucket[]; unit: string | null; unreadable: number; averages: number; isWhole: boolean }
   | { kind: "failed"; failure: Failure }
   | { kind: "given_up" };
 
@@ -65,10 +68,22 @@ export function pathOf({ robot, signal, from, to, width }: Question, limit: numb
   return robotPath(robot, `history?${query}`);
 }
 
-/** Reads all of it. `more` gets what is there so far. */
-export async function read(question: Question, signal: AbortSignal, more: (buckets: Bucket[]) => void = () => {}): Promise<Outcome> {
+/** How wide the averages are that do not fit to the buckets of an answer, in milliseconds; 0 if all fit. */
+export function misfit({ averages }: Pick<History, "averages">): number {
+  const bad = (averages ?? []).filter(({ used }) => used === "not_used" || used === "by_begin");
+  return Math.max(0, ...bad.map(({ width_ms }) => width_ms));
+}
+
+/** The same question with buckets that averages of this width fill as a whole. */
+export function fitted(question: Question, width: number): Question {
+  return { ...question, from: Math.floor(question.from / width) * width, width: Math.ceil(question.width / width) * width };
+}
+
+/** Reads all of it, where values are gone in wider buckets. `more` gets what is there so far. */
+export async function read(asked: Question, signal: AbortSignal, more: (buckets: Bucket[]) => void = () => {}): Promise<Outcome> {
   const buckets: Bucket[] = [];
-  let [cursor, unit, unreadable] = [null as string | null, null as string | null, 0];
+  let question = asked;
+  let [cursor, unit, unreadable, averages] = [null as string | null, null as string | null, 0, 0];
   for (let page = 0; page < MAX_PAGES; page += 1) {
     const answer = await inTurn(() =>
       signal.aborted ? Promise.resolve({ kind: "unknown" } as const) : patiently<History>(pathOf(question, LIMIT, cursor), signal),
@@ -76,12 +91,19 @@ export async function read(question: Question, signal: AbortSignal, more: (bucke
     if (signal.aborted) return { kind: "given_up" };
     const failure = failureOf(answer);
     if (failure !== null || answer.kind !== "ok") return failure === null ? { kind: "given_up" } : { kind: "failed", failure };
+    const step = misfit(answer.value);
+    // Once: an end of the span that is not on an edge does not fit in any width.
+    if (step > 0 && question === asked) {
+      [question, cursor, unreadable, averages] = [fitted(asked, step), null, 0, step];
+      buckets.length = 0;
+      continue;
+    }
     buckets.push(...bucketsOf(answer.value.buckets ?? [], question.width, question.to));
     ({ unit } = answer.value);
     unreadable += answer.value.unreadable_chunks;
     cursor = answer.value.next_cursor;
-    if (cursor === null) return { kind: "read", buckets, unit, unreadable, isWhole: true };
+    if (cursor === null) return { kind: "read", buckets, unit, unreadable, averages, isWhole: true };
     more(buckets);
   }
-  return { kind: "read", buckets, unit, unreadable, isWhole: false };
+  return { kind: "read", buckets, unit, unreadable, averages, isWhole: false };
 }

@@ -28,15 +28,20 @@ export class Series {
     this.#tails = new Map(signals.map((signal) => [signal, new Tail(to, width, most)]));
   }
 
-  /** Takes in buckets of the history, as far as they are read. */
+  /** Takes in buckets of the history, as far as they are read. A wider one fills each place that it covers. */
   put(signal: string, buckets: Bucket[]): void {
     const row = Array.from({ length: Math.ceil((this.to - this.from) / this.width) }, (_, at) => {
       const begin = this.from + at * this.width;
       return nothing(begin, Math.min(this.width, this.to - begin));
     });
     for (const bucket of buckets) {
-      const at = Math.round((bucket.at - this.from) / this.width);
-      if (at >= 0 && at < row.length) row[at] = bucket;
+      const place = (time: number): number => Math.round((time - this.from) / this.width);
+      const begin = place(bucket.at);
+      const end = Math.max(begin + 1, bucket.width > this.width ? place(bucket.at + bucket.width) : 0);
+      for (let at = Math.max(0, begin); at < Math.min(end, row.length); at += 1) {
+        const { at: time, width } = row[at]!;
+        row[at] = { ...bucket, at: time, width };
+      }
     }
     this.#history.set(signal, row);
   }
