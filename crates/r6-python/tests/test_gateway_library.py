@@ -114,7 +114,7 @@ def test_a_kept_program_runs_only_as_it_was_looked_at(hall: Hall, engineer: r6.G
     old = engineer.store_program("turn", TURN.format(degrees=4))
     new = engineer.store_program("turn", TURN.format(degrees=9), expected=old)
     with arm.lease() as lease:
-        with pytest.raises(r6.NotSent, match="another text") as other:
+        with pytest.raises(r6.NotSent, match=new.sha256) as other:
             lease.run(name="turn", sha256=old.sha256)
         assert (other.value.reason, other.value.may_send_again) == ("other_text", False)
         assert arm.query("axis-0")["axis-0"].value == 0.0
