@@ -95,9 +95,9 @@ test("a series has the history, and behind it the tail, on one grid", () => {
 
 test("where values are gone, wider averages fill the places of the grid", () => {
   const part = (used: "exact" | "by_begin" | "not_used" | "incomplete", width_ms: number) => ({ from: "", to: "", width_ms, used });
-  expect(misfit({})).toBe(0);
-  expect(misfit({ averages: [part("exact", 60_000), part("incomplete", 60_000)] })).toBe(0);
-  expect(misfit({ averages: [part("not_used", 60_000), part("by_begin", 3_600_000)] })).toBe(3_600_000);
+  expect(misfit([])).toBe(0);
+  expect(misfit([part("exact", 60_000), part("incomplete", 60_000)])).toBe(0);
+  expect(misfit([part("not_used", 60_000), part("by_begin", 3_600_000)])).toBe(3_600_000);
   const question = { robot: "r", signal: "a", from: 90_000, to: 400_000, width: 70_000 };
   expect(fitted(question, 60_000)).toEqual({ ...question, from: 60_000, width: 120_000 });
   const series = new Series(["a"], 90_000, 400_000, 50_000, 10);

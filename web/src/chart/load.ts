@@ -27,9 +27,18 @@ export interface Question {
 export type Outcome =
   /**
    * `unit`: `null` if the protocol does not tell it. `unreadable`: chunks that cannot be read. `averages`: how wide the
-   * averages are, in milliseconds, if values of the span are gone; 0 if none is.
+   * widest averages are, in milliseconds, if values of the span are gone; 0 if none is. `lacks`: whether some of the
+   * values are in no average.
    */
-  | { kind: "read"; buckets: Bucket[]; unit: string | null; unreadable: number; averages: number; isWhole: boolean }
+  | {
+      kind: "read";
+      buckets: Bucket[];
+      unit: string | null;
+      unreadable: number;
+      averages: number;
+      lacks: boolean;
+      isWhole: boolean;
+    }
   | { kind: "failed"; failure: Failure }
   | { kind: "given_up" };
 
@@ -68,10 +77,14 @@ export function pathOf({ robot, signal, from, to, width }: Question, limit: numb
   return robotPath(robot, `history?${query}`);
 }
 
-/** How wide the averages are that do not fit to the buckets of an answer, in milliseconds; 0 if all fit. */
-export function misfit({ averages }: Pick<History, "averages">): number {
-  const bad = (averages ?? []).filter(({ used }) => used === "not_used" || used === "by_begin");
-  return Math.max(0, ...bad.map(({ width_ms }) => width_ms));
+type Part = NonNullable<History["averages"]>[number];
+
+/** How wide the widest of these averages are, in milliseconds; 0 without any. */
+const widest = (averages: readonly Part[]): number => Math.max(0, ...averages.map(({ width_ms }) => width_ms));
+
+/** The same of the averages that do not fit to the buckets of an answer. */
+export function misfit(averages: readonly Part[]): number {
+  return widest(averages.filter(({ used }) => used === "not_used" || used === "by_begin"));
 }
 
 /** The same question with buckets that averages of this width fill as a whole. */
@@ -83,7 +96,7 @@ export function fitted(question: Question, width: number): Question {
 export async function read(asked: Question, signal: AbortSignal, more: (buckets: Bucket[]) => void = () => {}): Promise<Outcome> {
   const buckets: Bucket[] = [];
   let question = asked;
-  let [cursor, unit, unreadable, averages] = [null as string | null, null as string | null, 0, 0];
+  let [cursor, unit, unreadable, averages, lacks] = [null as string | null, null as string | null, 0, 0, false];
   for (let page = 0; page < MAX_PAGES; page += 1) {
     const answer = await inTurn(() =>
       signal.aborted ? Promise.resolve({ kind: "unknown" } as const) : patiently<History>(pathOf(question, LIMIT, cursor), signal),
@@ -91,19 +104,22 @@ export async function read(asked: Question, signal: AbortSignal, more: (buckets:
     if (signal.aborted) return { kind: "given_up" };
     const failure = failureOf(answer);
     if (failure !== null || answer.kind !== "ok") return failure === null ? { kind: "given_up" } : { kind: "failed", failure };
-    const step = misfit(answer.value);
+    const parts = answer.value.averages ?? [];
+    const step = misfit(parts);
     // Once: an end of the span that is not on an edge does not fit in any width.
     if (step > 0 && question === asked) {
-      [question, cursor, unreadable, averages] = [fitted(asked, step), null, 0, step];
+      [question, cursor, unreadable, averages, lacks] = [fitted(asked, step), null, 0, 0, false];
       buckets.length = 0;
       continue;
     }
     buckets.push(...bucketsOf(answer.value.buckets ?? [], question.width, question.to));
+    averages = Math.max(averages, widest(parts));
+    lacks ||= parts.some(({ used }) => used === "incomplete");
     ({ unit } = answer.value);
     unreadable += answer.value.unreadable_chunks;
     cursor = answer.value.next_cursor;
-    if (cursor === null) return { kind: "read", buckets, unit, unreadable, averages, isWhole: true };
+    if (cursor === null) return { kind: "read", buckets, unit, unreadable, averages, lacks, isWhole: true };
     more(buckets);
   }
-  return { kind: "read", buckets, unit, unreadable, averages, isWhole: false };
+  return { kind: "read", buckets, unit, unreadable, averages, lacks, isWhole: false };
 }

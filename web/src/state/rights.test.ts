@@ -1,6 +1,5 @@
 import { expect, test } from "vitest";
-import { textOf } from "../pages/account/granted.ts";
-import { grantedOf, highest, roleFor } from "./rights.ts";
+import { grantedOf, highest, roleFor, textOf } from "./rights.ts";
 
 test("a token for some robots is for these alone", () => {
   const robots = ["press", "saw", "press,saw", "", "*", null];

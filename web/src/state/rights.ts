@@ -24,6 +24,11 @@ export function grantedOf(robots: string | null): Granted[] {
   });
 }
 
+/** The same as the API has it. */
+export function textOf(granted: readonly Granted[]): string {
+  return granted.map(({ name, role }) => (role === null ? name : `${name}=${role}`)).join(",");
+}
+
 /** Whether this role has the rights of the other one. */
 export function isAtLeast(role: Role, least: Role): boolean {
   return ROLES.indexOf(role) >= ROLES.indexOf(least);

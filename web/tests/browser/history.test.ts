@@ -66,6 +66,36 @@ async function downloaded(page: Page, act: () => Promise<void>): Promise<{ name:
   return { name: download.suggestedFilename(), bytes: readFileSync(await download.path()) };
 }
 
+test("where values of a span are gone, their averages are drawn and told", async () => {
+  const { page, faults } = await openPage(browser);
+  const asked: string[] = [];
+  // A day of which minutes are left: buckets that are narrower, or begin between two minutes, have nothing of them.
+  await page.route(/v1\/robots\/.*\/history\?/, async (route) => {
+    const query = new URL(route.request().url()).searchParams;
+    const [from, to, width] = [Date.parse(query.get("from")!), Date.parse(query.get("to")!), Number(query.get("bucket")!.slice(0, -2))];
+    asked.push(query.get("bucket")!);
+    const fits = width % 60_000 === 0 && from % 60_000 === 0;
+    const starts = Array.from({ length: Math.ceil((to - from) / width) }, (_, at) => from + at * width);
+    const buckets = starts.map((start, at) => {
+      const mean = fits ? 20 + Math.sin(at / 3) : null;
+      return { time: new Date(start).toISOString(), mean, min: mean, max: mean, last: null, good_ms: fits ? Math.min(width, to - start) : 0, samples: fits ? 9 : 0 };
+    });
+    const part = (begin: number, end: number, used: string) => ({ from: new Date(begin).toISOString(), to: new Date(end).toISOString(), width_ms: 60_000, used });
+    const averages = [part(from, to, fits ? "incomplete" : "not_used")];
+    const head = { robot: "pack-01", signal: query.get("signal"), unit: "deg", from: query.get("from"), to: query.get("to"), bucket_ms: width };
+    await route.fulfill({ json: { ...head, buckets, kept_until: null, unreadable_chunks: 0, averages, next_cursor: null } });
+  });
+  await page.goto(`${made.url}/history?robot=pack-01&signal=axis-0&span=15m#${await made.token("viewer")}`);
+  await says(page, "figure", "values are gone, averages of 1 min are left. They lack some of the values.");
+  expect(asked.some((width) => Number(width.slice(0, -2)) < 60_000), "first as wide as a pixel").toBe(true);
+  expect(asked.some((width) => width === "60000ms"), "then as wide as an average").toBe(true);
+  expect(await coloured(page, "axis-0")).toBeGreaterThan(200);
+  expect(await page.locator("[data-empty]").count()).toBe(0);
+  await picture(page, "history-averages", true);
+  expect(faults).toEqual([]);
+  await page.context().close();
+});
+
 test("the history is chosen, drawn, said as a table, told as events, and saved", async () => {
   const { page, faults } = await openPage(browser, { timezoneId: "America/Los_Angeles" });
   await page.goto(`${made.url}/history#${await made.token("viewer")}`);

@@ -23,7 +23,8 @@ export const chart = {
   empty: "No value was kept in this span. Choose another span, or another signal.",
   first: (at: string) => `This span has no value before ${at}.`,
   unreadable: (n: number) => `${count(n, "part of the history", "parts of the history")} cannot be read and are missing.`,
-  averages: (minutes: number) => `values are gone, averages of ${minutes < 60 ? `${minutes} min` : `${minutes / 60} h`} are left.`,
+  averages: (minutes: number, lacks: boolean) =>
+    `values are gone, averages of ${minutes < 60 ? `${minutes} min` : `${minutes / 60} h`} are left.${lacks ? " They lack some of the values." : ""}`,
   tooMuch: "There is more than this page reads. Choose a shorter span.",
   table: "As a table",
   time: "From",

@@ -22,7 +22,8 @@ export const chart: typeof english = {
   empty: "此时间范围内没有保存的数值。请选择其他范围或其他信号。",
   first: (at) => `此范围内 ${at} 之前没有数值。`,
   unreadable: (n) => `历史中有 ${n} 段数据无法读取，未显示。`,
-  averages: (minutes) => `原始数据已删除，仅保留 ${minutes < 60 ? `${minutes} 分钟` : `${minutes / 60} 小时`} 的平均值。`,
+  averages: (minutes, lacks) =>
+    `原始数据已删除，仅保留 ${minutes < 60 ? `${minutes} 分钟` : `${minutes / 60} 小时`} 的平均值。${lacks ? "其中缺少部分数据。" : ""}`,
   tooMuch: "数据量超出本页读取范围，请选择较短的时间范围。",
   table: "以表格显示",
   time: "起始时间",
