@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::*;
 use crate::core::history::averages::Step;
 use crate::history::query::answer_with_averages;
-use crate::store::history::{AskAverages, AverageFile, Days};
+use crate::store::history::{AskAverages, AverageFile, DayState, Days};
 
 const SIGNALS: [Address; 3] = [Address::CurMode, Address::IsMoving, Address::Origin];
 
@@ -111,7 +111,7 @@ fn no_acknowledged_sample_or_event_is_lost_when_the_process_is_killed() {
 /// The day whose averages are computed by a process that is killed.
 const DAY: i64 = 20_782;
 
-/// The signals of that day: so many that their averages are written in several transactions.
+/// The signals of that day. Their averages do not fit into one transaction.
 fn signals_of_day() -> Vec<Address> {
     (0..24).map(|at| Address::parse(&format!("Addr-{}", 800 + at)).unwrap()).collect()
 }
@@ -127,7 +127,8 @@ fn after_day() -> Micros {
     Micros((DAY + 2) * 86_400 * SECOND + 3_600 * SECOND)
 }
 
-/// It computes averages until it is killed, and does nothing unless the test below starts it.
+/// It computes a piece of averages for each line that it is sent, and does nothing unless the test below
+/// starts it.
 #[test]
 fn child_that_averages() {
     let Ok(folder) = std::env::var("R6_AVERAGES_OF_CHILD") else { return };
@@ -135,6 +136,10 @@ fn child_that_averages() {
     let mut out = std::io::stdout();
     while running.average(after_day()).unwrap().is_some() {
         writeln!(out, "piece").unwrap();
+        let mut line = String::new();
+        if std::io::stdin().read_line(&mut line).unwrap() == 0 {
+            return;
+        }
     }
 }
 
@@ -166,15 +171,22 @@ fn averages_are_whole_or_computed_anew_when_the_process_is_killed() {
         let mut child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "history::journal::tests::kills::child_that_averages", "--nocapture"])
             .env("R6_AVERAGES_OF_CHILD", folder.path())
+            .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        // It is killed behind one of its first pieces.
+        let mut input = child.stdin.take().unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        // It is killed while it computes the piece behind this one, whichever of both processes is faster.
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-        let pieces = usize::try_from((seed >> 33) % 200).unwrap();
-        let is_piece = |line: &std::io::Result<String>| line.as_ref().is_ok_and(|line| line == "piece");
-        seen += lines.by_ref().filter(is_piece).take(pieces).count();
+        let in_the_first_day = usize::try_from((seed >> 33) % 280).unwrap();
+        // The first day has 290 pieces. The last process ends in the middle of the second day.
+        let pieces = if kill + 1 < KILLS { in_the_first_day } else { 400 };
+        for _ in lines.filter(|line| line.as_ref().is_ok_and(|line| line == "piece")).take(pieces) {
+            seen += 1;
+            // It may have ended with its last piece.
+            let _ = input.write_all(b"\n");
+        }
         child.kill().unwrap();
         child.wait().unwrap();
         let mut again = averaging(folder.path());
@@ -184,9 +196,11 @@ fn averages_are_whole_or_computed_anew_when_the_process_is_killed() {
         let averages = again.store.averages().unwrap();
         let rows = averages.read(AverageFile::of(Step::Minute, DAY), of_day).unwrap();
         unfinished += u32::from(states.is_empty() && !rows.is_empty());
-        if states.is_empty() && kill + 1 < KILLS {
+        if kill + 1 < KILLS {
+            assert!(states.is_empty(), "kill {kill}: {states:?}");
             continue;
         }
+        assert_eq!(states.get(&DAY), Some(&DayState::Finished.whole()));
         // Once a day is finished, its averages are those of its values. The last ones of the day before
         // count on behind midnight.
         while again.average(after_day()).unwrap().is_some() {}
@@ -197,7 +211,6 @@ fn averages_are_whole_or_computed_anew_when_the_process_is_killed() {
             let answer = answer_with_averages(&mut again.store, &question(address), Vec::new()).unwrap();
             assert!(answer.buckets == *of_values, "kill {kill}: {address}");
         }
-        break;
     }
     assert!(seen > 20, "{seen}: it computed something before it was killed");
     assert!(unfinished > 0, "it was killed behind a write and before the end");
