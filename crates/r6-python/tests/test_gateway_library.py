@@ -119,7 +119,7 @@ def test_a_kept_program_runs_only_as_it_was_looked_at(hall: Hall, engineer: r6.G
         assert (other.value.reason, other.value.may_send_again) == ("other_text", False)
         assert arm.query("axis-0")["axis-0"].value == 0.0
         run = lease.run(name="turn", version=old.version, sha256=old.sha256, key="looked-at")
-        assert run.wait(60).is_done and arm.query("axis-0")["axis-0"].value == pytest.approx(4)
+        assert run.wait(60).is_done and run.because == "finished" and arm.query("axis-0")["axis-0"].value == pytest.approx(4)
         assert (run.data["program"], run.data["version"], run.data["sha256"]) == ("turn", 1, old.sha256)
         again = lease.run(name="turn", version=old.version, sha256=old.sha256, key="looked-at")
         assert again.number == run.number
