@@ -66,7 +66,8 @@ impl At {
     }
 }
 
-/// Makes a token that holds until it is revoked. Returns its number and its text, which is nowhere else.
+/// Makes a token that holds until it is revoked. Returns its number and its text, which is nowhere else. No
+/// robot gets a higher role than `role`.
 ///
 /// # Errors
 /// [`StoreError`].

@@ -35,7 +35,7 @@ use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::owner::Claim;
 use crate::core::point::PointName;
-use crate::core::role::Grant;
+use crate::core::role::{Grant, GrantRobots};
 use crate::core::seat::Saved;
 use crate::expiry::Expiry;
 
@@ -584,6 +584,13 @@ fn token_revoked(number: i64, author: &Author) -> AuditRecord {
 }
 
 /// The role with this word.
+/// The grant of a row: a role, and the robots as [`GrantRobots`] writes them.
+fn grant(word: &str, robots: Option<&str>) -> Result<Grant, StoreError> {
+    let unreadable = |error| StoreError::Unreadable(format!("robots of a user or a token: {error}"));
+    let robots = robots.map(GrantRobots::read).transpose().map_err(unreadable)?;
+    Ok(Grant { role: role(word)?, robots })
+}
+
 fn role(word: &str) -> Result<Role, StoreError> {
     Role::of_word(word).ok_or_else(|| StoreError::Unreadable(format!("the role `{word}`")))
 }

@@ -125,6 +125,18 @@ impl GrantRobots {
         Ok(robots)
     }
 
+    /// The same for a grant of this role.
+    ///
+    /// # Errors
+    /// [`BadRobots::TooHigh`]: a robot has a higher role.
+    pub fn within(self, most: Role) -> Result<Self, BadRobots> {
+        let too_high = self.each().find_map(|(robot, own)| {
+            let robot = robot.map_or(OTHERS, RobotName::as_str).to_owned();
+            own.filter(|own| *own > most).map(|role| BadRobots::TooHigh { robot, role, most })
+        });
+        too_high.map_or(Ok(self), Err)
+    }
+
     /// The same in a grant of this role: a role of a robot that would be higher becomes this one.
     #[must_use]
     pub fn up_to(self, most: Role) -> Self {
@@ -247,11 +259,7 @@ impl Grant {
     /// # Errors
     /// [`BadRobots::TooHigh`]: one of them has a higher role.
     pub fn new(role: Role, robots: Option<GrantRobots>) -> Result<Self, BadRobots> {
-        let too_high = robots.iter().flat_map(GrantRobots::each).find_map(|(robot, own)| {
-            let robot = robot.map_or(OTHERS, RobotName::as_str).to_owned();
-            own.filter(|own| *own > role).map(|own| BadRobots::TooHigh { robot, role: own, most: role })
-        });
-        too_high.map_or(Ok(Self { role, robots }), Err)
+        Ok(Self { role, robots: robots.map(|robots| robots.within(role)).transpose()? })
     }
 
     /// The role for this robot; `None` if the grant is not for it.

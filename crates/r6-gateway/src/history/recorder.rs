@@ -39,8 +39,8 @@ const LIMITS_EVERY: Duration = Duration::from_secs(10);
 /// How long the thread may take for one turn before the history counts as paused: a write hangs.
 const HANGS: Duration = Duration::from_secs(2);
 
-/// What the averages of days that are over may cost in one turn, in samples that are decoded: the day of two
-/// signals. The thousands of signals of a large hall take some ten minutes then.
+/// What the averages of days that are over may cost in one turn, in samples that are decoded: about the day
+/// of two signals.
 const AVERAGES_A_TURN: u64 = 400_000;
 
 /// For how long a turn goes on with averages: files that are in no cache take longer.

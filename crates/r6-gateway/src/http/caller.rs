@@ -144,12 +144,16 @@ impl Caller {
 
     /// Refuses unless the caller may do this with this robot.
     pub fn must(&self, right: Right, robot: &str) -> Result<(), Refusal> {
-        match self.grant().role_for(robot) {
-            Some(role) if role >= right.lowest_role() => Ok(()),
-            Some(role) if self.grant().is_for_all() => Err(role_is_too_low(right, role, "")),
-            Some(role) => Err(role_is_too_low(right, role, &format!(" for {robot}"))),
-            None => Err(not_allowed(format!("the token or the user is only for {}", self.robots()))),
+        let grant = self.grant();
+        let Some(role) = grant.role_for(robot) else {
+            let only = grant.robots.as_ref().map(ToString::to_string).unwrap_or_default();
+            return Err(not_allowed(format!("the token or the user is only for {only}")));
+        };
+        if role >= right.lowest_role() {
+            return Ok(());
         }
+        let part = if grant.is_for_all() { String::new() } else { format!(" for {robot}") };
+        Err(role_is_too_low(right, role, &part))
     }
 
     /// Refuses unless the caller may do this with one robot at least.
@@ -182,11 +186,6 @@ impl Caller {
                 state.accounts.ledger.refused(&self.by(), source.ip(), request, Code::NotAllowed);
             }
         })
-    }
-
-    /// The robots that it is for, for people.
-    fn robots(&self) -> String {
-        self.grant().robots.as_ref().map_or("all robots".to_owned(), ToString::to_string)
     }
 
     /// Counts a request of this token or user. A stop is not counted: it must never be refused for this.

@@ -1,8 +1,8 @@
 //! The history of a robot: its values, and what happened to it ([`events`]).
 
-pub mod events;
 #[cfg(test)]
-mod old_days;
+mod averages_tests;
+pub mod events;
 
 use std::time::Duration;
 

@@ -14,7 +14,7 @@ use super::caller::{ManageUsers, Manager};
 use super::described::{OfBody, OfChange, OfRight};
 use super::range::{instant, shown};
 use super::refusal::bad_value;
-use super::users::{bad_robots, robots_of};
+use super::users::robots_of;
 use super::{State, refusal};
 use crate::core::role::Grant;
 use crate::expiry::Expiry;
@@ -69,7 +69,7 @@ pub async fn make(
         let wanted = format!("name: at most {MAX_NAME} characters, and no control characters");
         return Err(bad_value(wanted));
     }
-    let grant = Grant::new(role, robots_of(robot)?).map_err(bad_robots)?;
+    let grant = Grant { role, robots: robots_of(robot, role)? };
     let expires = expires_at.as_deref().map(end).transpose()?;
     let (text, hash) = tokens::draw().map_err(|error| {
         let message = format!("no random numbers: {error}");

@@ -3,7 +3,7 @@
 use axum::Json;
 use axum::extract::State as Of;
 use axum::http::StatusCode;
-use r6_api::gateway::{User, UserWanted, Users};
+use r6_api::gateway::{Role, User, UserWanted, Users};
 use r6_api::{Code, Problem};
 use r6_http::Refusal;
 
@@ -13,7 +13,7 @@ use super::caller::{ManageUsers, Manager};
 use super::described::{OfBody, OfChange, OfRight};
 use super::refusal::{self, bad_value};
 use crate::core::account::{Decided, UserName, Wish};
-use crate::core::role::{BadRobots, Grant, GrantRobots};
+use crate::core::role::GrantRobots;
 use crate::problem;
 use crate::store::StoredUser;
 
@@ -58,10 +58,7 @@ pub async fn put(
     let UserWanted { role, robot, disabled, password } = wanted;
     let name = UserName::new(&manager.named)
         .ok_or_else(|| bad_value(format!("name: a user has {}", UserName::WANTED)))?;
-    let robots = robot.map(robots_of).transpose()?;
-    if let Some(robots) = &robots {
-        Grant::new(role, robots.clone()).map_err(bad_robots)?;
-    }
+    let robots = robot.map(|robot| robots_of(robot, role)).transpose()?;
     let author = manager.caller.author();
     let work = tokio::spawn(async move {
         let password = match password {
@@ -98,17 +95,13 @@ pub async fn remove(manager: Manager<ManageUsers>, Of(state): Of<State>) -> Resu
     removed.map(|_| StatusCode::NO_CONTENT).map_err(refusal::of)
 }
 
-/// The robots that a body names, with their roles. There need not be such robots yet.
+/// The robots that a body names, with their roles, none above this one. There need not be such robots yet.
 ///
 /// # Errors
 /// `bad_value`.
-pub(super) fn robots_of(robot: Option<String>) -> Result<Option<GrantRobots>, Refusal> {
-    robot.map(|robots| GrantRobots::read(&robots)).transpose().map_err(bad_robots)
-}
-
-/// The refusal of robots in a body.
-pub(super) fn bad_robots(error: BadRobots) -> Refusal {
-    bad_value(format!("robot: {error}"))
+pub(super) fn robots_of(robot: Option<String>, most: Role) -> Result<Option<GrantRobots>, Refusal> {
+    let read = |robots: String| GrantRobots::read(&robots)?.within(most);
+    robot.map(read).transpose().map_err(|error| bad_value(format!("robot: {error}")))
 }
 
 fn shown(user: &StoredUser) -> User {

@@ -27,7 +27,7 @@ use super::versions::Named;
 use super::{
     Author, Ends, Entry, Heads, Kept, KeptPoint, LibraryError, Link, MAX_PAGE, MAX_TOKENS, NewGrant,
     NewPoint, NewToken, NewVersion, Store, StoreError, StoredRobot, StoredSettings, StoredUser, Token,
-    UserChange, body, role, token_made, token_revoked,
+    UserChange, body, grant, token_made, token_revoked,
 };
 use crate::core::account::Decided;
 use crate::core::alarms;
@@ -36,7 +36,7 @@ use crate::core::chain::{Broken, Hash, link};
 use crate::core::library::{Condition, ProgramName};
 use crate::core::name::RobotName;
 use crate::core::point::PointName;
-use crate::core::role::{Grant, GrantRobots};
+use crate::core::role::GrantRobots;
 use crate::core::seat::Saved;
 use crate::expiry::Expiry;
 
@@ -144,12 +144,6 @@ fn to_json(of: &impl serde::Serialize) -> Result<String, StoreError> {
     serde_json::to_string(of).map_err(|error| StoreError::Unreadable(error.to_string()))
 }
 
-fn grant(word: &str, only: Option<String>) -> Result<Grant, StoreError> {
-    let unreadable = |error| StoreError::Unreadable(format!("robots of a user or a token: {error}"));
-    let robots = only.map(|robots| GrantRobots::read(&robots).map_err(unreadable));
-    Ok(Grant { role: role(word)?, robots: robots.transpose()? })
-}
-
 /// The tokens that are not revoked. `version`: that of the file, which may be older than ends of tokens.
 fn tokens(connection: &Connection, version: usize) -> Result<Vec<Token>, StoreError> {
     let expires =
@@ -163,7 +157,7 @@ fn tokens(connection: &Connection, version: usize) -> Result<Vec<Token>, StoreEr
     })?;
     rows.map(|row| {
         let (number, hash, word, only, name, expires): (_, _, String, _, _, Option<u64>) = row?;
-        Ok(Token { number, hash, grant: grant(&word, only)?, name, expires: expires.map(Expiry) })
+        Ok(Token { number, hash, grant: grant(&word, only.as_deref())?, name, expires: expires.map(Expiry) })
     })
     .collect()
 }

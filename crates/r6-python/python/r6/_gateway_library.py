@@ -27,21 +27,28 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class GatewayProgram:
-    """One version of a program that a gateway keeps."""
+class _Version:
+    """What each version of a program or a point has."""
 
     name: str
     version: int
     """Its number, from 1. A name that was removed and stored again counts from 1 again: compare
     ``sha256``."""
     etag: str
-    """Pass this version, or its ``etag``, as ``expected`` to change or to remove the program."""
+    """Pass this version, or its ``etag``, as ``expected`` to change or to remove what has this name."""
     sha256: str
-    """SHA-256 of the text in UTF-8, as 64 hexadecimal digits: what ``GatewayLease.run`` takes."""
+    """SHA-256 of what is stored, as 64 hexadecimal digits. That of a program is of its text in UTF-8:
+    ``GatewayLease.run`` takes it."""
     stored_at: str
     """RFC 3339, UTC."""
     stored_by: str
     """Who stored it: a user, or the number and the name of a token."""
+
+
+@dataclass(frozen=True)
+class GatewayProgram(_Version):
+    """One version of a program that a gateway keeps."""
+
     size: int
     """The length of the text, in bytes."""
     kind: str
@@ -65,21 +72,9 @@ class GatewayProgram:
 
 
 @dataclass(frozen=True)
-class GatewayPoint:
+class GatewayPoint(_Version):
     """One version of a place of an arm that a gateway keeps. It has ``axes``, ``pose`` or both."""
 
-    name: str
-    version: int
-    """Its number, from 1. A name that was removed and stored again counts from 1 again: compare
-    ``sha256``."""
-    etag: str
-    """Pass this version, or its ``etag``, as ``expected`` to change or to remove the point."""
-    sha256: str
-    """SHA-256 of the point as it is stored, as 64 hexadecimal digits."""
-    stored_at: str
-    """RFC 3339, UTC."""
-    stored_by: str
-    """Who stored it: a user, or the number and the name of a token."""
     robot: str | None
     """The robot whose place it is; ``None`` if that was not said."""
     axes: tuple[float, ...] | None
@@ -140,7 +135,7 @@ def read_program_versions(answer: Any, name: str) -> list[GatewayProgram]:
 
 
 def read_program(answer: Any, name: str, version: int | None) -> GatewayProgram:
-    """A program with its text. The text has to be the one that ``sha256`` and the caller mean."""
+    """A program with its text: the version that the caller asked for, with the text of its ``sha256``."""
     text = _typed(answer["program"], str)
     program = _same(GatewayProgram._of(answer, text), name, version)
     if program.sha256 != sha256_of(text) or program.size != len(text.encode()):

@@ -22,17 +22,17 @@ use crate::store::history::{AverageRow, DayNote, DayState, HistoryStore, Part};
 /// the day is in chunks.
 const GRACE: i64 = 15 * 60_000_000;
 
-/// Averages of so many bytes are written in one transaction, so that it takes milliseconds.
+/// The bytes of averages in one transaction. With more of them a transaction would hold up samples.
 const MAX_TOGETHER: usize = if cfg!(test) { 4 * 1024 } else { 256 * 1024 };
 
-/// A piece reads so many minutes of a signal, so that it takes some milliseconds at most.
+/// The minutes of a signal that a piece reads. Other work of the thread goes on between two pieces.
 const PIECE_MINUTES: usize = 120;
 
-/// What a piece costs besides its samples. A signal has a chunk for each ten minutes at least; to read those
-/// of a piece takes as long as to decode so many samples of few chunks.
+/// What a piece costs besides its samples: a signal has a chunk for each ten minutes at least, and to read
+/// the chunks of a piece takes as long as to decode this many samples.
 const PIECE: u64 = 16_000;
 
-/// After so many failures the averages of a day are given up, so that those of later days are computed.
+/// After this number of failures the averages of a day are given up. Then those of later days are computed.
 const MAX_FAILURES: u32 = 3;
 
 /// For how many days a file that is too old waits for the averages of its day. They count from the start of

@@ -16,7 +16,8 @@ use crate::history::recorder::Open;
 use crate::store::StoreError;
 use crate::store::history::{AskAverages, AverageFile, DayNote, DayState, HistoryStore, Part};
 
-/// The most averages that one answer reads: the minutes of 347 days, which takes half a second.
+/// The most averages that one answer reads: the minutes of 347 days. The answer is a page, and says where it
+/// goes on.
 const MAX_AVERAGES: usize = 500_000;
 
 /// The most runs of days with values that one answer reads, each of which may be a million samples. There is
@@ -121,8 +122,8 @@ fn page_end(question: &Question, begin: Micros, width: i64) -> Micros {
     Micros(begin.0.saturating_add(most.saturating_mul(width))).min(question.to)
 }
 
-/// The days of the range whose values are gone, wholly or in part, and of which there are averages of the
-/// signal.
+/// The days of the range that have lost values, some or all, if there are averages of the signal. Values
+/// themselves answer for the other days.
 fn left<S: HistoryStore>(
     store: &mut S,
     question: &Question,

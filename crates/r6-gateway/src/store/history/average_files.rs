@@ -14,9 +14,9 @@ use crate::core::history::averages::Step;
 use crate::store::StoreError;
 
 /// What files of averages are made with. A page of 4 KB: the hours of a signal take some hundred bytes.
-const FORM: Form = Form { tables: TABLES, version: 1, page: 4_096 };
+const FORM: Form = Form { tables: [table::SIGNALS, TABLES], version: 1, page: 4_096 };
 
-/// After so many pages, which is a mebibyte, the write-ahead log is written back.
+/// The write-ahead log is written back when it has this many pages: a mebibyte.
 const CHECKPOINT_PAGES: u64 = 256;
 
 /// The files that are open at once: those of the minutes and of the hours of one day.
@@ -24,12 +24,6 @@ const MAX_OPEN: usize = 2;
 
 /// `day` is used in files of hours alone: what became of a day.
 const TABLES: &str = "
-CREATE TABLE signal (
-    id      INTEGER PRIMARY KEY,
-    robot   TEXT NOT NULL,
-    address TEXT NOT NULL,
-    UNIQUE (robot, address)
-) STRICT;
 CREATE TABLE averages (
     signal INTEGER NOT NULL,
     day    INTEGER NOT NULL,

@@ -13,7 +13,7 @@ use rusqlite::Connection;
 use super::average_files::{AverageFiles, is_average_file_name};
 use super::averages::AverageStore;
 use super::file::{self, Form, failed};
-use super::table::{self, TABLES, VERSION};
+use super::table::{self, SIGNALS, TABLES, VERSION};
 use super::{Ask, AskEvents, Entry, HistoryStore, KeptEvent, Part, Tail};
 use crate::core::history::block::Write;
 use crate::core::history::sample::Micros;
@@ -33,7 +33,7 @@ const MAX_OPEN_TO_AVERAGE: usize = 10;
 const PAGE: u64 = 16 * 1024;
 
 /// What the files of days are made with.
-const FORM: Form = Form { tables: TABLES, version: VERSION, page: PAGE };
+const FORM: Form = Form { tables: [SIGNALS, TABLES], version: VERSION, page: PAGE };
 
 /// The smallest and the largest number of pages after which the write-ahead log is written back.
 const CHECKPOINT_PAGES: (u64, u64) = (8, 256);
@@ -211,7 +211,7 @@ impl HistoryStore for Days {
     }
 }
 
-/// The parts of which there are names, oldest first, and whether each is a file.
+/// The parts by the names in a folder, oldest first, and whether each is a file.
 fn names(folder: &Path) -> Result<Vec<(Part, bool)>, StoreError> {
     let names = file::names(folder)?.into_iter();
     let mut parts: Vec<_> = names.filter_map(|(name, is_file)| Some((part_of(&name)?, is_file))).collect();

@@ -19,7 +19,7 @@ const BESIDE: [&str; 3] = ["-wal", "-shm", "-journal"];
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Form {
     /// The tables of a new file.
-    pub tables: &'static str,
+    pub tables: [&'static str; 2],
     /// Their version, in `PRAGMA user_version`.
     pub version: i64,
     /// The size of a page in bytes.
@@ -33,8 +33,8 @@ fn check_kind(path: &Path) -> Result<(), StoreError> {
     if is_other { Err(StoreError::Unreadable(format!("{} is no file", path.display()))) } else { Ok(()) }
 }
 
-/// Opens a file to write, and makes it if it is not there. After so many pages the write-ahead log is written
-/// back.
+/// Opens a file to write, and makes it if it is not there. The write-ahead log is written back when it has
+/// `checkpoint_pages`.
 pub(super) fn make(path: &Path, form: Form, checkpoint_pages: u64) -> Result<Connection, StoreError> {
     check_kind(path)?;
     if !path.exists() {
@@ -57,7 +57,7 @@ pub(super) fn make(path: &Path, form: Form, checkpoint_pages: u64) -> Result<Con
     let transaction = connection.transaction()?;
     match transaction.query_row("PRAGMA user_version", [], |row| row.get::<_, i64>(0))? {
         0 => {
-            transaction.execute_batch(form.tables)?;
+            form.tables.iter().try_for_each(|tables| transaction.execute_batch(tables))?;
             transaction.pragma_update(None, "user_version", form.version)?;
         }
         version if version == form.version => {}
@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn what_is_no_file_is_not_opened() {
         let folder = tempfile::tempdir().unwrap();
-        let form = Form { tables: "", version: 1, page: 4096 };
+        let form = Form { tables: [""; 2], version: 1, page: 4096 };
         let (real, link, other) =
             (folder.path().join("a.db"), folder.path().join("b.db"), folder.path().join("c.db"));
         drop(make(&real, form, 100).unwrap());

@@ -13,15 +13,19 @@ use crate::store::StoreError;
 /// The version of the tables, in `PRAGMA user_version`.
 pub(super) const VERSION: i64 = 1;
 
-/// A chunk is the same as one with its signal, times, count and checksum: so it can be written again after a
-/// failure.
-pub(super) const TABLES: &str = "
+/// The signals of a file, of days and of averages: other tables have the number of a signal.
+pub(super) const SIGNALS: &str = "
 CREATE TABLE signal (
     id      INTEGER PRIMARY KEY,
     robot   TEXT NOT NULL,
     address TEXT NOT NULL,
     UNIQUE (robot, address)
 ) STRICT;
+";
+
+/// A chunk is the same as one with its signal, times, count and checksum: so it can be written again after a
+/// failure.
+pub(super) const TABLES: &str = "
 CREATE TABLE chunk (
     id          INTEGER PRIMARY KEY,
     signal      INTEGER NOT NULL,

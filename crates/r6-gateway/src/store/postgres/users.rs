@@ -5,18 +5,12 @@ use tokio_postgres::Client;
 use super::audit::append;
 use super::{plain, signed, unsigned};
 use crate::core::account::{Account, Decided, PasswordHash, UserName};
-use crate::core::role::{Grant, GrantRobots};
+use crate::core::role::GrantRobots;
 use crate::expiry::Expiry;
 use crate::store::{
-    Author, Link, MAX_TOKENS, NewToken, StoreError, StoredUser, Token, UserChange, check_link, decide,
-    link_made, role, token_made, token_revoked, user_changed,
+    Author, Link, MAX_TOKENS, NewToken, StoreError, StoredUser, Token, UserChange, check_link, decide, grant,
+    link_made, token_made, token_revoked, user_changed,
 };
-
-fn grant(word: &str, only: Option<&str>) -> Result<Grant, StoreError> {
-    let unreadable = |error| StoreError::Unreadable(format!("robots of a user or a token: {error}"));
-    let robots = only.map(|robots| GrantRobots::read(robots).map_err(unreadable));
-    Ok(Grant { role: role(word)?, robots: robots.transpose()? })
-}
 
 fn hash(bytes: &[u8], of: impl FnOnce() -> String) -> Result<[u8; 32], StoreError> {
     <[u8; 32]>::try_from(bytes).map_err(|_| StoreError::Unreadable(of()))

@@ -2,11 +2,11 @@
 
 use rusqlite::{Connection, OptionalExtension, Transaction, params};
 
-use super::{append_in, grant};
+use super::append_in;
 use crate::core::account::{Account, Decided, PasswordHash, UserName};
 use crate::core::role::GrantRobots;
 use crate::store::{
-    Author, Link, StoreError, StoredUser, UserChange, check_link, decide, link_made, user_changed,
+    Author, Link, StoreError, StoredUser, UserChange, check_link, decide, grant, link_made, user_changed,
 };
 
 /// The users. A transaction is a connection, too.
@@ -16,14 +16,14 @@ pub fn all(connection: &Connection) -> Result<Vec<StoredUser>, StoreError> {
     )?;
     let rows = select.query_map([], |row| {
         let name: String = row.get(0)?;
-        let password: Option<String> = row.get(4)?;
-        Ok((name, row.get::<_, String>(1)?, row.get(2)?, row.get(3)?, password, row.get(5)?, row.get(6)?))
+        let (only, password): (Option<String>, Option<String>) = (row.get(2)?, row.get(4)?);
+        Ok((name, row.get::<_, String>(1)?, only, row.get(3)?, password, row.get(5)?, row.get(6)?))
     })?;
     rows.map(|row| {
         let (name, role, only, disabled, password, created, stamp) = row?;
         let name = user_name(&name)?;
         let password = password.map(PasswordHash);
-        let account = Account { name, grant: grant(&role, only)?, disabled, password };
+        let account = Account { name, grant: grant(&role, only.as_deref())?, disabled, password };
         Ok(StoredUser { account, created, stamp })
     })
     .collect()

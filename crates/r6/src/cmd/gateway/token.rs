@@ -187,8 +187,7 @@ fn list(at: At) -> Result<Exit, Failure> {
 /// When a token ends, for people.
 fn until(expires: Expiry) -> String {
     let word = if expires.is_over() { "ended" } else { "until" };
-    // It is to the second.
-    let expires = expires.to_string().replace(".000000Z", "Z");
+    let expires = output::to_the_second(&expires.to_string());
     format!(", {word} {expires}")
 }
 
