@@ -161,6 +161,30 @@ fn a_history_of_several_pages_is_read_to_its_end() {
 }
 
 #[test]
+fn a_history_of_which_averages_are_left_says_so_in_each_form() {
+    let day = ["2026-09-01T00:00:00Z", "2026-09-02T00:00:00Z"];
+    let part = json!({ "from": day[0], "to": day[1], "width_ms": 60_000, "used": "not_used" });
+    let fake = Fake::start("averages", move |_| {
+        let page = json!({
+            "robot": "press-1", "signal": "axis-0", "unit": null, "from": day[0], "to": day[1], "samples": [],
+            "kept_until": null, "unreadable_chunks": 0, "averages": [part], "next_cursor": null,
+        });
+        Answer::With(200, page)
+    });
+    let asked = ["history", "axis-0", "--from", day[0], "--to", day[1]];
+    for (form, out) in [
+        (&[][..], "no value of axis-0 is left from 2026-09-01T00:00:00Z to 2026-09-02T00:00:00Z\n"),
+        (&["--csv"], "time,value,gap\r\n"),
+    ] {
+        let told = fake.r6(&[&asked[..], form].concat());
+        assert_eq!((told.code, told.out.as_str()), (0, out), "{told:?}");
+        assert!(told.err.contains("averages of 1m are left: ask with `--bucket 1m`"), "{}", told.err);
+    }
+    let json = fake.r6(&[&asked[..], &["--json"]].concat());
+    assert_eq!(json.json()["averages"][0]["used"], "not_used");
+}
+
+#[test]
 fn the_audit_log_is_shown_to_engineers() {
     let robots = [Robot::start(&[]), Robot::start(&[])];
     let names = [format!("press={}", robots[0].address()), format!("saw={}", robots[1].address())];
