@@ -1,13 +1,14 @@
 //! State that the subscriptions of one connection share: which address is wanted how often, and its last
 //! value.
 
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use futures_util::future::AbortHandle;
 use r6_proto::Reading;
-use r6_proto::address::Address;
+use r6_proto::address::{Address, AddressMap, Walk};
 use r6_proto::time::Instant;
 use tokio::sync::{Notify, watch};
 
@@ -42,7 +43,9 @@ struct Shared {
     plan: PollPlan,
     wishes: BTreeMap<u64, Wish>,
     next_id: u64,
-    values: BTreeMap<Address, Last>,
+    values: AddressMap<Last>,
+    /// What was asked for last: in general it is asked for again.
+    asked: Arc<[Address]>,
     failure: Option<RequestError>,
     poller: Option<AbortHandle>,
     taps: Vec<Tap>,
@@ -54,7 +57,8 @@ struct Shared {
 /// A query that is due.
 #[derive(Debug)]
 pub(crate) struct Poll {
-    pub addresses: Vec<Address>,
+    /// In their order.
+    pub addresses: Arc<[Address]>,
     begun: Instant,
     /// How many connections were lost before it.
     losses: u64,
@@ -63,41 +67,34 @@ pub(crate) struct Poll {
 /// The wishes of one subscription.
 #[derive(Debug)]
 struct Wish {
-    addresses: BTreeSet<Address>,
+    /// In their order.
+    addresses: Vec<Address>,
     every: Duration,
     /// When it is to be notified again.
     due: Instant,
     news: watch::Sender<()>,
 }
 
-/// What a subscription sees of the board.
-#[derive(Debug)]
-pub(crate) struct Seen {
-    /// For each address asked: its last value, and its period.
-    pub rows: Vec<(Address, Option<Last>, Duration)>,
-    pub failure: Option<RequestError>,
-}
-
 impl Shared {
     /// Plans each address at the shortest period of its subscriptions, and forgets values that no
     /// subscription wants.
     fn plan_anew(&mut self, now: Instant) {
-        let mut wanted = BTreeMap::new();
+        let mut wanted = AddressMap::<Duration>::default();
         for wish in self.wishes.values() {
+            let mut walk = Walk::default();
             for address in &wish.addresses {
-                let every = wanted.entry(*address).or_insert(wish.every);
+                let every = wanted.walk_to_or_insert(&mut walk, *address, || wish.every);
                 *every = wish.every.min(*every);
             }
         }
-        self.values.retain(|address, _| wanted.contains_key(address));
-        self.plan.replace(wanted, now);
+        self.values.retain(|address, _| wanted.contains(address));
+        self.plan.replace(&wanted, now);
     }
 
     /// Notifies the subscriptions concerned, each no faster than its own period.
     fn tell(&mut self, asked: &[Address], now: Instant) {
         for wish in self.wishes.values_mut() {
-            let concerned = asked.iter().any(|address| wish.addresses.contains(address));
-            if concerned && now + slack(wish.every) >= wish.due {
+            if now + slack(wish.every) >= wish.due && share(asked, &wish.addresses) {
                 wish.due = next_due(now, wish.every);
                 wish.news.send_replace(());
             }
@@ -132,6 +129,7 @@ impl Board {
         poll: impl FnOnce() -> AbortHandle,
     ) -> Result<(u64, watch::Receiver<()>), NotSubscribed> {
         let addresses: BTreeSet<Address> = addresses.iter().copied().collect();
+        let addresses: Vec<Address> = addresses.into_iter().collect();
         let mut shared = self.shared();
         if shared.closed {
             return Err(NotSubscribed::Closed);
@@ -182,14 +180,20 @@ impl Board {
         self.shared().wishes.values().map(|wish| wish.every).min()
     }
 
-    /// What one subscription sees.
-    pub fn seen(&self, addresses: &[Address]) -> Seen {
+    /// What one subscription sees: of each address what `row` makes of its last value and its period; and why
+    /// the last poll failed.
+    pub fn seen<T>(
+        &self,
+        addresses: &[Address],
+        mut row: impl FnMut(Address, Option<&Last>, Duration) -> T,
+    ) -> (Vec<T>, Option<RequestError>) {
         let shared = self.shared();
-        let row = |address: &Address| {
-            let every = shared.plan.every(*address).unwrap_or_default();
-            (*address, shared.values.get(address).cloned(), every)
-        };
-        Seen { rows: addresses.iter().map(row).collect(), failure: shared.failure.clone() }
+        let (mut planned, mut kept) = (Walk::default(), Walk::default());
+        let rows = addresses.iter().map(|address| {
+            let every = shared.plan.every_of_next(&mut planned, *address).unwrap_or_default();
+            row(*address, shared.values.walk_to(&mut kept, *address), every)
+        });
+        (rows.collect(), shared.failure.clone())
     }
 
     /// Adds a recording. `false` if the handle is closed, or if there are too many.
@@ -218,7 +222,7 @@ impl Board {
         shared.closed = true;
         shared.wishes.clear();
         shared.taps.clear();
-        shared.plan.replace(BTreeMap::new(), self.time.now());
+        shared.plan.replace(&AddressMap::default(), self.time.now());
         drop(shared);
         self.changed.notify_one();
     }
@@ -226,13 +230,21 @@ impl Board {
     /// Waits for the next query of the poller; `None` when no subscription is left.
     pub async fn due(&self) -> Option<Poll> {
         loop {
-            let (next, losses) = {
-                let shared = self.shared();
-                (shared.plan.next(self.time.now()), shared.losses)
+            let next = {
+                let mut shared = self.shared();
+                match shared.plan.next(self.time.now()) {
+                    Next::Ask(addresses) => {
+                        if *shared.asked != *addresses {
+                            shared.asked = addresses.into();
+                        }
+                        let (addresses, losses) = (Arc::clone(&shared.asked), shared.losses);
+                        return Some(Poll { addresses, begun: self.time.now(), losses });
+                    }
+                    next => next,
+                }
             };
             match next {
-                Next::Ask(addresses) => return Some(Poll { addresses, begun: self.time.now(), losses }),
-                Next::Idle => return None,
+                Next::Ask(_) | Next::Idle => return None,
                 Next::Wait(until) => {
                     tokio::select! {
                         biased;
@@ -249,12 +261,16 @@ impl Board {
         let now = self.time.now();
         let mut shared = self.shared();
         shared.taps.retain(|tap| tap.take(result, asked_at));
+        let (mut planned, mut kept) = (Walk::default(), Walk::default());
         for (position, (address, value)) in result.rows().iter().enumerate() {
             if let Some(at) = asked_at.of(position)
-                && shared.plan.every(*address).is_some()
+                && shared.plan.every_of_next(&mut planned, *address).is_some()
             {
-                let connection = result.connection();
-                shared.values.insert(*address, Last { value: value.clone(), at, connection });
+                let last = Last { value: value.clone(), at, connection: result.connection() };
+                match shared.values.walk_to_mut(&mut kept, *address) {
+                    Some(kept) => *kept = last,
+                    None => drop(shared.values.insert(*address, last)),
+                }
             }
         }
         shared.failure = None;
@@ -277,6 +293,18 @@ impl Board {
         shared.failure = Some(error);
         shared.tell_all();
     }
+}
+
+/// Whether an address is in both lists, which are in the order of the addresses.
+fn share(mut one: &[Address], mut other: &[Address]) -> bool {
+    while let ([first, one_left @ ..], [second, other_left @ ..]) = (one, other) {
+        match first.cmp(second) {
+            Ordering::Equal => return true,
+            Ordering::Less => one = one_left,
+            Ordering::Greater => other = other_left,
+        }
+    }
+    false
 }
 
 /// Whether the failure came after a timeout or an attempt to connect, which has its own wait. Another pause
@@ -353,7 +381,7 @@ mod tests {
         assert!(due.as_mut().poll(&mut cx).is_pending());
         watched.board.connection_lost();
         let Poll::Ready(Some(poll)) = due.as_mut().poll(&mut cx) else { panic!("it is due at once") };
-        assert_eq!(poll.addresses, [Address::CurMode]);
+        assert_eq!(*poll.addresses, [Address::CurMode]);
         assert!(watched.news.has_changed().unwrap());
     }
 

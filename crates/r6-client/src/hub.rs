@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use r6_proto::address::Address;
+use r6_proto::address::{Address, AddressMap};
 use r6_proto::client::LearnedDialect;
 use r6_proto::message::QueryReply;
 use r6_proto::time::Instant;
@@ -55,7 +55,7 @@ pub(crate) struct Known {
     /// Addresses that it does not support.
     pub unsupported: BTreeSet<Address>,
     /// Addresses that some controllers lack but that had a value here.
-    pub supported: BTreeSet<Address>,
+    pub supported: AddressMap<()>,
     /// Whether the last query had a reply with an unexplained number of values.
     pub doubts_lists: bool,
     /// How often lists were doubted, over all connections.

@@ -1,9 +1,8 @@
 //! Decides which addresses to ask for and when: pure, so that tests can set the time.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
-use r6_proto::address::Address;
+use r6_proto::address::{Address, AddressMap, Walk};
 use r6_proto::time::Instant;
 
 /// How much earlier an address may be asked for, at most: a slow one must not be asked for at the pace of a
@@ -20,7 +19,7 @@ const RETRY_AFTER: Duration = Duration::from_millis(100);
 /// period, and less than 50 ms, is asked for together with the others.
 #[derive(Debug, Default)]
 pub(crate) struct PollPlan {
-    rows: BTreeMap<Address, Row>,
+    rows: AddressMap<Row>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -43,20 +42,26 @@ pub(crate) enum Next {
 impl PollPlan {
     /// Replaces the addresses and periods. A new address is due at once. An address with a shorter period
     /// than before is due no later than the new period says.
-    pub fn replace(&mut self, wanted: BTreeMap<Address, Duration>, now: Instant) {
-        let row = |(address, every)| {
-            let due = match self.rows.get(&address) {
+    pub fn replace(&mut self, wanted: &AddressMap<Duration>, now: Instant) {
+        let row = |(address, every): (Address, &Duration)| {
+            let every = *every;
+            let due = match self.rows.get(address) {
                 Some(row) => row.due.min(next_due(now, every)),
                 None => now,
             };
             (address, Row { every, due })
         };
-        self.rows = wanted.into_iter().map(row).collect();
+        self.rows = wanted.iter().map(row).collect();
     }
 
     /// The period of an address.
     pub fn every(&self, address: Address) -> Option<Duration> {
-        self.rows.get(&address).map(|row| row.every)
+        self.every_of_next(&mut Walk::default(), address)
+    }
+
+    /// The period of the next address of a walk.
+    pub fn every_of_next(&self, walk: &mut Walk, address: Address) -> Option<Duration> {
+        self.rows.walk_to(walk, address).map(|row| row.every)
     }
 
     /// How many addresses there are.
@@ -66,14 +71,14 @@ impl PollPlan {
 
     /// What to do now.
     pub fn next(&self, now: Instant) -> Next {
-        match self.rows.values().map(|row| row.due).min() {
+        match self.rows.iter().map(|(_, row)| row.due).min() {
             None => Next::Idle,
             Some(due) if due > now => Next::Wait(due),
             Some(_) => {
                 let rides = |row: &Row| row.due <= now || row.due < now + slack(row.every);
-                Next::Ask(
-                    self.rows.iter().filter(|(_, row)| rides(row)).map(|(address, _)| *address).collect(),
-                )
+                let mut asked = Vec::with_capacity(self.rows.len());
+                asked.extend(self.rows.iter().filter(|(_, row)| rides(row)).map(|(address, _)| address));
+                Next::Ask(asked)
             }
         }
     }
@@ -99,12 +104,13 @@ impl PollPlan {
 
     /// Makes everything due now, because another robot may answer next.
     pub fn all_due(&mut self, now: Instant) {
-        self.rows.values_mut().for_each(|row| row.due = now);
+        self.rows.iter_mut().for_each(|(_, row)| row.due = now);
     }
 
     fn put_off(&mut self, asked: &[Address], due: impl Fn(Duration) -> Instant) {
+        let mut walk = Walk::default();
         for address in asked {
-            if let Some(row) = self.rows.get_mut(address) {
+            if let Some(row) = self.rows.walk_to_mut(&mut walk, *address) {
                 row.due = due(row.every);
             }
         }
@@ -142,7 +148,7 @@ mod tests {
 
     fn plan(wanted: &[(Address, u64)], now: Instant) -> PollPlan {
         let mut plan = PollPlan::default();
-        plan.replace(wanted.iter().map(|(address, every)| (*address, ms(*every))).collect(), now);
+        plan.replace(&wanted.iter().map(|(address, every)| (*address, ms(*every))).collect(), now);
         plan
     }
 
@@ -176,7 +182,7 @@ mod tests {
             queries(&mut plan, 3, 230, 1).iter().map(|(at, _)| *at).collect::<Vec<_>>(),
             [3, 100, 200]
         );
-        plan.replace([(MODE, ms(100)), (ALARM, ms(100))].into(), at(240));
+        plan.replace(&[(MODE, ms(100)), (ALARM, ms(100))].into_iter().collect(), at(240));
         let both = vec![MODE, ALARM];
         let found = queries(&mut plan, 240, 510, 1);
         assert_eq!(found, [(240, vec![ALARM]), (300, both.clone()), (400, both.clone()), (500, both)]);
@@ -221,11 +227,11 @@ mod tests {
     fn a_shorter_period_takes_hold_at_once_and_nothing_wanted_is_nothing_asked() {
         let mut plan = plan(&[(NAME, 60_000)], at(0));
         plan.answered(&[NAME], at(0), at(1));
-        plan.replace([(NAME, ms(100))].into(), at(30));
+        plan.replace(&[(NAME, ms(100))].into_iter().collect(), at(30));
         assert_eq!(plan.next(at(30)), Next::Wait(at(100)));
         plan.all_due(at(31));
         assert_eq!(plan.next(at(31)), Next::Ask(vec![NAME]));
-        plan.replace(BTreeMap::new(), at(32));
+        plan.replace(&AddressMap::default(), at(32));
         assert_eq!(plan.next(at(32)), Next::Idle);
     }
 

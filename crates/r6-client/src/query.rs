@@ -144,7 +144,7 @@ impl Robot {
     }
 
     /// Like [`Self::query_timed`], but the values go into `room`.
-    async fn query_into(
+    pub(crate) async fn query_into(
         &self,
         lane: Lane,
         asked: Arc<[Address]>,

@@ -17,6 +17,7 @@
 
 pub(crate) mod limits;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use r6_proto::Reading;
@@ -25,11 +26,11 @@ use r6_proto::error::FieldError;
 use r6_proto::time::Instant;
 use tokio::sync::watch;
 
-use crate::board::{Last, Seen};
+use crate::board::Last;
 use crate::error::{NotSent, RequestError};
 use crate::link::Lane;
 use crate::link_quality::LinkState;
-use crate::query::result::NoReading;
+use crate::query::result::{NoReading, Rows};
 use crate::robot::Robot;
 use crate::settings::Liveness;
 pub use crate::subscription::limits::NotSubscribed;
@@ -134,9 +135,15 @@ impl Robot {
 /// Asks for what is due, one query at a time, until no subscription is left or the handle is closed.
 async fn poll(robot: Robot) {
     let board = &robot.hub().board;
+    // The rows of a poll are read into those of the one before.
+    let mut room = Rows::new();
     while let Some(poll) = board.due().await {
-        match robot.query_timed(Lane::Background, &poll.addresses).await {
-            Ok((result, asked_at)) => board.answered(&poll, &result, &asked_at),
+        let (addresses, rows) = (Arc::clone(&poll.addresses), std::mem::take(&mut room));
+        match robot.query_into(Lane::Background, addresses, rows).await {
+            Ok((result, asked_at)) => {
+                board.answered(&poll, &result, &asked_at);
+                room = result.rows;
+            }
             Err(RequestError::NotSent(NotSent::Closed)) => return board.close(),
             Err(error) => board.failed(&poll, error),
         }
@@ -158,11 +165,10 @@ impl Subscription {
         let now = self.robot.now();
         let link = hub.meter().state(now, settings.liveness);
         let connection = hub.known().connection;
-        let Seen { rows, failure } = hub.board.seen(&self.addresses);
-        let values = rows.into_iter().map(|(address, last, every)| {
+        let (values, failure) = hub.board.seen(&self.addresses, |address, last, every| {
             Value::of(address, last, every, now, (link, connection), settings.liveness)
         });
-        Snapshot { values: values.collect(), failure }
+        Snapshot { values, failure }
     }
 
     /// Waits until any of the values was read again, a poll failed, or the connection was lost; `None` once
@@ -191,7 +197,7 @@ impl Value {
     /// The statement "this value is fresh": it was read when due, over the connection that is alive now.
     fn of(
         address: Address,
-        last: Option<Last>,
+        last: Option<&Last>,
         every: Duration,
         now: Instant,
         (link, present): (LinkState, u64),
@@ -200,24 +206,23 @@ impl Value {
         let Some(Last { value, at, connection }) = last else {
             return Self { address, reading: None, age: None, quality: Quality::NotRead };
         };
-        let age = now.since(at);
+        let age = now.since(*at);
         let overdue = age.saturating_sub(every);
-        let (reading, quality) = match value {
-            Err(NoReading::Unsupported) => (None, Quality::Unsupported),
-            Err(NoReading::Unreadable(error)) => (None, Quality::Unreadable(error)),
-            Ok(reading) if overdue > liveness.dead_after || link == LinkState::Dead => {
-                (Some(reading), Quality::Dead)
-            }
+        let quality = match value {
+            Err(NoReading::Unsupported) => Quality::Unsupported,
+            Err(NoReading::Unreadable(error)) => Quality::Unreadable(error.clone()),
+            Ok(_) if overdue > liveness.dead_after || link == LinkState::Dead => Quality::Dead,
             // A value of an earlier connection may come from another robot, or from before a power cycle.
-            Ok(reading)
+            Ok(_)
                 if overdue > liveness.suspect_after
                     || link == LinkState::Suspect
-                    || connection != present =>
+                    || *connection != present =>
             {
-                (Some(reading), Quality::Stale)
+                Quality::Stale
             }
-            Ok(reading) => (Some(reading), Quality::Fresh),
+            Ok(_) => Quality::Fresh,
         };
+        let reading = value.as_ref().ok().cloned();
         Self { address, reading, age: Some(age), quality }
     }
 }

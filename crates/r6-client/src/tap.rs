@@ -55,12 +55,13 @@ impl Tap {
     /// Hands on the values of a poll. Returns whether somebody still records.
     pub fn take(&self, result: &QueryResult, asked_at: &AskedAt) -> bool {
         let rows = result.rows().iter().enumerate();
-        let values = rows.filter_map(|(position, (address, value))| {
+        let mut values = Vec::with_capacity(rows.len());
+        values.extend(rows.filter_map(|(position, (address, value))| {
             let at = asked_at.of(position)?;
             let connection = result.connection();
             Some(Polled { address: *address, reading: value.as_ref().ok().cloned(), at, connection })
-        });
-        let poll = Poll { values: values.collect(), lost: self.lost.load(Ordering::Relaxed) };
+        }));
+        let poll = Poll { values, lost: self.lost.load(Ordering::Relaxed) };
         match self.polls.try_send(poll) {
             Ok(()) => true,
             Err(TrySendError::Full(Poll { values, .. })) => {

@@ -9,8 +9,10 @@ use crate::printable::printable;
 use crate::spelling;
 
 mod item;
+mod map;
 mod table;
 
+pub use map::{AddressMap, Walk};
 pub use table::{ADDRESSES, Address};
 
 /// Which network port of the cabinet offers a query address or a command (manual 4.1.1, 4.2.1).

@@ -1,7 +1,7 @@
 //! What queries tell about the controller besides their values: its identity, the addresses it lacks, whether
 //! its lists can be believed.
 
-use r6_proto::address::Address;
+use r6_proto::address::{Address, Walk};
 
 use crate::error::{OutcomeUnknown, RequestError, Sent};
 use crate::hub::Hub;
@@ -33,9 +33,10 @@ impl Hub {
         if known.connection != connection {
             return;
         }
+        let mut walk = Walk::default();
         for address in told {
             if known.supported.len() < MAX_SUPPORTED {
-                known.supported.insert(address);
+                known.supported.walk_to_or_insert(&mut walk, address, || ());
             }
         }
     }
@@ -44,7 +45,7 @@ impl Hub {
     /// the address, or it had a value here, this takes many such replies in a row.
     pub(super) fn may_lack(&self, connection: u64, address: Address) -> bool {
         let mut known = self.known();
-        let has = known.supported.contains(&address) || is_everywhere(address);
+        let has = known.supported.contains(address) || is_everywhere(address);
         if !has || known.connection != connection {
             return true;
         }
@@ -78,7 +79,7 @@ impl Hub {
             return;
         }
         let mut known = self.known();
-        let had_a_value = known.supported.contains(&address);
+        let had_a_value = known.supported.contains(address);
         if known.connection == connection && !had_a_value && known.unsupported.len() < MAX_REMEMBERED {
             known.unsupported.insert(address);
         }

@@ -20,7 +20,7 @@ pub(crate) type Rows = Vec<(Address, Result<Reading, NoReading>)>;
 pub struct QueryResult {
     /// The addresses asked for; each row contains its address again.
     pub(super) addresses: Arc<[Address]>,
-    pub(super) rows: Rows,
+    pub(crate) rows: Rows,
     pub(super) took: Duration,
     /// The connection over which all replies came.
     pub(super) connection: u64,
