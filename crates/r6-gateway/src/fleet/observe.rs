@@ -39,10 +39,14 @@ impl<'s> Observer<'s> {
     ) -> Vec<Event> {
         // All values of a poll came over one connection.
         let Some(connection) = values.first().map(|value| value.connection) else { return Vec::new() };
+        // Most values of a poll were asked for together.
+        let mut last = None;
         let poll = values.iter().map(|Recorded { address, reading, age, connection: _ }| {
             let at = clock::before(now, *age);
+            let (_, time) = last.filter(|(of, _)| *of == at).unwrap_or_else(|| (at, time(at).kept()));
+            last = Some((at, time));
             // The reply was there before the value came here.
-            Value { address: *address, reading: reading.as_ref(), by: now.max(at), at, time: time(at).kept() }
+            Value { address: *address, reading: reading.as_ref(), by: now.max(at), at, time }
         });
         let events = self.watcher.take(connection, &poll.collect::<Vec<_>>());
         self.publish(now, &events);

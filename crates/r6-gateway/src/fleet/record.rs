@@ -1,12 +1,13 @@
 //! Keeps the values of one robot: every poll, of which the history keeps the changes; and what happens.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use r6_api::gateway::Gap;
 use r6_client::{Address, Recorded, Robot};
+use r6_proto::address::{AddressMap, Walk};
 use r6_proto::time::Instant;
 
 use super::config::RobotConfig;
@@ -131,7 +132,7 @@ fn time_of_system(at: Instant) -> Micros {
 struct Feed {
     recorder: Recorder,
     robot: RobotName,
-    signals: BTreeMap<Address, Signal>,
+    signals: AddressMap<Signal>,
     counts: Arc<RobotCounts>,
     /// What goes to the recorder next.
     samples: Vec<(Address, Interval, Sample)>,
@@ -202,7 +203,7 @@ impl Feed {
     fn take(&mut self, now: Instant, values: Vec<Recorded>) {
         self.notice(now);
         // Most values of a poll were asked for together.
-        let mut last = None;
+        let (mut last, mut walk) = (None, Walk::default());
         for Recorded { address, reading, age, connection: _ } in values {
             let asked_at = clock::before(now, age);
             let (_, time) = last
@@ -213,7 +214,7 @@ impl Feed {
             self.until = time;
             self.counts.read(time);
             // The poller also reads what is not kept.
-            let Some(signal) = self.signals.get_mut(&address) else { continue };
+            let Some(signal) = self.signals.walk_to_mut(&mut walk, address) else { continue };
             signal.asked_at = Some(asked_at);
             let state = reading.as_ref().map_or(State::Gap(Gap::None), State::of);
             let kept = signal.filter.take(time, state);
@@ -225,12 +226,12 @@ impl Feed {
     /// Looks whether values are overdue.
     fn look(&mut self, now: Instant) {
         self.notice(now);
-        for (address, signal) in &mut self.signals {
+        for (address, signal) in self.signals.iter_mut() {
             let Some(asked_at) = signal.asked_at else { continue };
             let until = asked_at + signal.period + OVERDUE;
             if until < now {
                 let gap = signal.filter.gap(self.recorder.time(until), Gap::Stale);
-                self.samples.extend(gap.map(|sample| (*address, signal.interval, sample)));
+                self.samples.extend(gap.map(|sample| (address, signal.interval, sample)));
             }
         }
         self.hand_over(now);
@@ -244,23 +245,23 @@ impl Feed {
         self.seen = seen;
         if stepped {
             let time = self.recorder.time(now);
-            for (address, signal) in &mut self.signals {
+            for (address, signal) in self.signals.iter_mut() {
                 // On the new scale the last sample may be in the future.
                 let was_known = signal.filter.gap(time, Gap::ClockStepped).is_some();
                 signal.filter.forget();
                 let gap = Sample { time, state: State::Gap(Gap::ClockStepped) };
-                self.samples.extend(was_known.then_some((*address, signal.interval, gap)));
+                self.samples.extend(was_known.then_some((address, signal.interval, gap)));
             }
         }
         if lost {
-            self.signals.values_mut().for_each(|signal| signal.filter.forget());
+            self.signals.iter_mut().for_each(|(_, signal)| signal.filter.forget());
         }
     }
 
     /// Values were lost between those that were taken last and now. A signal that is read seldom may have
     /// lost none.
     fn lose(&mut self, count: u64, now: Instant) {
-        self.signals.values_mut().for_each(|signal| signal.is_lost |= signal.was_due(now));
+        self.signals.iter_mut().for_each(|(_, signal)| signal.is_lost |= signal.was_due(now));
         self.counts.lose(count);
         let behind = Micros(self.until.0.saturating_add(100));
         let from = if self.until == Micros::default() { self.recorder.time(now) } else { behind };
@@ -272,9 +273,9 @@ impl Feed {
     fn replaced(&mut self, events: Vec<Event>, now: Instant) {
         self.note(events);
         let time = self.recorder.time(now);
-        for (address, signal) in &mut self.signals {
+        for (address, signal) in self.signals.iter_mut() {
             let gap = signal.filter.gap(time, Gap::Ended);
-            self.samples.extend(gap.map(|sample| (*address, signal.interval, sample)));
+            self.samples.extend(gap.map(|sample| (address, signal.interval, sample)));
             signal.asked_at = None;
         }
         self.hand_over(now);
@@ -287,8 +288,8 @@ impl Feed {
         self.told = now;
         let mut samples = std::mem::take(&mut self.samples);
         if let Some(since) = self.lost_from {
-            let gap = |(address, signal): (&Address, &Signal)| {
-                (*address, signal.interval, Sample { time: since, state: State::Gap(Gap::Lost) })
+            let gap = |(address, signal): (Address, &Signal)| {
+                (address, signal.interval, Sample { time: since, state: State::Gap(Gap::Lost) })
             };
             drop(samples.splice(0..0, self.signals.iter().filter(|(_, signal)| signal.is_lost).map(gap)));
         }
@@ -301,13 +302,13 @@ impl Feed {
         };
         let Err(NotKept { samples, events }) = self.recorder.keep(batch) else {
             if self.lost_from.take().is_some() {
-                self.signals.values_mut().for_each(|signal| signal.is_lost = false);
+                self.signals.iter_mut().for_each(|(_, signal)| signal.is_lost = false);
             }
             return;
         };
         self.events.put_back(events);
         for (address, ..) in &samples {
-            self.signals.get_mut(address).into_iter().for_each(|signal| signal.is_lost = true);
+            self.signals.get_mut(*address).into_iter().for_each(|signal| signal.is_lost = true);
         }
         if let Some(first) = samples.iter().map(|(.., sample)| sample.time).min() {
             if self.lost_from.is_none() {
@@ -325,9 +326,9 @@ impl Drop for Feed {
     fn drop(&mut self) {
         let now = clock::now();
         let time = self.recorder.time(now);
-        for (address, signal) in &mut self.signals {
+        for (address, signal) in self.signals.iter_mut() {
             let gap = signal.filter.gap(time, Gap::Ended);
-            self.samples.extend(gap.map(|sample| (*address, signal.interval, sample)));
+            self.samples.extend(gap.map(|sample| (address, signal.interval, sample)));
         }
         self.hand_over(now);
         self.counts.lose_events(self.events.count());
@@ -385,6 +386,7 @@ mod tests {
             assert!(clock::now().since(begun) < Duration::from_secs(20));
             tokio::task::yield_now().await;
         }
-        assert!(feed.signals[&seldom].is_lost && !feed.signals[&often].is_lost);
+        let is_lost = |address| feed.signals.get(address).unwrap().is_lost;
+        assert!(is_lost(seldom) && !is_lost(often));
     }
 }

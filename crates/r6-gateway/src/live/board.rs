@@ -60,10 +60,15 @@ impl Board {
     /// Takes in what was read. Returns whether a value or its quality changed; only then `next` draws the
     /// number of the change, which is larger than all numbers before.
     pub fn take(&mut self, now: Instant, snapshot: &Snapshot, next: impl FnOnce() -> u64) -> bool {
-        let mut changed = Vec::new();
-        for (place, row) in self.rows.iter_mut().enumerate() {
-            let Some(read) = snapshot.value(row.address) else { continue };
-            if row.take(now, read) {
+        let mut changed = Vec::with_capacity(self.rows.len());
+        // Both have the same order in general: then each value is found behind the one before.
+        let mut begin = 0;
+        for read in snapshot.values() {
+            let is_it = |row: &Row| row.address == read.address;
+            let behind = self.rows.iter().skip(begin).position(is_it).map(|ahead| begin + ahead);
+            let Some(place) = behind.or_else(|| self.rows.iter().position(is_it)) else { continue };
+            begin = place + 1;
+            if self.rows.get_mut(place).is_some_and(|row| row.take(now, read)) {
                 changed.push(place);
             }
         }

@@ -6,9 +6,10 @@
 //! written anew, otherwise it grows by a row.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::time::Duration;
 
-use r6_proto::Address;
+use r6_proto::address::{Address, AddressMap, Walk};
 use r6_proto::time::Instant;
 
 use super::codec::{self, MAX_SAMPLES, Times};
@@ -130,7 +131,9 @@ pub struct Write {
 /// The open blocks of one robot.
 #[derive(Debug, Default)]
 pub struct OpenBlocks {
-    blocks: BTreeMap<Address, Block>,
+    blocks: AddressMap<Block>,
+    /// Samples come in the order of their addresses in general.
+    walk: Walk,
     /// The day of all open samples.
     day: i64,
     /// Chunks that are not written yet.
@@ -152,13 +155,13 @@ impl OpenBlocks {
             self.seal_all();
             self.day = day;
         }
-        let fits = self.blocks.get(&address).is_none_or(|block| block.fits(interval, &sample));
-        if !fits {
-            self.seal(&mut Times::default(), address);
-        }
         let first = sample.time;
         let new = || Block { interval, samples: Series::new(first), written: 0, opened: now };
-        let block = self.blocks.entry(address).or_insert_with(new);
+        let mut block = self.blocks.walk_to_or_insert(&mut self.walk, address, new);
+        if !block.fits(interval, &sample) {
+            self.seal(&mut Times::default(), address);
+            block = self.blocks.walk_to_or_insert(&mut self.walk, address, new);
+        }
         let before = block.samples.size();
         block.samples.push(sample);
         self.size = (self.size + block.samples.size()).saturating_sub(before);
@@ -179,13 +182,13 @@ impl OpenBlocks {
 
     fn seal_if(&mut self, is: impl Fn(&Block) -> bool) {
         let due: Vec<_> =
-            self.blocks.iter().filter(|(_, block)| is(block)).map(|(address, _)| *address).collect();
+            self.blocks.iter().filter(|(_, block)| is(block)).map(|(address, _)| address).collect();
         let mut times = Times::default();
         due.into_iter().for_each(|address| self.seal(&mut times, address));
     }
 
     fn seal(&mut self, times: &mut Times, address: Address) {
-        let Some(block) = self.blocks.remove(&address) else { return };
+        let Some(block) = self.blocks.remove(address) else { return };
         let freed = block.samples.size();
         let chunks = chunks(times, block.interval, &block.samples.from(0));
         let taken: usize = chunks.iter().map(|chunk| chunk.bytes.len() + size_of::<Chunk>()).sum();
@@ -208,14 +211,19 @@ impl OpenBlocks {
                 writes.entry(*day).or_default().replace_tail = true;
             }
         }
-        let rows = self.blocks.iter().filter_map(|(address, block)| {
-            let begin = if replace { 0 } else { block.written };
-            let samples = block.samples.from(begin);
-            (!samples.is_empty()).then_some((*address, block.interval, samples))
-        });
-        let rows: Vec<_> = rows.collect();
+        let (mut samples, mut rows) = (Vec::new(), Vec::with_capacity(self.blocks.len()));
+        for (address, block) in self.blocks.iter() {
+            let begin = samples.len();
+            block.samples.append_to(&mut samples, if replace { 0 } else { block.written });
+            if samples.len() > begin {
+                rows.push((address, block.interval, begin..samples.len()));
+            }
+        }
         if !rows.is_empty() {
-            writes.entry(self.day).or_default().tail = Some(tail::encode(&rows));
+            let of_row = |(address, interval, range): (_, _, Range<usize>)| {
+                (address, interval, samples.get(range).unwrap_or_default())
+            };
+            writes.entry(self.day).or_default().tail = Some(tail::encode(rows.into_iter().map(of_row)));
         }
         writes
     }
@@ -228,7 +236,7 @@ impl OpenBlocks {
             self.tail_rows = 0;
         }
         let mut has_tail = false;
-        for block in self.blocks.values_mut() {
+        for (_, block) in self.blocks.iter_mut() {
             has_tail |= replaced || block.written < block.samples.len();
             block.written = block.samples.len();
         }
@@ -257,7 +265,7 @@ impl OpenBlocks {
         let sealed = self.sealed.iter().filter(|(of, _)| *of == address);
         let sealed = sealed
             .map(|(_, chunk)| codec::decode(&chunk.bytes).map(|decoded| (decoded.interval, decoded.samples)));
-        let open = self.blocks.get(&address).map(|block| Ok((block.interval, block.samples.from(0))));
+        let open = self.blocks.get(address).map(|block| Ok((block.interval, block.samples.from(0))));
         sealed.chain(open).collect()
     }
 

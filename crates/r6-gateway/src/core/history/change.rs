@@ -15,6 +15,8 @@ pub struct ChangeOnly {
     interval: Interval,
     /// A number is kept if it differs from the last kept one by more than this.
     deadband: f64,
+    /// A decimal is rounded to this share of one; `None` if all of its digits are kept.
+    power: Option<f64>,
     last: Option<Sample>,
 }
 
@@ -22,7 +24,11 @@ impl ChangeOnly {
     /// Nothing was kept yet.
     #[must_use]
     pub fn new(interval: Interval, deadband: f64) -> Self {
-        Self { interval, deadband, last: None }
+        // The power of ten whose inverse is a tenth of the deadband, or less.
+        let digits = 1.0 - deadband.log10().floor();
+        let is_rounded = deadband != 0.0 && (0.0..=9.0).contains(&digits);
+        let power = is_rounded.then(|| 10_f64.powf(digits));
+        Self { interval, deadband, power, last: None }
     }
 
     /// Takes in what was read. Returns it if it is to be kept. A decimal with a deadband is kept to a tenth
@@ -67,13 +73,7 @@ impl ChangeOnly {
     }
 
     fn rounded(&self, state: State) -> State {
-        let State::Decimal(number) = state else { return state };
-        // The power of ten whose inverse is a tenth of the deadband, or less.
-        let digits = 1.0 - self.deadband.log10().floor();
-        if self.deadband == 0.0 || !(0.0..=9.0).contains(&digits) {
-            return state;
-        }
-        let power = 10_f64.powf(digits);
+        let (State::Decimal(number), Some(power)) = (&state, self.power) else { return state };
         let whole = (number * power).round();
         // Numbers too large to have such digits stay as they are.
         if whole.abs() < MAX_WHOLE { State::Decimal(whole / power + 0.0) } else { state }

@@ -275,16 +275,19 @@ fn put_decimals(out: &mut Vec<u8>, samples: &[Sample]) {
         State::Decimal(number) => Some(number),
         State::Integer(_) | State::Text(_) | State::Gap(_) => None,
     });
-    let numbers: Vec<_> = numbers.collect();
-    let scaled = |digits: u8| numbers.iter().map(|number| scale(*number, digits)).collect::<Option<Vec<_>>>();
-    match (0..=MAX_DIGITS).find_map(|digits| Some((digits, scaled(digits)?))) {
-        Some((digits, numbers)) => {
+    let mut scaled = Vec::with_capacity(samples.len());
+    let digits = (0..=MAX_DIGITS).find(|digits| {
+        scaled.clear();
+        numbers.clone().all(|number| scale(number, *digits).map(|number| scaled.push(number)).is_some())
+    });
+    match digits {
+        Some(digits) => {
             out.push(digits);
-            put_integers(out, &numbers);
+            put_integers(out, &scaled);
         }
         None => {
             out.push(u8::MAX);
-            numbers.iter().for_each(|number| out.extend_from_slice(&number.to_bits().to_le_bytes()));
+            numbers.for_each(|number| out.extend_from_slice(&number.to_bits().to_le_bytes()));
         }
     }
 }

@@ -84,12 +84,19 @@ impl Series {
 
     /// The samples from this number on.
     pub fn from(&self, begin: usize) -> Vec<Sample> {
+        let mut samples = Vec::with_capacity(self.len().saturating_sub(begin));
+        self.append_to(&mut samples, begin);
+        samples
+    }
+
+    /// Appends the samples from this number on.
+    pub fn append_to(&self, out: &mut Vec<Sample>, begin: usize) {
         match &self.column {
             Column::Short { first, unit, numbers } => {
                 let numbers = numbers.get(begin..).unwrap_or_default();
-                numbers.iter().map(|short| lengthened(*first, *unit, *short)).collect()
+                out.extend(numbers.iter().map(|short| lengthened(*first, *unit, *short)));
             }
-            Column::Long(samples) => samples.get(begin..).unwrap_or_default().to_vec(),
+            Column::Long(samples) => out.extend_from_slice(samples.get(begin..).unwrap_or_default()),
         }
     }
 

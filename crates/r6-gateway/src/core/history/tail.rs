@@ -47,18 +47,18 @@ impl Group<'_> {
 
 /// Writes samples of several signals.
 #[must_use]
-pub fn encode(signals: &[(Address, Interval, Vec<Sample>)]) -> Vec<u8> {
-    let mut groups = Vec::<Group<'_>>::new();
+pub fn encode<'s>(signals: impl IntoIterator<Item = (Address, Interval, &'s [Sample])>) -> Vec<u8> {
+    let mut groups = Vec::<Group<'s>>::new();
     for (address, interval, samples) in signals {
-        let (mut left, mut is_begin) = (&samples[..], true);
+        let (mut left, mut is_begin) = (samples, true);
         while !left.is_empty() {
             let (samples, later) = left.split_at(codec::fitting(left).clamp(1, left.len()));
             // What comes later stands in a later group.
-            match groups.iter_mut().find(|group| is_begin && group.fits(*interval, samples)) {
-                Some(group) => group.signals.push((*address, samples)),
+            match groups.iter_mut().find(|group| is_begin && group.fits(interval, samples)) {
+                Some(group) => group.signals.push((address, samples)),
                 None => {
-                    let signals = vec![(*address, samples)];
-                    groups.push(Group { interval: *interval, times: samples, signals });
+                    let signals = vec![(address, samples)];
+                    groups.push(Group { interval, times: samples, signals });
                 }
             }
             (left, is_begin) = (later, false);
@@ -137,6 +137,10 @@ mod tests {
     use super::super::sample::{Micros, State};
     use super::*;
 
+    fn bytes(signals: &[(Address, Interval, Vec<Sample>)]) -> Vec<u8> {
+        encode(signals.iter().map(|(address, interval, samples)| (*address, *interval, &samples[..])))
+    }
+
     const MODE: Address = Address::CurMode;
     const MOVING: Address = Address::IsMoving;
 
@@ -148,7 +152,7 @@ mod tests {
     fn blocks_of_several_signals_come_back() {
         let (short, long) = (series(0..3), series(0..600));
         let bytes =
-            encode(&[(MODE, Interval::USUAL, short.clone()), (MOVING, Interval::LONGEST, long.clone())]);
+            bytes(&[(MODE, Interval::USUAL, short.clone()), (MOVING, Interval::LONGEST, long.clone())]);
         let decoded = decode(&bytes).unwrap();
         assert_eq!((decoded[0].0, &decoded[0].1.samples), (MODE, &short));
         assert_eq!((decoded[1].0, decoded[1].1.interval), (MOVING, Interval::LONGEST));
@@ -166,7 +170,7 @@ mod tests {
         // The end of the long one has the times of the short one, whose group comes first.
         let (long, short) = (series(0..600), series(512..600));
         let signals = [(MODE, Interval::USUAL, short.clone()), (MOVING, Interval::USUAL, long.clone())];
-        let decoded = decode(&encode(&signals)).unwrap();
+        let decoded = decode(&bytes(&signals)).unwrap();
         let of = |address| {
             let own = decoded.iter().filter(|(of, _)| *of == address);
             own.flat_map(|(_, decoded)| decoded.samples.clone()).collect::<Vec<_>>()
@@ -189,7 +193,7 @@ mod tests {
             .collect();
         let of_chunks: usize =
             signals.iter().map(|(_, interval, samples)| 8 + chunk(*interval, samples).len()).sum();
-        let len = encode(&signals).len();
+        let len = bytes(&signals).len();
         assert!(len * 2 < of_chunks, "{len} bytes, {of_chunks} in chunks");
     }
 
@@ -273,7 +277,7 @@ mod tests {
                 (Address::parse(&name[number % 2]).unwrap(), interval, (0..).zip(states).map(at).collect())
             });
             let signals: Vec<(Address, Interval, Vec<Sample>)> = named.collect();
-            let decoded = decode(&encode(&signals)).unwrap();
+            let decoded = decode(&bytes(&signals)).unwrap();
             let mut back = decoded.into_iter().map(|(address, of)| (address, of.interval, of.samples)).collect::<Vec<_>>();
             let mut there = signals;
             back.sort_by_key(|(address, ..)| *address);
@@ -286,7 +290,7 @@ mod tests {
             changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),
             cut in any::<prop::sample::Index>(),
         ) {
-            let mut bytes = encode(&[(MODE, Interval::USUAL, series(0..3)), (MOVING, Interval::USUAL, series(0..3))]);
+            let mut bytes = bytes(&[(MODE, Interval::USUAL, series(0..3)), (MOVING, Interval::USUAL, series(0..3))]);
             bytes.truncate(bytes.len() - 4);
             for (at, byte) in changes {
                 let at = at.index(bytes.len());
