@@ -32,8 +32,9 @@ const PIECE_MINUTES: usize = 120;
 /// the chunks of a piece takes as long as to decode this many samples.
 const PIECE: u64 = 16_000;
 
-/// After this number of failures the averages of a day are given up. Then those of later days are computed.
-const MAX_FAILURES: u32 = 3;
+/// After this number of failures the averages of a day are given up. Then those of later days are computed. A
+/// day is tried again each 10 s, so a disk may fail for ten minutes.
+pub(super) const MAX_FAILURES: u32 = 60;
 
 /// For how many days a file that is too old waits for the averages of its day. They count from the start of
 /// the process at the earliest.
