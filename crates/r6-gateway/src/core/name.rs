@@ -3,9 +3,16 @@
 use std::borrow::Borrow;
 use std::fmt;
 
+use arrayvec::ArrayString;
+
+/// The longest name.
+const MAX: usize = 32;
+
 /// A name of a robot: 1 to 32 characters out of `a` to `z`, digits and `-`.
+///
+/// It has its text in place: a list of a thousand robots is searched with every poll.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct RobotName(String);
+pub struct RobotName(ArrayString<MAX>);
 
 impl RobotName {
     /// What a name is, for people.
@@ -14,14 +21,15 @@ impl RobotName {
     /// The name; `None` if the text is no name.
     #[must_use]
     pub fn new(text: &str) -> Option<Self> {
-        Self::is_name(text).then(|| Self(text.to_owned()))
+        let name = ArrayString::from(text).ok()?;
+        Self::is_name(text).then_some(Self(name))
     }
 
     /// Whether the text is a name.
     #[must_use]
     pub fn is_name(text: &str) -> bool {
         let fits = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
-        (1..=32).contains(&text.len()) && text.bytes().all(fits)
+        (1..=MAX).contains(&text.len()) && text.bytes().all(fits)
     }
 
     /// Its text.
