@@ -108,4 +108,4 @@ pub use settings::{Heartbeat, Liveness, Reconnect, RobotSettings};
 pub use status::{Readiness, Status, Unmet, Unproved};
 pub use stop::{DoubtAfterStop, ListAfterStop, NotTried, SecondConnection, StopMeans, StopReport};
 pub use stream::{Cause, MotionError, NotProved, RunOptions};
-pub use subscription::{NotSubscribed, Quality, Snapshot, Subscription, Value};
+pub use subscription::{Changes, NotSubscribed, Quality, Snapshot, Subscription, Value};

@@ -45,6 +45,12 @@ pub struct Subscription {
     news: watch::Receiver<()>,
 }
 
+/// Says when values of a subscription were read again: [`Subscription::changes`].
+#[derive(Debug)]
+pub struct Changes {
+    news: watch::Receiver<()>,
+}
+
 /// The values of a subscription at one moment. They may come from several queries: each has its own age.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
@@ -180,9 +186,24 @@ impl Subscription {
         self.changed().await.then(|| self.latest())
     }
 
+    /// What [`Self::changed`] waits for, from now on, by itself: a program with many subscriptions can wait for
+    /// all of them, and read the one whose values changed.
+    #[must_use]
+    pub fn changes(&self) -> Changes {
+        Changes { news: self.news.clone() }
+    }
+
     /// Waits as [`Self::next`], without taking the values; `false` once the handle is closed.
     pub async fn changed(&mut self) -> bool {
         // The hand drives the poller, which is an errand: to drive here, too, would only be a second look.
+        self.news.changed().await.is_ok()
+    }
+}
+
+impl Changes {
+    /// Waits until any of the values was read again, a poll failed, or the connection was lost; `false` once
+    /// the subscription was dropped, or the handle is closed. Dropping the future loses nothing.
+    pub async fn next(&mut self) -> bool {
         self.news.changed().await.is_ok()
     }
 }

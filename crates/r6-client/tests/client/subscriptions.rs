@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use futures_util::FutureExt as _;
 use r6_client::{LinkState, NotSent, NotSubscribed, Quality, Snapshot, Subscription};
 use r6_proto::Reading;
 use r6_proto::address::Address;
@@ -81,6 +82,23 @@ async fn many_watchers_share_one_query() {
     for asked in log.lock().unwrap().iter().skip(2) {
         assert_eq!(asked, &["curMode", "axisNum", "curAlarm"]);
     }
+}
+
+#[tokio::test]
+async fn who_waits_for_many_subscriptions_is_told_of_the_one_that_was_read_and_of_its_end() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let often = robot.subscribe(&[MODE], FAST).unwrap();
+    let seldom = robot.subscribe(&[ALARM], SLOW).unwrap();
+    let (mut of_often, mut of_seldom) = (often.changes(), seldom.changes());
+    polled(&mut peer, &["curMode", "curAlarm"], json!(["7", "0"])).await;
+    assert!(of_often.next().await && of_seldom.next().await, "both were read");
+    // From now on the first one alone is due.
+    polled(&mut peer, &["curMode"], json!(["2"])).await;
+    assert!(of_often.next().await);
+    assert_eq!(often.latest().fresh(MODE), Some(&Reading::Integer(2)));
+    assert!(of_seldom.next().now_or_never().is_none(), "it was not read again");
+    drop(seldom);
+    assert!(!of_seldom.next().await, "its subscription has ended");
 }
 
 #[tokio::test]

@@ -4,10 +4,11 @@ use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use futures_util::future::select_all;
+use futures_util::StreamExt as _;
+use futures_util::stream::FuturesUnordered;
 use r6_api::gateway::RobotIdentity;
 use r6_client::{
-    Address, Identity, NotSubscribed, OperationMode, OutcomeUnknown, Permission, Quality, Reading,
+    Address, Changes, Identity, NotSubscribed, OperationMode, OutcomeUnknown, Permission, Quality, Reading,
     RequestError, Robot, RobotSettings, Snapshot, Subscription,
 };
 use r6_proto::time::Instant;
@@ -81,19 +82,15 @@ fn subscribe(robot: &Robot, config: &RobotConfig) -> Result<Vec<Subscription>, N
     Ok(all)
 }
 
-/// Waits until values were read again. Returns the place of their subscription; `None` once the handle is
-/// closed.
-async fn next_of(values: &mut [Subscription]) -> Option<usize> {
-    if let [only] = values {
-        return only.changed().await.then_some(0);
-    }
-    let changed = values.iter_mut().map(|values| Box::pin(values.changed()));
-    let (is_open, place, _others) = select_all(changed).await;
-    is_open.then_some(place)
+/// Waits until the values of the subscription at this place were read again. `None` once the handle is closed.
+async fn next_of(place: usize, mut changes: Changes) -> Option<(usize, Changes)> {
+    changes.next().await.then_some((place, changes))
 }
 
 /// Takes in the values until the handle of the robot is closed.
-async fn watch(station: &Station, robot: &Robot, mut values: Vec<Subscription>) {
+async fn watch(station: &Station, robot: &Robot, values: Vec<Subscription>) {
+    let changes = values.iter().enumerate().map(|(place, values)| next_of(place, values.changes()));
+    let mut changes: FuturesUnordered<_> = changes.collect();
     // The connection whose robot was asked for its state: the client wants that before it sends a command.
     let mut known_on = None;
     // A robot may take long to answer. Meanwhile its values grow old, and that has to be seen.
@@ -125,7 +122,13 @@ async fn watch(station: &Station, robot: &Robot, mut values: Vec<Subscription>) 
                 next_introduction = tokio::time::Instant::now();
                 (true, None)
             }
-            read = next_of(&mut values) => (read.is_some(), read),
+            Some(changed) = changes.next() => match changed {
+                Some((place, others)) => {
+                    changes.push(next_of(place, others));
+                    (true, Some(place))
+                }
+                None => (false, None),
+            },
             () = tokio::time::sleep_until(next_introduction), if waits => (true, None),
             _ = look.tick() => (true, None),
         };
