@@ -428,6 +428,9 @@ fn failure(status: StatusCode, problem: Problem, lost: Exit) -> Failure {
         (Code::Stopped, _) => {
             Failure::refused(message).advise(format!("`{}` clears the stop", hint::r6("stop --clear")))
         }
+        (Code::NotAllowed, _) => {
+            Failure::refused(message).advise(format!("`{}` says what this token may do", hint::r6("whoami")))
+        }
         // A guard refused it, as in a run without a gateway: the file is not wrong.
         (Code::BeyondLimits, _) => Failure::refused(message),
         // What the caller may not do, and what cannot be done now: nothing was sent.

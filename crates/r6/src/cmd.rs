@@ -21,6 +21,7 @@ pub mod status;
 pub mod stop;
 pub mod up;
 pub mod watch;
+pub mod whoami;
 
 use crate::exit::{Exit, Failure};
 

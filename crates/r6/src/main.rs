@@ -68,6 +68,7 @@ enum Subcommands {
     Alarms(cmd::alarms::AlarmsArgs),
     History(cmd::history::HistoryArgs),
     Audit(cmd::audit::AuditArgs),
+    Whoami(cmd::whoami::WhoamiArgs),
     Alarm(cmd::alarm::AlarmArgs),
     Inspect(cmd::inspect::InspectArgs),
     Completions(cmd::completions::CompletionsArgs),
@@ -201,7 +202,8 @@ fn asks_no_robot(subcommand: &Subcommands, robot: &str, by_gateway: bool) -> Opt
         | Subcommands::Gateway(_)
         | Subcommands::Alarms(_)
         | Subcommands::History(_)
-        | Subcommands::Audit(_) => return None,
+        | Subcommands::Audit(_)
+        | Subcommands::Whoami(_) => return None,
     };
     Some(
         Failure::usage(format!("`r6 {name}` asks no robot, so --robot {robot} means nothing here"))
@@ -288,10 +290,11 @@ fn run_by_gateway(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
         Subcommands::Alarms(args) => cmd::block_on(cmd::alarms::run_by_gateway(args, gateway)),
         Subcommands::History(args) => cmd::block_on(cmd::history::run_by_gateway(args, gateway)),
         Subcommands::Audit(args) => cmd::block_on(cmd::audit::run_by_gateway(args, gateway)),
+        Subcommands::Whoami(args) => cmd::block_on(cmd::whoami::run_by_gateway(args, gateway)),
         Subcommands::Move(_) => Err(Failure::usage("a single move does not go over a gateway")
             .advise("put it into a file for `run`; without --gateway-url, leases and stops of the gateway do not hold")),
         _ => Err(Failure::usage("this command does not go over a gateway")
-            .advise("status, query, watch, command, run, stop, panel, alarms, history and audit do")),
+            .advise("status, query, watch, command, run, stop, panel, alarms, history, audit and whoami do")),
     }
 }
 
@@ -317,6 +320,7 @@ fn run(cli: Cli, robot_typed: bool) -> Result<Exit, Failure> {
         Subcommands::Alarms(_) => Err(cmd::needs_gateway("alarms")),
         Subcommands::History(_) => Err(cmd::needs_gateway("history")),
         Subcommands::Audit(_) => Err(cmd::needs_gateway("audit")),
+        Subcommands::Whoami(_) => Err(cmd::needs_gateway("whoami")),
         Subcommands::Alarm(args) => cmd::alarm::run(&args),
         Subcommands::Inspect(args) => cmd::inspect::run(&args),
         Subcommands::Completions(args) => cmd::completions::run(&args),

@@ -1,6 +1,6 @@
-//! What a gateway lists: programs that it keeps, alarms of all robots, the audit log.
+//! What a gateway lists: programs that it keeps, alarms of all robots, the audit log. And who asks.
 
-use r6_api::gateway::{AuditHead, ProgramVersions, Programs, RobotAlarms};
+use r6_api::gateway::{AuditHead, ProgramVersions, Programs, RobotAlarms, Session};
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -37,6 +37,11 @@ impl Gateway {
     /// The alarms of all robots that the token may see. `active`: without those that have ended.
     pub async fn alarms(&self, active: bool) -> Result<RobotAlarms, Failure> {
         self.read(&format!("/v1/alarms?active={active}&limit={MOST_ALARMS}")).await
+    }
+
+    /// Whose token this is, and what it allows.
+    pub async fn session(&self) -> Result<Session, Failure> {
+        self.read("/v1/session").await
     }
 
     /// The number of the last entry of the audit log.

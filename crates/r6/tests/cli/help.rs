@@ -3,7 +3,7 @@
 use crate::support::r6;
 
 /// Every subcommand, in the order of the help.
-pub(crate) const SUBCOMMANDS: [&str; 28] = [
+pub(crate) const SUBCOMMANDS: [&str; 29] = [
     "up",
     "sim",
     "discover",
@@ -28,6 +28,7 @@ pub(crate) const SUBCOMMANDS: [&str; 28] = [
     "alarms",
     "history",
     "audit",
+    "whoami",
     "alarm",
     "inspect",
     "completions",

@@ -1,4 +1,4 @@
-//! `r6 -g URL alarms`, `history` and `audit`.
+//! `r6 -g URL alarms`, `history`, `audit` and `whoami`.
 
 use serde_json::{Value, json};
 
@@ -218,8 +218,43 @@ fn the_audit_log_is_shown_to_engineers() {
 }
 
 #[test]
+fn a_token_is_told_who_it_is_and_for_which_robots() {
+    let hall = Hall::start("whoami", &["press=127.0.0.1:1", "saw=127.0.0.1:2"], "viewer", &["-v"]);
+    let anonymous = hall.r6(&["whoami"]);
+    assert_eq!(anonymous.code, 0, "{anonymous:?}");
+    assert_eq!(anonymous.out, "token 1\nROBOT       ROLE\nall robots  viewer\n");
+
+    let made = ["gateway", "token", "--data", &hall.data, "--role", "engineer", "--name", "line 2"];
+    let made = r6(&[&["-r", "press,saw=operator"], &made[..]].concat());
+    let file = TempFile::new("whoami-line-2", made.out.trim());
+    let ask = |args: &[&str]| r6(&[&["-g", &hall.url, "--token-file", file.path()], args].concat());
+    let named = ask(&["whoami"]);
+    assert_eq!(named.out, "token 2 (line 2)\nROBOT  ROLE\npress  engineer\nsaw    operator\n", "{named:?}");
+    let saw = ask(&["-r", "saw", "whoami", "--json"]).json();
+    assert_eq!(
+        (&saw["token"], &saw["token_name"], &saw["user"], &saw["role"], &saw["robot"]),
+        (&2.into(), &"line 2".into(), &Value::Null, &"engineer".into(), &"press,saw=operator".into())
+    );
+    assert_eq!(saw["robots"], json!([{ "robot": "saw", "role": "operator" }]));
+    assert!(saw.get("csrf").is_none(), "{saw}");
+    let mill = ask(&["-r", "mill", "whoami"]);
+    assert_eq!((mill.code, mill.out.as_str()), (0, "token 2 (line 2)\nROBOT  ROLE\nmill   none\n"));
+
+    // What a token may not do says where to look.
+    let refused = ask(&["-r", "mill", "alarms"]);
+    assert_eq!(refused.code, 1, "{refused:?}");
+    assert!(refused.err.contains(&format!("`r6 --robot mill --gateway-url {}", hall.url)), "{}", refused.err);
+    assert!(refused.err.contains(" whoami` says what this token may do"), "{}", refused.err);
+    let unknown = Fake::start("whoami", |_| problem(401, "no_token"));
+    let unknown = unknown.r6(&["whoami", "--json"]);
+    assert_eq!((unknown.code, code(&unknown)), (2, "no_token".into()), "{unknown:?}");
+}
+
+#[test]
 fn what_only_a_gateway_knows_needs_its_url() {
-    for args in [&["alarms"][..], &["history", "axis-0"], &["audit"], &["-r", "press", "alarms"]] {
+    let commands =
+        [&["alarms"][..], &["history", "axis-0"], &["audit"], &["whoami"], &["-r", "press", "alarms"]];
+    for args in commands {
         let none = r6(args);
         assert_eq!(none.code, 2, "{args:?}: {none:?}");
         assert!(none.err.contains("asks a gateway, and none is named"), "{}", none.err);
