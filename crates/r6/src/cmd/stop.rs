@@ -107,7 +107,7 @@ pub async fn run_by_gateway(args: StopArgs, gateway: ByGateway) -> Result<Exit, 
          answer"
     );
     let robot = waiting::told_after(NO_ANSWER_AFTER, &no_answer, gateway.robot());
-    let robot = robot.await.map_err(not_sent)?;
+    let robot = robot.await.map_err(|failure| not_sent(failure, "the robot"))?;
     output::acts();
     let name = printable(robot.name()).to_string();
     if args.clear {
@@ -146,12 +146,19 @@ pub async fn run_by_gateway(args: StopArgs, gateway: ByGateway) -> Result<Exit, 
     Ok(if stopped.confirmed { Exit::Done } else { Exit::Unknown })
 }
 
-/// The failure of a stop over a gateway that did not leave.
-fn not_sent(failure: Failure) -> Failure {
+/// The failure of a stop over a gateway that did not leave. `name`: the robot, for people.
+fn not_sent(failure: Failure, name: &str) -> Failure {
+    let is_not_allowed = failure.code() == Code::NotAllowed;
     let failure = failure.lead("the stop was not sent").with_code(Code::NotStopped);
     match failure.exit() {
         // A name or a token was typed wrong: the advice says what to type.
         Exit::Usage => failure,
+        // With this token, no gateway stops the robot.
+        _ if is_not_allowed => failure.advise(format!(
+            "use the emergency stop if the arm moves; a token with at least the role operator for {name} can stop it, and \
+             `{}` says what this token may do",
+            hint::r6("whoami")
+        )),
         Exit::Done | Exit::Refused | Exit::NoReply | Exit::Unknown => failure.advise(stop_otherwise()),
     }
 }
@@ -172,7 +179,7 @@ fn not_confirmed(failure: Failure, name: &str) -> Failure {
             .lead("it is not known whether the robot was stopped")
             .with_code(Code::NotStopped)
             .advise(stop_otherwise()),
-        (_, Exit::Done | Exit::Refused | Exit::Usage | Exit::NoReply) => not_sent(failure),
+        (_, Exit::Done | Exit::Refused | Exit::Usage | Exit::NoReply) => not_sent(failure, name),
     }
 }
 

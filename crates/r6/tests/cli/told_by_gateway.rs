@@ -127,6 +127,23 @@ fn a_stop_says_what_is_proved_and_no_more() {
     assert!(as_command.err.contains("actionStop was accepted by press-1"), "{}", as_command.err);
 }
 
+/// The same token cannot stop the robot later, nor at another gateway.
+#[test]
+fn a_stop_that_the_token_does_not_allow_names_a_token_that_does() {
+    let fake = Fake::start("role", |_| problem(403, "not_allowed"));
+    let refused = fake.r6(&["stop", "--json"]);
+    let told = refused.json();
+    assert_eq!((refused.code, &told["code"]), (1, &"not_stopped".into()), "{refused:?}");
+    let advice = told["advice"].as_str().unwrap();
+    let wanted = "use the emergency stop if the arm moves; a token with at least the role operator for press-1 can stop it, \
+                  and `r6 --robot press-1 --gateway-url http";
+    assert!(
+        advice.starts_with(wanted) && advice.ends_with(" whoami` says what this token may do"),
+        "{advice}"
+    );
+    assert!(!advice.contains("stops again") && !advice.contains("another one"), "{advice}");
+}
+
 #[test]
 fn a_clearing_that_is_not_confirmed_is_no_refusal() {
     let fake = Fake::start("clear", |what| match what.split('/').next_back() {
