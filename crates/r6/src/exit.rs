@@ -130,6 +130,30 @@ impl Failure {
         Self { advice: first.advice.clone(), mistakes: Some(lines.join("\n")), ..failure }
     }
 
+    /// The same about a program with this name. A gateway tells each mistake as a line `LINE:COLUMN: …`. Here
+    /// it has the name before it, as the mistakes of a file have.
+    pub fn in_program(self, name: &str) -> Self {
+        let (mut lines, mut listed) = (Vec::new(), Vec::new());
+        for line in self.what.lines() {
+            let place = place(line);
+            let is_last = || line.starts_with("and ") && line.ends_with(" more");
+            lines.push(match place {
+                Some(_) => format!("{name}:{line}"),
+                None if lines.is_empty() => format!("{name}: {line}"),
+                None if is_last() => format!("{line} mistakes in {name}"),
+                None => format!("    {line}"),
+            });
+            if place.is_some() || listed.is_empty() {
+                let (line, column) = place.map(|(line, column, _)| (line, column)).unzip();
+                let text = place.map_or(self.what.as_str(), |(.., text)| text).to_owned();
+                listed.push(r6_api::Mistake { file: name.to_owned(), line, column, text, advice: None });
+            }
+        }
+        let what = lines.first().cloned().unwrap_or_default();
+        let lines: Vec<_> = lines.iter().map(|line| printable(line).to_string()).collect();
+        Self { what, mistakes: Some(lines.join("\n")), ..self }.member("mistakes", json!(listed))
+    }
+
     /// The outcome of a request is unknown.
     pub fn unknown(what: impl fmt::Display) -> Self {
         Self::new(Exit::Unknown, Code::OutcomeUnknown, what)
@@ -260,6 +284,13 @@ impl Failure {
     pub fn is_told(&self) -> bool {
         self.told
     }
+}
+
+/// Line, column and text of a line `LINE:COLUMN: text`.
+fn place(line: &str) -> Option<(usize, usize, &str)> {
+    let (number, rest) = line.split_once(':')?;
+    let (column, text) = rest.split_once(": ")?;
+    Some((number.parse().ok()?, column.parse().ok()?, text))
 }
 
 impl fmt::Display for Failure {
@@ -526,6 +557,25 @@ mod tests {
     use r6_client::{LostReason, Sent};
 
     use super::*;
+
+    #[test]
+    fn each_mistake_of_a_program_that_a_gateway_keeps_has_its_name() {
+        let told = |message: &str| Failure::usage(message).with_code(Code::BadProgram).in_program("pick@3");
+        let failure = told("2:1: no `spead`; nearest: `speed`\n5:7: a\u{1b}[2J\nand 4 more");
+        let wanted = "pick@3:2:1: no `spead`; nearest: `speed`\npick@3:5:7: a\\u{1b}[2J\nand 4 more mistakes in pick@3";
+        assert_eq!(failure.to_string(), wanted);
+        assert_eq!((failure.exit(), failure.code()), (Exit::Usage, Code::BadProgram));
+        assert_eq!(failure.what(), "pick@3:2:1: no `spead`; nearest: `speed`");
+        let listed = &failure.members()["mistakes"];
+        assert_eq!(listed.as_array().map(Vec::len), Some(2), "{listed}");
+        let wanted =
+            json!({ "file": "pick@3", "line": 5, "column": 7, "text": "a\u{1b}[2J", "advice": null });
+        assert_eq!(listed[1], wanted);
+
+        let whole = told("it has no steps");
+        assert_eq!(whole.to_string(), "pick@3: it has no steps");
+        assert_eq!(whole.members()["mistakes"][0]["line"], Value::Null);
+    }
 
     #[test]
     fn what_is_said_after_a_part_left_is_not_about_one_request() {

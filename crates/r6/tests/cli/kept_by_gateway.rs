@@ -64,6 +64,35 @@ fn a_kept_program_runs_in_the_version_that_was_named() {
 }
 
 #[test]
+fn mistakes_of_a_kept_program_have_its_name() {
+    let robot = Robot::start(&[]);
+    let hall = Hall::start("kept-bad", &[&format!("press={}", robot.address())], "operator", &[]);
+    let engineer = token(&hall.data, "engineer");
+    let step = "[[instruction]]\ndo = \"wait\"\nsecond = 1\n";
+    for (name, text) in
+        [("pick", step.repeat(2)), ("weld", "append = true\n".to_owned() + &step.replace("d =", "ds ="))]
+    {
+        let body = json!({ "program": text }).to_string();
+        let path = format!("/v1/programs/{name}");
+        assert_eq!(call_with(&hall.url, &engineer, "PUT", &path, "", &body).0, 201);
+    }
+
+    let wrong = hall.r6(&["run", "--kept", "pick"]);
+    assert_eq!(wrong.code, 2, "{wrong:?}");
+    let lines: Vec<_> = wrong.err.lines().collect();
+    assert!(lines.len() > 1 && lines[0].starts_with("pick:3:1: "), "{}", wrong.err);
+    assert!(lines.iter().any(|line| line.starts_with("pick:6:1: ")), "{}", wrong.err);
+    let wrong = hall.r6(&["run", "--kept", "pick@1", "--json"]);
+    assert_eq!((wrong.code, code(&wrong)), (2, "bad_program".into()), "{wrong:?}");
+    let first = &wrong.json()["mistakes"][0];
+    assert_eq!((&first["file"], &first["line"], &first["column"]), (&"pick@1".into(), &3.into(), &1.into()));
+    assert!(wrong.err.starts_with("pick@1:3:1: "), "{}", wrong.err);
+
+    let whole = hall.r6(&["run", "--kept", "weld"]);
+    assert!(whole.err.starts_with("weld: it appends to a list that is there"), "{}", whole.err);
+}
+
+#[test]
 fn a_kept_program_is_named_right_and_needs_a_gateway() {
     let gateway = ["-g", "http://127.0.0.1:1"];
     for (args, told) in [

@@ -53,7 +53,8 @@ impl fmt::Display for Kept {
 }
 
 impl Kept {
-    /// Says which programs or versions there are, if the gateway has not this one.
+    /// Says which programs or versions there are, if the gateway has not this one. Names the program before
+    /// its mistakes.
     pub async fn explain(&self, failure: Failure, robot: &GatewayRobot) -> Failure {
         match failure.code() {
             Code::NoSuchProgram => match timeout(ANSWER_WITHIN, self.there(robot)).await {
@@ -61,6 +62,7 @@ impl Kept {
                 // What went wrong first is what counts.
                 Ok(Err(_)) | Err(_) => failure,
             },
+            Code::BadProgram => failure.in_program(&self.to_string()),
             Code::OtherText => {
                 failure.advise("read the program again, check it, and name the SHA-256 of that text")
             }
