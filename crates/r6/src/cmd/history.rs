@@ -5,13 +5,15 @@ use std::time::{Duration, SystemTime};
 
 use clap::Args;
 use r6_api::AddressValue;
-use r6_api::gateway::{AveragesUsed, History, HistoryAverages};
+use r6_api::gateway::{AveragesUsed, History, HistoryAverages, ManagedBy, PollGroup, RobotState};
 use r6_gateway::history_table;
 use r6_proto::Address;
 use serde_json::json;
+use tokio::time::timeout;
 
 use crate::by_gateway::{ByGateway, GatewayRobot};
 use crate::exit::{Exit, Failure};
+use crate::hint;
 use crate::output::problem::Code;
 use crate::output::table::Table;
 use crate::output::{self, problem, readings};
@@ -29,6 +31,12 @@ const SHOWN: usize = 1_000;
 const AT_ONCE: usize = 100;
 const APART: Duration = Duration::from_millis(20);
 
+/// How long to ask which values are read. The answer about the history is there already.
+const ANSWER_WITHIN: Duration = Duration::from_secs(3);
+
+/// How many addresses that are read are named in place of one that is not.
+const NEAREST: usize = 3;
+
 /// Show the values that a gateway kept (with --gateway-url)
 #[derive(Debug, Args)]
 #[command(
@@ -43,6 +51,9 @@ last value, for how many ms there was a value, and how many samples were kept.
 
 The table has 1000 rows at most. --csv and --json have all: --csv as the gateway gives it to spreadsheets, --json as \
 one object a page, each on its line.
+
+A gateway keeps the values that it reads: the usual ones, and those of `read` and of the poll groups of a robot in its \
+settings. If there is no value because it does not read this one, a line on stderr says so. `r6 query` asks for any value.
 
 Where the values are gone because they are too old, averages may be left: then a line on stderr says where, and \
 `averages` of --json, too.
@@ -107,8 +118,11 @@ pub async fn run_by_gateway(args: HistoryArgs, gateway: ByGateway) -> Result<Exi
     asked.extend(given.into_iter().filter_map(|(name, value)| Some((name, value?))));
     let mut page = waiting::told(&waiting, page(&robot, &asked)).await?;
     if !args.csv && !args.json {
-        return Ok(show(&page));
+        let exit = show(&page);
+        tell_unread(&page, &robot).await;
+        return Ok(exit);
     }
+    tell_unread(&page, &robot).await;
     // The range of the first page stays.
     asked.retain(|(name, _)| !["from", "to"].contains(name));
     asked.extend([("from", page.from.clone()), ("to", page.to.clone())]);
@@ -206,6 +220,75 @@ fn left(part: &HistoryAverages) -> String {
     }
 }
 
+/// If a page has no value, says whether that is because the gateway does not read or keep this one.
+async fn tell_unread(page: &History, robot: &GatewayRobot) {
+    let mut samples = page.samples.iter().flatten();
+    let mut buckets = page.buckets.iter().flatten();
+    if samples.any(|sample| sample.value.is_some()) || buckets.any(|bucket| bucket.good_ms > 0.0) {
+        return;
+    }
+    // Without an answer there is nothing to add to the page.
+    if let Ok(Ok(state)) = timeout(ANSWER_WITHIN, robot.state()).await
+        && let Some(failure) = unread(&page.signal, &state)
+    {
+        output::note(failure);
+    }
+}
+
+/// Why a robot with these settings has no history of a value; `None` if it should have one.
+fn unread(signal: &str, state: &RobotState) -> Option<Failure> {
+    let name = &state.summary.name;
+    let read: Vec<_> = state.signals.iter().map(|signal| signal.address.as_str()).collect();
+    let is_in = |group: &&PollGroup| group.read.iter().any(|address| address == signal);
+    let settings = match state.summary.managed_by {
+        ManagedBy::File => "in the --config file of the gateway".to_owned(),
+        ManagedBy::Api => format!("with `PUT /v1/robots/{name}`"),
+    };
+    if !read.contains(&signal) {
+        let near = match &nearest(signal, &read)[..] {
+            [] => format!("; `{}` shows those that it reads", hint::r6("status")),
+            near => format!("; nearest that are read: {}", near.join(", ")),
+        };
+        let what = format!("the gateway does not read {signal} of {name}, so it keeps no value of it{near}");
+        return Some(Failure::refused(what).advise(format!(
+            "to have it read and kept, add it to `read` of the robot or of one of its poll groups, {settings}; `{}` asks the robot \
+             now",
+            hint::r6(&format!("query {signal}"))
+        )));
+    }
+    // The counter of parts is kept in any case.
+    let is_parts = state.summary.parts.as_deref() == Some(signal);
+    let group = state.groups.iter().find(is_in).filter(|group| !group.keep && !is_parts)?;
+    let what = format!(
+        "the gateway reads {signal} of {name} each {} ms and keeps no value of it: its poll group has `keep = false`",
+        group.period_ms
+    );
+    Some(
+        Failure::refused(what).advise(format!("to have it kept, leave `keep` out of this group, {settings}")),
+    )
+}
+
+/// The addresses most like this one: those of the same kind with the nearest numbers, or else one with a
+/// similar name.
+fn nearest<'a>(signal: &str, read: &[&'a str]) -> Vec<&'a str> {
+    let parts = |address: &str| {
+        let kind = address.trim_end_matches(|letter: char| letter.is_ascii_digit());
+        let number = address.strip_prefix(kind).and_then(|number| number.parse::<u32>().ok());
+        (kind.to_owned(), number)
+    };
+    let (kind, number) = parts(signal);
+    let of_kind = read.iter().filter_map(|address| match parts(address) {
+        (other, Some(other_number)) if other == kind => Some((other_number.abs_diff(number?), *address)),
+        _ => None,
+    });
+    let mut of_kind: Vec<_> = of_kind.collect();
+    of_kind.sort_by_key(|(distance, _)| *distance);
+    if of_kind.is_empty() {
+        return r6_proto::nearest(signal, read.iter().copied()).into_iter().collect();
+    }
+    of_kind.into_iter().take(NEAREST).map(|(_, address)| address).collect()
+}
+
 /// Shows a page to people.
 fn show(page: &History) -> Exit {
     let told = |value: &AddressValue| readings::told(&page.signal, value.clone());
@@ -293,6 +376,49 @@ mod tests {
             left(&part(3_600_000, AveragesUsed::Incomplete)).ends_with("they lack some values of that time")
         );
         assert!(left(&part(3_600_000, AveragesUsed::Exact)).ends_with("as exact as of the values"));
+    }
+
+    /// A robot of which these are read, and in a group these.
+    fn state(managed_by: &str, read: &[&str], group: &[&str], keep: bool) -> RobotState {
+        let signal = |address| json!({ "address": address, "value": null, "unit": null, "quality": "none", "age_ms": null });
+        let signals: Vec<_> = read.iter().chain(group).map(signal).collect();
+        let state = json!({
+            "name": "press-4", "address": "192.168.1.10:9760", "managed_by": managed_by, "link": "up", "identity": null,
+            "identity_changed": null, "virtual": null, "lease": null, "stopped": false, "stops_under_way": 0,
+            "stop_number": 0, "period_ms": 100, "epoch": 1, "number": 1, "signals": signals,
+            "groups": [{ "period_ms": 5000, "read": group, "keep": keep }],
+        });
+        serde_json::from_value(state).unwrap()
+    }
+
+    #[test]
+    fn a_value_without_a_history_says_whether_it_is_read() {
+        let told = |signal: &str, state| unread(signal, &state).map(|failure| failure.to_string());
+        let file =
+            || state("file", &["axis-0", "axis-1", "axis-2", "axis-5", "Addr-801"], &["counter-0"], true);
+        assert_eq!(
+            told("axis-7", file()).unwrap(),
+            "r6: the gateway does not read axis-7 of press-4, so it keeps no value of it; nearest that are read: axis-5, axis-2, \
+             axis-1\n    to have it read and kept, add it to `read` of the robot or of one of its poll groups, in the --config file of \
+             the gateway; `r6 query axis-7` asks the robot now"
+        );
+        let api = told("curTorque-0", state("api", &["curMode"], &["counter-0"], true)).unwrap();
+        assert!(api.starts_with("r6: the gateway does not read curTorque-0 of press-4, so it keeps no value of it; `r6 status` shows those that it reads\n"), "{api}");
+        assert!(api.contains("groups, with `PUT /v1/robots/press-4`;"), "{api}");
+        let near = told("curMold", state("file", &["curMode", "axis-0"], &[], true)).unwrap();
+        assert!(near.contains("; nearest that are read: curMode\n"), "{near}");
+
+        assert_eq!((told("axis-0", file()), told("counter-0", file())), (None, None));
+        let unkept = || state("file", &["axis-0"], &["counter-0"], false);
+        let mut of_parts = unkept();
+        of_parts.summary.parts = Some("counter-0".to_owned());
+        assert_eq!(told("counter-0", of_parts), None, "the counter of parts is always kept");
+        let unkept = told("counter-0", unkept()).unwrap();
+        assert_eq!(
+            unkept,
+            "r6: the gateway reads counter-0 of press-4 each 5000 ms and keeps no value of it: its poll group has `keep = false`\n    \
+             to have it kept, leave `keep` out of this group, in the --config file of the gateway"
+        );
     }
 
     #[test]

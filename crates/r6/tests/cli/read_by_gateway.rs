@@ -105,7 +105,16 @@ fn the_history_of_a_value_is_a_table_csv_or_json() {
     let old =
         hall.r6(&["history", "curMode", "--from", "2001-01-01T00:00:00Z", "--to", "2001-01-01T01:00:00Z"]);
     let told = "no value of curMode was kept from 2001-01-01T00:00:00Z to 2001-01-01T01:00:00Z\n";
-    assert_eq!((old.code, old.out.as_str()), (0, told), "{old:?}");
+    assert_eq!((old.code, old.out.as_str(), old.err.as_str()), (0, told, ""), "it is read: {old:?}");
+    // What is not read is not kept either.
+    for form in [&[][..], &["--bucket", "1m"], &["--csv"], &["--json"]] {
+        let unread = hall.r6(&[&["history", "axis-7"], form].concat());
+        assert_eq!(unread.code, 0, "{unread:?}");
+        let told = "r6: the gateway does not read axis-7 of press, so it keeps no value of it; nearest that are read: axis-5, \
+                    axis-4, axis-3\n";
+        assert!(unread.err.starts_with(told), "{form:?}: {}", unread.err);
+        assert!(unread.err.contains(" query axis-7` asks the robot now"), "{form:?}: {}", unread.err);
+    }
     for (args, told) in [
         (&["history", "curMod"][..], "nearest: `curMold`"),
         (&["history", "curMode", "--from", "today"], "write a time in UTC"),
