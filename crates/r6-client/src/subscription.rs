@@ -186,8 +186,8 @@ impl Subscription {
         self.changed().await.then(|| self.latest())
     }
 
-    /// What [`Self::changed`] waits for, from now on, by itself: a program with many subscriptions can wait for
-    /// all of them, and read the one whose values changed.
+    /// What [`Self::changed`] waits for, from now on, by itself: a program with many subscriptions can wait
+    /// for all of them, and read the one whose values changed.
     #[must_use]
     pub fn changes(&self) -> Changes {
         Changes { news: self.news.clone() }

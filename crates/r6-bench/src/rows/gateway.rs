@@ -211,10 +211,10 @@ pub fn rows() -> Vec<Row> {
             against: "bare write and read of the same query to the same robots",
             goal: Some(Goal::AtMost(2.0)),
             figure: Figure::Ratio(ratio),
-            in_the_way: "no single place (`perf`): system calls take a quarter, the thread of the history, which packs and \
-                         writes, a seventh, asking for memory a tenth; the rest is spread over the client, the runtime and \
-                         the tasks of the robots, of which no function takes more than 5 %: they wait for the memory of a \
-                         thousand robots",
+            in_the_way: "no single place (`perf`, `callgrind`): system calls take a quarter of the time. Of the \
+                         instructions a third each belong to the client and to the task of a robot, a fifth to the thread \
+                         of the history, which packs and writes, and no function has more than 5 %. They are slow, because \
+                         they wait for the memory of a thousand robots",
         },
         amount(
             "resident memory",

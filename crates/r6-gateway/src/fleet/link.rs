@@ -82,7 +82,8 @@ fn subscribe(robot: &Robot, config: &RobotConfig) -> Result<Vec<Subscription>, N
     Ok(all)
 }
 
-/// Waits until the values of the subscription at this place were read again. `None` once the handle is closed.
+/// Waits until the values of the subscription at this place were read again. `None` once the handle is
+/// closed.
 async fn next_of(place: usize, mut changes: Changes) -> Option<(usize, Changes)> {
     changes.next().await.then_some((place, changes))
 }
