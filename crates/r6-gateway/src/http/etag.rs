@@ -12,13 +12,18 @@ use crate::core::library::Condition;
 /// Which version a change is for. Several headers of one name are one list.
 ///
 /// # Errors
-/// `bad_value`: a header is no text.
+/// `bad_value`: a header is no text, or its tags have no quotes.
 pub fn condition(headers: &HeaderMap) -> Result<Condition, Refusal> {
     let list = |name: HeaderName| {
         let all = headers.get_all(&name).iter().map(|value| value.to_str());
         let all = all.collect::<Result<Vec<_>, _>>();
-        let all =
-            all.map_err(|_| bad_value(format!("`{name}` has no tags such as \"3-9f86d081884c7d65\"")))?;
+        let wanted = "has tags such as \"3-9f86d081884c7d65\", and the quotes belong to the tag";
+        let wrong = || bad_value(format!("`{name}` {wanted}"));
+        let all = all.map_err(|_| wrong())?;
+        // Whoever takes the quotes off would be told that somebody else changed it.
+        if all.iter().any(|list| !list.contains('"') && !list.trim().is_empty() && list.trim() != "*") {
+            return Err(wrong());
+        }
         Ok((!all.is_empty()).then(|| all.join(",")))
     };
     Ok(Condition { matches: list(IF_MATCH)?, none_matches: list(IF_NONE_MATCH)? })

@@ -243,6 +243,13 @@ async fn programs_are_kept_with_their_versions_and_an_old_version_overwrites_not
     );
     let late = put(&hall, PICK, SQUARE, &format!("If-Match: {first}\r\n")).await;
     assert_eq!((late.status, &late.body["code"]), (412, &json!("not_this_version")));
+    let unquoted = put(&hall, PICK, SQUARE, &format!("If-Match: {}\r\n", first.trim_matches('"'))).await;
+    assert_eq!(
+        (unquoted.status, &unquoted.body["code"]),
+        (422, &json!("bad_value")),
+        "it is no other version"
+    );
+    assert!(unquoted.body["message"].as_str().unwrap().starts_with("`if-match` has tags such as \"3-"));
     let nothing = put(&hall, "/v1/programs/other", SQUARE, &format!("If-Match: {first}\r\n")).await;
     assert_eq!(nothing.status, 412);
 
