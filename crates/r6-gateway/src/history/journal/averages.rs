@@ -32,9 +32,9 @@ const PIECE_MINUTES: usize = 120;
 /// the chunks of a piece takes as long as to decode this many samples.
 const PIECE: u64 = 16_000;
 
-/// After this number of failures the averages of a day are given up. Then those of later days are computed. A
-/// day is tried again each 10 s, so a disk may fail for ten minutes.
-pub(super) const MAX_FAILURES: u32 = 60;
+/// For how long the averages of a day may fail before they are given up, in µs. Then those of later days are
+/// computed. A day is tried again each 10 s at the latest.
+const MAX_FAILING: i64 = 10 * 60_000_000;
 
 /// For how many days a file that is too old waits for the averages of its day. They count from the start of
 /// the process at the earliest.
@@ -49,8 +49,8 @@ pub(super) struct Averages {
     is_loaded: bool,
     /// Days whose averages cannot be written, until the process ends.
     pub given_up: BTreeSet<i64>,
-    /// How often the averages of a day failed.
-    failures: BTreeMap<i64, u32>,
+    /// Since when the averages of a day fail.
+    failing: BTreeMap<i64, Micros>,
     /// The day when the limits were looked at last, and the first of the days in which that went on: the
     /// start of the process, unless its clock was set or it did not run for days.
     looked: Option<(i64, i64)>,
@@ -127,19 +127,21 @@ impl<S: HistoryStore> Journal<S> {
             done.map(Some)
         };
         if let Err(error) = &done {
-            self.note_failure(day, error);
+            self.note_failure(day, time, error);
         }
         done
     }
 
     /// A day cannot be averaged. What fails again and again must not hold up later days.
-    fn note_failure(&mut self, day: i64, error: &StoreError) {
-        let failures = self.averages.failures.entry(day).or_default();
-        *failures += 1;
-        let is_for_good = matches!(error, StoreError::Unreadable(_)) || *failures >= MAX_FAILURES;
+    fn note_failure(&mut self, day: i64, time: Micros, error: &StoreError) {
+        let since = self.averages.failing.entry(day).or_insert(time);
+        // The clock may have been set back.
+        *since = time.min(*since);
+        let fails_long = time.0.saturating_sub(since.0) >= MAX_FAILING;
+        let is_for_good = matches!(error, StoreError::Unreadable(_)) || fails_long;
         if is_for_good && self.averages.given_up.insert(day) {
             self.counts.given_up_days.fetch_add(1, Ordering::Relaxed);
-            tracing::error!(day, failures, "the averages of a day are given up until the next start");
+            tracing::error!(day, "the averages of a day are given up until the next start");
         }
     }
 
@@ -168,7 +170,7 @@ impl<S: HistoryStore> Journal<S> {
                     lacks = true;
                 }
                 Err(error) => {
-                    self.note_failure(day, &error);
+                    self.note_failure(day, time, &error);
                     return Err(error);
                 }
             }
@@ -250,7 +252,7 @@ impl<S: HistoryStore> Journal<S> {
         // What is left of it would hide the averages of what was there before.
         let state = if work.lost_part { DayState::Cut } else { DayState::Finished };
         self.set_state(work.day, DayNote { state, lacks })?;
-        self.averages.failures.remove(&work.day);
+        self.averages.failing.remove(&work.day);
         self.counts.averaged_days.fetch_add(1, Ordering::Relaxed);
         self.averages.is_due = true;
         // The next write looks at the limits: a part of this day may wait to be removed.
