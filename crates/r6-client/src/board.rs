@@ -57,7 +57,7 @@ struct Shared {
 /// A query that is due.
 #[derive(Debug)]
 pub(crate) struct Poll {
-    /// In their order.
+    /// In the order of [`Address`].
     pub addresses: Arc<[Address]>,
     begun: Instant,
     /// How many connections were lost before it.
@@ -67,7 +67,7 @@ pub(crate) struct Poll {
 /// The wishes of one subscription.
 #[derive(Debug)]
 struct Wish {
-    /// In their order.
+    /// In the order of [`Address`].
     addresses: Vec<Address>,
     every: Duration,
     /// When it is to be notified again.
@@ -180,8 +180,8 @@ impl Board {
         self.shared().wishes.values().map(|wish| wish.every).min()
     }
 
-    /// What one subscription sees: of each address what `row` makes of its last value and its period; and why
-    /// the last poll failed.
+    /// What one subscription sees. `row` makes a row of an address, its last value and its period. Also
+    /// returns why the last poll failed.
     pub fn seen<T>(
         &self,
         addresses: &[Address],
@@ -230,7 +230,7 @@ impl Board {
     /// Waits for the next query of the poller; `None` when no subscription is left.
     pub async fn due(&self) -> Option<Poll> {
         loop {
-            let next = {
+            let until = {
                 let mut shared = self.shared();
                 match shared.plan.next(self.time.now()) {
                     Next::Ask(addresses) => {
@@ -240,18 +240,14 @@ impl Board {
                         let (addresses, losses) = (Arc::clone(&shared.asked), shared.losses);
                         return Some(Poll { addresses, begun: self.time.now(), losses });
                     }
-                    next => next,
+                    Next::Idle => return None,
+                    Next::Wait(until) => until,
                 }
             };
-            match next {
-                Next::Ask(_) | Next::Idle => return None,
-                Next::Wait(until) => {
-                    tokio::select! {
-                        biased;
-                        () = self.time.sleep_until(until) => {}
-                        () = self.changed.notified() => {}
-                    }
-                }
+            tokio::select! {
+                biased;
+                () = self.time.sleep_until(until) => {}
+                () = self.changed.notified() => {}
             }
         }
     }

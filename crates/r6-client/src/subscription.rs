@@ -186,8 +186,9 @@ impl Subscription {
         self.changed().await.then(|| self.latest())
     }
 
-    /// What [`Self::changed`] waits for, from now on, by itself: a program with many subscriptions can wait
-    /// for all of them, and read the one whose values changed.
+    /// Returns what waits for the next change in place of [`Self::changed`], so that a program can wait for
+    /// many subscriptions at once and read the one whose values changed. A change that this subscription has
+    /// not told of yet counts.
     #[must_use]
     pub fn changes(&self) -> Changes {
         Changes { news: self.news.clone() }

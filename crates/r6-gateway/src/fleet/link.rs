@@ -83,15 +83,19 @@ fn subscribe(robot: &Robot, config: &RobotConfig) -> Result<Vec<Subscription>, N
 }
 
 /// Waits until the values of the subscription at this place were read again. `None` once the handle is
-/// closed.
-async fn next_of(place: usize, mut changes: Changes) -> Option<(usize, Changes)> {
+/// closed. Without `changes` it waits for ever.
+async fn next_of(place: usize, changes: Option<Changes>) -> Option<(usize, Changes)> {
+    let Some(mut changes) = changes else { return std::future::pending().await };
     changes.next().await.then_some((place, changes))
 }
 
 /// Takes in the values until the handle of the robot is closed.
 async fn watch(station: &Station, robot: &Robot, values: Vec<Subscription>) {
-    let changes = values.iter().enumerate().map(|(place, values)| next_of(place, values.changes()));
-    let mut changes: FuturesUnordered<_> = changes.collect();
+    let each = values.iter().enumerate().map(|(place, values)| next_of(place, Some(values.changes())));
+    let mut changes: FuturesUnordered<_> = each.collect();
+    // A set of which every future was polled wakes its task once more, for nothing. This one is never ready,
+    // so it is polled once.
+    changes.push(next_of(values.len(), None));
     // The connection whose robot was asked for its state: the client wants that before it sends a command.
     let mut known_on = None;
     // A robot may take long to answer. Meanwhile its values grow old, and that has to be seen.
@@ -124,8 +128,8 @@ async fn watch(station: &Station, robot: &Robot, values: Vec<Subscription>) {
                 (true, None)
             }
             Some(changed) = changes.next() => match changed {
-                Some((place, others)) => {
-                    changes.push(next_of(place, others));
+                Some((place, of_place)) => {
+                    changes.push(next_of(place, Some(of_place)));
                     (true, Some(place))
                 }
                 None => (false, None),

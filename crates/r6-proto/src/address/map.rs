@@ -14,7 +14,7 @@ pub struct AddressMap<T> {
     rows: Vec<(Address, T)>,
 }
 
-/// Where the next address of a walk is in general: behind the one before.
+/// The position in a map at which the next lookup begins: behind the address that was found before.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Walk(usize);
 
@@ -37,13 +37,13 @@ impl<T> AddressMap<T> {
         place
     }
 
-    /// The value of an address.
+    /// The value of an address; `None` if it has none.
     #[must_use]
     pub fn get(&self, address: Address) -> Option<&T> {
         self.walk_to(&mut Walk::default(), address)
     }
 
-    /// The same, to change it.
+    /// The value of an address, to change it.
     pub fn get_mut(&mut self, address: Address) -> Option<&mut T> {
         self.walk_to_mut(&mut Walk::default(), address)
     }
@@ -54,20 +54,20 @@ impl<T> AddressMap<T> {
         self.get(address).is_some()
     }
 
-    /// The value of the next address of a walk.
+    /// The value of the next address of a walk; `None` if it has none.
     #[must_use]
     pub fn walk_to(&self, walk: &mut Walk, address: Address) -> Option<&T> {
         let place = self.place(walk, address).ok()?;
         self.rows.get(place).map(|(_, value)| value)
     }
 
-    /// The same, to change it.
+    /// The value of the next address of a walk, to change it.
     pub fn walk_to_mut(&mut self, walk: &mut Walk, address: Address) -> Option<&mut T> {
         let place = self.place(walk, address).ok()?;
         self.rows.get_mut(place).map(|(_, value)| value)
     }
 
-    /// The same; an address without a value gets this one.
+    /// The value of the next address of a walk, to change it. An address without a value gets this one first.
     pub fn walk_to_or_insert(
         &mut self,
         walk: &mut Walk,
@@ -115,7 +115,7 @@ impl<T> AddressMap<T> {
         self.rows.iter().map(|(address, value)| (*address, value))
     }
 
-    /// The same, to change them.
+    /// All values, in the order of the addresses, to change them.
     pub fn iter_mut(&mut self) -> impl Iterator<Item = (Address, &mut T)> {
         self.rows.iter_mut().map(|(address, value)| (*address, value))
     }

@@ -211,10 +211,13 @@ impl OpenBlocks {
                 writes.entry(*day).or_default().replace_tail = true;
             }
         }
-        let (mut samples, mut rows) = (Vec::new(), Vec::with_capacity(self.blocks.len()));
+        let first_of = |block: &Block| if replace { 0 } else { block.written };
+        let count = self.blocks.iter().map(|(_, block)| block.samples.len() - first_of(block)).sum();
+        let mut samples = Vec::with_capacity(count);
+        let mut rows = Vec::with_capacity(self.blocks.len());
         for (address, block) in self.blocks.iter() {
             let begin = samples.len();
-            block.samples.append_to(&mut samples, if replace { 0 } else { block.written });
+            block.samples.append_to(&mut samples, first_of(block));
             if samples.len() > begin {
                 rows.push((address, block.interval, begin..samples.len()));
             }

@@ -15,7 +15,8 @@ pub struct ChangeOnly {
     interval: Interval,
     /// A number is kept if it differs from the last kept one by more than this.
     deadband: f64,
-    /// A decimal is rounded to this share of one; `None` if all of its digits are kept.
+    /// The power of ten by which a decimal is multiplied to be rounded: 1000 keeps thousandths. `None` if all
+    /// of its digits are kept.
     power: Option<f64>,
     last: Option<Sample>,
 }
