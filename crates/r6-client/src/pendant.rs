@@ -4,7 +4,7 @@ use r6_proto::Address;
 use r6_proto::axis::AxisIndex;
 use r6_proto::error::EncodeError;
 use r6_proto::io_point::IoPoint;
-use r6_proto::message::Command;
+use r6_proto::message::{Command, Reading};
 
 use crate::error::{Invalid, RequestError};
 use crate::job::Accepted;
@@ -61,8 +61,9 @@ impl Robot {
     /// [`RequestError::Invalid`] for EU points, which no query address tells; [`RequestError`].
     pub async fn is_on(&self, point: IoPoint) -> Result<Option<bool>, RequestError> {
         let address = point.address().ok_or(Invalid::Value(NO_WORD))?;
-        let word = self.query(&[address]).await?.integer(address);
-        Ok(word.map(|word| word >> point.point & 1 == 1))
+        let result = self.query(&[address]).await?;
+        let Some(Reading::Word(word)) = result.reading(address) else { return Ok(None) };
+        Ok(Some(word >> point.point & 1 == 1))
     }
 
     /// Reads the pose of the tool in use, in the work frame in use (`world-0` to `world-5`). `None` if the

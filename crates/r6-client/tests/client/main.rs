@@ -15,6 +15,7 @@ mod listening;
 mod motion;
 mod one_robot;
 mod outcomes;
+mod pendant;
 mod queries;
 mod reconnecting;
 mod registers;
