@@ -472,6 +472,23 @@ mod tests {
         }
     }
 
+    /// What a program sees that walks down the chain of an error, as error reporters do.
+    #[test]
+    fn each_error_of_the_crate_leads_to_its_cause() {
+        use std::error::Error;
+
+        use r6_proto::error::EncodeError;
+
+        let wrong = || Invalid::Value(EncodeError { field: "speed", wanted: "a number", nearest: None });
+        assert!(wrong().source().is_some_and(|held| held.is::<EncodeError>()));
+        let unread = crate::RegisterError::Request(wrong().into());
+        assert!(unread.source().is_some_and(|held| held.is::<RequestError>()));
+        let cause = crate::Cause::Unreadable(wrong().into());
+        assert!(cause.source().is_some_and(|held| held.is::<RequestError>()));
+        let ended = crate::MotionError { cause, progress: crate::Progress::default(), stop: None };
+        assert!(ended.source().is_some_and(|held| held.is::<crate::Cause>()));
+    }
+
     #[test]
     fn a_reason_cannot_forge_a_line() {
         let told = told(CommandName::ModifyGspd, "no\r\nREADY\u{1b}[2J");

@@ -447,6 +447,8 @@ fn manner(mask: AxisMask, speed: Option<Percent>) -> Manner {
 
 #[cfg(test)]
 mod tests {
+    use r6_proto::message::instruction::Coordinates;
+
     use super::*;
     use crate::units::{Degrees, Millimetres};
 
@@ -511,6 +513,11 @@ mod tests {
         assert!(step().extend(&round).repeats());
     }
 
+    fn curve_at_path_speed() -> Action {
+        let place = Coordinates::from_slice(&[1.0; 6]);
+        Action::CurveMove(CurveMove { middle: place, end: place, manner: Manner::default() })
+    }
+
     #[test]
     fn a_part_has_its_steps_as_they_were() {
         let pose = Pose::position([Millimetres(1.0); 3]);
@@ -521,6 +528,10 @@ mod tests {
         assert_eq!((last.len(), last.frame_starts()), (1, &[][..]));
         assert_eq!(wrong(&last), (1, "speed"), "it would go at the speed of an earlier list");
         assert_eq!(wrong(&whole.part(2..2).linear_move_at_path_speed(pose)), (1, "speed"));
+        let of_curve = Motion::of_list([Instruction { action: curve_at_path_speed(), ..whole.steps[0] }]);
+        let behind_speed = Motion::new().path_speed(speed).extend(&of_curve);
+        assert_eq!(behind_speed.instructions().unwrap().len(), 2);
+        assert_eq!(wrong(&behind_speed.part(1..)), (1, "speed"), "curves, too");
         let again = Motion::new().path_speed(speed).extend(&last);
         assert_eq!(again.linear_move_at_path_speed(pose).instructions().unwrap().len(), 3);
         assert_eq!(whole.part(1..).part(..).instructions().unwrap().len(), 2);

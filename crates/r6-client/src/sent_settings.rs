@@ -104,7 +104,7 @@ impl Tells {
 mod tests {
     use r6_proto::Command;
     use r6_proto::message::Instruction;
-    use r6_proto::message::instruction::{Move, StopOnSignal, Workbench};
+    use r6_proto::message::instruction::{Coordinates, CurveMove, Move, StopOnSignal, Workbench};
 
     use super::*;
     use crate::error::NotSent;
@@ -132,6 +132,17 @@ mod tests {
             Move { manner: Manner { coord: Some(0), ..Manner::default() }, ..Move::default() };
         tell.leaving(&list(&[Action::AxisMove(move_in_frame)])).answered(&Ok(()));
         assert_eq!(tell.so_far().frames, 4);
+        let curve_with_tool = CurveMove {
+            middle: Coordinates::default(),
+            end: Coordinates::default(),
+            manner: Manner { tool: Some(1), ..Manner::default() },
+        };
+        let after_bench = [Action::Workbench(Workbench { id: 1 }), Action::AxisMove(Move::default())];
+        for actions in [&[Action::CurveMove(curve_with_tool)][..], &after_bench] {
+            let told = SharedSentSettings::default();
+            told.leaving(&list(actions)).answered(&Ok(()));
+            assert_eq!(told.so_far().frames, 1, "{actions:?}");
+        }
         tell.leaving(&list(&[Action::AxisMove(Move::default())])).answered(&Ok(()));
         tell.leaving(&Work::Command(Command::StartButton)).answered(&Ok(()));
         assert_eq!(tell.so_far(), SentSettings { frames: 4, watching: false });

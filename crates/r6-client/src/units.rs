@@ -261,6 +261,13 @@ mod tests {
     }
 
     #[test]
+    fn a_number_shows_with_its_unit() {
+        assert_eq!(Percent::new(12.5).unwrap().to_string(), "12.5 %");
+        assert_eq!(AxisCoordinate::from(Degrees(90.0)).to_string(), "90 deg");
+        assert_eq!(AxisCoordinate::from(Millimetres(250.5)).to_string(), "250.5 mm");
+    }
+
+    #[test]
     fn units_show_as_wide_as_told() {
         assert_eq!(format!("{:.1}", Degrees(12.345)), "12.3 deg");
         assert_eq!((Degrees(90.0) - Degrees(100.0)).abs() * 2.0, Degrees(20.0));

@@ -130,7 +130,11 @@ async fn a_stop_of_any_handle_ends_it() {
     let other = robot.clone();
     let error = follow(&robot, FollowOptions::default(), async |target| {
         hold(&target, j1(150.0), Duration::from_secs(1)).await;
+        assert!(!target.is_closed());
+        timeout(TICK, target.closed()).await.expect_err("it is still followed");
         assert!(other.stop().await.unwrap().confirmed);
+        target.closed().await;
+        assert!(target.is_closed(), "its source is told");
         hold(&target, j1(150.0), Duration::from_secs(1)).await;
     })
     .await

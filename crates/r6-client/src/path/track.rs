@@ -254,9 +254,34 @@ fn time_alone(action: &Action) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use r6_proto::AXES;
     use r6_proto::message::instruction::{Coordinates, CurveMove, Move, Workbench};
 
     use super::*;
+
+    /// Otherwise slow curves that another client cleared would count as made.
+    #[test]
+    fn a_move_at_half_speed_counts_twice_whatever_its_kind() {
+        let manner = Manner { speed: Some(50.0), mask: Some(AxisMask::POSITION), ..Manner::default() };
+        let end = Coordinates::from_slice(&[100.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let stood = Sample {
+            moving: Some(false),
+            alarm: Some(0),
+            mode: None,
+            list_length: None,
+            axes: [Some(0.0); AXES],
+            pose: [Some(0.0); AXES],
+        };
+        for action in [
+            Action::AxisMove(Move { target: end, manner }),
+            Action::LinearMove(Move { target: end, manner }),
+            Action::CurveMove(CurveMove { middle: end, end, manner }),
+        ] {
+            let way = Track::new(vec![Instruction { oneshot: true, action }], stood).way_of(0..1);
+            assert_eq!(way.turn_at_full + way.tool_at_full, 200.0, "{action:?}");
+            assert_eq!(way.turn + way.tool, 100.0, "{action:?}");
+        }
+    }
 
     #[test]
     fn where_a_move_of_the_tool_ends_is_not_known_behind_another_frame_or_tool() {

@@ -304,3 +304,27 @@ async fn a_stop_that_cannot_be_sent_says_first_that_the_arm_may_go_on() {
     let closed = robot.stop().await.unwrap_err();
     assert_eq!(closed, NotSent::NotStopped(Box::new(NotSent::Closed)).into());
 }
+
+#[tokio::test]
+async fn after_a_disconnect_nothing_leaves_and_what_was_under_way_is_unknown() {
+    let (_controller, robot, mut peer) = Controller::with_robot(settings()).await;
+    let clone = robot.clone();
+    let (query, ()) = tokio::join!(biased; clone.query(&[Address::CurMode]), async {
+        // The reply to this never comes.
+        peer.frame().await;
+        robot.disconnect();
+    });
+    let lost = query.unwrap_err();
+    assert!(
+        matches!(
+            lost,
+            RequestError::OutcomeUnknown(OutcomeUnknown::ConnectionLost {
+                reason: LostReason::ClosedHere,
+                ..
+            })
+        ),
+        "{lost}"
+    );
+    assert_eq!(robot.query(&[Address::CurMode]).await, Err(NotSent::Closed.into()));
+    peer.ends().await;
+}

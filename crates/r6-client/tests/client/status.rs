@@ -1,6 +1,7 @@
 //! The state at a glance, and the conditions that are unmet.
 
-use r6_client::{OperationMode, Readiness, Status, Unmet, Unproved};
+use r6_client::{AxisIndex, OperationMode, Readiness, Status, Unmet, Unproved};
+use r6_proto::Reading;
 use r6_proto::address::Address;
 use serde_json::Value;
 
@@ -121,4 +122,48 @@ async fn no_value_proves_the_wait_step_but_the_name_of_a_program_that_is_known()
     let stopped = status_of(&[("curMode", "3"), ("origin", "1"), ("curMold", "wait-for-pc")], &[]).await;
     let unmet = vec![Unmet::Mode { found: OperationMode::Stop }];
     assert_eq!(stopped.readiness(Some("wait-for-pc")), Readiness::NotReady(unmet));
+}
+
+#[tokio::test]
+async fn each_value_of_the_status_is_found_by_its_address() {
+    let status = status_of(
+        &[
+            ("version", "F5"),
+            ("machineName", "cell 9"),
+            ("curMold", "wait-for-pc"),
+            ("curMode", "3"),
+            ("curAlarm", "135"),
+            ("origin", "1"),
+            ("isMoving", "1"),
+            ("axisNum", "4"),
+            ("axis-2", "12.500000"),
+            ("world-1", "-7.250000"),
+            ("RemoteCmdLen", "8"),
+            ("curCycle", "1.500000"),
+            ("lastCycle", "2.500000"),
+        ],
+        &[],
+    )
+    .await;
+    let text = |text: &str| Reading::Text(text.to_owned());
+    for (address, wanted) in [
+        (Address::Version, text("F5")),
+        (Address::MachineName, text("cell 9")),
+        (Address::CurMold, text("wait-for-pc")),
+        (Address::CurMode, Reading::Integer(3)),
+        (Address::CurAlarm, Reading::Integer(135)),
+        (Address::Origin, Reading::Flag(true)),
+        (Address::IsMoving, Reading::Flag(true)),
+        (Address::AxisNum, Reading::Integer(4)),
+        (Address::Axis(AxisIndex::ALL[2]), Reading::Decimal(12.5)),
+        (Address::World(AxisIndex::ALL[1]), Reading::Decimal(-7.25)),
+        (Address::RemoteCmdLen, Reading::Integer(8)),
+        (Address::CurCycle, Reading::Decimal(1.5)),
+        (Address::LastCycle, Reading::Decimal(2.5)),
+    ] {
+        assert_eq!(status.reading(address), Some(wanted), "{address}");
+    }
+    // The status does not read the seventh axis, nor the moulds.
+    assert_eq!(status.reading(Address::Axis(AxisIndex::ALL[6])), None);
+    assert_eq!(status.reading(Address::MoldList), None);
 }

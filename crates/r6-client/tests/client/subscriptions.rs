@@ -4,13 +4,13 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use futures_util::FutureExt as _;
-use r6_client::{LinkState, NotSent, NotSubscribed, Quality, Snapshot, Subscription};
+use r6_client::{LinkState, NotSent, NotSubscribed, Quality, Recorded, Snapshot, Subscription};
 use r6_proto::Reading;
 use r6_proto::address::Address;
 use r6_proto::message::Command;
 use serde_json::{Value, json};
 
-use crate::controller::{Controller, Peer, asked, command_word, settings, soon, values, verdict};
+use crate::controller::{Controller, Peer, Wires, asked, command_word, settings, soon, values, verdict};
 
 /// The shortest period of subscriptions.
 const FAST: Duration = Duration::from_millis(20);
@@ -363,4 +363,36 @@ async fn the_link_is_measured() {
     // Sent again, after the two identity queries.
     assert_eq!((link.requests, link.replies, link.lost, link.reconnects), (5, 4, 1, 1), "{link}");
     assert!(link.to_string().starts_with("link alive, replies within "), "{link}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_recording_has_each_poll_in_order_and_counts_what_a_late_reader_lost() {
+    let (_wires, robot, peer) = Wires::with_robot(settings()).await;
+    counting(peer);
+    let mut recording = robot.record().expect("the handle is open");
+    let subscription = robot.subscribe(&[MODE], FAST).unwrap();
+    let first = soon(recording.next()).await.expect("a poll");
+    let second = soon(recording.next()).await.expect("a poll");
+    let of = |values: &[Recorded]| match values {
+        [Recorded { address: MODE, reading: Some(Reading::Integer(number)), .. }] => *number,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(of(&second), of(&first) + 1, "no poll is missing");
+    assert_eq!((first[0].connection, recording.lost()), (robot.connection(), 0));
+    // 1024 polls wait for a late reader; a hundred and more have come since.
+    tokio::time::sleep(FAST * 1200).await;
+    let mut before = of(&second);
+    while recording.lost() == 0 {
+        let poll = soon(recording.next()).await.expect("a poll");
+        if recording.lost() == 0 {
+            assert_eq!(of(&poll), before + 1, "a value is missing and not counted");
+        } else {
+            assert_eq!(of(&poll), before + 1 + i64::try_from(recording.lost()).unwrap());
+        }
+        before = of(&poll);
+    }
+    drop(subscription);
+    soon(robot.clone().close()).await;
+    assert!(robot.record().is_none(), "there is nothing to come");
+    while soon(recording.next()).await.is_some() {}
 }

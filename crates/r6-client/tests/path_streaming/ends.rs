@@ -58,7 +58,10 @@ async fn who_waits_may_give_up_and_stop() {
 #[tokio::test(start_paused = true)]
 async fn the_end_may_be_asked_for_again_and_again() {
     let cell = Cell::new(Profile::hc1(), Clock::Real).await;
-    let mut handle = cell.robot.run(&through(&wave(5), 20.0, 5), RunOptions::default()).await.unwrap();
+    let motion = through(&wave(5), 20.0, 5);
+    let mut handle = cell.robot.run(&motion, RunOptions::default()).await.unwrap();
+    assert_eq!(handle.steps(), motion.instructions().unwrap());
+    assert_eq!([1, 5].map(|step| handle.step(step).unwrap().number()), [1, 5]);
     let done = soon(handle.wait()).await.unwrap();
     assert_eq!(handle.wait().await.unwrap(), done);
     // A motion that has ended can still be stopped.

@@ -1,7 +1,12 @@
 //! A guarded handle never sends what goes beyond the envelope.
 
+use std::time::Duration;
+
 use r6_client::units::{AxisPosition, Degrees, Millimetres, MillimetresPerSecond, Pose};
-use r6_client::{AxisIndex, Cause, Checked, Envelope, Invalid, Motion, RequestError, RunOptions, Violation};
+use r6_client::{
+    AxisIndex, Cause, Checked, Conditions, Envelope, Invalid, Motion, NotSent, RequestError, RunOptions,
+    Violation,
+};
 use r6_controller::Profile;
 use r6_proto::message::instruction::{Action, Instruction};
 use r6_sim::Clock;
@@ -240,4 +245,27 @@ fn an_envelope_that_is_laid_over_itself_again_and_again_stays_one() {
     let fast = Motion::new().axis_move(AxisPosition::degrees([10.0]), percent(21.0));
     let far = Motion::new().axis_move(AxisPosition::degrees([31.0]), percent(20.0));
     assert!(both.check_motion(&fast).is_err() && both.check_motion(&far).is_err());
+}
+
+/// A guard that needs the place of the arm reads it over the connection that the list may leave on.
+#[tokio::test(start_paused = true)]
+async fn a_guarded_list_leaves_under_conditions_that_hold_and_under_no_others() {
+    let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let guarded = cell.robot.with_guard(Envelope::new().largest_axis_step(Degrees(45.0)));
+    guarded.status().await.unwrap();
+    let to = |first| Motion::new().axis_move(axes(first), percent(50.0)).instructions().unwrap().to_vec();
+    let here = Some(guarded.connection());
+    let holds = Conditions { leave_within: Some(Duration::from_secs(1)), only_on: here, permission: None };
+    let elsewhere = Conditions { only_on: here.map(|here| here + 1), ..holds.clone() };
+    let error = guarded.add_rcc_under(elsewhere, false, to(30.0)).await.unwrap_err();
+    assert_eq!(error, NotSent::Disconnected.into());
+    let error = guarded.add_rcc_under(holds.clone(), false, to(90.0)).await.unwrap_err();
+    assert!(matches!(error, RequestError::Invalid(Invalid::OutsideEnvelope(_))), "{error}");
+    assert_eq!(cell.lists(), []);
+    // Appended to an empty list it begins where the arm stands.
+    guarded.add_rcc_under(holds.clone(), false, to(30.0)).await.unwrap();
+    assert_eq!(cell.lists(), [(1, false)]);
+    // Behind another step its beginning is not known.
+    let error = guarded.add_rcc_under(holds, false, to(40.0)).await.unwrap_err();
+    assert!(matches!(error, RequestError::Invalid(Invalid::OutsideEnvelope(_))), "{error}");
 }
