@@ -477,10 +477,14 @@ mod tests {
     fn each_error_of_the_crate_leads_to_its_cause() {
         use std::error::Error;
 
-        use r6_proto::error::EncodeError;
+        use r6_proto::error::{EncodeError, FieldPath, Wanted};
 
         let wrong = || Invalid::Value(EncodeError { field: "speed", wanted: "a number", nearest: None });
         assert!(wrong().source().is_some_and(|held| held.is::<EncodeError>()));
+        let path = FieldPath::Member("cmdReply".to_owned());
+        let error = FieldError { path, found: None, wanted: Wanted(&["a list", "列表"]), nearest: None };
+        let unknown = OutcomeUnknown::Unreadable { request: Sent::QUERY, error };
+        assert!(unknown.source().is_some_and(|held| held.is::<FieldError>()));
         let unread = crate::RegisterError::Request(wrong().into());
         assert!(unread.source().is_some_and(|held| held.is::<RequestError>()));
         let cause = crate::Cause::Unreadable(wrong().into());

@@ -524,6 +524,7 @@ mod tests {
         let speed = MillimetresPerSecond::new(100).unwrap();
         let whole = step().begin_frame().path_speed(speed).linear_move_at_path_speed(pose).blend(3);
         assert_eq!(whole.part(..), whole);
+        assert!(whole.part(2..2).is_empty() && !whole.part(2..).is_empty());
         let last = whole.part(2..);
         assert_eq!((last.len(), last.frame_starts()), (1, &[][..]));
         assert_eq!(wrong(&last), (1, "speed"), "it would go at the speed of an earlier list");

@@ -253,6 +253,7 @@ async fn a_guarded_list_leaves_under_conditions_that_hold_and_under_no_others() 
     let mut cell = Cell::new(Profile::hc1(), Clock::Real).await;
     let guarded = cell.robot.with_guard(Envelope::new().largest_axis_step(Degrees(45.0)));
     guarded.status().await.unwrap();
+    tokio::time::sleep(Duration::from_secs(5)).await;
     let to = |first| Motion::new().axis_move(axes(first), percent(50.0)).instructions().unwrap().to_vec();
     let here = Some(guarded.connection());
     let holds = Conditions { leave_within: Some(Duration::from_secs(1)), only_on: here, permission: None };
@@ -268,4 +269,16 @@ async fn a_guarded_list_leaves_under_conditions_that_hold_and_under_no_others() 
     // Behind another step its beginning is not known.
     let error = guarded.add_rcc_under(holds, false, to(40.0)).await.unwrap_err();
     assert!(matches!(error, RequestError::Invalid(Invalid::OutsideEnvelope(_))), "{error}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn an_appended_motion_begins_where_the_arm_stands_only_if_nothing_is_in_the_list() {
+    let cell = Cell::new(Profile::hc1(), Clock::Real).await;
+    let guarded = cell.robot.with_guard(Envelope::new().largest_axis_step(Degrees(45.0)));
+    let appended = RunOptions { append: true, ..RunOptions::default() };
+    let to = |first, speed| Motion::new().axis_move(axes(first), percent(speed));
+    soon(guarded.run(&to(30.0, 50.0), appended).await.unwrap().finished()).await.unwrap();
+    cell.robot.add_motion(true, &to(-30.0, 1.0)).await.unwrap();
+    let error = guarded.run(&to(20.0, 50.0), appended).await.unwrap_err();
+    assert!(matches!(error.cause, Cause::OutsideEnvelope(_)), "{error}");
 }
