@@ -207,6 +207,19 @@ mod tests {
     }
 
     #[test]
+    fn the_two_seconds_begin_with_the_first_look_that_saw_the_list_empty() {
+        for (mode, list) in [(OperationMode::Running, Some(3)), (OperationMode::SingleCycle, Some(0))] {
+            let mut film = Film::new();
+            assert_eq!(film.see(0, mode, list), None);
+            assert_eq!(film.see(50, mode, list), None);
+            assert_eq!(film.see(2100, OperationMode::Running, Some(0)), None, "after {mode}, {list:?}");
+            assert_eq!(film.see(4099, OperationMode::Running, Some(0)), None);
+            let stood = Some(StandProof::EmptyList(Duration::from_secs(2)));
+            assert_eq!(film.see(4100, OperationMode::Running, Some(0)), stood);
+        }
+    }
+
+    #[test]
     fn another_robot_another_connection_and_older_reads_prove_nothing() {
         let mut film = Film::new();
         let stands = film.at(50, OperationMode::Stop, Some(0), 0.0);
