@@ -67,8 +67,13 @@ def test_a_robot_that_is_dropped_leaves_no_socket_in_the_event_loop(
         robot = await used(virtual_controller)
         assert len(own.of_robots()) == 1
         del robot
-        gc.collect()
-        assert not own.of_robots()
+
+        def is_gone() -> bool:
+            # On a busy machine the loop may still hold a call of the robot for a moment.
+            gc.collect()
+            return not own.of_robots()
+
+        await until(is_gone)
 
     own.loop.run_until_complete(main())
 

@@ -24,6 +24,7 @@ ELSEWHERE = {
     "BoardOutput": "Motion.set_board",
     "CameraSet": "Robot.add_points",
     "Cause": "MotionError.cause",
+    "Changes": " how the gateway waits for many subscriptions at once",
     "Checked": "OutsideEnvelope.what",
     "Closed": "MotionCutShort",
     "Conditions": " the gateway sends under them",
