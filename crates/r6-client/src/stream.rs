@@ -110,8 +110,7 @@ impl Robot {
     /// A list that the gate refuses ends the motion with [`NotSent::Withdrawn`](crate::NotSent::Withdrawn),
     /// and so does a permission that is withdrawn before the list leaves. A list that was too late
     /// ([`crate::Conditions::leave_within`]) is tried again after the next read of the state, and the gate is
-    /// asked each time, until it leaves or the motion ends with [`Cause::Stalled`].
-    /// [`RunOptions::clear_leftover`] counts as `false`.
+    /// asked each time. [`RunOptions::clear_leftover`] counts as `false`.
     ///
     /// # Errors
     /// As [`Self::run`].

@@ -583,7 +583,6 @@ fn token_revoked(number: i64, author: &Author) -> AuditRecord {
     author.record(Deed::TokenRevoked { token: number })
 }
 
-/// The role with this word.
 /// The grant of a row: a role, and the robots as [`GrantRobots`] writes them.
 fn grant(word: &str, robots: Option<&str>) -> Result<Grant, StoreError> {
     let unreadable = |error| StoreError::Unreadable(format!("robots of a user or a token: {error}"));
@@ -591,6 +590,7 @@ fn grant(word: &str, robots: Option<&str>) -> Result<Grant, StoreError> {
     Ok(Grant { role: role(word)?, robots })
 }
 
+/// The role with this word.
 fn role(word: &str) -> Result<Role, StoreError> {
     Role::of_word(word).ok_or_else(|| StoreError::Unreadable(format!("the role `{word}`")))
 }

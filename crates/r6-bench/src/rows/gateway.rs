@@ -213,8 +213,8 @@ pub fn rows() -> Vec<Row> {
             figure: Figure::Ratio(ratio),
             in_the_way: "no single place (`perf`, `callgrind`): system calls take a quarter of the time. Of the \
                          instructions a third each belong to the client and to the task of a robot, a fifth to the thread \
-                         of the history, which packs and writes, and no function has more than 5 %. With a hundred robots \
-                         in place of a thousand a poll takes a fifth less, because less of their memory has left the caches",
+                         of the history, which packs and writes, and no function has more than 5 %. With fewer robots a \
+                         poll takes less",
         },
         amount(
             "resident memory",

@@ -20,7 +20,7 @@ pub fn condition(headers: &HeaderMap) -> Result<Condition, Refusal> {
         let wanted = "has tags such as \"3-9f86d081884c7d65\", and the quotes belong to the tag";
         let wrong = || bad_value(format!("`{name}` {wanted}"));
         let all = all.map_err(|_| wrong())?;
-        // Whoever takes the quotes off would be told that somebody else changed it.
+        // Without this, a tag without quotes would be refused as one of another version.
         if all.iter().any(|list| !list.contains('"') && !list.trim().is_empty() && list.trim() != "*") {
             return Err(wrong());
         }

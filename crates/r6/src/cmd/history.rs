@@ -34,7 +34,7 @@ const APART: Duration = Duration::from_millis(20);
 /// How long to ask which values are read. The answer about the history is there already.
 const ANSWER_WITHIN: Duration = Duration::from_secs(3);
 
-/// How many addresses that are read are named in place of one that is not.
+/// The most addresses that are proposed in place of one that the gateway does not read.
 const NEAREST: usize = 3;
 
 /// Show the values that a gateway kept (with --gateway-url)

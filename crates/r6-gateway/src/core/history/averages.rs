@@ -8,8 +8,8 @@
 //! numbers of samples. Buckets in which nothing is known are left out.
 //!
 //! Whole numbers are runs of equal differences: signals that stay take few bytes. They are not packed like
-//! those of chunks, which takes longer. Decimals are whole numbers of a power
-//! of ten if that gives each of them back bit by bit; otherwise they are runs of 8 bytes.
+//! those of chunks, which takes longer. Decimals are whole numbers of a power of ten if that gives each of
+//! them back bit by bit; otherwise they are runs of 8 bytes.
 
 use r6_api::gateway::Gap;
 
