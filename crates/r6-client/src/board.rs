@@ -2,7 +2,7 @@
 //! value.
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -128,8 +128,9 @@ impl Board {
         every: Duration,
         poll: impl FnOnce() -> AbortHandle,
     ) -> Result<(u64, watch::Receiver<()>), NotSubscribed> {
-        let addresses: BTreeSet<Address> = addresses.iter().copied().collect();
-        let addresses: Vec<Address> = addresses.into_iter().collect();
+        let mut addresses = addresses.to_vec();
+        addresses.sort_unstable();
+        addresses.dedup();
         let mut shared = self.shared();
         if shared.closed {
             return Err(NotSubscribed::Closed);

@@ -69,7 +69,7 @@ def test_a_robot_that_is_dropped_leaves_no_socket_in_the_event_loop(
         del robot
 
         def is_gone() -> bool:
-            # On a busy machine the loop may still hold a call of the robot for a moment.
+            # If a thread of the engine lets go of the robot last, the loop removes the socket in its next turn.
             gc.collect()
             return not own.of_robots()
 

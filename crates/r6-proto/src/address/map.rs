@@ -161,6 +161,8 @@ mod tests {
     enum Step {
         Insert(u16, u8),
         Remove(u16),
+        /// Keeps the ones with an even value.
+        Retain,
         /// Looks these up in one walk, and adds the ones that lack.
         Walk(Vec<u16>),
     }
@@ -170,6 +172,7 @@ mod tests {
         let step = prop_oneof![
             (number.clone(), any::<u8>()).prop_map(|(number, value)| Step::Insert(number, value)),
             number.clone().prop_map(Step::Remove),
+            Just(Step::Retain),
             prop::collection::vec(number, 0..20).prop_map(Step::Walk),
             prop::collection::btree_set(0_u16..30, 0..20)
                 .prop_map(|numbers| Step::Walk(numbers.into_iter().collect())),
@@ -190,6 +193,10 @@ mod tests {
                     }
                     Step::Remove(number) => {
                         prop_assert_eq!(map.remove(address(number)), model.remove(&address(number)));
+                    }
+                    Step::Retain => {
+                        map.retain(|_, value| value % 2 == 0);
+                        model.retain(|_, value| *value % 2 == 0);
                     }
                     Step::Walk(numbers) => {
                         let (mut read, mut write, mut add) = (Walk::default(), Walk::default(), Walk::default());

@@ -86,7 +86,7 @@ fn who(session: &Session) -> String {
 fn robots(session: &Session, only: Option<&str>) -> Vec<ForRobot> {
     let for_robot = |robot: &str, role| ForRobot { robot: robot.to_owned(), role };
     let robots = match session.robot.as_deref().map(GrantRobots::read).transpose() {
-        Ok(robots) => robots,
+        Ok(robots) => robots.map(|robots| robots.up_to(session.role)),
         // A newer gateway may write them in another way. They are shown as they are.
         Err(_) => {
             return vec![for_robot(session.robot.as_deref().unwrap_or_default(), Some(session.role))];
@@ -97,9 +97,9 @@ fn robots(session: &Session, only: Option<&str>) -> Vec<ForRobot> {
         return vec![for_robot(name, grant.role_for(name))];
     }
     let Some(robots) = &grant.robots else { return vec![for_robot("*", Some(grant.role))] };
-    let role = |own: Option<Role>| own.map_or(grant.role, |own| own.min(grant.role));
     let each = robots.each();
-    each.map(|(name, own)| for_robot(name.map_or("*", RobotName::as_str), Some(role(own)))).collect()
+    each.map(|(name, own)| for_robot(name.map_or("*", RobotName::as_str), Some(own.unwrap_or(grant.role))))
+        .collect()
 }
 
 /// `is_for_all`: the token has no list of robots.

@@ -212,7 +212,8 @@ impl OpenBlocks {
             }
         }
         let first_of = |block: &Block| if replace { 0 } else { block.written };
-        let count = self.blocks.iter().map(|(_, block)| block.samples.len() - first_of(block)).sum();
+        let count =
+            self.blocks.iter().map(|(_, block)| block.samples.len().saturating_sub(first_of(block))).sum();
         let mut samples = Vec::with_capacity(count);
         let mut rows = Vec::with_capacity(self.blocks.len());
         for (address, block) in self.blocks.iter() {
