@@ -129,9 +129,9 @@ impl fmt::Display for NotProved {
     }
 }
 
-/// How many reads, or attempts to send, may fail in a row. One lost reply says nothing about the arm. But the
-/// client does not feed a motion that it cannot see.
-pub(crate) const MAX_FAILED: u32 = 3;
+/// How many reads may fail in a row. One lost reply says nothing about the arm. But the client does not feed a
+/// motion that it cannot see.
+const MAX_FAILED: u32 = 3;
 
 impl Cause {
     /// Whether this program itself ended the motion in this way.

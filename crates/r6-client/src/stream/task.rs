@@ -24,7 +24,7 @@ use crate::path::pace::Looked;
 use crate::path::progress::PathProgress;
 use crate::progress::Progress;
 use crate::robot::Robot;
-use crate::stream::error::{Cause, MAX_FAILED, MotionError};
+use crate::stream::error::{Cause, MotionError};
 use crate::stream::options::RunOptions;
 use crate::stream::turn::Turn;
 
@@ -268,13 +268,12 @@ impl Task {
                         return Ok(());
                     }
                 }
-                Err(RequestError::NotSent(NotSent::Busy { waited })) => {
+                Err(RequestError::NotSent(NotSent::Busy { .. })) => {
                     self.in_doubt = 0;
                     self.frames.push_front(frame);
+                    // It is fed again after the next read that succeeds. A motion that is fed too late counts
+                    // as stalled.
                     self.failed += 1;
-                    if self.failed >= MAX_FAILED {
-                        return Err(NotSent::Busy { waited }.into());
-                    }
                 }
                 Err(error) => {
                     // Controllers have run lists that they refused.
