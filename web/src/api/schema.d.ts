@@ -4030,7 +4030,8 @@ export interface components {
             csrf: string | null;
             /**
              * Format: int64
-             * @description When the session ends in any case; `null` for a token without one.
+             * @description When the session or the token ends in any case; `null` for a token without an end that has no
+             *     session.
              */
             ends_in_ms: number | null;
             /**

@@ -232,7 +232,8 @@ fn of_user(signed_in: &SignedIn) -> Session {
 fn of_token(token: &Known, page: Option<&Page>) -> Session {
     let Known { number, name, grant, .. } = token;
     // The session ends with its token.
-    let of_token = token.expires.map_or(u64::MAX, |expires| millis(expires.left()));
+    let of_token = token.expires.map(|expires| millis(expires.left()));
+    let with_token = |end| of_token.map_or(left(end), |of_token| left(end).min(of_token));
     Session {
         user: None,
         token: Some(*number),
@@ -240,8 +241,8 @@ fn of_token(token: &Known, page: Option<&Page>) -> Session {
         role: grant.role,
         robot: grant.robots.as_ref().map(ToString::to_string),
         csrf: page.map(|page| page.csrf.clone()),
-        idle_ends_in_ms: page.map(|page| left(page.ends.0).min(of_token)),
-        ends_in_ms: page.map(|page| left(page.ends.1).min(of_token)),
+        idle_ends_in_ms: page.map(|page| with_token(page.ends.0)),
+        ends_in_ms: page.map_or(of_token, |page| Some(with_token(page.ends.1))),
     }
 }
 

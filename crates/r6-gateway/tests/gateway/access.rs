@@ -574,6 +574,10 @@ async fn a_token_with_an_end_is_refused_from_then_on_and_its_streams_end() {
     let (status, made) = hall.post(&hall.admin, "/v1/tokens", &wanted).await;
     assert_eq!(status, 201, "{made}");
     let token = made["token"].as_str().unwrap();
+    let session = hall.get(token, "/v1/session").await;
+    assert!(session["ends_in_ms"].as_u64().is_some_and(|left| left <= 6_000), "when it ends: {session}");
+    assert_eq!(session["idle_ends_in_ms"], json!(null), "it does not end by waiting");
+    assert_eq!(hall.get(&hall.admin, "/v1/session").await["ends_in_ms"], json!(null), "it has no end");
     let page = Browser::with_token(hall.gateway.address(), token).await;
     let session = page.call("GET", "/v1/session", None).await.1;
     assert!(session["idle_ends_in_ms"].as_u64().unwrap() <= 6_000, "it ends with its token: {session}");
