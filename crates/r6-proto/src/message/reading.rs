@@ -71,12 +71,22 @@ impl Reading {
                 Ok(Self::Texts(value.items().map(|item| item.text().into_owned()).collect()))
             }
             ValueType::TextList => Err(wrong(Wanted(&["a list of texts", "文本列表"]))),
-            ValueType::Counter => Counter::of(value).map(Self::Counter).ok_or_else(|| {
-                wrong(Wanted(&[
-                    "a counter: [id, target, current] or name[id][T:target][C:current]",
-                    "计数器：[id, target, current] 或 name[id][T:target][C:current]",
-                ]))
-            }),
+            ValueType::Counter => {
+                let counter = Counter::of(value).ok_or_else(|| {
+                    wrong(Wanted(&[
+                        "a counter: [id, target, current] or name[id][T:target][C:current]",
+                        "计数器：[id, target, current] 或 name[id][T:target][C:current]",
+                    ]))
+                })?;
+                // The only value that says whose it is: values behind an absent one move up.
+                if matches!(address, Address::Counter(asked) if i64::from(asked) != counter.id) {
+                    return Err(wrong(Wanted(&[
+                        "the counter that was asked for; this is another one, by its id",
+                        "所查询的计数器；按 id 这是另一个",
+                    ])));
+                }
+                Ok(Self::Counter(counter))
+            }
         }
     }
 }
@@ -147,6 +157,10 @@ mod tests {
         assert_eq!(read("counter-4", "[\"4\",\"20\",\"7\"]"), Ok(counter(None)));
         assert_eq!(read("counter-4", "\"计数[4][T:20][C:7]\""), Ok(counter(Some("计数"))));
         assert!(read("counter-4", "[4,20]").is_err());
+        for another in ["[5,20,7]", "\"计数[5][T:20][C:7]\"", "[-4,20,7]"] {
+            let error = read("counter-4", another).unwrap_err().to_string();
+            assert!(error.contains("counter-4") && error.contains("by its id"), "{error}");
+        }
         assert!(read("counter-4", "[4,20,7,1]").is_err());
     }
 
