@@ -91,11 +91,12 @@ impl Shared {
         self.plan.replace(&wanted, now);
     }
 
-    /// Notifies the subscriptions concerned, each no faster than its own period.
-    fn tell(&mut self, asked: &[Address], now: Instant) {
+    /// Notifies the subscriptions concerned, each no faster than its own period. `begun`: when the poll was
+    /// asked for. By the time of its reply, a fast reply after a slow one would come too soon to be told.
+    fn tell(&mut self, asked: &[Address], begun: Instant) {
         for wish in self.wishes.values_mut() {
-            if now + slack(wish.every) >= wish.due && share(asked, &wish.addresses) {
-                wish.due = next_due(now, wish.every);
+            if begun + slack(wish.every) >= wish.due && share(asked, &wish.addresses) {
+                wish.due = next_due(begun, wish.every);
                 wish.news.send_replace(());
             }
         }
@@ -275,7 +276,7 @@ impl Board {
         if shared.losses == poll.losses {
             shared.plan.answered(&poll.addresses, poll.begun, now);
         }
-        shared.tell(&poll.addresses, now);
+        shared.tell(&poll.addresses, poll.begun);
     }
 
     /// A poll failed; the old values stay, and age.
@@ -413,6 +414,26 @@ mod tests {
             quick.mark_unchanged();
         }
         assert_eq!((told_slow, told_quick), (1, 100));
+    }
+
+    #[test]
+    fn each_poll_is_told_also_if_replies_are_slow_and_fast_in_turns() {
+        let board = Board::new(Arc::default());
+        let every = Duration::from_millis(100);
+        let poller = || AbortHandle::new_pair().0;
+        let (id, news) = board.add(&[Address::CurMode], every, poller).unwrap();
+        let mut watched = Watched { board, id, news };
+        for turn in 0..20_u64 {
+            if let Err(wait) = watched.due() {
+                watched.board.time.pass(watched.board.time.now() + wait);
+            }
+            let poll = watched.due().unwrap().unwrap();
+            let takes = Duration::from_millis(if turn % 2 == 0 { 90 } else { 4 });
+            watched.board.time.pass(watched.board.time.now() + takes);
+            watched.answer(&poll);
+            assert!(watched.news.has_changed().unwrap(), "poll {turn}");
+            watched.news.mark_unchanged();
+        }
     }
 
     #[test]
