@@ -295,6 +295,12 @@ impl Seat {
         self.link.map(|link| link.connection)
     }
 
+    /// Whether it is known which robot has to answer.
+    #[must_use]
+    pub fn is_identified(&self) -> bool {
+        self.saved.identity.is_some()
+    }
+
     /// The robot that answers in place of the expected one.
     #[must_use]
     pub fn identity_change(&self) -> Option<IdentityChange> {

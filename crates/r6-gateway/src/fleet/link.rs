@@ -155,7 +155,7 @@ async fn watch(station: &Station, robot: &Robot, values: Vec<Subscription>) {
         for (place, values) in values.iter().enumerate() {
             if is_all || read == Some(place) {
                 let now = clock::now();
-                take(station, now, &values.latest(), known_on);
+                take(station, now, &values.latest(), robot.connection(), known_on);
             }
         }
     }
@@ -241,9 +241,11 @@ async fn introduce(station: &Station, robot: &Robot, connection: u64) -> Option<
 
 /// Takes in the values, and whether the robot can be used.
 ///
-/// `now`: from before the values were taken, so that none seems younger than it is.
-fn take(station: &Station, now: Instant, values: &Snapshot, known_on: Option<u64>) {
-    let changed = station.board().take(now, values, || station.shared.draw());
+/// `now`: from before the values were taken, so that none seems younger than it is. `connection`: from after
+/// that, so that none counts as read over a later one.
+fn take(station: &Station, now: Instant, values: &Snapshot, connection: u64, known_on: Option<u64>) {
+    let source = station.source_of(connection);
+    let changed = station.board().take(now, values, source, || station.shared.draw());
     if changed {
         station.shared.wake_readers();
     }

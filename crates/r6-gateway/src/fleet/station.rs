@@ -27,7 +27,7 @@ use crate::fleet::config::RobotConfig;
 use crate::fleet::counts::Counts;
 use crate::fleet::desk::Desk;
 use crate::fleet::photos::Cameras;
-use crate::live::board::Board;
+use crate::live::board::{Board, Source};
 use crate::ownership::Ownership;
 use crate::store::Keeper;
 
@@ -286,6 +286,17 @@ impl Station {
             Less => Answers::Unknown,
             Equal => Answers::This,
             Greater => Answers::Gone,
+        }
+    }
+
+    /// Whether values of this connection are those of this robot. A robot of which nothing is known yet has
+    /// no other to be taken for.
+    pub(super) fn source_of(&self, connection: u64) -> Source {
+        match self.answers(connection) {
+            Answers::This => Source::This,
+            Answers::Another => Source::Doubtful,
+            Answers::Unknown | Answers::Gone if self.seat(|seat, _| seat.is_identified()) => Source::Doubtful,
+            Answers::Unknown | Answers::Gone => Source::This,
         }
     }
 

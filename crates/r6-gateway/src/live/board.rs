@@ -10,6 +10,16 @@ use r6_proto::time::Instant;
 use crate::clock;
 use crate::core::live::numbers::{Numbers, Span};
 
+/// Who sends the values that are taken in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// This robot, or one that was never asked who it is.
+    This,
+    /// It has not said yet over this connection that it is this robot, or it is another one: none of its
+    /// values is told as fresh.
+    Doubtful,
+}
+
 /// The values of one robot.
 #[derive(Debug)]
 pub struct Board {
@@ -59,7 +69,13 @@ impl Board {
 
     /// Takes in what was read. Returns whether a value or its quality changed; only then `next` draws the
     /// number of the change, which is larger than all numbers before.
-    pub fn take(&mut self, now: Instant, snapshot: &Snapshot, next: impl FnOnce() -> u64) -> bool {
+    pub fn take(
+        &mut self,
+        now: Instant,
+        snapshot: &Snapshot,
+        source: Source,
+        next: impl FnOnce() -> u64,
+    ) -> bool {
         let mut changed = Vec::with_capacity(self.rows.len());
         // Both have the same order in general: then each value is found behind the one before.
         let mut begin = 0;
@@ -68,7 +84,7 @@ impl Board {
             let behind = self.rows.iter().skip(begin).position(is_it).map(|ahead| begin + ahead);
             let Some(place) = behind.or_else(|| self.rows.iter().position(is_it)) else { continue };
             begin = place + 1;
-            if self.rows.get_mut(place).is_some_and(|row| row.take(now, read)) {
+            if self.rows.get_mut(place).is_some_and(|row| row.take(now, read, source)) {
                 changed.push(place);
             }
         }
@@ -104,10 +120,13 @@ impl Board {
 
 impl Row {
     /// Takes in what was read. Returns whether it differs from what a reader may have been told.
-    fn take(&mut self, now: Instant, read: &Value) -> bool {
+    fn take(&mut self, now: Instant, read: &Value, source: Source) -> bool {
         let value = read.reading.clone().map(AddressValue::from);
         self.is_unsupported = read.quality == Quality::Unsupported;
-        let quality = quality(&read.quality);
+        let quality = match quality(&read.quality) {
+            SignalQuality::Fresh if source == Source::Doubtful => SignalQuality::Stale,
+            quality => quality,
+        };
         // A reader may have been told that it grew old. Then it is a change that it is fresh again.
         let told = self.quality_at(self.age(now));
         self.asked_at = read.age.map(|age| clock::before(now, age));
@@ -189,9 +208,11 @@ mod tests {
             quality,
         };
         let mut row = row();
-        assert!(!row.take(at(1100), &read(Quality::Fresh)), "it was never told as stale");
-        assert!(row.take(at(2191), &read(Quality::Fresh)), "it was told as stale at 2191 ms");
-        assert!(!row.take(at(2200), &read(Quality::Fresh)));
-        assert!(row.take(at(9000), &read(Quality::Stale)), "it was told as fresh before");
+        assert!(!row.take(at(1100), &read(Quality::Fresh), Source::This), "it was never told as stale");
+        assert!(row.take(at(2191), &read(Quality::Fresh), Source::This), "it was told as stale at 2191 ms");
+        assert!(!row.take(at(2200), &read(Quality::Fresh), Source::This));
+        assert!(row.take(at(9000), &read(Quality::Stale), Source::This), "it was told as fresh before");
+        assert!(!row.take(at(9100), &read(Quality::Fresh), Source::Doubtful), "it may be another robot's");
+        assert!(row.take(at(9200), &read(Quality::Fresh), Source::This));
     }
 }

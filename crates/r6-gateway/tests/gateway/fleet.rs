@@ -126,13 +126,15 @@ async fn a_robot_that_is_exchanged_while_the_gateway_is_off_is_noticed_too() {
     assert_eq!((told.len(), &told[0]["because"]), (1, &json!("another_robot")), "{told:#?}");
     let before = hall.get(&hall.viewer, "/v1/robots/press/production").await;
     hall.robots[0].handle().operate(&PanelAction::EmergencyStop).unwrap();
-    hall.until("press", |state| signal(state, "curAlarm")["value"] == 7).await;
+    let state_of_other = hall.until("press", |state| signal(state, "curAlarm")["value"] == 7).await;
+    assert_eq!(signal(&state_of_other, "curAlarm")["quality"], "stale", "it is no value of this robot");
     tokio::time::sleep(Duration::from_millis(600)).await;
     let after = hall.get(&hall.viewer, "/v1/robots/press/production").await;
     assert_eq!((&after["seen_ms"], &after["alarms"]["codes"]), (&before["seen_ms"], &json!(0)), "{after:#}");
 
     let found = &state["identity_changed"]["found"];
     assert_eq!(hall.post(&hall.engineer, "/v1/robots/press/accept-identity", found).await.0, 204);
+    hall.until("press", |state| signal(state, "curAlarm")["quality"] == "fresh").await;
     let told = hall.until_events("kind=unseen", |events| events.len() > 1).await;
     assert_eq!((&told[1]["because"], &told[1]["from"]), (&json!("another_robot"), &told[0]["from"]));
     hall.robots[0].handle().operate(&PanelAction::ReleaseEmergencyStop).unwrap();
