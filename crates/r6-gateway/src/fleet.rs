@@ -26,6 +26,7 @@ pub mod counts;
 pub mod desk;
 pub mod group;
 pub mod guard;
+mod held;
 pub mod link;
 mod observe;
 pub mod panel;

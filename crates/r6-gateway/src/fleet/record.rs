@@ -1,6 +1,5 @@
 //! Keeps the values of one robot: every poll, of which the history keeps the changes; and what happens.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -11,6 +10,7 @@ use r6_proto::address::{AddressMap, Walk};
 use r6_proto::time::Instant;
 
 use super::config::RobotConfig;
+use super::held::{Held, Poll};
 use super::observe::Observer;
 use super::station::{Answers, Station};
 use crate::clock;
@@ -28,11 +28,7 @@ const LOOK: Duration = Duration::from_millis(500);
 /// How long after its time a value is missing, if none comes: as for live values, which are stale then.
 const OVERDUE: Duration = Duration::from_millis(1500);
 
-/// How many polls wait until the robot has said who it is, which takes some polls: a second at the shortest
-/// period. Then the oldest is dropped.
-const MAX_HELD: usize = 50;
-
-/// How often to look whether it has.
+/// How often to look whether a robot whose polls wait has said who it is.
 const LOOK_AT_HELD: Duration = Duration::from_millis(20);
 
 /// Watches what is read of the robot, and keeps it if a history is kept, until the handle is closed or this
@@ -48,7 +44,7 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
     let mut feed =
         recorder.clone().map(|recorder| Feed::new(recorder, config, Arc::clone(&station.counts.history)));
     let time = |at| recorder.as_ref().map_or_else(|| time_of_system(at), |recorder| recorder.time(at));
-    let (mut lost, mut held) = (0, VecDeque::new());
+    let (mut lost, mut held) = (0, Held::default());
     let mut look = clock::every(LOOK);
     loop {
         let values = tokio::select! {
@@ -58,28 +54,25 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
                 None => return,
             },
             _ = look.tick() => None,
-            () = tokio::time::sleep(LOOK_AT_HELD), if !held.is_empty() => None,
+            () = tokio::time::sleep(LOOK_AT_HELD), if held.first().is_some() => None,
         };
         let now = clock::now();
         let is_poll = values.is_some();
-        if let Some(values) = values {
+        // A poll without values says nothing.
+        if let Some(values) = values.filter(|values| !values.is_empty()) {
             let newly_lost = polls.lost().saturating_sub(std::mem::replace(&mut lost, polls.lost()));
-            if held.len() >= MAX_HELD {
-                held.pop_front();
+            if held.push(Poll { at: now, values, lost: newly_lost }) {
                 observer.miss();
             }
-            held.push_back(Poll { at: now, values, lost: newly_lost });
         }
-        while let Some(poll) = held.front() {
-            let Some(connection) = poll.values.first().map(|value| value.connection) else {
-                held.pop_front();
-                continue;
-            };
+        while let Some(connection) =
+            held.first().and_then(|poll| poll.values.first()).map(|value| value.connection)
+        {
             let answers = station.answers(connection);
             if answers == Answers::Unknown {
                 break;
             }
-            let Some(Poll { at, values, lost }) = held.pop_front() else { break };
+            let Some(Poll { at, values, lost }) = held.next(answers) else { break };
             if lost > 0 {
                 observer.miss();
                 feed.iter_mut().for_each(|feed| feed.lose(lost, at));
@@ -102,9 +95,9 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
                 feed.take(at, values);
             }
         }
-        let now = clock::now();
+        // What waiting polls bring is not overdue: the look is at the time of the first of them.
+        let now = held.first().map_or_else(clock::now, |poll| poll.at);
         if !is_poll {
-            // Only now: while polls wait, what they bring is not overdue.
             let event = observer.look(now, time);
             if let Some(feed) = &mut feed {
                 feed.note(event.into_iter().collect());
@@ -112,15 +105,6 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
             }
         }
     }
-}
-
-/// A poll that waits until the robot has said who it is.
-struct Poll {
-    /// When it came.
-    at: Instant,
-    values: Vec<Recorded>,
-    /// How many values before it were lost.
-    lost: u64,
 }
 
 /// The time of day at a moment, by the clock of the system now.

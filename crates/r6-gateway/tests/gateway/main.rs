@@ -18,6 +18,7 @@ mod groups;
 mod guard;
 mod happenings;
 mod heads;
+mod held;
 mod history;
 mod idempotency;
 mod late;
