@@ -91,8 +91,9 @@ impl Shared {
         self.plan.replace(&wanted, now);
     }
 
-    /// Notifies the subscriptions concerned, each no faster than its own period. `begun`: when the poll was
-    /// asked for. By the time of its reply, a fast reply after a slow one would come too soon to be told.
+    /// Notifies the subscriptions concerned, each no faster than its own period, counted between the times at
+    /// which polls were asked for, such as `begun`. If the times of replies counted, a fast reply after a slow
+    /// one would not be told.
     fn tell(&mut self, asked: &[Address], begun: Instant) {
         for wish in self.wishes.values_mut() {
             if begun + slack(wish.every) >= wish.due && share(asked, &wish.addresses) {

@@ -4030,8 +4030,8 @@ export interface components {
             csrf: string | null;
             /**
              * Format: int64
-             * @description When the session or the token ends in any case; `null` for a token without an end that has no
-             *     session.
+             * @description When the session or the token ends in any case; `null` without a session if the token
+             *     has no end.
              */
             ends_in_ms: number | null;
             /**

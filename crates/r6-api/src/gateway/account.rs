@@ -97,8 +97,8 @@ pub struct Session {
     /// When the session ends if no other request comes; `null` for a token without one.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub idle_ends_in_ms: Option<u64>,
-    /// When the session or the token ends in any case; `null` for a token without an end that has no
-    /// session.
+    /// When the session or the token ends in any case; `null` without a session if the token
+    /// has no end.
     #[cfg_attr(feature = "openapi", schema(required = true))]
     pub ends_in_ms: Option<u64>,
 }

@@ -123,11 +123,12 @@ pub enum AveragesUsed {
 #[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Gap {
-    /// The value was not read when it was due, or there was no connection.
+    /// The value was not read within 1.5 s after it was due.
     Stale,
     /// The controller does not have it, it cannot be parsed, or it is a text of more than 1 KiB.
     None,
-    /// It was read and could not be kept: the disk or the gateway was too slow, or the disk failed.
+    /// It was read and could not be kept: the disk or the gateway was too slow, the disk failed, or for more
+    /// than 6 s the robot had not said over this connection who it is.
     Lost,
     /// The gateway ended, or stopped reading this robot, or another robot answers in its place.
     Ended,

@@ -402,7 +402,7 @@ pub struct Signal {
 pub enum SignalQuality {
     /// It was read when it was due, over the connection that is alive now.
     Fresh,
-    /// It is late, or it was read over an earlier connection.
+    /// It is late, it was read over an earlier connection, or it is not known that this robot sent it.
     Stale,
     /// There is no value: it was not read yet, the controller does not have it, or it cannot be parsed.
     None,

@@ -269,11 +269,10 @@ impl Task {
                     }
                 }
                 Err(RequestError::NotSent(NotSent::Busy { .. })) => {
+                    // Nothing of it was sent: it is fed again after the next read that succeeds.
                     self.in_doubt = 0;
                     self.frames.push_front(frame);
-                    // It is fed again after the next read that succeeds. A motion that is fed too late counts
-                    // as stalled.
-                    self.failed += 1;
+                    return Ok(());
                 }
                 Err(error) => {
                     // Controllers have run lists that they refused.

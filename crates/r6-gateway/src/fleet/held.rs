@@ -6,14 +6,12 @@ use std::time::Duration;
 use r6_client::Recorded;
 use r6_proto::time::Instant;
 
-use super::station::Answers;
-
-/// How long a poll waits. One or two replies to the question who it is may be lost, and the client waits 2 s
-/// for each.
-const HELD_FOR: Duration = Duration::from_secs(5);
+/// How long a poll waits. Two replies to the question who it is may be lost: the client waits 2 s for each, and
+/// half a second passes before each next one.
+const HELD_FOR: Duration = Duration::from_secs(6);
 
 /// How many polls wait at most: those of this time at the shortest period of 20 ms.
-const MAX_HELD: usize = 250;
+const MAX_HELD: usize = 300;
 
 /// One poll.
 pub(super) struct Poll {
@@ -28,19 +26,16 @@ pub(super) struct Poll {
 #[derive(Default)]
 pub(super) struct Held {
     polls: VecDeque<Poll>,
-    /// How many values were dropped because they had waited too long.
-    dropped: u64,
 }
 
 impl Held {
-    /// Takes in a poll. Returns whether another one had waited too long and was dropped.
-    pub fn push(&mut self, poll: Poll) -> bool {
+    /// Takes in a poll. Returns one that had waited too long, which does not wait any more.
+    pub fn push(&mut self, poll: Poll) -> Option<Poll> {
         let is_late = |first: &mut Poll| poll.at.since(first.at) > HELD_FOR;
         let is_full = self.polls.len() >= MAX_HELD;
         let dropped = if is_full { self.polls.pop_front() } else { self.polls.pop_front_if(is_late) };
-        self.dropped += dropped.as_ref().map_or(0, Poll::size);
         self.polls.push_back(poll);
-        dropped.is_some()
+        dropped
     }
 
     /// The poll that waits longest.
@@ -48,22 +43,9 @@ impl Held {
         self.polls.front()
     }
 
-    /// Takes out the poll that waits longest, now that it is known who sent it. Values that were dropped
-    /// before it count as lost if this robot sent them.
-    pub fn next(&mut self, sender: Answers) -> Option<Poll> {
-        let mut poll = self.polls.pop_front()?;
-        let dropped = std::mem::take(&mut self.dropped);
-        if sender == Answers::This {
-            poll.lost += dropped;
-        }
-        Some(poll)
-    }
-}
-
-impl Poll {
-    /// How many values are lost with it.
-    fn size(&self) -> u64 {
-        self.lost.saturating_add(self.values.len() as u64)
+    /// Takes out the poll that waits longest.
+    pub fn next(&mut self) -> Option<Poll> {
+        self.polls.pop_front()
     }
 }
 
@@ -71,41 +53,29 @@ impl Poll {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "tests")]
 
-    use r6_client::Address;
-
     use super::*;
 
     fn poll(millis: u64) -> Poll {
-        let value = Recorded { address: Address::CurMode, reading: None, age: Duration::ZERO, connection: 1 };
-        Poll { at: Instant::ORIGIN + Duration::from_millis(millis), values: vec![value; 3], lost: 0 }
+        Poll { at: Instant::ORIGIN + Duration::from_millis(millis), values: Vec::new(), lost: 0 }
     }
 
     #[test]
-    fn a_poll_waits_for_five_seconds_and_counts_as_lost_after_that() {
+    fn a_poll_waits_for_six_seconds() {
         let mut held = Held::default();
-        for poll in (0..=5000).step_by(100).map(poll) {
-            assert!(!held.push(poll));
+        for poll in (0..=6000).step_by(100).map(poll) {
+            assert!(held.push(poll).is_none());
         }
-        assert!(held.push(poll(5100)) && held.push(poll(5200)));
+        assert_eq!(held.push(poll(6100)).unwrap().at, poll(0).at);
+        assert_eq!(held.push(poll(6200)).unwrap().at, poll(100).at);
         assert_eq!(held.first().unwrap().at, poll(200).at);
-        assert_eq!(held.next(Answers::This).unwrap().lost, 6, "two polls of three values");
-        assert_eq!(held.next(Answers::This).unwrap().lost, 0);
+        assert_eq!(held.next().unwrap().at, poll(200).at);
+        assert_eq!(held.next().unwrap().at, poll(300).at);
     }
 
     #[test]
-    fn no_more_polls_wait_than_there_can_be() {
+    fn no_more_polls_wait_than_the_shortest_period_gives() {
         let mut held = Held::default();
-        assert_eq!((0..260).filter(|millis| held.push(poll(*millis))).count(), 10);
-        assert_eq!(held.next(Answers::This).unwrap().lost, 30);
-    }
-
-    #[test]
-    fn what_another_robot_sent_is_not_lost() {
-        let mut held = Held::default();
-        assert!(!held.push(poll(0)) && held.push(poll(5001)));
-        assert_eq!(held.next(Answers::Another).unwrap().lost, 0);
-        assert!(!held.push(poll(5002)));
-        assert_eq!(held.next(Answers::This).unwrap().lost, 0);
-        assert!(held.next(Answers::This).is_none());
+        assert_eq!((0..310).filter_map(|millis| held.push(poll(millis))).count(), 10);
+        assert_eq!(held.first().unwrap().at, poll(10).at);
     }
 }

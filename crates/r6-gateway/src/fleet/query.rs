@@ -35,11 +35,15 @@ impl Station {
         let _place = self.queries.try_acquire().map_err(|_| {
             Problem::new(Code::Overloaded, "other queries of this robot are under way: ask again")
         })?;
-        let asked_at = clock::now();
+        let (asked_at, connection) = (clock::now(), robot.connection());
         let read = tokio::time::timeout(QUERY_TIME, robot.query(&once)).await.map_err(|_| {
             Problem::new(Code::NoReply, format!("the robot did not answer within {QUERY_TIME:?}"))
         })?;
         let read = read.map_err(|error| Problem::of_query(&error))?;
+        // Another robot may answer on a later connection.
+        if robot.connection() != connection {
+            return Err(not_up());
+        }
         let age_ms = millis(clock::now().since(asked_at));
         let (mut signals, mut problems) = (Vec::new(), Vec::new());
         for (address, reading) in read.rows() {

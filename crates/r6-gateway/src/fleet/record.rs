@@ -61,8 +61,9 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
         // A poll without values says nothing.
         if let Some(values) = values.filter(|values| !values.is_empty()) {
             let newly_lost = polls.lost().saturating_sub(std::mem::replace(&mut lost, polls.lost()));
-            if held.push(Poll { at: now, values, lost: newly_lost }) {
+            if let Some(dropped) = held.push(Poll { at: now, values, lost: newly_lost }) {
                 observer.miss();
+                feed.iter_mut().for_each(|feed| feed.miss(now, &dropped));
             }
         }
         while let Some(connection) =
@@ -72,7 +73,7 @@ pub(super) async fn record(station: &Station, robot: &Robot, config: &RobotConfi
             if answers == Answers::Unknown {
                 break;
             }
-            let Some(Poll { at, values, lost }) = held.next(answers) else { break };
+            let Some(Poll { at, values, lost }) = held.next() else { break };
             if lost > 0 {
                 observer.miss();
                 feed.iter_mut().for_each(|feed| feed.lose(lost, at));
@@ -251,6 +252,19 @@ impl Feed {
         let from = if self.until == Micros::default() { self.recorder.time(now) } else { behind };
         self.lost_from.get_or_insert(from);
         self.notice(now);
+    }
+
+    /// This poll cannot be kept, because the robot has not said for too long who it is: from the last values
+    /// on, those of it are not known.
+    fn miss(&mut self, now: Instant, poll: &Poll) {
+        let behind = Micros(self.until.0.saturating_add(100));
+        for value in &poll.values {
+            let Some(signal) = self.signals.get_mut(value.address) else { continue };
+            let gap = signal.filter.gap(behind, Gap::Lost);
+            self.samples.extend(gap.map(|sample| (value.address, signal.interval, sample)));
+        }
+        self.counts.lose(poll.lost.saturating_add(poll.values.len() as u64));
+        self.hand_over(now);
     }
 
     /// Another robot answers in place of this one: from now on its values are not known.

@@ -13,7 +13,7 @@ use crate::core::live::numbers::{Numbers, Span};
 /// Who sends the values that are taken in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// This robot, or one that was never asked who it is.
+    /// This robot, or one of which it was never known who it is.
     This,
     /// It has not said yet over this connection that it is this robot, or it is another one: none of its
     /// values is told as fresh.

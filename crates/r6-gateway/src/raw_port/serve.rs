@@ -22,13 +22,16 @@ use crate::fleet::station::{By, Station};
 use crate::problem::Problem;
 
 /// Answers a query: from readings that are fresh and show the effect of all commands, or by asking the robot.
-/// If the robot does not answer, neither does this.
+/// If the robot does not answer, or if another one answers in its place, this does not.
 pub async fn query(station: &Station, addresses: &[Address]) -> Answer {
     if addresses.is_empty() {
         // The robot has nothing of it.
         return Answer::Values(Vec::new());
     }
     let Some(robot) = station.robot() else { return Answer::Silence };
+    if station.seat(|seat, _| seat.identity_change().is_some()) {
+        return Answer::Silence;
+    }
     if let Some(values) = fresh(station, &robot, addresses) {
         return Answer::Values(values);
     }

@@ -3,98 +3,143 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use r6_controller::PanelAction;
 use r6_gateway::RobotConfig;
+use r6_proto::frame::{FrameBuffer, Limits};
 use r6_sim::VirtualController;
-use serde_json::json;
+use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 
-use crate::support::{Hall, name, signal};
+use crate::support::{Hall, PATIENCE, name, signal};
 
-/// What only the question of a gateway for the state has, and its answer.
-fn is_of_state(bytes: &[u8]) -> bool {
-    let text = String::from_utf8_lossy(bytes);
-    text.contains("\"version\"") && text.contains("\"axis-0\"")
+/// A way to a robot. Its first connection can be cut. On the second one, the first questions for the state are
+/// lost, so that the gateway does not know who answers.
+struct Way {
+    address: SocketAddr,
+    cut: watch::Sender<bool>,
+    lost: Arc<AtomicUsize>,
 }
 
-/// A way to a robot whose first connection can be cut, and on whose second one the first answer to the
-/// question for the state is lost. It counts the lost ones.
-async fn lossy(to: SocketAddr) -> (SocketAddr, watch::Sender<bool>, Arc<AtomicUsize>) {
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let (cut, is_cut) = watch::channel(false);
-    let lost = Arc::<AtomicUsize>::default();
-    let counted = Arc::clone(&lost);
-    tokio::spawn(async move {
-        let mut near = listener.accept().await.unwrap().0;
-        let mut far = TcpStream::connect(to).await.unwrap();
-        let mut until = is_cut.clone();
-        tokio::select! {
-            _ = tokio::io::copy_bidirectional(&mut near, &mut far) => {}
-            _ = until.wait_for(|is_cut| *is_cut) => {}
-        }
-        drop((near, far));
-        let (mut near, mut far) = (listener.accept().await.unwrap().0, TcpStream::connect(to).await.unwrap());
-        let (mut asked, mut answered) = (vec![0; 1 << 16], vec![0; 1 << 16]);
-        loop {
+impl Way {
+    /// `losses`: how many questions are lost.
+    async fn to(robot: SocketAddr, losses: usize) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let (cut, mut is_cut) = watch::channel(false);
+        let lost = Arc::<AtomicUsize>::default();
+        let counted = Arc::clone(&lost);
+        tokio::spawn(async move {
+            let (mut near, mut far) = both(&listener, robot).await;
             tokio::select! {
-                read = near.read(&mut asked) => match read {
-                    Ok(read) if read > 0 => far.write_all(&asked[..read]).await.unwrap(),
-                    _ => return,
-                },
-                read = far.read(&mut answered) => match read {
-                    Ok(read) if read > 0 => {
-                        let answer = &answered[..read];
-                        if is_of_state(answer) && counted.load(Ordering::SeqCst) == 0 {
-                            counted.fetch_add(1, Ordering::SeqCst);
-                        } else {
-                            near.write_all(answer).await.unwrap();
-                        }
+                _ = tokio::io::copy_bidirectional(&mut near, &mut far) => {}
+                _ = is_cut.wait_for(|is_cut| *is_cut) => {}
+            }
+            drop((near, far));
+            let (near, far) = both(&listener, robot).await;
+            pass(near, far, losses, &counted).await;
+        });
+        Self { address, cut, lost }
+    }
+
+    fn lost(&self) -> usize {
+        self.lost.load(Ordering::SeqCst)
+    }
+}
+
+async fn both(listener: &TcpListener, robot: SocketAddr) -> (TcpStream, TcpStream) {
+    (listener.accept().await.unwrap().0, TcpStream::connect(robot).await.unwrap())
+}
+
+async fn pass(mut near: TcpStream, mut far: TcpStream, losses: usize, lost: &AtomicUsize) {
+    let mut frames = FrameBuffer::new(Limits::default());
+    let (mut asked, mut answered) = ([0; 4096], [0; 4096]);
+    loop {
+        tokio::select! {
+            read = near.read(&mut asked) => {
+                let Ok(count @ 1..) = read else { return };
+                assert_eq!(frames.push(&asked[..count]), count);
+                while let Some(frame) = frames.next() {
+                    let frame = String::from_utf8(frame.unwrap().bytes.to_vec()).unwrap();
+                    // The question who it is has no axes, and a poll has no version.
+                    let is_of_state = frame.contains("\"version\"") && frame.contains("\"axis-0\"");
+                    if is_of_state && lost.load(Ordering::SeqCst) < losses {
+                        lost.fetch_add(1, Ordering::SeqCst);
+                    } else if far.write_all(frame.as_bytes()).await.is_err() {
+                        return;
                     }
-                    _ => return,
-                },
+                }
+            }
+            read = far.read(&mut answered) => {
+                let Ok(count @ 1..) = read else { return };
+                if near.write_all(&answered[..count]).await.is_err() {
+                    return;
+                }
             }
         }
-    });
-    (address, cut, lost)
+    }
+}
+
+fn samples(history: &Value) -> &[Value] {
+    history["samples"].as_array().unwrap()
+}
+
+/// A gateway that does not know who answers since a question for the state was lost.
+async fn doubtful(losses: usize) -> (Hall, Way) {
+    let robot = VirtualController::start().await.unwrap();
+    let way = Way::to(robot.address(), losses).await;
+    let period = Duration::from_millis(20);
+    let config = RobotConfig { period, ..RobotConfig::new(name("press"), way.address.to_string()) };
+    let hall = Hall::at(tempfile::tempdir().unwrap(), vec![config], vec![robot]).await;
+    hall.until_up("press").await;
+    hall.until_history("signal=curAlarm", |history| !samples(history).is_empty()).await;
+    way.cut.send(true).unwrap();
+    let begun = Instant::now();
+    while way.lost() == 0 {
+        assert!(begun.elapsed() < PATIENCE);
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    (hall, way)
+}
+
+/// An alarm begins and ends while it is not known who answers.
+async fn alarm(hall: &Hall) {
+    let robot = hall.robots[0].handle();
+    robot.operate(&PanelAction::EmergencyStop).unwrap();
+    let state = hall.until("press", |state| signal(state, "curAlarm")["value"] == 7).await;
+    assert_eq!((&state["link"], &signal(&state, "curAlarm")["quality"]), (&json!("down"), &json!("stale")));
+    robot.operate(&PanelAction::ReleaseEmergencyStop).unwrap();
 }
 
 #[tokio::test]
-async fn an_alarm_is_kept_that_came_and_went_before_the_robot_said_who_it_is() {
-    let robot = VirtualController::builder().start().await.unwrap();
-    let (address, cut, lost) = lossy(robot.address()).await;
-    let config = RobotConfig {
-        period: Duration::from_millis(20),
-        ..RobotConfig::new(name("press"), address.to_string())
-    };
-    let hall = Hall::at(tempfile::tempdir().unwrap(), vec![config], vec![robot]).await;
-    hall.until_up("press").await;
-    let is_kept = |history: &serde_json::Value| !history["samples"].as_array().unwrap().is_empty();
-    hall.until_history("signal=curAlarm", is_kept).await;
-
-    cut.send(true).unwrap();
-    hall.until("press", |state| state["link"] == "down").await;
-    let begun = std::time::Instant::now();
-    while lost.load(Ordering::SeqCst) == 0 {
-        assert!(begun.elapsed() < crate::support::PATIENCE);
-        tokio::time::sleep(Duration::from_millis(5)).await;
-    }
-    tokio::time::sleep(Duration::from_millis(100)).await;
-    hall.robots[0].handle().operate(&PanelAction::EmergencyStop).unwrap();
-    tokio::time::sleep(Duration::from_millis(500)).await;
-    hall.robots[0].handle().operate(&PanelAction::ReleaseEmergencyStop).unwrap();
-    assert_eq!(hall.get(&hall.viewer, "/v1/robots/press").await["link"], "down", "it is still not known");
-    let state = hall.until_up("press").await;
-    let told = signal(&state, "curMode")["quality"].clone();
-    assert_eq!((told, lost.load(Ordering::SeqCst)), (json!("fresh"), 1));
-    let has_alarm = |history: &serde_json::Value| {
-        history["samples"].as_array().unwrap().iter().any(|sample| sample["value"] == 7)
-    };
+async fn an_alarm_is_kept_that_began_before_the_robot_said_who_it_is() {
+    let (hall, way) = doubtful(1).await;
+    alarm(&hall).await;
+    let is_known = |state: &Value| state["link"] == "up" && signal(state, "curMode")["quality"] == "fresh";
+    hall.until("press", is_known).await;
+    assert_eq!(way.lost(), 1);
+    let has_alarm = |history: &Value| samples(history).iter().any(|sample| sample["value"] == 7);
     let history = hall.until_history("signal=curAlarm", has_alarm).await;
-    let gaps = history["samples"].as_array().unwrap().iter().filter(|sample| !sample["gap"].is_null());
+    let gaps = samples(&history).iter().filter(|sample| !sample["gap"].is_null());
     assert_eq!(gaps.count(), 0, "every poll was read: {history:#}");
+}
+
+#[tokio::test]
+async fn what_waits_too_long_for_the_robot_to_say_who_it_is_is_told_as_lost() {
+    let (hall, way) = doubtful(3).await;
+    alarm(&hall).await;
+    hall.until_up("press").await;
+    assert_eq!(way.lost(), 3);
+    let is_read_again = |history: &Value| {
+        let gap = samples(history).iter().position(|sample| !sample["gap"].is_null());
+        gap.is_some_and(|gap| gap + 1 < samples(history).len())
+    };
+    let history = hall.until_history("signal=curMode", is_read_again).await;
+    let gaps: Vec<_> =
+        samples(&history).iter().map(|sample| &sample["gap"]).filter(|gap| !gap.is_null()).collect();
+    assert_eq!(gaps, ["lost"], "{history:#}");
 }

@@ -78,7 +78,7 @@ impl Reading {
                         "计数器：[id, target, current] 或 name[id][T:target][C:current]",
                     ]))
                 })?;
-                // The only value that says whose it is: values behind an absent one move up.
+                // Only a counter says which address it belongs to. Values behind an absent one move up.
                 if matches!(address, Address::Counter(asked) if i64::from(asked) != counter.id) {
                     return Err(wrong(Wanted(&[
                         "the counter that was asked for; this is another one, by its id",

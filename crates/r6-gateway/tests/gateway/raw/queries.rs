@@ -1,13 +1,13 @@
 //! Queries: what a script sees is what the robot would tell it.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use r6_controller::Profile;
+use r6_controller::{Profile, RobotModel};
 use r6_gateway::RawAllow;
 use r6_sim::VirtualController;
 use tokio::io::AsyncWriteExt;
 
-use super::{Raw, Script, query};
+use super::{Raw, Script, policy, query};
 use crate::support::PATIENCE;
 
 const READ: &[(&str, RawAllow)] = &[("127.0.0.0/8", RawAllow::Read)];
@@ -110,4 +110,23 @@ async fn a_lost_robot_closes_its_clients_and_lets_none_in_until_it_is_back() {
     let metrics = metrics.as_str().unwrap();
     let count = "r6_gateway_raw_closed_total{robot=\"press\",cause=\"robot_down\"} 2";
     assert!(metrics.contains(count), "{metrics}");
+}
+
+#[tokio::test]
+async fn values_of_another_robot_are_no_answer_until_it_is_accepted() {
+    let Raw { hall, .. } = Raw::start(VirtualController::start().await.unwrap(), READ).await;
+    // The identity is on the disk before a lease is given out.
+    hall.lease(&hall.operator, "press").await;
+    let model = RobotModel::named("BRTIRUS1510A").unwrap().clone();
+    let other = VirtualController::builder().model(model).start().await.unwrap();
+    let hall = hall.again_with_raw(other.address(), policy(READ)).await;
+    let state = hall.until("press", |state| !state["identity_changed"].is_null()).await;
+    let mut script = Script::at(hall.raw()).await;
+    script.send(&query(&["curMode"])).await;
+    let reply = tokio::time::timeout(Duration::from_millis(500), script.reply()).await;
+    assert!(reply.is_err(), "{reply:?}");
+
+    let found = &state["identity_changed"]["found"];
+    assert_eq!(hall.post(&hall.engineer, "/v1/robots/press/accept-identity", found).await.0, 204);
+    assert_eq!(Script::at(hall.raw()).await.query("curMode").await, ["7"]);
 }
