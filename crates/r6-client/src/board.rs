@@ -92,8 +92,8 @@ impl Shared {
     }
 
     /// Notifies the subscriptions concerned, each no faster than its own period, counted between the times at
-    /// which polls were asked for, such as `begun`. If the times of replies counted, a fast reply after a slow
-    /// one would not be told.
+    /// which polls were asked for, such as `begun`. If the times of replies counted, a fast reply after a
+    /// slow one would not be told.
     fn tell(&mut self, asked: &[Address], begun: Instant) {
         for wish in self.wishes.values_mut() {
             if begun + slack(wish.every) >= wish.due && share(asked, &wish.addresses) {

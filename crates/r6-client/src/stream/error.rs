@@ -129,8 +129,8 @@ impl fmt::Display for NotProved {
     }
 }
 
-/// How many reads may fail in a row. One lost reply says nothing about the arm. But the client does not feed a
-/// motion that it cannot see.
+/// How many reads may fail in a row. One lost reply says nothing about the arm. But the client does not feed
+/// a motion that it cannot see.
 const MAX_FAILED: u32 = 3;
 
 impl Cause {

@@ -6,8 +6,8 @@ use std::time::Duration;
 use r6_client::Recorded;
 use r6_proto::time::Instant;
 
-/// How long a poll waits. Two replies to the question who it is may be lost: the client waits 2 s for each, and
-/// half a second passes before each next one.
+/// How long a poll waits. Two replies to the question who it is may be lost: the client waits 2 s for each,
+/// and half a second passes before each next one.
 const HELD_FOR: Duration = Duration::from_secs(6);
 
 /// How many polls wait at most: those of this time at the shortest period of 20 ms.

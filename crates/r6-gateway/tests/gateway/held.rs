@@ -16,8 +16,8 @@ use tokio::sync::watch;
 
 use crate::support::{Hall, PATIENCE, name, signal};
 
-/// A way to a robot. Its first connection can be cut. On the second one, the first questions for the state are
-/// lost, so that the gateway does not know who answers.
+/// A way to a robot. Its first connection can be cut. On the second one, the first questions for the state
+/// are lost, so that the gateway does not know who answers.
 struct Way {
     address: SocketAddr,
     cut: watch::Sender<bool>,
