@@ -29,7 +29,7 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// Takes in a poll. Returns one that had waited too long, which does not wait any more.
+    /// Adds a poll. Returns the oldest one if it is given up: it waited too long, or too many wait.
     pub fn push(&mut self, poll: Poll) -> Option<Poll> {
         let is_late = |first: &mut Poll| poll.at.since(first.at) > HELD_FOR;
         let is_full = self.polls.len() >= MAX_HELD;

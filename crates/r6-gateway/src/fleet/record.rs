@@ -257,13 +257,20 @@ impl Feed {
     /// This poll cannot be kept, because the robot has not said for too long who it is: from the last values
     /// on, those of it are not known.
     fn miss(&mut self, now: Instant, poll: &Poll) {
+        if self.until == Micros::default() {
+            // The history of this robot has not begun.
+            return;
+        }
         let behind = Micros(self.until.0.saturating_add(100));
         for value in &poll.values {
             let Some(signal) = self.signals.get_mut(value.address) else { continue };
             let gap = signal.filter.gap(behind, Gap::Lost);
             self.samples.extend(gap.map(|sample| (value.address, signal.interval, sample)));
         }
-        self.counts.lose(poll.lost.saturating_add(poll.values.len() as u64));
+        let lost = poll.lost.saturating_add(poll.values.len() as u64);
+        self.counts.lose(lost);
+        // This loss is told here. Signals that have none of it go on.
+        self.seen.0 = self.seen.0.saturating_add(lost);
         self.hand_over(now);
     }
 

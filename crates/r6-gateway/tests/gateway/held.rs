@@ -142,4 +142,8 @@ async fn what_waits_too_long_for_the_robot_to_say_who_it_is_is_told_as_lost() {
     let gaps: Vec<_> =
         samples(&history).iter().map(|sample| &sample["gap"]).filter(|gap| !gap.is_null()).collect();
     assert_eq!(gaps, ["lost"], "{history:#}");
+    let metrics = hall.get(&hall.viewer, "/metrics").await;
+    let metrics = metrics.as_str().unwrap();
+    let none = "r6_gateway_history_lost_total{robot=\"press\"} 0";
+    assert!(metrics.contains("r6_gateway_history_lost_total") && !metrics.contains(none), "{metrics}");
 }
